@@ -1,0 +1,49 @@
+"""The command line: `auvid`, or `python -m auvid_cli`."""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from auvid_cli import __version__
+from auvid_cli.cli.identify import identify
+from auvid_cli.cli.report import report
+from auvid_cli.cli.run import run
+from auvid_cli.cli.simulate import simulate
+from auvid_cli.cli.terminal import INTERRUPTED
+
+app = typer.Typer(
+    name="auvid",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+for command in (run, simulate, identify, report):
+    app.command()(command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"auvid {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    """Identify the hydrodynamic coefficients of an underwater vehicle from its own manoeuvre data."""
+
+
+def main() -> None:
+    """Run the command line."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,47 @@
+"""auvid identify."""
+
+from pathlib import Path
+
+import typer
+
+from auvid_cli.cli.options import (
+    DataArgument,
+    DryRunOption,
+    FilterOption,
+    OutputOption,
+    QuietOption,
+    SetOption,
+    VerboseOption,
+    overrides,
+)
+from auvid_cli.cli.terminal import Terminal, reporting_errors
+
+
+def identify(
+    source: DataArgument = None,
+    filters: FilterOption = None,
+    settings: SetOption = None,
+    output: OutputOption = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    dry_run: DryRunOption = False,
+) -> None:
+    """Estimate coefficients from a dataset into results/NAME/estimates/FILTER.h5."""
+    with reporting_errors():
+        from auvid_cli.cli import pipeline
+        from auvid_cli.config.load import find_experiment, load_experiment
+
+        changes = overrides(settings, None)
+        if source is not None and source.endswith((".h5", ".hdf5", ".nc")):
+            dataset, folder = pipeline.adopt_dataset(Path(source), changes, output)
+        else:
+            experiment = load_experiment(find_experiment(source), changes)
+            folder = pipeline.results_folder(experiment, output)
+            if dry_run:
+                return pipeline.print_settings(experiment)
+            dataset = pipeline.dataset_of(experiment, folder)
+        if dry_run:
+            return pipeline.print_settings(dataset.experiment)
+        chosen = tuple(filters or dataset.experiment.identification.filters)
+        estimates = pipeline.identify_to(folder, dataset, chosen, Terminal(quiet, verbose))
+        raise typer.Exit(pipeline.exit_code(estimates))

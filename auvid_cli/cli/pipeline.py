@@ -1,0 +1,148 @@
+"""The steps of the main job, as the commands string them together."""
+
+import shutil
+from pathlib import Path
+
+from auvid_cli.cli.terminal import DONE, VERDICT_FAILED, Terminal
+from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.load import dump_experiment
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.dataset_file import read_dataset, write_dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.estimate_file import read_estimate, write_estimate
+from auvid_cli.data.files import replacing
+from auvid_cli.errors import FileError
+
+COMPILING = "loading the compiled core (the first run compiles it, which takes some 20 s)"
+
+
+def results_folder(experiment: Experiment, output: Path | None) -> Path:
+    """Where an experiment's results go."""
+    return output if output is not None else Path("results") / experiment.name
+
+
+def simulate_to(folder: Path, experiment: Experiment, terminal: Terminal) -> Dataset:
+    """Simulate an experiment into ``folder/dataset.h5`` and read it back, as any later step would."""
+    with terminal.stage(COMPILING):
+        from auvid_cli.simulation.simulate import simulate
+    with terminal.stage("simulate"):
+        dataset = simulate(experiment)
+    path = folder / "dataset.h5"
+    with terminal.stage("write the dataset"):
+        write_dataset(path, dataset)
+        dataset = read_dataset(path)
+    sensors = ", ".join(f"{name} {record.time.size}" for name, record in dataset.sensors.items())
+    terminal.say(f"{path}: {dataset.inputs.time[-1]:g} s of {experiment.manoeuvre.type}; samples: {sensors}")
+    return dataset
+
+
+def identify_to(
+    folder: Path, dataset: Dataset, filters: tuple[FilterName, ...], terminal: Terminal
+) -> list[Estimate]:
+    """Run filters on a dataset, writing each estimate as soon as it is there."""
+    with terminal.stage(COMPILING):
+        from auvid_cli.evaluation.consistency import verdict
+        from auvid_cli.identification.identify import count_events, identify
+
+    total = count_events(dataset)
+    estimates = []
+    for name in dict.fromkeys(filters):
+        with terminal.progress(name.value, total) as progress:
+            estimate = identify(dataset, name, progress)
+        path = folder / "estimates" / f"{name.value}.h5"
+        write_estimate(path, estimate)
+        terminal.say(f"{path}: {verdict(estimate)}; {estimate.cpu_time:.2f} s of processor time")
+        estimates.append(estimate)
+    return estimates
+
+
+def report_to(folder: Path, dataset: Dataset, estimates: list[Estimate], terminal: Terminal) -> int:
+    """Write tables and figures, print the summary; the exit code says whether a verdict failed."""
+    with terminal.stage(COMPILING):
+        from auvid_cli.evaluation.evaluate import evaluate
+        from auvid_cli.report.screen import print_summary
+        from auvid_cli.report.write import write_report
+    with terminal.stage("evaluate"):
+        evaluation = evaluate(dataset, estimates)
+    with terminal.stage("draw figures and write tables"):
+        paths = write_report(dataset, estimates, evaluation, folder)
+    print_summary(dataset, evaluation, folder, terminal.out)
+    terminal.say(f"{len(paths)} tables and figures in {folder / 'tables'} and {folder / 'figures'}")
+    sound = all(row.status == "completed" for row in evaluation.summary)
+    return DONE if sound else VERDICT_FAILED
+
+
+def exit_code(estimates: list[Estimate]) -> int:
+    """1 if a filter diverged or its innovations belie it."""
+    from auvid_cli.evaluation.consistency import verdict
+
+    return DONE if all(verdict(estimate) == "completed" for estimate in estimates) else VERDICT_FAILED
+
+
+def dataset_of(experiment: Experiment, folder: Path) -> Dataset:
+    """The simulated dataset of an experiment, with the experiment's present identification settings.
+
+    Raises
+    ------
+    FileError
+        If there is none, or if it was simulated with other settings than the experiment has now.
+    """
+    path = folder / "dataset.h5"
+    if not path.is_file():
+        raise FileError(f"{path}: no such dataset; make it with `auvid simulate`, or do all at once with `auvid run`")
+    dataset = read_dataset(path)
+    for part in ("seed", "vehicle", "sensors", "manoeuvre"):
+        if getattr(dataset.experiment, part) != getattr(experiment, part):
+            raise FileError(
+                f"{path}: was simulated with another {part} than the experiment has now; run `auvid simulate` "
+                "again, or name the dataset file itself to identify it with the settings inside"
+            )
+    return Dataset(dataset.inputs, dataset.sensors, experiment, dataset.truth, dataset.sha256)
+
+
+def adopt_dataset(path: Path, overrides: tuple[str, ...], output: Path | None) -> tuple[Dataset, Path]:
+    """A dataset file from anywhere, and the results folder that holds a copy of it.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read or copied.
+    ConfigError
+        If an override concerns what is already fixed in the data.
+    """
+    dataset = read_dataset(path, overrides)
+    if output is None:
+        output = path.parent if path.name == "dataset.h5" else Path("results") / path.stem
+    copy = output / "dataset.h5"
+    if copy.resolve() != path.resolve():
+        with replacing(copy) as temporary:
+            shutil.copyfile(path, temporary)
+    return dataset, output
+
+
+def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:
+    """Dataset and estimates of a results folder, estimates in the order of `FilterName`.
+
+    Raises
+    ------
+    FileError
+        If something is missing or an estimate belongs to another dataset.
+    """
+    dataset = read_dataset(folder / "dataset.h5")
+    paths = [folder / "estimates" / f"{name.value}.h5" for name in FilterName]
+    estimates = [read_estimate(path) for path in paths if path.is_file()]
+    if not estimates:
+        raise FileError(f"{folder / 'estimates'}: no estimates; make them with `auvid identify`")
+    for estimate in estimates:
+        if estimate.dataset_sha256 != dataset.sha256:
+            raise FileError(
+                f"{folder / 'estimates' / estimate.filter}.h5: was made from another dataset than "
+                f"{folder / 'dataset.h5'}; run `auvid identify` again"
+            )
+    return dataset, estimates
+
+
+def print_settings(experiment: Experiment) -> None:
+    """Resolved settings as YAML on the standard output."""
+    print(dump_experiment(experiment), end="")

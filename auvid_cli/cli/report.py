@@ -1,0 +1,26 @@
+"""auvid report."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from auvid_cli.cli.options import QuietOption, VerboseOption
+from auvid_cli.cli.terminal import Terminal, reporting_errors
+
+ResultsArgument = Annotated[
+    Path,
+    typer.Argument(metavar="[RESULTS]", help="Results folder with dataset.h5 and estimates/."),
+]
+
+
+def report(
+    results: ResultsArgument = Path("results/spiral"), quiet: QuietOption = False, verbose: VerboseOption = False
+) -> None:
+    """Write tables and figures of a results folder, and print a summary."""
+    with reporting_errors():
+        from auvid_cli.cli import pipeline
+
+        terminal = Terminal(quiet, verbose)
+        dataset, estimates = pipeline.read_results(results)
+        raise typer.Exit(pipeline.report_to(results, dataset, estimates, terminal))

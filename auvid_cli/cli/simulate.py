@@ -1,0 +1,33 @@
+"""auvid simulate."""
+
+from auvid_cli.cli.options import (
+    DryRunOption,
+    ExperimentArgument,
+    OutputOption,
+    QuietOption,
+    SeedOption,
+    SetOption,
+    VerboseOption,
+    overrides,
+)
+from auvid_cli.cli.terminal import Terminal, reporting_errors
+
+
+def simulate(
+    experiment: ExperimentArgument = None,
+    settings: SetOption = None,
+    seed: SeedOption = None,
+    output: OutputOption = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+    dry_run: DryRunOption = False,
+) -> None:
+    """Simulate an experiment's vehicle and sensors into results/NAME/dataset.h5."""
+    with reporting_errors():
+        from auvid_cli.cli import pipeline
+        from auvid_cli.config.load import find_experiment, load_experiment
+
+        loaded = load_experiment(find_experiment(experiment), overrides(settings, seed))
+        if dry_run:
+            return pipeline.print_settings(loaded)
+        pipeline.simulate_to(pipeline.results_folder(loaded, output), loaded, Terminal(quiet, verbose))

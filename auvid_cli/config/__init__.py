@@ -1,0 +1,1 @@
+"""YAML to validated, unit-aware, immutable settings."""

@@ -1,0 +1,116 @@
+"""One tree of settings from an experiment file, the files that it names, and overrides."""
+
+import os
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path as FilePath
+
+from auvid_cli.config.position import Mistake, Path, Position, Source
+from auvid_cli.config.tree import Tree, read_tree
+
+SECTIONS = ("vehicle", "sensors", "manoeuvre")
+SUFFIXES = (".yaml", ".yml")
+
+
+def read_source(path: FilePath, name: str | None = None) -> Source:
+    """Text of a settings file; bytes that are not UTF-8 stay visible as surrogates.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read; the message says why, without the path.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig", errors="surrogateescape")
+    except FileNotFoundError:
+        raise ValueError("no such file") from None
+    except IsADirectoryError:
+        raise ValueError("is a folder, not a settings file") from None
+    except (OSError, ValueError) as error:
+        reason = (isinstance(error, OSError) and error.strerror) or str(error)
+        raise ValueError(f"cannot be read: {reason}") from None
+    return Source(name or str(path), path.parent, text)
+
+
+def assemble(source: Source, overrides: Iterable[str] = ()) -> tuple[Tree, list[Mistake]]:
+    """Read an experiment, splice in the files that it names, and apply overrides in turn.
+
+    Parameters
+    ----------
+    source : Source
+        The experiment file.
+    overrides : iterable of str
+        ``key.key=value``; the value is YAML.
+
+    Returns
+    -------
+    Tree
+        Settings that are plain values throughout.
+    list of Mistake
+        What could not be read or set. A file that cannot be read leaves an empty mapping behind.
+    """
+    tree, mistakes = read_tree(source)
+    if not isinstance(tree.content, dict):
+        return tree, mistakes
+    for override in overrides:
+        at = Position(Source(f"--set {override}", FilePath()))
+        path: Path = ()
+        try:
+            path, new = _parse_override(override, at)
+            if len(path) > 1:
+                tree = _splice(tree, str(path[0]), source.folder, mistakes)
+            tree = tree.put(path, new)
+        except ValueError as error:
+            mistakes.append(Mistake(at, path, str(error)))
+    for section in SECTIONS:
+        tree = _splice(tree, section, source.folder, mistakes)
+    return _absolute_data_file(tree), mistakes
+
+
+def _parse_override(override: str, at: Position) -> tuple[Path, Tree]:
+    key, equals, value = override.partition("=")
+    path = tuple(part.strip() for part in key.split("."))
+    if not equals or not all(path):
+        raise ValueError("expected key.key=value, for example sensors.dvl.rate=7 Hz")
+    tree, mistakes = read_tree(Source(at.file, at.source.folder, value))
+    if mistakes:
+        raise ValueError(mistakes[0].message)
+    return path, _all_at(tree, at)
+
+
+def _all_at(tree: Tree, at: Position) -> Tree:
+    content = tree.content
+    if isinstance(content, dict):
+        content = {key: _all_at(child, at) for key, child in content.items()}
+    elif isinstance(content, list):
+        content = [_all_at(child, at) for child in content]
+    return Tree(content, at, at)
+
+
+def _splice(tree: Tree, section: str, folder: FilePath, mistakes: list[Mistake]) -> Tree:
+    """Replace a section that is the path of a file by what the file holds."""
+    named = tree.child(section)
+    if named is None or not isinstance(named.content, str) or not named.content.endswith(SUFFIXES):
+        return tree
+    candidates = [base / named.content for base in dict.fromkeys((named.at.source.folder, folder))]
+    path = next((candidate for candidate in candidates if candidate.is_file()), candidates[0])
+    name = os.path.normpath(path)
+    try:
+        content, found = read_tree(read_source(path, name))
+    except ValueError as error:
+        content, found = (
+            replace(named, content={}, readable=False),
+            [Mistake(named.at, (), f"{name}: {error}")],
+        )
+    mistakes += (mistake.under((section,)) for mistake in found)
+    return tree.put((section,), content)
+
+
+def _absolute_data_file(tree: Tree) -> Tree:
+    """Make ``manoeuvre.file`` absolute: it is relative to the source that it is written in."""
+    path: Path = ("manoeuvre", "file")
+    *_, last = nodes = list(tree.descend(path))
+    if len(nodes) <= len(path) or not isinstance(last.content, str) or not last.content:
+        return tree
+    absolute = str((last.at.source.folder / last.content).absolute())
+    return tree.put(path, replace(last, content=os.path.normpath(absolute)))

@@ -1,0 +1,133 @@
+"""Settings of an experiment: vehicle, sensors, manoeuvre, and how to identify."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.manoeuvre import AnyManoeuvre
+from auvid_cli.config.model import Settings
+from auvid_cli.config.quantity import Unit, parse_quantity
+from auvid_cli.config.sensors import SensorSuite
+from auvid_cli.config.vehicle import VehicleSettings
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+
+
+class Prior(Settings):
+    """Zero-mean prior of the coefficients: natural magnitude from the vehicle's size times `factor`."""
+
+    factor: Annotated[float, Field(gt=0, description="times the natural magnitude")] = 3.0
+    standard_deviation: Annotated[
+        dict[str, float], Field(description="by coefficient, instead of the natural magnitude times factor")
+    ] = {}
+
+    @field_validator("standard_deviation", mode="before")
+    @classmethod
+    def _known_coefficients_with_units(cls, value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        units = {c.symbol: c.unit for c in COEFFICIENTS}
+        for symbol in value:
+            check_symbol(symbol)
+        parsed = {symbol: parse_quantity(stated, units[symbol]) for symbol, stated in value.items()}
+        for symbol, deviation in parsed.items():
+            if not deviation > 0.0:
+                raise ValueError(f"the standard deviation of {symbol} must be greater than 0")
+        return parsed
+
+
+class ProcessNoise(Settings):
+    """White-noise densities that drive the nine motion states: what the model leaves out."""
+
+    velocity: Annotated[float, Unit("m/s^2/Hz^0.5"), Field(gt=0, description="of u, v, w")] = 1e-4
+    rate: Annotated[float, Unit("rad/s^2/Hz^0.5"), Field(gt=0, description="of p, q, r")] = 1e-4
+    attitude: Annotated[float, Unit("rad/s/Hz^0.5"), Field(gt=0, description="of phi, theta, psi")] = 1e-5
+
+
+class InitialMotion(Settings):
+    """Standard deviations about the first sample of each sensor, from which a filter starts."""
+
+    velocity: Annotated[float, Unit("m/s"), Field(gt=0)] = 0.1
+    rate: Annotated[float, Unit("rad/s"), Field(gt=0)] = 0.05
+    attitude: Annotated[float, Unit("rad"), Field(gt=0)] = 0.05
+
+
+class EkfSettings(Settings):
+    """Extended Kalman filter."""
+
+    transition: Annotated[
+        Literal["exact", "first_order"],
+        Field(description="variational equation along the integration, or the paper's I + A dt"),
+    ] = "exact"
+
+
+class UkfSettings(Settings):
+    """Scaled unscented transformation."""
+
+    alpha: Annotated[float, Field(gt=0, description="spread of the points")] = 0.1
+    beta: Annotated[float, Field(ge=0, description="2 is best for a Gaussian")] = 2.0
+    kappa: Annotated[float, Field(ge=0, description="secondary scaling")] = 0.0
+
+    @model_validator(mode="after")
+    def _no_negative_covariance_term(self) -> "UkfSettings":
+        if self.beta < self.alpha**2:
+            raise ValueError("beta must be at least alpha^2, else the covariance can lose definiteness")
+        return self
+
+
+class Identification(Settings):
+    """How coefficients are estimated from a dataset."""
+
+    filters: Annotated[tuple[FilterName, ...], Field(min_length=1)] = (
+        FilterName.EKF,
+        FilterName.CKF,
+        FilterName.TUKF,
+    )
+    coefficients: Annotated[
+        Literal["all"] | tuple[str, ...],
+        Field(description="'all', or a list; the others are held at the vehicle file's values"),
+    ] = "all"
+    prior: Prior = Prior()
+    process_noise: ProcessNoise = ProcessNoise()
+    initial_motion: InitialMotion = InitialMotion()
+    integration_step: Annotated[
+        float, Unit("s"), Field(gt=0, description="longest step of the filter's integration")
+    ] = 0.02
+    ekf: EkfSettings = EkfSettings()
+    ukf: UkfSettings = UkfSettings()
+
+    @field_validator("coefficients", mode="after")
+    @classmethod
+    def _known_coefficients(cls, value: Any) -> Any:
+        if value == "all":
+            return value
+        if not value:
+            raise ValueError("at least one coefficient, or 'all'")
+        for symbol in value:
+            check_symbol(symbol)
+        return tuple(symbol for symbol in SYMBOLS if symbol in value)
+
+    def estimated(self) -> tuple[str, ...]:
+        """Symbols of the coefficients to estimate, in the order of the table."""
+        return SYMBOLS if self.coefficients == "all" else tuple(self.coefficients)
+
+
+def check_symbol(symbol: str) -> None:
+    """Raise ValueError, with the nearest known symbols, if `symbol` is not one of the 22."""
+    from difflib import get_close_matches
+
+    if symbol not in SYMBOLS:
+        near = get_close_matches(symbol, SYMBOLS, n=1, cutoff=0.5)
+        hint = f"; did you mean {near[0]!r}?" if near else f"; one of {', '.join(SYMBOLS)}"
+        raise ValueError(f"{symbol!r} is not a coefficient{hint}")
+
+
+class Experiment(Settings):
+    """A whole experiment file."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/")]
+    seed: Annotated[int, Field(ge=0, description="of every random stream")] = 1
+    vehicle: VehicleSettings
+    sensors: SensorSuite
+    manoeuvre: AnyManoeuvre
+    identification: Identification = Identification()

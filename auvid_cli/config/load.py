@@ -1,0 +1,123 @@
+"""Experiments from files and back to text."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+
+from auvid_cli.config.assemble import assemble, read_source
+from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.locate import locate
+from auvid_cli.config.position import Source, report
+from auvid_cli.errors import ConfigError
+
+PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def load_experiment(path: Path, overrides: Sequence[str] = ()) -> Experiment:
+    """Read and validate an experiment file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        YAML file. Its sections may name further files, relative to its own folder.
+    overrides : sequence of str
+        ``key.key=value`` each, applied in turn.
+
+    Returns
+    -------
+    Experiment
+        Resolved settings in SI.
+
+    Raises
+    ------
+    ConfigError
+        With every mistake at once, each at its file, line and column.
+    """
+    try:
+        source = read_source(path)
+    except ValueError as error:
+        raise ConfigError(f"{path}: {error}") from None
+    return _experiment(source, overrides)
+
+
+def parse_experiment(text: str, name: str, overrides: Sequence[str] = ()) -> Experiment:
+    """Validate an experiment that is kept as text, for example inside a data file.
+
+    Parameters
+    ----------
+    text : str
+        YAML, as from `dump_experiment`. Relative paths in it refer to the current folder.
+    name : str
+        What to call it in messages.
+    overrides : sequence of str
+        ``key.key=value`` each, applied in turn.
+
+    Raises
+    ------
+    ConfigError
+        With every mistake at once.
+    """
+    return _experiment(Source(name, Path(), text), overrides)
+
+
+def dump_experiment(experiment: Experiment) -> str:
+    """Resolved settings as YAML in SI numbers, which `parse_experiment` reads back to an equal object."""
+    settings = _given(experiment.model_dump(mode="json", by_alias=True))
+    return yaml.safe_dump(settings, sort_keys=False, width=100, default_flow_style=None)
+
+
+def shipped_configs() -> Path:
+    """Folder of the settings that ship with auvid: inside the package, or beside it in a checkout."""
+    inside = PACKAGE / "configs"
+    return inside if inside.is_dir() else PACKAGE.parent / "configs"
+
+
+def find_experiment(name: str | None) -> Path:
+    """Path of an experiment file.
+
+    Parameters
+    ----------
+    name : str or None
+        A path, the name of a shipped experiment such as ``spiral``, or None for that one.
+
+    Raises
+    ------
+    ConfigError
+        If it is neither; the message lists the shipped experiments.
+    """
+    folder = shipped_configs()
+    if name is None:
+        return folder / "spiral.yaml"
+    shipped = {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+    path = Path(name)
+    if name in shipped and not path.is_file():
+        return shipped[name]
+    if name and path.exists():
+        return path
+    raise ConfigError(
+        f"{name!r} is neither a file nor an experiment that ships with auvid: {', '.join(shipped) or 'none'}"
+    )
+
+
+def _experiment(source: Source, overrides: Sequence[str]) -> Experiment:
+    tree, mistakes = assemble(source, overrides)
+    try:
+        experiment = Experiment.model_validate(tree.data)
+    except ValidationError as error:
+        found = locate(error, Experiment, tree)
+        mistakes += (m for m in found if all(node.readable for node in tree.descend(m.path)))
+    else:
+        if not mistakes:
+            return experiment
+    raise ConfigError(report(mistakes))
+
+
+def _given(settings: Any) -> Any:
+    """Leave out what is not given: None and empty lists and mappings, at any depth."""
+    if not isinstance(settings, dict):
+        return settings
+    inner = {key: _given(value) for key, value in settings.items()}
+    return {key: value for key, value in inner.items() if value not in (None, [], {})}

@@ -1,0 +1,149 @@
+"""Settings of a manoeuvre: what is commanded, how the vehicle is held to it, and the fins' limits."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from auvid_cli.config.model import Settings
+from auvid_cli.config.quantity import Unit
+
+Seconds = Annotated[float, Unit("s"), Field(gt=0)]
+Radians = Annotated[float, Unit("rad")]
+PositiveRadians = Annotated[float, Unit("rad"), Field(gt=0)]
+
+
+class Limits(Settings):
+    """What the actuators can do."""
+
+    fin_angle: Annotated[PositiveRadians, Field(description="largest fin deflection")] = 0.35
+    fin_rate: Annotated[float, Unit("rad/s"), Field(gt=0, description="largest fin rate")] = 1.0
+    surge_force: Annotated[
+        float, Unit("N"), Field(gt=0, description="largest thrust, either way")
+    ] = 1e4
+
+
+class Multisine(Settings):
+    """Sum of equal sines at evenly spaced frequencies with Schroeder phases, scaled to its peak."""
+
+    amplitude: Annotated[float, Field(ge=0, description="peak: rad, N or N m by channel")]
+    lowest: Annotated[float, Unit("Hz"), Field(gt=0, description="lowest frequency")] = 0.02
+    highest: Annotated[float, Unit("Hz"), Field(gt=0, description="highest frequency")] = 0.5
+    lines: Annotated[int, Field(ge=1, description="number of sines")] = 8
+    phase: Annotated[Radians, Field(description="added to every phase, to tell channels apart")] = 0.0
+
+
+class FinMultisine(Multisine):
+    """Multisine of a fin."""
+
+    amplitude: Annotated[float, Unit("rad"), Field(ge=0, description="peak deflection")]
+
+
+class ForceMultisine(Multisine):
+    """Multisine of the thrust."""
+
+    amplitude: Annotated[float, Unit("N"), Field(ge=0, description="peak force")]
+
+
+class MomentMultisine(Multisine):
+    """Multisine of the roll moment."""
+
+    amplitude: Annotated[float, Unit("N*m"), Field(ge=0, description="peak moment")]
+
+
+class Excitation(Settings):
+    """What is added to the autopilot's commands, channel by channel."""
+
+    fade_in: Annotated[
+        float, Unit("s"), Field(ge=0, description="time over which excitation, turn rate and speed grow from their start")
+    ] = 0.0
+    rudder: FinMultisine | None = None
+    elevator: FinMultisine | None = None
+    surge_force: ForceMultisine | None = None
+    roll_moment: MomentMultisine | None = None
+
+
+class Autopilot(Settings):
+    """Simple loops on the true motion; gains are scaled by the vehicle's length and speed."""
+
+    speed: Annotated[bool, Field(description="hold the speed with thrust, else constant thrust")] = True
+    vertical: Annotated[
+        Literal["pitch", "depth", "none"], Field(description="what the elevator holds")
+    ] = "pitch"
+    horizontal: Annotated[
+        Literal["turn_rate", "none"], Field(description="what the rudder holds")
+    ] = "turn_rate"
+    bandwidth: Annotated[
+        float, Field(gt=0, description="stiffness of the loops; 1 suits a torpedo shape")
+    ] = 1.0
+
+
+class ManoeuvreSettings(Settings):
+    """What every manoeuvre has."""
+
+    name: str = ""
+    duration: Annotated[Seconds, Field(description="length of the run")]
+    speed: Annotated[float, Unit("m/s"), Field(gt=0, description="speed that is held")]
+    initial_speed: Annotated[
+        float | None, Unit("m/s"), Field(ge=0, description="speed at the start, if another one")
+    ] = None
+    initial_pitch: Annotated[Radians, Field(description="pitch at the start")] = 0.0
+    input_rate: Annotated[float, Unit("Hz"), Field(gt=0, description="inputs change this often")] = 100.0
+    limits: Limits = Limits()
+    autopilot: Autopilot = Autopilot()
+    excitation: Excitation = Excitation()
+
+
+class Spiral(ManoeuvreSettings):
+    """A descending helix."""
+
+    type: Literal["spiral"]
+    turn_rate: Annotated[float, Unit("rad/s"), Field(description="mean yaw rate, positive to starboard")]
+    pitch: Annotated[Radians, Field(description="mean pitch, negative is nose down")]
+
+
+class Zigzag(ManoeuvreSettings):
+    """Rudder to one side until the heading has changed so far, then to the other, and so on."""
+
+    type: Literal["zigzag"]
+    rudder: Annotated[PositiveRadians, Field(description="rudder deflection")]
+    heading: Annotated[PositiveRadians, Field(description="change of heading at which the rudder is reversed")]
+    approach: Annotated[float, Unit("s"), Field(ge=0, description="straight run before the first rudder")] = 10.0
+    autopilot: Autopilot = Autopilot(vertical="depth", horizontal="none")
+
+
+class TurningCircle(ManoeuvreSettings):
+    """Constant rudder after a straight run."""
+
+    type: Literal["turning_circle"]
+    rudder: Annotated[Radians, Field(description="rudder deflection")]
+    approach: Annotated[float, Unit("s"), Field(ge=0, description="straight run before the rudder")] = 10.0
+    autopilot: Autopilot = Autopilot(vertical="depth", horizontal="none")
+
+
+class MultisineRun(ManoeuvreSettings):
+    """A straight, level run with the excitation on top."""
+
+    type: Literal["multisine"]
+
+
+class Doublets(ManoeuvreSettings):
+    """3-2-1-1 steps, first of the rudder, then of the elevator, repeated to the end."""
+
+    type: Literal["doublets"]
+    rudder: Annotated[float, Unit("rad"), Field(ge=0, description="rudder step")]
+    elevator: Annotated[float, Unit("rad"), Field(ge=0, description="elevator step")]
+    unit_time: Annotated[Seconds, Field(description="length of the '1'")]
+    pause: Annotated[float, Unit("s"), Field(ge=0, description="rest between two sequences")] = 5.0
+
+
+class Recorded(ManoeuvreSettings):
+    """Inputs from a file: CSV with columns time, rudder, elevator, surge_force, roll_moment in SI."""
+
+    type: Literal["recorded"]
+    file: Annotated[str, Field(description="CSV file, relative to the settings file that names it")]
+    autopilot: Autopilot = Autopilot(speed=False, vertical="none", horizontal="none")
+
+
+AnyManoeuvre = Annotated[
+    Spiral | Zigzag | TurningCircle | MultisineRun | Doublets | Recorded, Field(discriminator="type")
+]

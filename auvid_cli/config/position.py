@@ -1,0 +1,93 @@
+"""Where a setting is written, and mistakes that point there."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import groupby
+from pathlib import Path as FilePath
+
+Path = tuple[str | int, ...]
+"""Keys and list indices from the top of the settings down to one of them."""
+
+WIDTH = 100
+
+
+@dataclass(frozen=True)
+class Source:
+    """A text with settings.
+
+    Attributes
+    ----------
+    name : str
+        What messages call it: the file's path, or the override as it was given.
+    folder : pathlib.Path
+        What relative paths in it refer to.
+    text : str
+        Its whole content; empty for an override, whose name says it all.
+    """
+
+    name: str
+    folder: FilePath
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Position:
+    """A place in a source; line and column count from 1, and line 0 stands for the source as a whole."""
+
+    source: Source
+    line: int = 0
+    column: int = 0
+
+    @property
+    def file(self) -> str:
+        """Name of the source."""
+        return self.source.name
+
+    @property
+    def text(self) -> str:
+        """The line itself; empty if there is none."""
+        lines = self.source.text.splitlines()
+        return lines[self.line - 1] if 0 < self.line <= len(lines) else ""
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+
+    def excerpt(self) -> str:
+        """The line with a caret under the column, indented; empty if there is no such line."""
+        if not self.text:
+            return ""
+        start = max(0, self.column - WIDTH // 2) if len(self.text) > WIDTH else 0
+        shown = self.text[start : start + WIDTH]
+        before = "".join("\t" if c == "\t" else " " for c in shown[: self.column - 1 - start])
+        return f"\n    {self.line} | {shown}\n    {' ' * len(str(self.line))} | {before}^"
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """Something that the user has to mend, at a path of the settings ('' if it is the whole)."""
+
+    at: Position
+    path: Path
+    message: str
+
+    def under(self, path: Path) -> "Mistake":
+        """The same mistake where its tree hangs at `path` of a larger one."""
+        return replace(self, path=path + self.path)
+
+    def __str__(self) -> str:
+        return ": ".join(part for part in (str(self.at), dotted(self.path), self.message) if part)
+
+
+def dotted(path: Path) -> str:
+    """A path as the user writes it in an override."""
+    return ".".join(map(str, path))
+
+
+def report(mistakes: Iterable[Mistake]) -> str:
+    """All mistakes as text, file by file: a line each, then the line of the file for those at one place."""
+    found = list(mistakes)
+    files = list(dict.fromkeys(mistake.at.file for mistake in found))
+    found.sort(key=lambda mistake: (files.index(mistake.at.file), mistake.at.line, mistake.at.column))
+    groups = ((at, list(group)) for at, group in groupby(found, key=lambda mistake: mistake.at))
+    text = "\n".join("\n".join(map(str, group)) + at.excerpt() for at, group in groups)
+    return "".join(c if c.isprintable() or c in "\n\t" else "?" for c in text)

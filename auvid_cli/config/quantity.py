@@ -1,0 +1,166 @@
+"""Numbers with units: ``7 Hz``, ``0.1 cm/s``, ``0.003 g`` or a bare SI number, to floats in SI."""
+
+import math
+import re
+from dataclasses import dataclass
+from functools import cache, partial
+from numbers import Real
+from typing import TYPE_CHECKING, Any
+
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+if TYPE_CHECKING:
+    from pint import UnitRegistry
+
+NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+UNIT_TOKEN = re.compile(r"[^\W\d]\w*(?:(?:\^|\*\*)-?\d(?:\.\d+)?|[²³])?|°|1(?=\s*/)|[\s*/()·]")
+GRAVITY = re.compile(r"(?<!\w)([mµμu]?)g(?!\w)")
+
+EXAMPLES = {
+    "Hz": ("a frequency", "7 Hz"),
+    "s": ("a time", "10 s"),
+    "m": ("a length", "0.2 m"),
+    "m/s": ("a speed", "0.1 cm/s"),
+    "m/s^2": ("an acceleration", "0.003 g"),
+    "rad": ("an angle", "1.5 deg"),
+    "rad/s": ("an angular rate", "0.2 deg/s"),
+    "N": ("a force", "466 N"),
+    "N*m": ("a moment", "2 N*m"),
+    "kg": ("a mass", "47.5 kg"),
+    "kg/m^3": ("a density", "1025 kg/m^3"),
+}
+
+
+def parse_quantity(value: Any, unit: str) -> float:
+    """Read one quantity.
+
+    Parameters
+    ----------
+    value : number or str
+        A number, also as text, is in SI already; text such as ``"0.1 cm/s"`` is converted. A lone
+        ``g`` is standard gravity where an acceleration is expected, and gram otherwise.
+    unit : str
+        SI unit of the result. A radian is a pure number, except that it tells ``rad/s`` from
+        ``Hz``: neither is taken for the other.
+
+    Returns
+    -------
+    float
+        Finite magnitude in `unit`.
+
+    Raises
+    ------
+    ValueError
+        If it is no such quantity; the message is one plain sentence.
+    """
+    try:
+        if isinstance(value, Real) and not isinstance(value, bool):
+            result = float(value)
+        elif isinstance(value, str) and (number := NUMBER.match(value.strip())):
+            stated = value.strip()[number.end() :].strip()
+            result = float(number.group()) * (_factor(stated, unit) if stated else 1.0)
+        else:
+            raise ValueError("not a quantity")
+        if not math.isfinite(result):
+            raise ValueError("not finite")
+    except (ValueError, OverflowError):
+        raise ValueError(f"expected {expected(unit)}, got {describe(value)}") from None
+    return result
+
+
+def parse_components(value: Any, unit: str, n: int) -> tuple[float, ...]:
+    """Read one quantity for all components, or a list of 1 or `n` of them.
+
+    Returns
+    -------
+    tuple of float
+        Magnitudes in `unit`, of length 1 or `n`.
+
+    Raises
+    ------
+    ValueError
+        If the list is of another length or one of the quantities is wrong.
+    """
+    if not isinstance(value, list | tuple):
+        return (parse_quantity(value, unit),)
+    if len(value) not in (1, n):
+        counts = "1" if n == 1 else f"1 or {n}"
+        raise ValueError(f"expected one quantity or a list of {counts}, got a list of {len(value)}")
+    return tuple(_component(item, unit, index) for index, item in enumerate(value, start=1))
+
+
+@dataclass(frozen=True)
+class Unit:
+    """SI unit of a field, ``Annotated[float, Unit("m/s")]``: the field takes any unit of that dimension."""
+
+    unit: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Parse the quantity before the field's own validation."""
+        parse = partial(parse_quantity, unit=self.unit)
+        return core_schema.no_info_before_validator_function(parse, handler(source))
+
+
+def expected(unit: str) -> str:
+    """What a quantity of that unit looks like, as a phrase for messages."""
+    kind, example = EXAMPLES.get(unit, ("a quantity", f"0.1 {unit}"))
+    return f"{kind} such as '{example}' or a bare number in {unit}"
+
+
+def describe(value: Any) -> str:
+    """A YAML value in a few words, for messages."""
+    match value:
+        case None:
+            return "nothing"
+        case bool():
+            return str(value).lower()
+        case int() if value.bit_length() > 64:
+            return "a huge number"
+        case dict():
+            return "a mapping"
+        case list() | tuple():
+            return "a list"
+    text = repr(value) if isinstance(value, str) else str(value)
+    return text if len(text) <= 60 else f"{text[:56]} ..."
+
+
+def _component(item: Any, unit: str, index: int) -> float:
+    try:
+        return parse_quantity(item, unit)
+    except ValueError as error:
+        raise ValueError(f"component {index}: {error}") from None
+
+
+@cache
+def _registry() -> "UnitRegistry":
+    from pint import UnitRegistry
+
+    return UnitRegistry()
+
+
+@cache
+def _factor(stated: str, unit: str) -> float:
+    """Size of the unit `stated` in `unit`; ValueError if it is unknown or of another dimension."""
+    scale, dimension, angle = _base(unit)
+    if dimension.get("meter") and not dimension.get("kilogram") and dimension.get("second", 0.0) < -1.0:
+        stated = GRAVITY.sub(r"\1g_0", stated)
+    stated_scale, stated_dimension, stated_angle = _base(stated)
+    angle_tells = set(dimension) <= {"second"}
+    if stated_dimension != dimension or (angle_tells and stated_angle != angle):
+        raise ValueError("another dimension")
+    return stated_scale / scale
+
+
+@cache
+def _base(unit: str) -> tuple[float, dict[str, float], float]:
+    """Size in SI base units, their exponents without the radian, and the exponent of the radian."""
+    if UNIT_TOKEN.sub("", unit):
+        raise ValueError(f"{unit!r} is not a unit")
+    registry = _registry()
+    try:
+        base: Any = registry.Quantity(1.0, unit.replace("·", "*")).to_base_units()
+        exponents = {name: float(power) for name, power in base.unit_items()}
+    except Exception as error:  # pint lets errors of its tokenizer and of its arithmetic escape
+        raise ValueError(f"{unit!r} is not a unit") from error
+    return float(base.magnitude), exponents, exponents.pop("radian", 0.0)

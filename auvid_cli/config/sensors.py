@@ -1,0 +1,130 @@
+"""Settings of the sensors: each with its own clock, noise and faults."""
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from auvid_cli.config.model import Settings
+from auvid_cli.config.quantity import Unit, parse_components
+
+PerComponent = tuple[float, ...]
+Probability = Annotated[float, Field(ge=0, lt=1)]
+
+
+class SensorSettings(Settings):
+    """One sensor. Values per component may be one number for all or a list of one each."""
+
+    unit: ClassVar[str]
+    components: ClassVar[tuple[str, ...]]
+
+    rate: Annotated[float, Unit("Hz"), Field(gt=0, description="samples per second")]
+    start: Annotated[float, Unit("s"), Field(ge=0, description="time of the first sample")] = 0.0
+    noise: Annotated[PerComponent, Field(description="standard deviation of the white noise")] = ()
+    range: Annotated[
+        PerComponent, Field(description="catalogue accuracy +-range, read as three sigma of white noise")
+    ] = ()
+    bias: Annotated[PerComponent, Field(description="constant bias")] = (0.0,)
+    bias_spread: Annotated[
+        PerComponent, Field(description="standard deviation of a further constant bias, drawn per seed")
+    ] = (0.0,)
+    drift: Annotated[PerComponent, Field(description="random walk of the bias, per square root of a second")] = (0.0,)
+    quantisation: Annotated[PerComponent, Field(description="step of the output; 0 for none")] = (0.0,)
+    dropout_probability: Annotated[Probability, Field(description="share of samples that are lost")] = 0.0
+    outlier_probability: Annotated[Probability, Field(description="share of samples that are wild")] = 0.0
+    outlier_size: Annotated[PerComponent, Field(description="standard deviation of a wild sample's error")] = (0.0,)
+    standard_deviation: Annotated[
+        PerComponent, Field(description="what a filter is told; the white noise if not given")
+    ] = ()
+
+    @field_validator(
+        *("noise", "range", "bias", "bias_spread", "quantisation", "outlier_size", "standard_deviation"),
+        mode="before",
+    )
+    @classmethod
+    def _per_component(cls, value: Any) -> PerComponent:
+        return parse_components(value, cls.unit, len(cls.components))
+
+    @field_validator("drift", mode="before")
+    @classmethod
+    def _per_component_and_root_second(cls, value: Any) -> PerComponent:
+        return parse_components(value, f"{cls.unit}/s^0.5", len(cls.components))
+
+    @model_validator(mode="after")
+    def _one_statement_of_noise(self) -> "SensorSettings":
+        if bool(self.noise) == bool(self.range):
+            raise ValueError("exactly one of 'noise' (standard deviation) and 'range' (three sigma)")
+        return self
+
+    def noise_standard_deviation(self) -> PerComponent:
+        """White noise per component, one standard deviation, SI."""
+        return self._all(self.noise or tuple(value / 3.0 for value in self.range))
+
+    def stated_standard_deviation(self) -> PerComponent:
+        """What a filter is told per component, SI."""
+        return self._all(self.standard_deviation) if self.standard_deviation else self.noise_standard_deviation()
+
+    def _all(self, values: PerComponent) -> PerComponent:
+        return values if len(values) == len(self.components) else values * len(self.components)
+
+
+class Gyroscope(SensorSettings):
+    """Body rates."""
+
+    unit = "rad/s"
+    components = ("p", "q", "r")
+
+
+class Accelerometer(SensorSettings):
+    """Specific force at the body origin."""
+
+    unit = "m/s^2"
+    components = ("fx", "fy", "fz")
+
+
+class Magnetometer(SensorSettings):
+    """Heading."""
+
+    unit = "rad"
+    components = ("heading",)
+
+
+class Dvl(SensorSettings):
+    """Velocity over ground in body axes."""
+
+    unit = "m/s"
+    components = ("u", "v", "w")
+
+
+class Attitude(SensorSettings):
+    """Roll, pitch and yaw: computed by an AHRS from the other sensors, or measured directly."""
+
+    unit = "rad"
+    components = ("phi", "theta", "psi")
+
+    source: Annotated[Literal["ahrs", "direct"], Field(description="AHRS, or angles plus white noise")] = "ahrs"
+    rate: Annotated[float, Unit("Hz"), Field(gt=0, description="samples per second")] = 100.0
+    noise: Annotated[PerComponent, Field(description="white noise of the direct source")] = (0.0017453292519943296,)
+    manoeuvre_acceleration: Annotated[
+        float,
+        Unit("m/s^2/Hz^0.5"),
+        Field(gt=0, description="density of the vehicle's own acceleration, which the AHRS takes for tilt"),
+    ] = 0.3
+    gyro_bias: Annotated[
+        float, Unit("rad/s"), Field(ge=0, description="initial standard deviation of the AHRS's gyro bias")
+    ] = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _accept_the_source_alone(cls, data: Any) -> Any:
+        return {"source": data} if isinstance(data, str) else data
+
+
+class SensorSuite(Settings):
+    """A sensor file."""
+
+    name: str = ""
+    gyroscope: Gyroscope
+    accelerometer: Accelerometer
+    magnetometer: Magnetometer
+    dvl: Dvl
+    attitude: Attitude

@@ -1,0 +1,217 @@
+"""YAML text to a tree of plain values that know where they are written."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import yaml
+
+from auvid_cli.config.position import Mistake, Path, Position, Source
+
+MERGE_TAG = "tag:yaml.org,2002:merge"
+CONTAINER_TAGS = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
+MOST_NODES = 100_000
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A value with its position; children are trees again.
+
+    Attributes
+    ----------
+    content : dict of str to Tree, list of Tree, or scalar
+        The value.
+    at : Position
+        Where the value starts.
+    key_at : Position or None
+        Where its key starts, if it has one.
+    readable : bool
+        False where a file could not be read: what the value lacks is no further mistake.
+    """
+
+    content: Any
+    at: Position
+    key_at: Position | None = None
+    readable: bool = True
+
+    @property
+    def data(self) -> Any:
+        """The plain dict, list or scalar."""
+        match self.content:
+            case dict():
+                return {key: child.data for key, child in self.content.items()}
+            case list():
+                return [child.data for child in self.content]
+        return self.content
+
+    @property
+    def heading(self) -> Position:
+        """Where to point for the value as a whole: its key, if that is in the same source."""
+        same = self.key_at is not None and self.key_at.source == self.at.source
+        return self.key_at if same and self.key_at else self.at
+
+    def child(self, part: str | int) -> "Tree | None":
+        """The child at a key or list index, None if there is none."""
+        match self.content:
+            case dict():
+                return self.content.get(part)
+            case list() if isinstance(part, int) and 0 <= part < len(self.content):
+                return self.content[part]
+        return None
+
+    def descend(self, path: Path) -> "Iterator[Tree]":
+        """The trees along a path, this one first, as far as they exist."""
+        node: Tree | None = self
+        yield self
+        for part in path:
+            node = node.child(part)
+            if node is None:
+                return
+            yield node
+
+    def put(self, path: Path, new: "Tree") -> "Tree":
+        """A copy with `new` at `path`; mappings on the way are made where there is nothing.
+
+        Raises
+        ------
+        ValueError
+            If a scalar, or a list without that index, is in the way.
+        """
+        if not path:
+            return replace(new, key_at=self.key_at if self.key_at else new.key_at)
+        part, *rest = path
+        match self.content:
+            case dict() | None:
+                child = self.child(part) or Tree(None, new.at, new.at)
+                content = {**(self.content or {}), part: child.put(tuple(rest), new)}
+            case list():
+                index = int(part) if str(part).isdecimal() else -1
+                child = self.child(index)
+                if child is None:
+                    raise ValueError(
+                        f"there is no entry {part} in a list of {len(self.content)} (they count from 0)"
+                    )
+                content = list(self.content)
+                content[index] = child.put(tuple(rest), new)
+            case _:
+                raise ValueError(f"cannot set {part!r} in {self.content!r}, which has no keys")
+        return replace(self, content=content)
+
+
+def read_tree(source: Source) -> tuple[Tree, list[Mistake]]:
+    """Read YAML safely.
+
+    Parameters
+    ----------
+    source : Source
+        Text of one YAML document.
+
+    Returns
+    -------
+    Tree
+        The first value of a duplicate key counts; the content is None if the text cannot be read.
+    list of Mistake
+        What is wrong with it as YAML.
+    """
+    start = Position(source, 1, 1)
+    mistakes: list[Mistake] = []
+    try:
+        loader = yaml.SafeLoader(source.text)
+        root = loader.get_single_node()
+        tree = _Builder(source, loader, mistakes).tree(root) if root else Tree(None, start)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        at = Position(source, mark.line + 1, mark.column + 1) if mark else start
+        message = ", ".join(part for part in (error.context, error.problem) if part)
+        mistakes.append(Mistake(at, (), _plain_words(message)))
+    except yaml.reader.ReaderError as error:
+        mistakes.append(_unreadable_character(source, error.position))
+    except RecursionError:
+        mistakes.append(Mistake(start, (), "nested too deeply"))
+    else:
+        return tree, mistakes
+    return Tree(None, start, readable=False), mistakes
+
+
+class _Builder:
+    """Turns composed YAML nodes into trees."""
+
+    def __init__(self, source: Source, loader: yaml.SafeLoader, mistakes: list[Mistake]) -> None:
+        self.source = source
+        self.construct: Callable[[yaml.Node], Any] = loader.construct_object
+        self.mistakes = mistakes
+        self.nodes = 0
+
+    def tree(self, node: yaml.Node, path: Path = (), above: tuple[yaml.Node, ...] = ()) -> Tree:
+        """Tree of a node; `above` are the nodes that contain it."""
+        self.nodes += 1
+        if self.nodes > MOST_NODES:
+            raise _error(node, "too many values")
+        if node in above:
+            raise _error(node, "an alias to a value that contains it")
+        above = (*above, node)
+        match node:
+            case yaml.ScalarNode():
+                content = self.scalar(node)
+            case _ if node.tag not in CONTAINER_TAGS:
+                raise _error(node, f"the tag {node.tag!r} is not allowed")
+            case yaml.MappingNode():
+                content = self.mapping(node, path, above)
+            case _:
+                content = [self.tree(item, (*path, index), above) for index, item in enumerate(node.value)]
+        return Tree(content, self.position(node))
+
+    def scalar(self, node: yaml.ScalarNode) -> Any:
+        """Value of a scalar; a date that is none, for example, is an error."""
+        try:
+            return self.construct(node)
+        except (ValueError, OverflowError) as error:
+            raise _error(node, f"{node.value!r} is not a value: {error}") from None
+
+    def mapping(self, node: yaml.MappingNode, path: Path, above: tuple[yaml.Node, ...]) -> dict[str, Tree]:
+        """Children of a mapping: its own keys, then those of merged mappings that it has not."""
+        content: dict[str, Tree] = {}
+        merged: list[yaml.Node] = []
+        for key, value in node.value:
+            if key.tag == MERGE_TAG:
+                merged += value.value if isinstance(value, yaml.SequenceNode) else [value]
+                continue
+            if not isinstance(key, yaml.ScalarNode):
+                raise _error(key, "a key must be a plain word")
+            here, at = (*path, key.value), self.position(key)
+            if key.value in content:
+                first = content[key.value].key_at
+                where = f" (first in line {first.line})" if first else ""
+                self.mistakes.append(Mistake(at, here, f"duplicate key {key.value!r}{where}"))
+                continue
+            content[key.value] = replace(self.tree(value, here, above), key_at=at)
+        for other in merged:
+            if not isinstance(other, yaml.MappingNode):
+                raise _error(other, "only a mapping can be merged with '<<'")
+            content = {**self.tree(other, path, above).content, **content}
+        return content
+
+    def position(self, node: yaml.Node) -> Position:
+        """Where a node starts."""
+        return Position(self.source, node.start_mark.line + 1, node.start_mark.column + 1)
+
+
+def _error(node: yaml.Node, problem: str) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+
+
+def _plain_words(problem: str) -> str:
+    if "'\\t'" in problem:
+        return "not valid YAML: a tab where only spaces may stand"
+    return f"not valid YAML: {problem}"
+
+
+def _unreadable_character(source: Source, index: int) -> Mistake:
+    code = ord(source.text[index])
+    before = source.text[:index].splitlines(keepends=True) or [""]
+    line, column = (len(before) + 1, 1) if before[-1].endswith("\n") else (len(before), len(before[-1]) + 1)
+    is_byte = 0xDC80 <= code <= 0xDCFF
+    message = (
+        f"not UTF-8 text: byte 0x{code - 0xDC00:02x}" if is_byte else f"character U+{code:04X} is not allowed"
+    )
+    return Mistake(Position(source, line, column), (), message)

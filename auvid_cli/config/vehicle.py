@@ -1,0 +1,102 @@
+"""Settings of a vehicle: its size, the known parameters and the coefficients, each with its source."""
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field, create_model, model_validator
+
+from auvid_cli.config.model import Settings
+from auvid_cli.config.quantity import Unit
+from auvid_cli.errors import ConfigError
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.parameters import PARAMETERS
+
+
+class Entry(Settings):
+    """One number of a vehicle with where it comes from; a bare quantity is an entry without a source."""
+
+    value: float
+    status: Annotated[str, Field(description="read, derived or assumed, and how")] = "stated"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _accept_a_bare_quantity(cls, data: Any) -> Any:
+        return data if isinstance(data, dict | Entry) else {"value": data}
+
+
+def _entry(unit: str) -> type[Entry]:
+    return create_model("Entry", __base__=Entry, value=(Annotated[float, Unit(unit)], ...))
+
+
+def _identifier(symbol: str) -> str:
+    return symbol.replace("|", "_")
+
+
+class _Table(Settings):
+    """Entries by symbol; the fields come from the tables in `auvid_cli.vehicle`."""
+
+    def by_symbol(self) -> dict[str, float]:
+        """Values in SI by the paper's symbol, of the entries that are given."""
+        fields = type(self).model_fields.items()
+        entries = ((field.alias or name, getattr(self, name)) for name, field in fields)
+        return {symbol: entry.value for symbol, entry in entries if entry is not None}
+
+
+if TYPE_CHECKING:
+    ParameterTable = CoefficientTable = _Table
+else:
+    ParameterTable = create_model(
+        "ParameterTable",
+        __base__=_Table,
+        **{q.symbol: (_entry(q.unit), Field(description=q.meaning)) for q in PARAMETERS},
+    )
+    CoefficientTable = create_model(
+        "CoefficientTable",
+        __base__=_Table,
+        **{
+            _identifier(c.symbol): (_entry(c.unit) | None, Field(None, alias=c.symbol, description=c.meaning))
+            for c in COEFFICIENTS
+        },
+    )
+
+
+class Size(Settings):
+    """What the natural magnitude of a coefficient follows from."""
+
+    length: Annotated[float, Unit("m"), Field(gt=0, description="hull length")]
+    diameter: Annotated[float, Unit("m"), Field(gt=0, description="hull diameter")]
+    density: Annotated[float, Unit("kg/m^3"), Field(gt=0, description="density of the water")] = 1025.0
+
+
+class VehicleSettings(Settings):
+    """A vehicle file."""
+
+    name: str
+    source: Annotated[str, Field(description="where the numbers come from")] = ""
+    notes: tuple[str, ...] = ()
+    size: Size
+    parameters: ParameterTable
+    coefficients: Annotated[
+        CoefficientTable,
+        Field(description="needed by a simulation, and for those that are held while others are estimated"),
+    ] = CoefficientTable()
+
+    def known_parameters(self) -> dict[str, float]:
+        """Known parameters by symbol, SI."""
+        return self.parameters.by_symbol()
+
+    def all_coefficients(self) -> dict[str, float]:
+        """The 22 coefficients by symbol, SI, for a simulation.
+
+        Raises
+        ------
+        ConfigError
+            If one of them is not given.
+        """
+        given = self.coefficients.by_symbol()
+        missing = [c.symbol for c in COEFFICIENTS if c.symbol not in given]
+        if missing:
+            raise ConfigError(
+                f"vehicle {self.name!r} states no value for {', '.join(missing)}: "
+                "a simulation needs all 22 coefficients"
+            )
+        return given

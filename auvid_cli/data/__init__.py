@@ -1,0 +1,1 @@
+"""Dataset and Estimate: the two value objects and their HDF5 files."""

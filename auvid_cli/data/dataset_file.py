@@ -1,0 +1,113 @@
+"""dataset.h5: reading and writing a Dataset."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from auvid_cli.config.load import dump_experiment, parse_experiment
+from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord, TruthRecord
+from auvid_cli.data.netcdf import (
+    digest,
+    new_file,
+    open_file,
+    read_array,
+    read_names,
+    write_dimension,
+    write_variable,
+)
+from auvid_cli.errors import FileError
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.parameters import INPUTS, MOTION, POSITION
+
+
+def write_dataset(path: Path, dataset: Dataset) -> None:
+    """Write a dataset whole or not at all.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    """
+    experiment = dataset.experiment
+    with new_file(path, "dataset", dump_experiment(experiment), experiment.seed) as file:
+        inputs = file.create_group("inputs")
+        write_dimension(inputs, "time", dataset.inputs.time, "start of the interval in which inputs hold", "s")
+        for column, quantity in enumerate(INPUTS):
+            values = dataset.inputs.values[:, column]
+            write_variable(inputs, quantity.symbol, values, ("time",), quantity.meaning, quantity.unit)
+        for name, record in dataset.sensors.items():
+            _write_sensor(file.create_group(f"sensors/{name}"), name, record)
+        if dataset.truth is not None:
+            _write_truth(file.create_group("truth"), dataset.truth)
+
+
+def _write_sensor(group: h5py.Group, name: str, record: SensorRecord) -> None:
+    quantities = SENSORS[name]
+    write_dimension(group, "time", record.time, "time of measurement", "s")
+    write_dimension(group, "component", np.array([q.symbol for q in quantities]), "measured component")
+    for column, quantity in enumerate(quantities):
+        values = record.values[:, column]
+        write_variable(group, quantity.symbol, values, ("time",), quantity.meaning, quantity.unit)
+    stated = "stated standard deviation of the noise"
+    write_variable(
+        group, "standard_deviation", record.standard_deviation, ("component",), stated, quantities[0].unit
+    )
+    valid = np.isfinite(record.values).astype(np.int8)
+    write_variable(group, "valid", valid, ("time", "component"), "1 where the component was measured")
+
+
+def _write_truth(group: h5py.Group, truth: TruthRecord) -> None:
+    write_dimension(group, "time", truth.time, "time", "s")
+    for table, values in ((MOTION, truth.motion), (POSITION, truth.position)):
+        for column, quantity in enumerate(table):
+            write_variable(group, quantity.symbol, values[:, column], ("time",), quantity.meaning, quantity.unit)
+    symbols = [c.symbol for c in COEFFICIENTS]
+    write_dimension(group, "coefficient", np.array(symbols), "hydrodynamic coefficient")
+    true = np.array([truth.coefficients[symbol] for symbol in symbols])
+    write_variable(group, "true_coefficient", true, ("coefficient",), "true value, SI; units in `unit`")
+    write_dimension(group, "unit", np.array([c.unit for c in COEFFICIENTS]), "unit of each coefficient")
+
+
+def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:
+    """Read a dataset; `overrides` change its settings as on the command line.
+
+    Raises
+    ------
+    FileError
+        If it is missing, damaged, foreign or of a newer schema.
+    ConfigError
+        If the settings inside, with the overrides, are not valid.
+    """
+    with open_file(path, "dataset") as file:
+        experiment = parse_experiment(str(file.attrs["settings"]), f"{path} (settings)", overrides)
+        group = file["inputs"]
+        inputs = InputRecord(
+            read_array(group, "time"),
+            np.stack([read_array(group, quantity.symbol) for quantity in INPUTS], axis=1),
+        )
+        sensors = {name: _read_sensor(path, file[f"sensors/{name}"], name) for name in file["sensors"]}
+        truth = _read_truth(file["truth"]) if "truth" in file else None
+    if inputs.time.size == 0 or np.any(np.diff(inputs.time) <= 0.0) or not np.isfinite(inputs.values).all():
+        raise FileError(f"{path}: /inputs needs finite values at strictly increasing times")
+    return Dataset(inputs, sensors, experiment, truth, digest(path))
+
+
+def _read_sensor(path: Path, group: h5py.Group, name: str) -> SensorRecord:
+    if name not in SENSORS:
+        raise FileError(f"{path}: unknown sensor {name!r}; auvid knows {', '.join(SENSORS)}")
+    values = np.stack([read_array(group, quantity.symbol) for quantity in SENSORS[name]], axis=1)
+    values[read_array(group, "valid") == 0.0] = np.nan
+    time = read_array(group, "time")
+    if np.any(np.diff(time) <= 0.0):
+        raise FileError(f"{path}: times of /sensors/{name} are not strictly increasing")
+    return SensorRecord(time, values, read_array(group, "standard_deviation"))
+
+
+def _read_truth(group: h5py.Group) -> TruthRecord:
+    return TruthRecord(
+        read_array(group, "time"),
+        np.stack([read_array(group, quantity.symbol) for quantity in MOTION], axis=1),
+        np.stack([read_array(group, quantity.symbol) for quantity in POSITION], axis=1),
+        dict(zip(read_names(group, "coefficient"), read_array(group, "true_coefficient").tolist(), strict=True)),
+    )

@@ -1,0 +1,1 @@
+"""Estimate (and truth, where there is one) -> errors, consistency, free run."""

@@ -1,0 +1,60 @@
+"""Everything the report needs to know of a dataset and its estimates."""
+
+from typing import NamedTuple
+
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation.accuracy import (
+    CoefficientResult,
+    average_steady_state_error,
+    coefficient_results,
+)
+from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor_consistency, verdict
+from auvid_cli.evaluation.free_run import FreeRun, VelocityError, free_run, velocity_errors
+
+
+class FilterSummary(NamedTuple):
+    """A row of ``summary.csv``."""
+
+    filter: str
+    average_steady_state_error_percent: float | None
+    mean_nis: float
+    cpu_time_s: float
+    steps: int
+    microseconds_per_step: float
+    status: str
+
+
+class Evaluation(NamedTuple):
+    """Tables of all filters, and the free runs behind one of them."""
+
+    coefficients: list[CoefficientResult]
+    summary: list[FilterSummary]
+    velocity_errors: list[VelocityError]
+    consistency: list[SensorConsistency]
+    free_runs: dict[str, FreeRun]
+
+
+def evaluate(dataset: Dataset, estimates: list[Estimate]) -> Evaluation:
+    """Evaluate estimates against the dataset they came from, and its truth where it has one."""
+    evaluation = Evaluation([], [], [], [], {})
+    for estimate in estimates:
+        results = coefficient_results(estimate, dataset.truth)
+        run = free_run(dataset, estimate)
+        steps = estimate.time.size
+        evaluation.coefficients.extend(results)
+        evaluation.summary.append(
+            FilterSummary(
+                estimate.filter,
+                average_steady_state_error(results),
+                mean_nis(estimate),
+                estimate.cpu_time,
+                steps,
+                estimate.cpu_time / steps * 1e6,
+                verdict(estimate),
+            )
+        )
+        evaluation.velocity_errors.extend(velocity_errors(dataset, estimate, run))
+        evaluation.consistency.extend(sensor_consistency(estimate))
+        evaluation.free_runs[estimate.filter] = run
+    return evaluation

@@ -1,0 +1,167 @@
+"""What a filter is given and what it gives back: plain value types.
+
+The state is split in two blocks: constant parameters first, then the moving states that the process
+advances. Measurements are linear in the state and have independent noise.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_vector = types.float64[::1]
+
+# advance(moving, parameters, inputs, constants, selection, n_lanes, duration), in place on blocks.
+# A compiled process has exactly this signature, explicit so that numba finds the filters in its
+# cache again in another interpreter session.
+PROCESS_SIGNATURE = types.void(
+    _vector, _vector, _vector, _vector, types.int64[::1], types.uint64, types.float64
+)
+
+
+class Process(NamedTuple):
+    """How the moving states advance.
+
+    Attributes
+    ----------
+    advance : compiled function of `PROCESS_SIGNATURE`
+        Moves up to one block of states on by one integration step.
+    transition : callable
+        ``transition(mean, inputs, piece_input, piece_duration, matrix)``: one state moved in place
+        over consecutive pieces, and its transition matrix, shape (n, n), filled in.
+    constants, selection : ndarray
+        Handed to `advance` as they are.
+    noise_density : ndarray, shape (n_moving,)
+        Square root of the power spectral density that drives each moving state.
+    """
+
+    advance: Any
+    transition: Any
+    constants: Array
+    selection: Indices
+    noise_density: Array
+
+
+class Sensors(NamedTuple):
+    """Linear measurements, row by row.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (n_sensors, c, n)
+        Measurement matrix of each sensor, zero rows where it has fewer than c components.
+    variance : ndarray, shape (n_sensors, c)
+        Of the noise; positive.
+    angular : ndarray of bool, shape (n_sensors, c)
+        Whether an innovation is wrapped to [-pi, pi).
+    """
+
+    matrix: Array
+    variance: Array
+    angular: NDArray[np.bool_]
+
+
+class Timeline(NamedTuple):
+    """Events in time order.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n_events,)
+        s, strictly increasing; the filter starts at the first.
+    piece_offset : ndarray of int, shape (n_events + 1,)
+        Pieces ``piece_offset[k] : piece_offset[k + 1]`` lead from event k - 1 to event k.
+    piece_duration : ndarray, shape (n_pieces,)
+        s; no longer than the integration step, and the input is constant within each.
+    piece_input : ndarray of int, shape (n_pieces,)
+        Row of `inputs` that holds during a piece.
+    inputs : ndarray, shape (n, n_inputs)
+    reading_offset : ndarray of int, shape (n_events + 1,)
+        Readings ``reading_offset[k] : reading_offset[k + 1]`` were taken at event k.
+    reading_sensor : ndarray of int, shape (n_readings,)
+    reading : ndarray, shape (n_readings, c)
+        NaN where a component is missing.
+    """
+
+    time: Array
+    piece_offset: Indices
+    piece_duration: Array
+    piece_input: Indices
+    inputs: Array
+    reading_offset: Indices
+    reading_sensor: Indices
+    reading: Array
+
+
+class Belief(NamedTuple):
+    """Gaussian over the state: mean, and a square root of the covariance.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (n,)
+        Parameters first.
+    factor : ndarray, shape (n, n)
+        Lower triangular, ``factor @ factor.T`` is the covariance.
+    """
+
+    mean: Array
+    factor: Array
+
+
+class Records(NamedTuple):
+    """What a filter writes down as it goes.
+
+    Attributes
+    ----------
+    mean, standard_deviation : ndarray, shape (n_events, n)
+        After each event; NaN from the first that failed.
+    innovation, innovation_variance : ndarray, shape (n_readings, c)
+        NaN where missing.
+    nis : ndarray, shape (n_readings,)
+        Normalised innovation squared; its expectation is the number of components present.
+    """
+
+    mean: Array
+    standard_deviation: Array
+    innovation: Array
+    innovation_variance: Array
+    nis: Array
+
+
+# What ended a run: a sensor's row in `Sensors`, or one of these.
+OK, PREDICTION = -1, -2
+
+
+class History(NamedTuple):
+    """A run of a filter.
+
+    Attributes
+    ----------
+    records : Records
+    covariance : ndarray, shape (n, n)
+        After the last good event.
+    n_good : int
+        Events that went well.
+    culprit : int
+        `OK`; or what ended the filter after event ``n_good - 1``: `PREDICTION`, or the sensor whose
+        reading it was.
+    """
+
+    records: Records
+    covariance: Array
+    n_good: int
+    culprit: int
+
+
+def empty_records(timeline: Timeline, n: int) -> Records:
+    """Records to be filled in."""
+    n_events, (n_readings, components) = timeline.time.size, timeline.reading.shape
+    return Records(
+        np.full((n_events, n), np.nan),
+        np.full((n_events, n), np.nan),
+        np.full((n_readings, components), np.nan),
+        np.full((n_readings, components), np.nan),
+        np.full(n_readings, np.nan),
+    )

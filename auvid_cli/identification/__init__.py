@@ -1,0 +1,1 @@
+"""Dataset -> Estimate: augmented state, priors, event timeline."""

@@ -1,0 +1,118 @@
+"""The vehicle as a filter's process: coefficients as parameters, motion as moving states."""
+
+import numpy as np
+from numba import njit, types
+from numpy.typing import NDArray
+
+from auvid_cli.blocks import JIT, LANES
+from auvid_cli.config.experiment import ProcessNoise
+from auvid_cli.filters.problem import PROCESS_SIGNATURE, Process
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
+from auvid_cli.vehicle.dynamics import (
+    N_BLOCK,
+    N_COEFFICIENT_BLOCK,
+    N_CONSTANTS,
+    N_WORK,
+    runge_kutta_step,
+)
+from auvid_cli.vehicle.parameters import N_MOTION
+from auvid_cli.vehicle.sensitivity import motion_jacobian, transition_step
+
+Array = NDArray[np.float64]
+
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+_indices = types.int64[::1]
+
+# Layout of `constants`: the vehicle, the 22 held values, one scale for each estimated coefficient.
+_HELD = N_CONSTANTS
+_SCALE = N_CONSTANTS + N_COEFFICIENTS
+
+
+@njit(PROCESS_SIGNATURE, **JIT)
+def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration):
+    coefficients = np.empty(N_COEFFICIENT_BLOCK)
+    for m in range(N_COEFFICIENTS):
+        row = coefficients[m * LANES : (m + 1) * LANES]
+        row[:] = constants[_HELD + m]
+    for j in range(selection.size):
+        row = coefficients[selection[j] * LANES : (selection[j] + 1) * LANES]
+        scaled = parameters[j * LANES : (j + 1) * LANES]
+        for k in range(LANES):
+            row[k] = constants[_SCALE + j] * scaled[k]
+    work = np.empty(N_WORK)
+    runge_kutta_step(motion, coefficients, inputs, constants[:N_CONSTANTS], n_lanes, duration, work)
+
+
+@njit(types.void(_vector, _indices, types.boolean, _vector, _matrix, _indices, _vector, _matrix), **JIT)
+def _transition(constants, selection, exact, mean, inputs, piece_input, piece_duration, matrix):
+    n_parameters = selection.size
+    vehicle = constants[:N_CONSTANTS]
+    coefficients = constants[_HELD : _HELD + N_COEFFICIENTS].copy()
+    for j in range(n_parameters):
+        coefficients[selection[j]] = constants[_SCALE + j] * mean[j]
+    motion = mean[n_parameters:]
+    sensitivity = np.zeros((N_MOTION, N_MOTION + N_COEFFICIENTS))
+    for i in range(N_MOTION):
+        sensitivity[i, i] = 1.0
+    if exact:
+        for piece in range(piece_duration.size):
+            held = inputs[piece_input[piece]]
+            transition_step(motion, coefficients, held, vehicle, piece_duration[piece], sensitivity)
+    else:
+        # The paper's I + A dt, Table A1: linearised once, where the interval begins.
+        by_motion, by_coefficients = np.zeros((N_MOTION, N_MOTION)), np.zeros((N_MOTION, N_COEFFICIENTS))
+        motion_jacobian(motion, coefficients, inputs[piece_input[0]], vehicle, by_motion, by_coefficients)
+        elapsed = piece_duration.sum()
+        for i in range(N_MOTION):
+            for j in range(N_MOTION):
+                sensitivity[i, j] += elapsed * by_motion[i, j]
+            for j in range(N_COEFFICIENTS):
+                sensitivity[i, N_MOTION + j] = elapsed * by_coefficients[i, j]
+        block, work = np.zeros(N_BLOCK), np.empty(N_WORK)
+        coefficient_block = np.zeros(N_COEFFICIENT_BLOCK)
+        block[::LANES] = motion
+        coefficient_block[::LANES] = coefficients
+        for piece in range(piece_duration.size):
+            held = inputs[piece_input[piece]]
+            runge_kutta_step(block, coefficient_block, held, vehicle, 1, piece_duration[piece], work)
+        motion[:] = block[::LANES]
+    for i in range(N_MOTION):
+        row = matrix[n_parameters + i]
+        for j in range(n_parameters):
+            row[j] = sensitivity[i, N_MOTION + selection[j]] * constants[_SCALE + j]
+        for j in range(N_MOTION):
+            row[n_parameters + j] = sensitivity[i, j]
+
+
+def vehicle_process(
+    vehicle: Array, held: Array, selection: NDArray[np.int64], scale: Array, noise: ProcessNoise, exact: bool
+) -> Process:
+    """The augmented model of Sabet et al. 2018, eq. (10), with coefficients in units of `scale`.
+
+    Parameters
+    ----------
+    vehicle : ndarray
+        From `vehicle_constants`.
+    held : ndarray, shape (22,)
+        Values of the coefficients that are not estimated.
+    selection : ndarray of int, shape (p,)
+        Which of the 22 are estimated.
+    scale : ndarray, shape (p,)
+        Coefficients span 1e-3 to 1e3: a parameter is a coefficient divided by its scale.
+    noise : ProcessNoise
+    exact : bool
+        Transition matrix of the EKF: variational equation, or the paper's first order.
+    """
+    constants = np.concatenate([vehicle, held, scale])
+
+    def transition(mean: Array, inputs: Array, piece_input: NDArray[np.int64], piece_duration: Array, matrix: Array):
+        _transition(constants, selection, exact, mean, inputs, piece_input, piece_duration, matrix)
+
+    return Process(
+        advance=_advance,
+        transition=transition,
+        constants=constants,
+        selection=selection,
+        noise_density=np.repeat([noise.velocity, noise.rate, noise.attitude], 3),
+    )

@@ -1,0 +1,1 @@
+"""Manoeuvre -> true motion -> raw sensors -> attitude reference."""

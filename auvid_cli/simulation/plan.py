@@ -1,0 +1,142 @@
+"""A manoeuvre as arrays: what is fed forward and what is held, tick by tick."""
+
+import csv
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.manoeuvre import (
+    AnyManoeuvre,
+    Doublets,
+    Excitation,
+    Multisine,
+    Recorded,
+    Spiral,
+    TurningCircle,
+    Zigzag,
+)
+from auvid_cli.errors import ConfigError
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
+
+Array = NDArray[np.float64]
+
+
+class Plan(NamedTuple):
+    """What a manoeuvre commands.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        Start of each tick, s; inputs are constant within a tick.
+    feedforward : ndarray, shape (n, 4)
+        Rudder, elevator (rad), surge force (N), roll moment (N m), before the autopilot's share.
+    speed, turn_rate : ndarray, shape (n,)
+        What the thrust and rudder loops hold, m/s and rad/s.
+    pitch : float
+        What the elevator loop holds, rad; with a depth loop, pitch at the start only.
+    zigzag : tuple of float
+        Rudder (rad), heading (rad) and approach (s) of a zigzag; rudder 0 for none.
+    """
+
+    time: Array
+    feedforward: Array
+    speed: Array
+    turn_rate: Array
+    pitch: float = 0.0
+    zigzag: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def make_plan(manoeuvre: AnyManoeuvre) -> Plan:
+    """Turn the settings of a manoeuvre into a plan.
+
+    Raises
+    ------
+    ConfigError
+        If a recorded manoeuvre's file cannot be read or ends too early.
+    """
+    ticks = round(manoeuvre.duration * manoeuvre.input_rate)
+    time = np.arange(ticks + 1) / manoeuvre.input_rate
+    ramp = _ramp(time, manoeuvre.excitation.fade_in)
+    feedforward = ramp[:, None] * _excitation(manoeuvre.excitation, time)
+    straight = np.zeros(time.size)
+    first = manoeuvre.speed if manoeuvre.initial_speed is None else manoeuvre.initial_speed
+    speed = first + (manoeuvre.speed - first) * ramp
+    if isinstance(manoeuvre, Spiral):
+        return Plan(time, feedforward, speed, manoeuvre.turn_rate * ramp, manoeuvre.pitch)
+    if isinstance(manoeuvre, Zigzag):
+        zigzag = (manoeuvre.rudder, manoeuvre.heading, manoeuvre.approach)
+        return Plan(time, feedforward, speed, straight, zigzag=zigzag)
+    if isinstance(manoeuvre, TurningCircle):
+        feedforward[time >= manoeuvre.approach, 0] += manoeuvre.rudder
+    elif isinstance(manoeuvre, Doublets):
+        feedforward[:, :2] += _doublets(manoeuvre, time)
+    elif isinstance(manoeuvre, Recorded):
+        feedforward += _recorded(Path(manoeuvre.file), time)
+    return Plan(time, feedforward, speed, straight)
+
+
+def multisine(settings: Multisine, time: Array) -> Array:
+    """Equal sines with the phases of Schroeder (1970), which keep the peak low, scaled to `amplitude`."""
+    k = np.arange(settings.lines)
+    frequencies = np.linspace(settings.lowest, settings.highest, settings.lines)
+    phases = settings.phase - np.pi * k * (k + 1) / settings.lines
+    signal = np.sin(2.0 * np.pi * np.outer(time, frequencies) + phases).sum(axis=1)
+    return settings.amplitude * signal / np.abs(signal).max()
+
+
+def _ramp(time: Array, fade_in: float) -> Array:
+    """Smooth growth from 0 to 1.
+
+    A filter that starts with wide priors learns from a small motion first: while the motion is small
+    the unknown terms are nearly linear, and no prior can throw the predicted vehicle off its course.
+    """
+    if fade_in == 0.0:
+        return np.ones(time.size)
+    return np.sin(0.5 * np.pi * np.clip(time / fade_in, 0.0, 1.0)) ** 2
+
+
+def _excitation(excitation: Excitation, time: Array) -> Array:
+    channels = (excitation.rudder, excitation.elevator, excitation.surge_force, excitation.roll_moment)
+    columns = [multisine(c, time) if c is not None else np.zeros(time.size) for c in channels]
+    return np.stack(columns, axis=1)
+
+
+def _doublets(manoeuvre: Doublets, time: Array) -> Array:
+    # 3-2-1-1 input of the aircraft-identification literature (Marchand 1977): signs + - + -.
+    lengths = np.array([3.0, 2.0, 1.0, 1.0]) * manoeuvre.unit_time
+    edges = np.concatenate([[0.0], np.cumsum(lengths)])
+    period = edges[-1] + manoeuvre.pause
+    within = time % (2.0 * period)
+    fins = np.zeros((time.size, 2))
+    for channel, amplitude in enumerate((manoeuvre.rudder, manoeuvre.elevator)):
+        local = within - channel * period
+        for step in range(4):
+            active = (local >= edges[step]) & (local < edges[step + 1])
+            fins[active, channel] = amplitude * (-1.0) ** step
+    return fins
+
+
+def _recorded(path: Path, time: Array) -> Array:
+    """Inputs of a CSV file, held between its rows."""
+    wanted = ("time", *INPUT_SYMBOLS)
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            reader = csv.DictReader(file)
+            missing = [name for name in wanted if name not in (reader.fieldnames or ())]
+            if missing:
+                raise ConfigError(f"{path}: no column {', '.join(missing)}; a recorded manoeuvre needs {', '.join(wanted)}")
+            rows = [[float(row[name]) for name in wanted] for row in reader]
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read as a recorded manoeuvre: {error}") from error
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{path}: line {reader.line_num}: {error}; every cell must be a number") from error
+    table = np.array(rows).reshape(-1, len(wanted))
+    if table.shape[0] == 0 or not np.isfinite(table).all() or np.any(np.diff(table[:, 0]) <= 0.0):
+        raise ConfigError(f"{path}: needs finite numbers and strictly increasing times, at least one row")
+    if table[0, 0] > time[0] or table[-1, 0] < time[-1] - 1.0:
+        raise ConfigError(
+            f"{path}: covers {table[0, 0]:g} to {table[-1, 0]:g} s, the manoeuvre lasts from 0 to {time[-1]:g} s"
+        )
+    return table[np.searchsorted(table[:, 0], time, side="right") - 1, 1:]

@@ -1,0 +1,102 @@
+"""Raw sensors: what each of them reports of the true motion, at its own times."""
+
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.sensors import SensorSettings, SensorSuite
+from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.simulation.motion import Truth, sample_motion
+
+Array = NDArray[np.float64]
+
+GRAVITY = 9.80665
+
+
+def measure(truth: Truth, suite: SensorSuite, seed: int) -> dict[str, SensorRecord]:
+    """Samples of gyroscope, accelerometer, magnetometer and DVL, and of a direct attitude sensor.
+
+    Parameters
+    ----------
+    truth : Truth
+    suite : SensorSuite
+    seed : int
+        Each sensor and each of its imperfections draws from a stream of its own, derived from the
+        seed and the sensor's name, so that changing one leaves the others' noise as it was.
+    """
+    readings = {
+        "gyroscope": _rates,
+        "accelerometer": _specific_force,
+        "magnetometer": _heading,
+        "dvl": _velocity,
+    }
+    if suite.attitude.source == "direct":
+        readings["attitude"] = _attitude
+    records = {}
+    for name, reading in readings.items():
+        settings: SensorSettings = getattr(suite, name)
+        times = sample_times(settings, truth.time[-1])
+        motion, rate = sample_motion(truth, times)
+        records[name] = corrupt(times, reading(motion, rate), settings, name, seed)
+    return records
+
+
+def sample_times(settings: SensorSettings, duration: float) -> Array:
+    """Ticks of a sensor's clock from its start to the end of the run, s."""
+    count = int(np.floor((duration - settings.start) * settings.rate + 1e-9)) + 1
+    return settings.start + np.arange(max(count, 0)) / settings.rate
+
+
+def corrupt(times: Array, true: Array, settings: SensorSettings, name: str, seed: int) -> SensorRecord:
+    """Add bias, drift, noise, outliers, quantisation and dropouts, in that order."""
+    n, components = true.shape
+
+    def stream(imperfection: str) -> np.random.Generator:
+        return np.random.default_rng([seed, crc32(name.encode()), crc32(imperfection.encode())])
+
+    values = true + np.array(settings.bias)
+    values += np.array(settings.bias_spread) * stream("bias").standard_normal(components)
+    steps = np.sqrt(np.diff(times, prepend=times[:1]))[:, None]
+    values += np.cumsum(steps * np.array(settings.drift) * stream("drift").standard_normal((n, components)), axis=0)
+    values += np.array(settings.noise_standard_deviation()) * stream("noise").standard_normal((n, components))
+
+    outliers = stream("outliers")
+    wild = outliers.random(n) < settings.outlier_probability
+    values[wild] += np.array(settings.outlier_size) * outliers.standard_normal((int(wild.sum()), components))
+
+    step = np.broadcast_to(np.array(settings.quantisation), components)
+    for component in np.flatnonzero(step > 0.0):
+        values[:, component] = step[component] * np.round(values[:, component] / step[component])
+    values[stream("dropouts").random(n) < settings.dropout_probability] = np.nan
+    return SensorRecord(times, values, np.array(settings.stated_standard_deviation()))
+
+
+def _rates(motion: Array, rate: Array) -> Array:
+    return motion[:, 3:6]
+
+
+def _velocity(motion: Array, rate: Array) -> Array:
+    return motion[:, :3]
+
+
+def _attitude(motion: Array, rate: Array) -> Array:
+    wrapped = motion[:, 6:9].copy()
+    wrapped[:, 2] = wrap(wrapped[:, 2])
+    return wrapped
+
+
+def _heading(motion: Array, rate: Array) -> Array:
+    return wrap(motion[:, 8:9])
+
+
+def _specific_force(motion: Array, rate: Array) -> Array:
+    """Acceleration of the body origin less gravity, in body axes: what an accelerometer feels."""
+    phi, theta = motion[:, 6], motion[:, 7]
+    down = np.stack([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)], axis=1)
+    return rate[:, :3] + np.cross(motion[:, 3:6], motion[:, :3]) - GRAVITY * down
+
+
+def wrap(angle: Array) -> Array:
+    """Angle in [-pi, pi), rad."""
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi

@@ -1,0 +1,33 @@
+"""A whole simulated run: plan, true motion, raw sensors, attitude."""
+
+from auvid_cli.config.experiment import Experiment
+from auvid_cli.data.dataset import Dataset, InputRecord, TruthRecord
+from auvid_cli.simulation.ahrs import attitude_reference
+from auvid_cli.simulation.motion import simulate_motion
+from auvid_cli.simulation.plan import make_plan
+from auvid_cli.simulation.sensors import measure
+
+
+def simulate(experiment: Experiment) -> Dataset:
+    """Simulate an experiment.
+
+    Raises
+    ------
+    SimulationError
+        If the vehicle leaves the model's validity.
+    ConfigError
+        If the vehicle's parameters are impossible or a recorded manoeuvre cannot be read.
+    """
+    plan = make_plan(experiment.manoeuvre)
+    truth = simulate_motion(experiment.vehicle, experiment.manoeuvre, plan)
+    records = measure(truth, experiment.sensors, experiment.seed)
+    if experiment.sensors.attitude.source == "ahrs":
+        records["attitude"] = attitude_reference(records, experiment.sensors, float(truth.time[-1]))
+    return Dataset(
+        inputs=InputRecord(truth.time, truth.inputs),
+        sensors=records,
+        experiment=experiment,
+        truth=TruthRecord(
+            truth.time, truth.motion, truth.position, experiment.vehicle.all_coefficients()
+        ),
+    )

@@ -1,0 +1,1 @@
+"""The physics: coefficients, mass and Coriolis matrices, kinematics, dynamics."""

@@ -1,0 +1,73 @@
+"""The 22 coefficients to identify, as one table.
+
+Sabet et al. 2018, Table II, in the order of Table IV. The configuration schema, the compiled
+right-hand side, the priors, the tables, the figures and the documentation derive from it.
+"""
+
+from typing import Literal, NamedTuple
+
+Group = Literal["damping", "lift", "control"]
+SignalName = Literal["u", "v", "w", "p", "q", "r", "rudder", "elevator"]
+
+
+class Coefficient(NamedTuple):
+    """One hydrodynamic coefficient: `force or moment = coefficient * product(signals)`.
+
+    Attributes
+    ----------
+    symbol : str
+        Name in the notation of the paper, for example ``X_u|u|``.
+    unit : str
+        SI unit, as pint reads it.
+    meaning : str
+        One phrase for tables and documentation.
+    row : int
+        Row of the equations of motion it enters: 0..5 for X, Y, Z, K, M, N.
+    signals : tuple of str
+        Factors of its regressor. Two equal factors of a damping term stand for ``x|x|``.
+    group : str
+        The paper's grouping: viscous damping, body lift, control input.
+    """
+
+    symbol: str
+    unit: str
+    meaning: str
+    row: int
+    signals: tuple[SignalName, ...]
+    group: Group
+
+    @property
+    def equation(self) -> str:
+        """The term as text, for example ``Y = Y_uudr u u rudder``."""
+        first, *rest = self.signals
+        factors = f"|{first}| {rest[0]}" if self.group == "damping" else " ".join(self.signals)
+        return f"{'XYZKMN'[self.row]} += {self.symbol} {factors}"
+
+
+COEFFICIENTS: tuple[Coefficient, ...] = (
+    Coefficient("X_u|u|", "kg/m", "axial drag", 0, ("u", "u"), "damping"),
+    Coefficient("Y_v|v|", "kg/m", "cross-flow drag in sway", 1, ("v", "v"), "damping"),
+    Coefficient("Y_r|r|", "kg*m/rad^2", "sway force of yaw-rate cross-flow", 1, ("r", "r"), "damping"),
+    Coefficient("Z_w|w|", "kg/m", "cross-flow drag in heave", 2, ("w", "w"), "damping"),
+    Coefficient("Z_q|q|", "kg*m/rad^2", "heave force of pitch-rate cross-flow", 2, ("q", "q"), "damping"),
+    Coefficient("K_p|p|", "kg*m^2/rad^2", "rolling resistance", 3, ("p", "p"), "damping"),
+    Coefficient("M_q|q|", "kg*m^2/rad^2", "cross-flow drag moment in pitch", 4, ("q", "q"), "damping"),
+    Coefficient("M_w|w|", "kg", "pitch moment of heave cross-flow", 4, ("w", "w"), "damping"),
+    Coefficient("N_r|r|", "kg*m^2/rad^2", "cross-flow drag moment in yaw", 5, ("r", "r"), "damping"),
+    Coefficient("N_v|v|", "kg", "yaw moment of sway cross-flow", 5, ("v", "v"), "damping"),
+    Coefficient("Y_url", "kg/rad", "sway lift of yaw rate", 1, ("u", "r"), "lift"),
+    Coefficient("Y_uvl", "kg/m", "sway lift of sideslip", 1, ("u", "v"), "lift"),
+    Coefficient("Z_uql", "kg/rad", "heave lift of pitch rate", 2, ("u", "q"), "lift"),
+    Coefficient("Z_uwl", "kg/m", "heave lift of angle of attack", 2, ("u", "w"), "lift"),
+    Coefficient("M_uql", "kg*m/rad", "pitch lift moment of pitch rate", 4, ("u", "q"), "lift"),
+    Coefficient("M_uwl", "kg", "pitch lift moment of angle of attack", 4, ("u", "w"), "lift"),
+    Coefficient("N_url", "kg*m/rad", "yaw lift moment of yaw rate", 5, ("u", "r"), "lift"),
+    Coefficient("N_uvl", "kg", "yaw lift moment of sideslip", 5, ("u", "v"), "lift"),
+    Coefficient("Y_uudr", "kg/(m*rad)", "sway force of the rudder", 1, ("u", "u", "rudder"), "control"),
+    Coefficient("Z_uude", "kg/(m*rad)", "heave force of the elevator", 2, ("u", "u", "elevator"), "control"),
+    Coefficient("M_uude", "kg/rad", "pitch moment of the elevator", 4, ("u", "u", "elevator"), "control"),
+    Coefficient("N_uudr", "kg/rad", "yaw moment of the rudder", 5, ("u", "u", "rudder"), "control"),
+)
+
+SYMBOLS: tuple[str, ...] = tuple(c.symbol for c in COEFFICIENTS)
+N_COEFFICIENTS = len(COEFFICIENTS)

@@ -1,0 +1,100 @@
+"""Mass and Coriolis matrices and the restoring vector in matrix form."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.errors import ConfigError
+
+Array = NDArray[np.float64]
+
+
+def skew(a: Array) -> Array:
+    """Cross-product matrix of a 3-vector: ``skew(a) @ b == cross(a, b)``."""
+    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+
+
+def mass_matrix(parameters: Mapping[str, float]) -> Array:
+    """Rigid-body and added mass, ``M = M_RB + M_A``.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Known parameters by symbol, SI.
+
+    Returns
+    -------
+    ndarray, shape (6, 6)
+        Symmetric positive-definite mass matrix, Sabet et al. 2018, eq. (12). Where ``N_vdot`` and
+        ``Y_rdot`` (or ``M_wdot`` and ``Z_qdot``) differ in the source, which potential flow
+        forbids, their mean stands on both sides, so that the Coriolis matrix does no work.
+
+    Raises
+    ------
+    ConfigError
+        If the matrix is not positive definite: no real vehicle has such parameters.
+    """
+    k = parameters
+    centre = np.array([k["xG"], k["yG"], k["zG"]])
+    rigid = np.zeros((6, 6))
+    rigid[:3, :3] = k["m"] * np.eye(3)
+    rigid[:3, 3:] = -k["m"] * skew(centre)
+    rigid[3:, :3] = k["m"] * skew(centre)
+    rigid[3:, 3:] = np.diag([k["Ixx"], k["Iyy"], k["Izz"]])
+    added = -np.diag([k["X_udot"], k["Y_vdot"], k["Z_wdot"], k["K_pdot"], k["M_qdot"], k["N_rdot"]])
+    added[1, 5] = added[5, 1] = -0.5 * (k["Y_rdot"] + k["N_vdot"])
+    added[2, 4] = added[4, 2] = -0.5 * (k["Z_qdot"] + k["M_wdot"])
+    mass = rigid + added
+    smallest = float(np.linalg.eigvalsh(mass)[0])
+    if not smallest > 0.0:
+        raise ConfigError(
+            f"the mass matrix of this vehicle is not positive definite (smallest eigenvalue {smallest:.4g}): "
+            "check m, the moments of inertia and the signs of the added masses (X_udot ... N_rdot are negative)"
+        )
+    return mass
+
+
+def coriolis_matrix(mass: Array, nu: Array) -> Array:
+    """Coriolis and centripetal matrix ``C(nu)`` of a symmetric mass matrix.
+
+    Parameters
+    ----------
+    mass : ndarray, shape (6, 6)
+    nu : ndarray, shape (6,)
+        Body velocity, m/s and rad/s.
+
+    Returns
+    -------
+    ndarray, shape (6, 6)
+        Skew-symmetric, so ``nu @ C @ nu == 0``. Fossen's form, equal to the scalar terms of
+        Sabet et al. 2018, eq. (13), with the roll row complete.
+    """
+    momentum = mass @ nu
+    coriolis = np.zeros((6, 6))
+    coriolis[:3, 3:] = coriolis[3:, :3] = -skew(momentum[:3])
+    coriolis[3:, 3:] = -skew(momentum[3:])
+    return coriolis
+
+
+def restoring_vector(parameters: Mapping[str, float], attitude: Array) -> Array:
+    """Weight and buoyancy as a force on the body (the force side, ``-g(eta)``).
+
+    Parameters
+    ----------
+    parameters : mapping
+        Known parameters by symbol, SI.
+    attitude : ndarray, shape (3,)
+        Roll, pitch, yaw, rad.
+
+    Returns
+    -------
+    ndarray, shape (6,)
+        Force, N, and moment, N m. Sabet et al. 2018, eq. (13), with the sign of the zG term in the
+        roll row corrected: as printed there a low centre of gravity would be roll-unstable.
+    """
+    k = parameters
+    phi, theta = attitude[0], attitude[1]
+    down = np.array([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)])
+    lever = np.array([k[f"{axis}G"] * k["W"] - k[f"{axis}B"] * k["B"] for axis in "xyz"])
+    return np.concatenate([(k["W"] - k["B"]) * down, np.cross(lever, down)])

@@ -1,0 +1,81 @@
+"""The known parameters of a vehicle and its motion states and inputs, as tables."""
+
+from typing import NamedTuple
+
+
+class Quantity(NamedTuple):
+    """A named physical quantity.
+
+    Attributes
+    ----------
+    symbol : str
+        Name in the notation of the paper (SNAME symbols, ``dot`` for a derivative).
+    unit : str
+        SI unit, as pint reads it.
+    meaning : str
+        One phrase for tables, files and documentation.
+    equation : str
+        Where it enters, by equation of Sabet et al. 2018 (or of Fossen for the kinematics).
+    """
+
+    symbol: str
+    unit: str
+    meaning: str
+    equation: str
+
+
+PARAMETERS: tuple[Quantity, ...] = (
+    Quantity("m", "kg", "mass", "M_RB, eq. (12)"),
+    Quantity("W", "N", "weight", "g(eta), eq. (13)"),
+    Quantity("B", "N", "buoyancy", "g(eta), eq. (13)"),
+    Quantity("Ixx", "kg*m^2", "moment of inertia about x", "M_RB, eq. (12)"),
+    Quantity("Iyy", "kg*m^2", "moment of inertia about y", "M_RB, eq. (12)"),
+    Quantity("Izz", "kg*m^2", "moment of inertia about z", "M_RB, eq. (12)"),
+    Quantity("xG", "m", "centre of gravity, forward", "M_RB and g(eta)"),
+    Quantity("yG", "m", "centre of gravity, starboard", "M_RB and g(eta)"),
+    Quantity("zG", "m", "centre of gravity, down", "M_RB and g(eta)"),
+    Quantity("xB", "m", "centre of buoyancy, forward", "g(eta), eq. (13)"),
+    Quantity("yB", "m", "centre of buoyancy, starboard", "g(eta), eq. (13)"),
+    Quantity("zB", "m", "centre of buoyancy, down", "g(eta), eq. (13)"),
+    Quantity("X_udot", "kg", "added mass in surge", "M_A, eq. (12)"),
+    Quantity("Y_vdot", "kg", "added mass in sway", "M_A, eq. (12)"),
+    Quantity("Z_wdot", "kg", "added mass in heave", "M_A, eq. (12)"),
+    Quantity("Y_rdot", "kg*m/rad", "added mass, sway by yaw (equals N_vdot)", "M_A, eq. (12)"),
+    Quantity("Z_qdot", "kg*m/rad", "added mass, heave by pitch (equals M_wdot)", "M_A, eq. (12)"),
+    Quantity("K_pdot", "kg*m^2/rad", "added inertia in roll", "M_A, eq. (12)"),
+    Quantity("M_qdot", "kg*m^2/rad", "added inertia in pitch", "M_A, eq. (12)"),
+    Quantity("N_rdot", "kg*m^2/rad", "added inertia in yaw", "M_A, eq. (12)"),
+    Quantity("M_wdot", "kg*m", "added mass, pitch by heave", "M_A, eq. (12)"),
+    Quantity("N_vdot", "kg*m", "added mass, yaw by sway", "M_A, eq. (12)"),
+    Quantity("X_prop", "N", "propeller thrust at the reference speed", "tau, eq. (13)"),
+    Quantity("K_prop", "N*m", "propeller torque at that thrust", "tau, eq. (13)"),
+)
+PARAMETER_SYMBOLS: tuple[str, ...] = tuple(q.symbol for q in PARAMETERS)
+
+MOTION: tuple[Quantity, ...] = (
+    Quantity("u", "m/s", "surge velocity", "nu"),
+    Quantity("v", "m/s", "sway velocity", "nu"),
+    Quantity("w", "m/s", "heave velocity", "nu"),
+    Quantity("p", "rad/s", "roll rate", "nu"),
+    Quantity("q", "rad/s", "pitch rate", "nu"),
+    Quantity("r", "rad/s", "yaw rate", "nu"),
+    Quantity("phi", "rad", "roll", "eta, eq. (3)"),
+    Quantity("theta", "rad", "pitch", "eta, eq. (3)"),
+    Quantity("psi", "rad", "yaw", "eta, eq. (3)"),
+)
+MOTION_SYMBOLS: tuple[str, ...] = tuple(q.symbol for q in MOTION)
+N_MOTION = len(MOTION)
+
+POSITION: tuple[Quantity, ...] = (
+    Quantity("north", "m", "position north", "eta, eq. (2)"),
+    Quantity("east", "m", "position east", "eta, eq. (2)"),
+    Quantity("down", "m", "position down (depth)", "eta, eq. (2)"),
+)
+
+INPUTS: tuple[Quantity, ...] = (
+    Quantity("rudder", "rad", "rudder deflection", "tau_control"),
+    Quantity("elevator", "rad", "elevator deflection", "tau_control"),
+    Quantity("surge_force", "N", "propeller thrust", "tau_propulsion"),
+    Quantity("roll_moment", "N*m", "propeller torque and roll excitation", "tau_propulsion"),
+)
+INPUT_SYMBOLS: tuple[str, ...] = tuple(q.symbol for q in INPUTS)

@@ -1,0 +1,153 @@
+"""How the motion depends on where it started and on the coefficients: Jacobian and transition matrix."""
+
+import numpy as np
+from numba import njit, types
+
+from auvid_cli.blocks import JIT, LANES
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS
+from auvid_cli.vehicle.dynamics import (
+    N_BLOCK,
+    N_COEFFICIENT_BLOCK,
+    motion_derivative,
+    sine_cosine,
+)
+from auvid_cli.vehicle.parameters import N_MOTION
+
+_SIGNAL = ("u", "v", "w", "p", "q", "r", "rudder", "elevator")
+_ROW = np.array([c.row for c in COEFFICIENTS])
+_FACTOR = np.array([_SIGNAL.index(c.signals[-1]) for c in COEFFICIENTS])
+_KIND = np.array([("damping", "lift", "control").index(c.group) for c in COEFFICIENTS])
+
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+
+
+@njit(types.void(_vector, _vector, _vector, _vector, _matrix, _matrix), **JIT)
+def motion_jacobian(motion, coefficients, inputs, constants, by_motion, by_coefficients):
+    """Analytic derivative of `motion_derivative` by the motion states and by the 22 coefficients.
+
+    Parameters
+    ----------
+    motion : ndarray, shape (9,)
+    coefficients : ndarray, shape (22,)
+    inputs : ndarray, shape (4,)
+    constants : ndarray, shape (N_CONSTANTS,)
+        From `vehicle_constants`.
+    by_motion : ndarray, shape (9, 9)
+        Filled in: A of Sabet et al. 2018, Table A1, motion part.
+    by_coefficients : ndarray, shape (9, 22)
+        Filled in: the regressor B(x); the equations are linear in the coefficients.
+    """
+    mass = constants[:36].reshape(6, 6)
+    inverse = constants[36:72].reshape(6, 6)
+    excess, lever_x, lever_y, lever_z = constants[72], constants[73], constants[74], constants[75]
+    force = np.zeros((6, 8))
+    momentum = np.zeros(6)
+    for i in range(6):
+        for j in range(6):
+            momentum[i] += mass[i, j] * motion[j]
+
+    # Kirchhoff: F = [a x omega, b x omega + a x v] with momentum (a, b); the product rule.
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        for c in range(6):
+            force[i, c] += mass[j, c] * motion[3 + k] - mass[k, c] * motion[3 + j]
+            force[3 + i, c] += mass[3 + j, c] * motion[3 + k] - mass[3 + k, c] * motion[3 + j]
+            force[3 + i, c] += mass[j, c] * motion[k] - mass[k, c] * motion[j]
+        force[i, 3 + k] += momentum[j]
+        force[i, 3 + j] -= momentum[k]
+        force[3 + i, 3 + k] += momentum[3 + j]
+        force[3 + i, 3 + j] -= momentum[3 + k]
+        force[3 + i, k] += momentum[j]
+        force[3 + i, j] -= momentum[k]
+
+    sin_phi, cos_phi = sine_cosine(motion[6])
+    sin_theta, cos_theta = sine_cosine(motion[7])
+    down = (-sin_theta, cos_theta * sin_phi, cos_theta * cos_phi)
+    by_roll = (0.0, down[2], -down[1])
+    by_pitch = (-cos_theta, -sin_theta * sin_phi, -sin_theta * cos_phi)
+    for c, change in ((6, by_roll), (7, by_pitch)):
+        for i in range(3):
+            force[i, c] = excess * change[i]
+        force[3, c] = lever_y * change[2] - lever_z * change[1]
+        force[4, c] = lever_z * change[0] - lever_x * change[2]
+        force[5, c] = lever_x * change[1] - lever_y * change[0]
+
+    by_coefficients[:] = 0.0
+    surge = motion[0]
+    for m in range(N_COEFFICIENTS):
+        factor, row = _FACTOR[m], _ROW[m]
+        signal = motion[factor] if factor < 6 else inputs[factor - 6]
+        if _KIND[m] == 0:
+            regressor = abs(signal) * signal
+            force[row, factor] += coefficients[m] * 2.0 * abs(signal)
+        elif _KIND[m] == 1:
+            regressor = surge * signal
+            force[row, 0] += coefficients[m] * signal
+            force[row, factor] += coefficients[m] * surge
+        else:
+            regressor = surge * surge * signal
+            force[row, 0] += coefficients[m] * 2.0 * surge * signal
+        for i in range(6):
+            by_coefficients[i, m] = inverse[i, row] * regressor
+
+    by_motion[:] = 0.0
+    for i in range(6):
+        for k in range(6):
+            for j in range(8):
+                by_motion[i, j] += inverse[i, k] * force[k, j]
+    pitch_rate, yaw_rate = motion[4], motion[5]
+    turning = pitch_rate * sin_phi + yaw_rate * cos_phi
+    turning_by_roll = pitch_rate * cos_phi - yaw_rate * sin_phi
+    tangent, secant = sin_theta / cos_theta, 1.0 / cos_theta
+    by_motion[6, 3] = 1.0
+    by_motion[6, 4], by_motion[6, 5] = tangent * sin_phi, tangent * cos_phi
+    by_motion[6, 6], by_motion[6, 7] = tangent * turning_by_roll, turning * secant * secant
+    by_motion[7, 4], by_motion[7, 5], by_motion[7, 6] = cos_phi, -sin_phi, -turning
+    by_motion[8, 4], by_motion[8, 5] = secant * sin_phi, secant * cos_phi
+    by_motion[8, 6], by_motion[8, 7] = secant * turning_by_roll, turning * secant * tangent
+
+
+@njit(types.void(_vector, _vector, _vector, _vector, types.float64, _matrix), **JIT)
+def transition_step(motion, coefficients, inputs, constants, duration, transition):
+    """Advance one motion state and its transition matrix together by one Runge-Kutta step, in place.
+
+    The variational equation ``dPhi/dt = A Phi + [0 B]`` is integrated at the same stages as the
+    motion, so the result is the derivative of the discrete step itself up to the step's own error.
+
+    Parameters
+    ----------
+    motion : ndarray, shape (9,)
+    coefficients, inputs, constants
+        As for `motion_jacobian`.
+    duration : float
+        Step, s.
+    transition : ndarray, shape (9, 9 + 22)
+        Sensitivity of the motion to the initial motion and to the coefficients; start from [I 0].
+    """
+    n_columns = N_MOTION + N_COEFFICIENTS
+    block, slope = np.zeros(N_BLOCK), np.zeros(N_BLOCK)
+    coefficient_block = np.zeros(N_COEFFICIENT_BLOCK)
+    coefficient_block[::LANES] = coefficients
+    by_motion, by_coefficients = np.zeros((N_MOTION, N_MOTION)), np.zeros((N_MOTION, N_COEFFICIENTS))
+    stage, stage_transition = motion.copy(), transition.copy()
+    start, start_transition = motion.copy(), transition.copy()
+    rate = np.zeros((N_MOTION, n_columns))
+    for weight, advance in ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)):
+        block[::LANES] = stage
+        motion_derivative(block, coefficient_block, inputs, constants, 1, slope)
+        motion_jacobian(stage, coefficients, inputs, constants, by_motion, by_coefficients)
+        for i in range(N_MOTION):
+            for j in range(n_columns):
+                rate[i, j] = 0.0
+            for k in range(N_MOTION):
+                for j in range(n_columns):
+                    rate[i, j] += by_motion[i, k] * stage_transition[k, j]
+            for j in range(N_COEFFICIENTS):
+                rate[i, N_MOTION + j] += by_coefficients[i, j]
+        for i in range(N_MOTION):
+            motion[i] += duration / 6.0 * weight * slope[i * LANES]
+            stage[i] = start[i] + advance * duration * slope[i * LANES]
+            for j in range(n_columns):
+                transition[i, j] += duration / 6.0 * weight * rate[i, j]
+                stage_transition[i, j] = start_transition[i, j] + advance * duration * rate[i, j]
