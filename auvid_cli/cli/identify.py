@@ -32,16 +32,21 @@ def identify(
         from auvid_cli.config.load import find_experiment, load_experiment
 
         changes = overrides(settings, None)
-        if source is not None and source.endswith((".h5", ".hdf5", ".nc")):
-            dataset, folder = pipeline.adopt_dataset(Path(source), changes, output)
+        path = Path(source) if source is not None and source.endswith((".h5", ".hdf5")) else None
+        if path is not None:
+            dataset = pipeline.foreign_dataset(path, changes)
+            experiment = dataset.experiment
+            folder = output or pipeline.home_of(path)
         else:
             experiment = load_experiment(find_experiment(source), changes)
             folder = pipeline.results_folder(experiment, output)
-            if dry_run:
-                return pipeline.print_settings(experiment)
-            dataset = pipeline.dataset_of(experiment, folder)
         if dry_run:
-            return pipeline.print_settings(dataset.experiment)
-        chosen = tuple(filters or dataset.experiment.identification.filters)
+            pipeline.print_settings(experiment)
+            return
+        if path is not None:
+            pipeline.keep_copy(path, folder)
+        else:
+            dataset = pipeline.dataset_of(experiment, folder)
+        chosen = tuple(filters or experiment.identification.filters)
         estimates = pipeline.identify_to(folder, dataset, chosen, Terminal(quiet, verbose))
         raise typer.Exit(pipeline.exit_code(estimates))

@@ -25,7 +25,9 @@ DataArgument = Annotated[
 ]
 FilterOption = Annotated[
     list[FilterName] | None,
-    typer.Option("--filter", "-f", help="Filter to run; repeatable. Default: all of the experiment.", show_default=False),
+    typer.Option(
+        "--filter", "-f", help="Filter to run; repeatable. Default: all of the experiment.", show_default=False
+    ),
 ]
 SetOption = Annotated[
     list[str] | None,

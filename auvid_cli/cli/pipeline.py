@@ -12,7 +12,7 @@ from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.estimate_file import read_estimate, write_estimate
 from auvid_cli.data.files import replacing
-from auvid_cli.errors import FileError
+from auvid_cli.errors import ConfigError, FileError
 
 COMPILING = "loading the compiled core (the first run compiles it, which takes some 20 s)"
 
@@ -37,9 +37,7 @@ def simulate_to(folder: Path, experiment: Experiment, terminal: Terminal) -> Dat
     return dataset
 
 
-def identify_to(
-    folder: Path, dataset: Dataset, filters: tuple[FilterName, ...], terminal: Terminal
-) -> list[Estimate]:
+def identify_to(folder: Path, dataset: Dataset, filters: tuple[FilterName, ...], terminal: Terminal) -> list[Estimate]:
     """Run filters on a dataset, writing each estimate as soon as it is there."""
     with terminal.stage(COMPILING):
         from auvid_cli.evaluation.consistency import verdict
@@ -101,24 +99,36 @@ def dataset_of(experiment: Experiment, folder: Path) -> Dataset:
     return Dataset(dataset.inputs, dataset.sensors, experiment, dataset.truth, dataset.sha256)
 
 
-def adopt_dataset(path: Path, overrides: tuple[str, ...], output: Path | None) -> tuple[Dataset, Path]:
-    """A dataset file from anywhere, and the results folder that holds a copy of it.
+def foreign_dataset(path: Path, overrides: tuple[str, ...]) -> Dataset:
+    """A dataset file from anywhere, with the settings inside it and overrides of how to identify it.
 
     Raises
     ------
     FileError
-        If it cannot be read or copied.
+        If it cannot be read.
     ConfigError
         If an override concerns what is already fixed in the data.
     """
-    dataset = read_dataset(path, overrides)
-    if output is None:
-        output = path.parent if path.name == "dataset.h5" else Path("results") / path.stem
-    copy = output / "dataset.h5"
+    for override in overrides:
+        if not override.startswith(("identification.", "vehicle.", "name=")):
+            raise ConfigError(
+                f"--set {override}: would change nothing, the data of {path} are already recorded; "
+                "only vehicle.*, identification.* and name can be set for a dataset"
+            )
+    return read_dataset(path, overrides)
+
+
+def home_of(path: Path) -> Path:
+    """Results folder of a dataset file: its own folder if it is one, else results/STEM."""
+    return path.parent if path.name == "dataset.h5" else Path("results") / path.stem
+
+
+def keep_copy(path: Path, folder: Path) -> None:
+    """Copy a dataset into a results folder, so that a report needs nothing else."""
+    copy = folder / "dataset.h5"
     if copy.resolve() != path.resolve():
         with replacing(copy) as temporary:
             shutil.copyfile(path, temporary)
-    return dataset, output
 
 
 def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:

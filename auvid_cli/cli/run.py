@@ -33,7 +33,8 @@ def run(
 
         loaded = load_experiment(find_experiment(experiment), overrides(settings, seed))
         if dry_run:
-            return pipeline.print_settings(loaded)
+            pipeline.print_settings(loaded)
+            return
         terminal = Terminal(quiet, verbose)
         folder = pipeline.results_folder(loaded, output)
         dataset = pipeline.simulate_to(folder, loaded, terminal)

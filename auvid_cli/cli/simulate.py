@@ -29,5 +29,6 @@ def simulate(
 
         loaded = load_experiment(find_experiment(experiment), overrides(settings, seed))
         if dry_run:
-            return pipeline.print_settings(loaded)
+            pipeline.print_settings(loaded)
+            return
         pipeline.simulate_to(pipeline.results_folder(loaded, output), loaded, Terminal(quiet, verbose))

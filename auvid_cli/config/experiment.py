@@ -17,9 +17,9 @@ class Prior(Settings):
     """Zero-mean prior of the coefficients: natural magnitude from the vehicle's size times `factor`."""
 
     factor: Annotated[float, Field(gt=0, description="times the natural magnitude")] = 3.0
-    standard_deviation: Annotated[
-        dict[str, float], Field(description="by coefficient, instead of the natural magnitude times factor")
-    ] = {}
+    standard_deviation: dict[str, float] = Field(
+        default_factory=dict, description="by coefficient, instead of the natural magnitude times factor"
+    )
 
     @field_validator("standard_deviation", mode="before")
     @classmethod
@@ -126,7 +126,7 @@ class Experiment(Settings):
     """A whole experiment file."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/")]
-    seed: Annotated[int, Field(ge=0, description="of every random stream")] = 1
+    seed: Annotated[int, Field(ge=0, strict=True, description="of every random stream")] = 1
     vehicle: VehicleSettings
     sensors: SensorSuite
     manoeuvre: AnyManoeuvre

@@ -69,9 +69,7 @@ def locate(error: ValidationError, model: type[BaseModel], tree: Tree) -> list[M
     paths = [place.path for place in places if place.in_union]
     mistakes: dict[tuple[Path, str], Mistake] = {}
     for detail, place in zip(details, places, strict=True):
-        if place.in_union and any(
-            len(path) > len(place.path) and _within(path, place.path) for path in paths
-        ):
+        if place.in_union and any(len(path) > len(place.path) and _within(path, place.path) for path in paths):
             continue  # another branch of the union fits better: it failed further down
         mistake = _mistake(detail, place, tree)
         mistakes.setdefault((mistake.path, mistake.message), mistake)
@@ -128,14 +126,10 @@ def _mistake(detail: ErrorDetails, place: _Place, tree: Tree) -> Mistake:
     context = detail.get("ctx", {})
     kind = detail["type"]
     if kind == "missing":
-        return _at_mapping(
-            tree, place.path[:-1], f"missing key {str(place.path[-1])!r}{_meaning(place.field)}"
-        )
+        return _at_mapping(tree, place.path[:-1], f"missing key {str(place.path[-1])!r}{_meaning(place.field)}")
     if kind == "union_tag_not_found":
         tags = _by_tag(place.field, _models(place.annotation))
-        return _at_mapping(
-            tree, place.path, f"missing key {context['discriminator']}: one of {', '.join(tags)}"
-        )
+        return _at_mapping(tree, place.path, f"missing key {context['discriminator']}: one of {', '.join(tags)}")
     if kind == "union_tag_invalid" and place.field:
         tags = _by_tag(place.field, _models(place.annotation))
         path = (*place.path, str(place.field.discriminator))

@@ -17,9 +17,7 @@ class Limits(Settings):
 
     fin_angle: Annotated[PositiveRadians, Field(description="largest fin deflection")] = 0.35
     fin_rate: Annotated[float, Unit("rad/s"), Field(gt=0, description="largest fin rate")] = 1.0
-    surge_force: Annotated[
-        float, Unit("N"), Field(gt=0, description="largest thrust, either way")
-    ] = 1e4
+    surge_force: Annotated[float, Unit("N"), Field(gt=0, description="largest thrust, either way")] = 1e4
 
 
 class Multisine(Settings):
@@ -54,7 +52,7 @@ class Excitation(Settings):
     """What is added to the autopilot's commands, channel by channel."""
 
     fade_in: Annotated[
-        float, Unit("s"), Field(ge=0, description="time over which excitation, turn rate and speed grow from their start")
+        float, Unit("s"), Field(ge=0, description="time in which excitation, turn rate and speed grow to full size")
     ] = 0.0
     rudder: FinMultisine | None = None
     elevator: FinMultisine | None = None
@@ -66,15 +64,9 @@ class Autopilot(Settings):
     """Simple loops on the true motion; gains are scaled by the vehicle's length and speed."""
 
     speed: Annotated[bool, Field(description="hold the speed with thrust, else constant thrust")] = True
-    vertical: Annotated[
-        Literal["pitch", "depth", "none"], Field(description="what the elevator holds")
-    ] = "pitch"
-    horizontal: Annotated[
-        Literal["turn_rate", "none"], Field(description="what the rudder holds")
-    ] = "turn_rate"
-    bandwidth: Annotated[
-        float, Field(gt=0, description="stiffness of the loops; 1 suits a torpedo shape")
-    ] = 1.0
+    vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="what the elevator holds")] = "pitch"
+    horizontal: Annotated[Literal["turn_rate", "none"], Field(description="what the rudder holds")] = "turn_rate"
+    bandwidth: Annotated[float, Field(gt=0, description="stiffness of the loops; 1 suits a torpedo shape")] = 1.0
 
 
 class ManoeuvreSettings(Settings):

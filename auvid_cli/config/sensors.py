@@ -103,7 +103,6 @@ class Attitude(SensorSettings):
 
     source: Annotated[Literal["ahrs", "direct"], Field(description="AHRS, or angles plus white noise")] = "ahrs"
     rate: Annotated[float, Unit("Hz"), Field(gt=0, description="samples per second")] = 100.0
-    noise: Annotated[PerComponent, Field(description="white noise of the direct source")] = (0.0017453292519943296,)
     manoeuvre_acceleration: Annotated[
         float,
         Unit("m/s^2/Hz^0.5"),
@@ -115,8 +114,13 @@ class Attitude(SensorSettings):
 
     @model_validator(mode="before")
     @classmethod
-    def _accept_the_source_alone(cls, data: Any) -> Any:
-        return {"source": data} if isinstance(data, str) else data
+    def _accept_the_source_alone_and_fill_in_noise(cls, data: Any) -> Any:
+        if isinstance(data, str):
+            data = {"source": data}
+        # What the direct source adds where nothing is said; an AHRS makes its own errors.
+        if isinstance(data, dict) and not data.keys() & {"noise", "range"}:
+            data = {**data, "noise": "0.1 deg"}
+        return data
 
 
 class SensorSuite(Settings):

@@ -88,9 +88,7 @@ class Tree:
                 index = int(part) if str(part).isdecimal() else -1
                 child = self.child(index)
                 if child is None:
-                    raise ValueError(
-                        f"there is no entry {part} in a list of {len(self.content)} (they count from 0)"
-                    )
+                    raise ValueError(f"there is no entry {part} in a list of {len(self.content)} (they count from 0)")
                 content = list(self.content)
                 content[index] = child.put(tuple(rest), new)
             case _:
@@ -211,7 +209,5 @@ def _unreadable_character(source: Source, index: int) -> Mistake:
     before = source.text[:index].splitlines(keepends=True) or [""]
     line, column = (len(before) + 1, 1) if before[-1].endswith("\n") else (len(before), len(before[-1]) + 1)
     is_byte = 0xDC80 <= code <= 0xDCFF
-    message = (
-        f"not UTF-8 text: byte 0x{code - 0xDC00:02x}" if is_byte else f"character U+{code:04X} is not allowed"
-    )
+    message = f"not UTF-8 text: byte 0x{code - 0xDC00:02x}" if is_byte else f"character U+{code:04X} is not allowed"
     return Mistake(Position(source, line, column), (), message)

@@ -12,7 +12,10 @@ from auvid_cli.data.netcdf import (
     new_file,
     open_file,
     read_array,
+    read_attribute,
     read_names,
+    subgroup,
+    subgroups,
     write_dimension,
     write_variable,
 )
@@ -50,9 +53,7 @@ def _write_sensor(group: h5py.Group, name: str, record: SensorRecord) -> None:
         values = record.values[:, column]
         write_variable(group, quantity.symbol, values, ("time",), quantity.meaning, quantity.unit)
     stated = "stated standard deviation of the noise"
-    write_variable(
-        group, "standard_deviation", record.standard_deviation, ("component",), stated, quantities[0].unit
-    )
+    write_variable(group, "standard_deviation", record.standard_deviation, ("component",), stated, quantities[0].unit)
     valid = np.isfinite(record.values).astype(np.int8)
     write_variable(group, "valid", valid, ("time", "component"), "1 where the component was measured")
 
@@ -80,14 +81,14 @@ def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:
         If the settings inside, with the overrides, are not valid.
     """
     with open_file(path, "dataset") as file:
-        experiment = parse_experiment(str(file.attrs["settings"]), f"{path} (settings)", overrides)
-        group = file["inputs"]
+        experiment = parse_experiment(read_attribute(file, "settings"), f"{path} (settings)", overrides)
+        group = subgroup(file, "inputs")
         inputs = InputRecord(
             read_array(group, "time"),
             np.stack([read_array(group, quantity.symbol) for quantity in INPUTS], axis=1),
         )
-        sensors = {name: _read_sensor(path, file[f"sensors/{name}"], name) for name in file["sensors"]}
-        truth = _read_truth(file["truth"]) if "truth" in file else None
+        sensors = {name: _read_sensor(path, group, name) for name, group in subgroups(file, "sensors").items()}
+        truth = _read_truth(subgroup(file, "truth")) if "truth" in file else None
     if inputs.time.size == 0 or np.any(np.diff(inputs.time) <= 0.0) or not np.isfinite(inputs.values).all():
         raise FileError(f"{path}: /inputs needs finite values at strictly increasing times")
     return Dataset(inputs, sensors, experiment, truth, digest(path))

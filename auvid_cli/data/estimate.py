@@ -86,5 +86,3 @@ class Estimate:
         return self.held | {
             symbol: float(self.mean[-1, i]) for i, symbol in enumerate(self.state) if symbol not in MOTION_SYMBOLS
         }
-
-

@@ -12,7 +12,9 @@ from auvid_cli.data.netcdf import (
     new_file,
     open_file,
     read_array,
+    read_attribute,
     read_names,
+    subgroups,
     write_dimension,
     write_variable,
 )
@@ -41,9 +43,7 @@ def write_estimate(path: Path, estimate: Estimate) -> None:
         write_dimension(file, "unit", np.array(estimate.unit), "unit of each component of the state")
         both = ("time", "state")
         write_variable(file, "mean", estimate.mean, both, "posterior mean; units in `unit`")
-        write_variable(
-            file, "standard_deviation", estimate.standard_deviation, both, "posterior standard deviation"
-        )
+        write_variable(file, "standard_deviation", estimate.standard_deviation, both, "posterior standard deviation")
         square = ("state", "state_of_column")
         write_variable(file, "covariance", estimate.covariance, square, "posterior covariance at the last time")
         write_dimension(file, "held", np.array(list(estimate.held), dtype=object), "coefficients not estimated")
@@ -74,20 +74,20 @@ def read_estimate(path: Path) -> Estimate:
     """
     with open_file(path, "estimate") as file:
         return Estimate(
-            filter=str(file.attrs["filter"]),
-            experiment=parse_experiment(str(file.attrs["settings"]), f"{path} (settings)"),
+            filter=read_attribute(file, "filter"),
+            experiment=parse_experiment(read_attribute(file, "settings"), f"{path} (settings)"),
             state=read_names(file, "state"),
             unit=read_names(file, "unit"),
             time=read_array(file, "time"),
             mean=read_array(file, "mean"),
             standard_deviation=read_array(file, "standard_deviation"),
             covariance=read_array(file, "covariance"),
-            innovations={name: _read_innovations(group) for name, group in file.get("innovations", {}).items()},
+            innovations={name: _read_innovations(group) for name, group in subgroups(file, "innovations").items()},
             held=dict(zip(read_names(file, "held"), read_array(file, "held_value").tolist(), strict=True)),
-            status=str(file.attrs["status"]),
-            cpu_time=float(file.attrs["cpu_time_s"]),
-            wall_time=float(file.attrs["wall_time_s"]),
-            dataset_sha256=str(file.attrs["dataset_sha256"]),
+            status=read_attribute(file, "status"),
+            cpu_time=float(read_attribute(file, "cpu_time_s")),
+            wall_time=float(read_attribute(file, "wall_time_s")),
+            dataset_sha256=read_attribute(file, "dataset_sha256"),
         )
 
 

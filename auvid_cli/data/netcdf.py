@@ -71,7 +71,7 @@ def open_file(path: Path, kind: str) -> Iterator[h5py.File]:
             found = file.attrs.get("kind")
             if found != f"auvid {kind}":
                 raise FileError(f"{path}: not an auvid {kind} file" + (f" but an {found} file" if found else ""))
-            schema = int(file.attrs["schema_version"])
+            schema = int(read_attribute(file, "schema_version"))
             if schema > SCHEMA_VERSION:
                 raise FileError(
                     f"{path}: written by a newer auvid (schema {schema}, this one reads up to {SCHEMA_VERSION}); "
@@ -110,12 +110,39 @@ def write_variable(
 
 def read_array(group: h5py.Group, name: str) -> NDArray[np.float64]:
     """A numeric variable as doubles."""
-    return np.asarray(group[name][...], dtype=np.float64)
+    return np.asarray(_variable(group, name)[...], dtype=np.float64)
 
 
 def read_names(group: h5py.Group, name: str) -> tuple[str, ...]:
     """A variable of strings."""
-    return tuple(str(text) for text in group[name].asstr()[...])
+    return tuple(str(text) for text in _variable(group, name).asstr()[...])
+
+
+def read_attribute(file: h5py.File, name: str) -> str:
+    """A root attribute as text; KeyError if there is none."""
+    return str(file.attrs[name])
+
+
+def subgroups(group: h5py.Group, name: str) -> dict[str, h5py.Group]:
+    """The groups in a group, by name; none if that does not exist."""
+    if name not in group:
+        return {}
+    return {key: item for key, item in subgroup(group, name).items() if isinstance(item, h5py.Group)}
+
+
+def subgroup(group: h5py.Group, name: str) -> h5py.Group:
+    """A group that must be there."""
+    item = group[name]
+    if not isinstance(item, h5py.Group):
+        raise KeyError(f"{name} is not a group")
+    return item
+
+
+def _variable(group: h5py.Group, name: str) -> h5py.Dataset:
+    item = group[name]
+    if not isinstance(item, h5py.Dataset):
+        raise KeyError(f"{name} is not a variable")
+    return item
 
 
 def digest(path: Path) -> str:

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 # Order of treatment at equal times: the gyro carries the attitude there, the output comes last.
 _GYROSCOPE, _DVL, _ACCELEROMETER, _MAGNETOMETER, _OUTPUT = range(5)
-_INITIAL_TILT = np.deg2rad(1.0)
+_INITIAL_TILT = np.deg2rad(3.0)
 
 
 def attitude_reference(records: dict[str, SensorRecord], suite: SensorSuite, duration: float) -> SensorRecord:
@@ -48,7 +48,10 @@ def attitude_reference(records: dict[str, SensorRecord], suite: SensorSuite, dur
     """
     settings = suite.attitude
     output = sample_times(settings, duration)
-    sources = [records[name] for name in ("gyroscope", "dvl", "accelerometer", "magnetometer")]
+    gyroscope, dvl, accelerometer, magnetometer = (
+        records[name] for name in ("gyroscope", "dvl", "accelerometer", "magnetometer")
+    )
+    sources = (gyroscope, dvl, accelerometer, magnetometer)
     if any(np.isnan(source.values).all() for source in sources):
         raise SimulationError("the AHRS needs at least one sample of gyroscope, accelerometer, magnetometer and DVL")
     times = [*(source.time for source in sources), output]
@@ -65,7 +68,10 @@ def attitude_reference(records: dict[str, SensorRecord], suite: SensorSuite, dur
         time[order],
         kind[order],
         index[order],
-        *(np.ascontiguousarray(source.values) for source in sources),
+        gyroscope.values,
+        dvl.values,
+        accelerometer.values,
+        magnetometer.values,
         np.array([np.mean(gyro_noise**2), force_variance, heading_variance, settings.gyro_bias]),
         values,
     )
@@ -99,7 +105,7 @@ def _correct(row, residual, error, covariance_and_variance):
 
 @njit(types.void(_matrix, _vector), **JIT)
 def _turn_on_the_left(rotation, angle):
-    """rotation <- exp(angle x) rotation, Rodrigues' formula, in place."""
+    """Replace a rotation by exp(angle x) rotation, Rodrigues' formula."""
     norm = np.sqrt(angle[0] ** 2 + angle[1] ** 2 + angle[2] ** 2)
     a = np.sin(norm) / norm if norm > 1e-12 else 1.0
     b = (1.0 - np.cos(norm)) / norm**2 if norm > 1e-12 else 0.5
@@ -122,9 +128,7 @@ def _level(force, heading, rotation):
     rotation[2, 0], rotation[2, 1], rotation[2, 2] = -s2, s1 * c2, c1 * c2
 
 
-@njit(
-    types.void(_vector, _indices, _indices, _matrix, _matrix, _matrix, _matrix, _vector, _matrix), **JIT
-)
+@njit(types.void(_vector, _indices, _indices, _matrix, _matrix, _matrix, _matrix, _vector, _matrix), **JIT)
 def _run(time, kind, index, gyroscope, dvl, accelerometer, magnetometer, noise, output):
     rotation, turn, force, nav = np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3)
     rate, bias, velocity, row, error = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(6), np.zeros(6)

@@ -63,9 +63,7 @@ class Truth(NamedTuple):
     coefficients: Array
 
 
-def simulate_motion(
-    vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Plan, substeps: int = 4
-) -> Truth:
+def simulate_motion(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Plan, substeps: int = 4) -> Truth:
     """Integrate the true motion (fourth-order Runge-Kutta, `substeps` to a tick).
 
     Raises
@@ -103,9 +101,20 @@ def simulate_motion(
     )
     n = plan.time.size
     motion, position, inputs = np.zeros((n, N_MOTION)), np.zeros((n, 3)), np.zeros((n, 4))
-    motion[0, 0], motion[0, 7] = plan.speed[0], manoeuvre.initial_pitch
+    motion[0, 0] = plan.speed[0] if manoeuvre.initial_speed is None else manoeuvre.initial_speed
+    motion[0, 7] = manoeuvre.initial_pitch
     reason, tick = _fly(
-        plan.time, plan.feedforward, plan.speed, plan.turn_rate, controls, constants, coefficients, substeps, motion, position, inputs
+        plan.time,
+        plan.feedforward,
+        plan.speed,
+        plan.turn_rate,
+        controls,
+        constants,
+        coefficients,
+        substeps,
+        motion,
+        position,
+        inputs,
     )
     if reason:
         raise SimulationError(
@@ -243,7 +252,5 @@ def sample_motion(truth: Truth, times: Array) -> tuple[Array, Array]:
     motion, derivative : ndarray, shape (len(times), 9)
     """
     sampled, rate = np.zeros((times.size, N_MOTION)), np.zeros((times.size, N_MOTION))
-    _sample(
-        truth.time, truth.inputs, truth.motion, truth.constants, truth.coefficients, times, sampled, rate
-    )
+    _sample(truth.time, truth.inputs, truth.motion, truth.constants, truth.coefficients, times, sampled, rate)
     return sampled, rate

@@ -121,17 +121,23 @@ def _doublets(manoeuvre: Doublets, time: Array) -> Array:
 def _recorded(path: Path, time: Array) -> Array:
     """Inputs of a CSV file, held between its rows."""
     wanted = ("time", *INPUT_SYMBOLS)
+    line = 0
     try:
         with path.open(newline="", encoding="utf-8") as file:
             reader = csv.DictReader(file)
             missing = [name for name in wanted if name not in (reader.fieldnames or ())]
             if missing:
-                raise ConfigError(f"{path}: no column {', '.join(missing)}; a recorded manoeuvre needs {', '.join(wanted)}")
-            rows = [[float(row[name]) for name in wanted] for row in reader]
+                raise ConfigError(
+                    f"{path}: no column {', '.join(missing)}; a recorded manoeuvre needs {', '.join(wanted)}"
+                )
+            rows = []
+            for row in reader:
+                line = reader.line_num
+                rows.append([float(row[name]) for name in wanted])
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read as a recorded manoeuvre: {error}") from error
     except (TypeError, ValueError) as error:
-        raise ConfigError(f"{path}: line {reader.line_num}: {error}; every cell must be a number") from error
+        raise ConfigError(f"{path}: line {line}: {error}; every cell must be a number") from error
     table = np.array(rows).reshape(-1, len(wanted))
     if table.shape[0] == 0 or not np.isfinite(table).all() or np.any(np.diff(table[:, 0]) <= 0.0):
         raise ConfigError(f"{path}: needs finite numbers and strictly increasing times, at least one row")

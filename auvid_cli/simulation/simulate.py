@@ -27,7 +27,5 @@ def simulate(experiment: Experiment) -> Dataset:
         inputs=InputRecord(truth.time, truth.inputs),
         sensors=records,
         experiment=experiment,
-        truth=TruthRecord(
-            truth.time, truth.motion, truth.position, experiment.vehicle.all_coefficients()
-        ),
+        truth=TruthRecord(truth.time, truth.motion, truth.position, experiment.vehicle.all_coefficients()),
     )

@@ -1,0 +1,125 @@
+from pathlib import Path
+
+import pytest
+
+from auvid_cli.config.assemble import assemble, read_source
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "vehicles").mkdir()
+    (tmp_path / "vehicles" / "a.yaml").write_text("name: a\nsize: {length: 1 m}\n")
+    (tmp_path / "vehicles" / "b.yaml").write_text("name: b\n")
+    (tmp_path / "e.yaml").write_text(
+        "name: e\nvehicle: vehicles/a.yaml\n"
+        "sensors: {dvl: {noise: [1, 2, 3], rate: 7 Hz}}\nmanoeuvre: {file: run.csv}\n"
+    )
+    return tmp_path
+
+
+def assembled(folder: Path, *overrides: str):
+    tree, mistakes = assemble(read_source(folder / "e.yaml"), overrides)
+    return tree, [str(mistake) for mistake in mistakes]
+
+
+def data(folder: Path, *overrides: str):
+    tree, mistakes = assembled(folder, *overrides)
+    assert mistakes == []
+    return tree.data
+
+
+def test_reference_is_spliced_in_with_its_own_positions(folder):
+    tree, _ = assembled(folder)
+    *_, node = tree.descend(("vehicle", "size", "length"))
+    assert node.content == "1 m"
+    assert str(node.at) == f"{folder / 'vehicles' / 'a.yaml'}:2:16"
+
+
+@pytest.mark.parametrize(
+    ("override", "path", "value"),
+    [
+        ("name=f", ("name",), "f"),
+        ("seed=3", ("seed",), 3),
+        ("vehicle.size.length=2 m", ("vehicle", "size", "length"), "2 m"),
+        ("vehicle.coefficients.X_u|u|=-2 kg/m", ("vehicle", "coefficients", "X_u|u|"), "-2 kg/m"),
+        ("sensors.dvl.noise.1=9", ("sensors", "dvl", "noise"), [1, 9, 3]),
+        ("sensors.dvl.noise=[4, 5, 6]", ("sensors", "dvl", "noise"), [4, 5, 6]),
+        ("sensors.dvl={rate: 1 Hz}", ("sensors", "dvl"), {"rate": "1 Hz"}),
+        ("identification.ekf.transition=exact", ("identification",), {"ekf": {"transition": "exact"}}),
+        ("name=a=b", ("name",), "a=b"),
+        ("seed=", ("seed",), None),
+    ],
+)
+def test_override(folder, override, path, value):
+    found = data(folder, override)
+    for key in path:
+        found = found[key]
+    assert found == value
+
+
+def test_last_override_wins(folder):
+    assert data(folder, "seed=1", "seed=2")["seed"] == 2
+
+
+def test_override_points_at_itself(folder):
+    tree, _ = assembled(folder, "vehicle.size={length: 3 furlong}")
+    *_, node = tree.descend(("vehicle", "size", "length"))
+    assert str(node.at) == "--set vehicle.size={length: 3 furlong}"
+
+
+@pytest.mark.parametrize("override", ["seed", "=3", "a..b=1", ".a=1", ""])
+def test_override_without_key_or_value(folder, override):
+    _, mistakes = assembled(folder, override)
+    assert mistakes == [f"--set {override}: expected key.key=value, for example sensors.dvl.rate=7 Hz"]
+
+
+@pytest.mark.parametrize("override", ["name.x=1", "sensors.dvl.noise.3=1", "sensors.dvl.noise=[1"])
+def test_override_that_does_not_fit(folder, override):
+    _, (mistake,) = assembled(folder, override)
+    assert mistake.startswith(f"--set {override}: ")
+
+
+def test_section_by_file_from_the_experiments_folder(folder):
+    assert data(folder, "vehicle=vehicles/b.yaml")["vehicle"] == {"name": "b"}
+
+
+def test_section_by_file_from_the_current_folder_first(folder, tmp_path_factory, monkeypatch):
+    here = tmp_path_factory.mktemp("here")
+    (here / "vehicles").mkdir()
+    (here / "vehicles" / "b.yaml").write_text("name: mine\n")
+    monkeypatch.chdir(here)
+    assert data(folder, "vehicle=vehicles/b.yaml", "vehicle.source=x")["vehicle"] == {
+        "name": "mine",
+        "source": "x",
+    }
+
+
+def test_recorded_file_is_relative_to_where_it_is_written(folder, tmp_path_factory, monkeypatch):
+    (folder / "vehicles" / "m.yaml").write_text("file: ../run.csv\n")
+    monkeypatch.chdir(tmp_path_factory.mktemp("here"))
+    assert data(folder)["manoeuvre"]["file"] == str(folder / "run.csv")
+    assert data(folder, "manoeuvre=vehicles/m.yaml")["manoeuvre"]["file"] == str(folder / "run.csv")
+    assert data(folder, "manoeuvre.file=run.csv")["manoeuvre"]["file"] == str(Path.cwd() / "run.csv")
+    assert data(folder, "manoeuvre.file=/x/run.csv")["manoeuvre"]["file"] == "/x/run.csv"
+
+
+@pytest.mark.parametrize(
+    ("reference", "reason"),
+    [("nope.yaml", "no such file"), ("folder.yaml", "is a folder, not a settings file")],
+)
+def test_unreadable_reference_is_an_error_where_it_stands(folder, reference, reason):
+    (folder / "folder.yaml").mkdir()
+    (folder / "e.yaml").write_text(f"name: e\nvehicle: {reference}\n")
+    _, mistakes = assembled(folder)
+    assert mistakes == [f"{folder / 'e.yaml'}:2:10: vehicle: {folder / reference}: {reason}"]
+
+
+def test_broken_reference_points_into_the_file(folder):
+    (folder / "vehicles" / "a.yaml").write_text("name: a\nsize: {length: 1 m\n")
+    _, (mistake,) = assembled(folder)
+    assert mistake.startswith(f"{folder / 'vehicles' / 'a.yaml'}:3:1: vehicle: not valid YAML")
+
+
+def test_references_stay_within_their_sections(folder):
+    (folder / "e.yaml").write_text("name: vehicles/a.yaml\n")
+    assert data(folder) == {"name": "vehicles/a.yaml"}

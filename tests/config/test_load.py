@@ -1,0 +1,163 @@
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from auvid_cli.config import load
+from auvid_cli.config.load import (
+    dump_experiment,
+    find_experiment,
+    load_experiment,
+    parse_experiment,
+    shipped_configs,
+)
+from auvid_cli.config.manoeuvre import Recorded, Spiral
+from auvid_cli.errors import ConfigError
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.matrices import mass_matrix
+from auvid_cli.vehicle.parameters import PARAMETERS
+
+VEHICLES = ("vt690", "remus100", "lauv", "lrauv", "dive")
+
+
+def vehicle_file(name: str) -> Path:
+    return shipped_configs() / "vehicles" / f"{name}.yaml"
+
+
+def test_load_is_parse_of_the_file(text, tmp_path):
+    path = tmp_path / "e.yaml"
+    path.write_text(text)
+    experiment = load_experiment(path, ["seed=7"])
+    assert experiment == parse_experiment(text, "x", ["seed=7"])
+    assert experiment.seed == 7
+    assert isinstance(experiment.manoeuvre, Spiral)
+    assert experiment.sensors.dvl.noise == (0.001,)
+    assert experiment.vehicle.all_coefficients()["X_u|u|"] == -1.62
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_shipped_vehicle_round_trips(experiment_text, name):
+    experiment = parse_experiment(experiment_text(name), name)
+    again = parse_experiment(dump_experiment(experiment), "dump")
+    assert again == experiment
+    assert again.vehicle.all_coefficients() == experiment.vehicle.all_coefficients()
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_shipped_vehicle_is_complete_and_says_where_each_number_is_from(experiment_text, name):
+    vehicle = parse_experiment(experiment_text(name), name).vehicle
+    assert list(vehicle.all_coefficients()) == [c.symbol for c in COEFFICIENTS]
+    assert list(vehicle.known_parameters()) == [p.symbol for p in PARAMETERS]
+    assert mass_matrix(vehicle.known_parameters()).shape == (6, 6)
+    entries = yaml.safe_load(vehicle_file(name).read_text())
+    for entry in [*entries["parameters"].values(), *entries["coefficients"].values()]:
+        assert entry["status"].split(":")[0].split()[0] in ("read", "derived", "assumed")
+    k = vehicle.known_parameters()
+    means = k["M_wdot"] != k["Z_qdot"] or k["N_vdot"] != k["Y_rdot"]
+    assert means == any("mean of each pair" in note for note in vehicle.notes)
+
+
+def test_unpublished_hull_of_dive_is_the_cylinder_that_its_notes_say(experiment_text):
+    vehicle = parse_experiment(experiment_text("dive"), "dive").vehicle
+    k, radius, length = vehicle.known_parameters(), vehicle.size.diameter / 2, vehicle.size.length
+    assert k["m"] * radius**2 / 2 == pytest.approx(k["Ixx"], rel=0.002)
+    assert k["m"] * (3 * radius**2 + length**2) / 12 == pytest.approx(k["Iyy"], rel=0.002)
+
+
+def test_linear_damping_of_lauv_is_folded_at_its_trim_speed(experiment_text):
+    vehicle = parse_experiment(experiment_text("lauv"), "lauv").vehicle
+    coefficients, speed = vehicle.all_coefficients(), 1.43
+    assert coefficients["X_u|u|"] == pytest.approx(-2.4 - 2.4 / speed, rel=1e-5)
+    assert coefficients["M_uwl"] == pytest.approx(-6.0 + 3.1 / speed, rel=1e-5)
+    assert -coefficients["X_u|u|"] * speed**2 == pytest.approx(vehicle.known_parameters()["X_prop"], rel=1e-4)
+
+
+@given(
+    noise=st.floats(0, 1e300),
+    bias=st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=3, max_size=3),
+    status=st.text(),
+)
+def test_numbers_and_words_round_trip_exactly(experiment_text, noise, bias, status):
+    plain = experiment_text("vt690")
+    words = yaml.safe_dump({"value": 1e-5, "status": status}, default_flow_style=True, width=1e9).strip()
+    overrides = [
+        f"sensors.dvl.noise={noise!r}",
+        f"sensors.dvl.bias={bias!r}",
+        f"vehicle.coefficients.Y_url={words}",
+    ]
+    experiment = parse_experiment(plain, "x", overrides)
+    assert experiment.sensors.dvl.bias == tuple(bias)
+    assert parse_experiment(dump_experiment(experiment), "dump") == experiment
+
+
+def test_dump_holds_numbers_in_si_by_the_symbols_of_the_paper(text):
+    dumped = yaml.safe_load(dump_experiment(parse_experiment(text, "x", ["sensors.dvl.noise=1e-5"])))
+    assert dumped["vehicle"]["coefficients"]["X_u|u|"] == {"value": -1.62, "status": "read"}
+    assert dumped["sensors"]["dvl"]["noise"] == [1e-5]
+    assert dumped["identification"]["filters"] == ["ekf", "ckf", "tukf"]
+    assert "range" not in dumped["sensors"]["dvl"]
+
+
+def test_recorded_manoeuvre_keeps_its_file(text):
+    override = "manoeuvre={type: recorded, file: run.csv, duration: 10 s, speed: 2}"
+    experiment = parse_experiment(text, "x", [override])
+    assert isinstance(experiment.manoeuvre, Recorded)
+    assert experiment.manoeuvre.file == str(Path.cwd() / "run.csv")
+    assert parse_experiment(dump_experiment(experiment), "dump") == experiment
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "1:1: expected a mapping with the keys name, vehicle, sensors, manoeuvre, got nothing"),
+        (b"- 1\n", "1:1: expected a mapping with the keys name, vehicle, sensors, manoeuvre, got a list"),
+        (b"name: a\nvehicle: b\xff\n", "2:11: not UTF-8 text: byte 0xff"),
+        ("name: ä\n".encode("utf-16"), "1:1: not UTF-8 text: byte 0xff"),
+        (b"name: a\n\tseed: 1\n", "2:1: not valid YAML: a tab where only spaces may stand"),
+    ],
+)
+def test_file_that_is_no_experiment(tmp_path, content, message):
+    path = tmp_path / "e.yaml"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError) as caught:
+        load_experiment(path, ["seed=1"])
+    assert str(caught.value).splitlines()[0] == f"{path}:{message}"
+
+
+def test_byte_order_mark_is_ignored(text, tmp_path):
+    path = tmp_path / "e.yaml"
+    path.write_text(text, encoding="utf-8-sig")
+    assert load_experiment(path).name == "small"
+
+
+def test_missing_file_and_folder(tmp_path):
+    with pytest.raises(ConfigError, match=r"none\.yaml: no such file$"):
+        load_experiment(tmp_path / "none.yaml")
+    with pytest.raises(ConfigError, match=r"is a folder, not a settings file$"):
+        load_experiment(tmp_path)
+
+
+def test_find_experiment(tmp_path, monkeypatch):
+    shipped = tmp_path / "configs"
+    shipped.mkdir()
+    (shipped / "spiral.yaml").touch()
+    (shipped / "zigzag.yaml").touch()
+    monkeypatch.setattr(load, "PACKAGE", tmp_path / "package")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "zigzag").mkdir()
+    (tmp_path / "mine.yaml").touch()
+    assert find_experiment(None) == shipped / "spiral.yaml"
+    assert find_experiment("zigzag") == shipped / "zigzag.yaml"
+    assert find_experiment("mine.yaml") == Path("mine.yaml")
+    for name in ("zagzig", "", "none.yaml"):
+        with pytest.raises(ConfigError, match=f"'{name}' is neither a file nor .*: spiral, zigzag$"):
+            find_experiment(name)
+
+
+def test_configs_inside_the_package_come_first(tmp_path, monkeypatch):
+    monkeypatch.setattr(load, "PACKAGE", tmp_path / "package")
+    assert shipped_configs() == tmp_path / "configs"
+    (tmp_path / "package" / "configs").mkdir(parents=True)
+    assert shipped_configs() == tmp_path / "package" / "configs"

@@ -1,0 +1,132 @@
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from auvid_cli.config.position import Position, Source
+from auvid_cli.config.tree import Tree, read_tree
+
+TEXT = """\
+# comment
+name: a
+dvl:
+  rate: 7 Hz
+  noise: [1, 2e-3]
+"""
+
+
+def read(text: str) -> Tree:
+    tree, mistakes = read_tree(Source("f.yaml", Path(), text))
+    assert mistakes == []
+    return tree
+
+
+def only_mistake(text: str) -> str:
+    _, (mistake,) = read_tree(Source("f.yaml", Path(), text))
+    return str(mistake)
+
+
+def where(position: Position | None) -> tuple[int, int]:
+    assert position is not None
+    return position.line, position.column
+
+
+def test_data():
+    assert read(TEXT).data == {"name": "a", "dvl": {"rate": "7 Hz", "noise": [1, "2e-3"]}}
+
+
+@pytest.mark.parametrize(
+    ("path", "key", "value"),
+    [(("name",), (2, 1), (2, 7)), (("dvl", "rate"), (4, 3), (4, 9)), (("dvl",), (3, 1), (4, 3))],
+)
+def test_positions_of_key_and_value(path, key, value):
+    *_, node = read(TEXT).descend(path)
+    assert where(node.key_at) == key
+    assert where(node.at) == value
+
+
+def test_position_of_a_list_entry():
+    *_, node = read(TEXT).descend(("dvl", "noise", 1))
+    assert (node.content, where(node.at), node.at.text) == ("2e-3", (5, 14), "  noise: [1, 2e-3]")
+
+
+def test_descent_stops_where_the_path_ends():
+    assert len(list(read(TEXT).descend(("dvl", "speed", "x")))) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "data"),
+    [
+        ("a: &x {b: 1, c: 2}\nd: *x\n", {"a": {"b": 1, "c": 2}, "d": {"b": 1, "c": 2}}),
+        ("a: &x {b: 1, c: 2}\nd: {<<: *x, c: 3}\n", {"a": {"b": 1, "c": 2}, "d": {"b": 1, "c": 3}}),
+        (
+            "a: &x {b: 1}\ne: &y {b: 2, c: 2}\nd: {<<: [*x, *y]}\n",
+            {"a": {"b": 1}, "e": {"b": 2, "c": 2}, "d": {"b": 1, "c": 2}},
+        ),
+    ],
+)
+def test_anchors_and_merge_keys(text, data):
+    assert read(text).data == data
+
+
+def test_keys_are_words_as_they_are_written():
+    assert read("on: 1\n2: 3\n").data == {"on": 1, "2": 3}
+
+
+def test_first_of_duplicate_keys_counts():
+    tree, (mistake,) = read_tree(Source("f.yaml", Path(), "a:\n  b: 1\n  b: 2\n"))
+    assert tree.data == {"a": {"b": 1}}
+    assert str(mistake) == "f.yaml:3:3: a.b: duplicate key 'b' (first in line 2)"
+
+
+@pytest.mark.parametrize(
+    ("text", "start"),
+    [
+        ("a:\n\tb: 1\n", "f.yaml:2:1: not valid YAML: a tab where only spaces may stand"),
+        ("a: [1\nb: 2\n", "f.yaml:2:2: not valid YAML: while parsing a flow sequence"),
+        ("a: 'x\n", "f.yaml:2:1: not valid YAML: while scanning a quoted scalar"),
+        ("a: 1\n---\nb: 2\n", "f.yaml:2:1: not valid YAML: expected a single document"),
+        ("a: !!python/object/apply:os.system [ls]\n", "f.yaml:1:4: not valid YAML: the tag"),
+        ("a: !!python/name:os.system x\n", "f.yaml:1:4: not valid YAML: could not determine a constructor"),
+        ("a: 2020-13-45\n", "f.yaml:1:4: not valid YAML: '2020-13-45' is not a value"),
+        ("a: &x [*x]\n", "f.yaml:1:4: not valid YAML: an alias to a value that contains it"),
+        ("a: {[1]: 2}\n", "f.yaml:1:5: not valid YAML: a key must be a plain word"),
+        ("a: {<<: 2}\n", "f.yaml:1:9: not valid YAML: only a mapping can be merged"),
+        ("a: \udcff\n", "f.yaml:1:4: not UTF-8 text: byte 0xff"),
+        ("a: 1\nb: \x07\n", "f.yaml:2:4: character U+0007 is not allowed"),
+        ("[" * 5000, "f.yaml:1:1: nested too deeply"),
+    ],
+)
+def test_text_that_is_no_yaml(text, start):
+    assert only_mistake(text).startswith(start)
+
+
+def test_aliases_cannot_blow_up():
+    levels = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
+    levels += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 9)]
+    assert "too many values" in only_mistake("\n".join(levels))
+
+
+def test_put_leaves_the_original_alone():
+    tree = read(TEXT)
+    new = Tree(9, Position(Source("--set", Path())))
+    assert tree.put(("dvl", "noise", "0"), new).data["dvl"]["noise"] == [9, "2e-3"]
+    assert tree.put(("x", "y"), new).data["x"] == {"y": 9}
+    assert tree.data == read(TEXT).data
+
+
+@pytest.mark.parametrize("path", [("name", "x"), ("dvl", "noise", "2"), ("dvl", "noise", "-1"), ("dvl", "noise", "x")])
+def test_put_where_nothing_can_be(path):
+    with pytest.raises(ValueError, match=r"cannot set|there is no entry"):
+        read(TEXT).put(path, Tree(9, Position(Source("--set", Path()))))
+
+
+SCALARS = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text()
+DATA = st.recursive(SCALARS, lambda inner: st.lists(inner) | st.dictionaries(st.text("abcxyz|_", min_size=1), inner))
+
+
+@given(st.dictionaries(st.text("abc", min_size=1), DATA))
+def test_agrees_with_the_safe_loader(data):
+    assert read(yaml.safe_dump(data)).data == yaml.safe_load(yaml.safe_dump(data))
