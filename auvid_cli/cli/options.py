@@ -10,7 +10,7 @@ from auvid_cli.config.filter_name import FilterName
 ExperimentArgument = Annotated[
     str | None,
     typer.Argument(
-        metavar="[EXPERIMENT]",
+        metavar="EXPERIMENT",
         help="Experiment file, or the name of one that ships with auvid. Default: the spiral.",
         show_default=False,
     ),
@@ -18,7 +18,7 @@ ExperimentArgument = Annotated[
 DataArgument = Annotated[
     str | None,
     typer.Argument(
-        metavar="[EXPERIMENT|DATASET]",
+        metavar="EXPERIMENT|DATASET",
         help="Experiment whose dataset has been simulated, or a dataset file (.h5). Default: the spiral.",
         show_default=False,
     ),

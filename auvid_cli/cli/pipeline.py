@@ -93,7 +93,7 @@ def dataset_of(experiment: Experiment, folder: Path) -> Dataset:
     for part in ("seed", "vehicle", "sensors", "manoeuvre"):
         if getattr(dataset.experiment, part) != getattr(experiment, part):
             raise FileError(
-                f"{path}: was simulated with another {part} than the experiment has now; run `auvid simulate` "
+                f"{path}: was simulated with other settings of `{part}` than the experiment has now; run `auvid simulate` "
                 "again, or name the dataset file itself to identify it with the settings inside"
             )
     return Dataset(dataset.inputs, dataset.sensors, experiment, dataset.truth, dataset.sha256)

@@ -10,7 +10,7 @@ from auvid_cli.cli.terminal import Terminal, reporting_errors
 
 ResultsArgument = Annotated[
     Path,
-    typer.Argument(metavar="[RESULTS]", help="Results folder with dataset.h5 and estimates/."),
+    typer.Argument(metavar="RESULTS", help="Results folder with dataset.h5 and estimates/."),
 ]
 
 

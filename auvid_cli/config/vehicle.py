@@ -16,7 +16,7 @@ class Entry(Settings):
 
     value: float
     status: Annotated[str, Field(description="read, derived or assumed, and how")] = "stated"
-    source: Annotated[str, Field(description="where from, if not from the vehicle file's own source")] = ""
+    source: Annotated[str | None, Field(description="where from, if not the vehicle file's own source")] = None
 
     @model_validator(mode="before")
     @classmethod
