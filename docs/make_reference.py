@@ -1,0 +1,105 @@
+"""Write docs/reference.md from the tables and settings classes of the package: `python docs/make_reference.py`."""
+
+import types
+import typing
+from pathlib import Path
+
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.quantity import Unit
+from auvid_cli.config.sensors import SensorSettings
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.parameters import INPUTS, MOTION, PARAMETERS, POSITION
+
+TARGET = Path(__file__).with_name("reference.md")
+OPENING = """# Reference
+
+Made by `python docs/make_reference.py` from the tables and settings classes in the package; do not edit.
+
+"""
+
+
+def reference() -> str:
+    """The whole page."""
+    rows = [(c.symbol, c.unit, c.meaning, c.equation, c.group) for c in COEFFICIENTS]
+    page = OPENING + "## The 22 coefficients\n\n" + table(("symbol", "unit", "meaning", "enters", "group"), rows)
+    for title, quantities in (
+        ("Known parameters", PARAMETERS),
+        ("Motion states", MOTION),
+        ("Position", POSITION),
+        ("Inputs", INPUTS),
+    ):
+        page += f"\n## {title}\n\n" + table(("symbol", "unit", "meaning", "where"), quantities)
+    page += "\n## Settings\n\nA bare number is in the unit given here; any unit of the same dimension may be written.\n"
+    found: dict[type[BaseModel], str] = {}
+    collect("", Experiment, found)
+    return page + "".join(section(path, model) for model, path in found.items())
+
+
+def table(header, rows) -> str:
+    """A Markdown table."""
+    cells = [header, ["---"] * len(header), *rows]
+    return "".join("| " + " | ".join(str(c).replace("|", "\\|") for c in row) + " |\n" for row in cells)
+
+
+def collect(path: str, model: type[BaseModel], found: dict[type[BaseModel], str]) -> None:
+    """Settings classes reachable from one, each once, with the first key under which it stands."""
+    if model in found:
+        return
+    found[model] = path
+    for name, field in model.model_fields.items():
+        for inner in classes(field.annotation):
+            collect(f"{path}.{field.alias or name}".lstrip("."), inner, found)
+
+
+def classes(annotation) -> list[type[BaseModel]]:
+    """Settings classes named in an annotation, other than entries of the vehicle tables."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [] if annotation.__name__ in ("ParameterTable", "CoefficientTable") else [annotation]
+    return [c for argument in typing.get_args(annotation) for c in classes(argument)]
+
+
+def section(path: str, model: type[BaseModel]) -> str:
+    """One settings class."""
+    heading = f"\n### `{path}`" if path else "\n### An experiment"
+    kind = typing.get_args(model.model_fields["type"].annotation)[0] if "type" in model.model_fields else ""
+    heading += f" with `type: {kind}`" if kind else ""
+    rows = [
+        (f"`{field.alias or name}`", unit(model, name, field), default(field), field.description or "")
+        for name, field in model.model_fields.items()
+        if name != "type"
+    ]
+    summary = (model.__doc__ or "").split("\n\n")[0].strip()
+    return f"{heading}\n\n{summary}\n\n" + table(("key", "unit or choices", "default", "meaning"), rows)
+
+
+def unit(model: type[BaseModel], name: str, field) -> str:
+    """What a key takes."""
+    for item in field.metadata:
+        if isinstance(item, Unit):
+            return item.unit
+    if issubclass(model, SensorSettings) and typing.get_origin(field.annotation) is tuple:
+        return f"{model.unit}/s^0.5" if name == "drift" else model.unit
+    if typing.get_origin(field.annotation) is typing.Literal:
+        return ", ".join(f"`{choice}`" for choice in typing.get_args(field.annotation))
+    if isinstance(field.annotation, type) and field.annotation in (int, float, str, bool):
+        return {int: "integer", float: "number", str: "text", bool: "true or false"}[field.annotation]
+    return "see below" if classes(field.annotation) else "list" if "tuple" in str(field.annotation) else ""
+
+
+def default(field) -> str:
+    """What holds if a key is left out."""
+    if field.is_required():
+        return "required"
+    value = field.default
+    if value is PydanticUndefined or value is None or value == () or isinstance(value, BaseModel | types.NoneType):
+        return ""
+    if isinstance(value, tuple):
+        return ", ".join(str(v) for v in value)
+    return str(value)
+
+
+if __name__ == "__main__":
+    TARGET.write_text(reference(), encoding="utf-8")

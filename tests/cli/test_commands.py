@@ -1,0 +1,166 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import pytest
+
+SHORT = ["--set", "manoeuvre.duration=12 s", "--set", "manoeuvre.excitation.fade_in=3 s"]
+
+
+def auvid(*arguments, cwd, **options):
+    command = [sys.executable, "-m", "auvid_cli", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300, **options)
+
+
+def leftovers(folder):
+    """Temporary files that a failed command should have removed."""
+    return [path for path in Path(folder).rglob(".*") if path.is_file()]
+
+
+def assert_one_clear_complaint(result, *words):
+    assert result.returncode == 2, result.stderr
+    assert result.stderr.startswith("auvid: ")
+    assert "Traceback" not in result.stderr
+    for word in words:
+        assert word in result.stderr
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    result = auvid("run", *SHORT, "--filter", "ckf", "--filter", "tukf", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    return folder, result
+
+
+def test_run_writes_dataset_estimates_tables_and_figures(results):
+    folder, _ = results
+    made = {str(path.relative_to(folder / "results/spiral")) for path in folder.rglob("*") if path.is_file()}
+    assert {"dataset.h5", "estimates/ckf.h5", "estimates/tukf.h5"} <= made
+    assert {"tables/coefficients.csv", "tables/summary.csv", "tables/velocity_error.csv"} <= made
+    assert {"tables/tables.md", "tables/tables.tex", "figures/path.png", "figures/path.svg"} <= made
+    assert not leftovers(folder)
+
+
+def test_run_prints_a_summary_of_every_filter_and_no_progress_bar_into_a_pipe(results):
+    _, result = results
+    assert "CKF" in result.stdout
+    assert "TUKF" in result.stdout
+    assert "\x1b" not in result.stdout + result.stderr
+    assert result.stderr == ""
+
+
+def test_steps_one_by_one_give_the_estimates_of_run(results, tmp_path):
+    folder, _ = results
+    assert auvid("simulate", *SHORT, cwd=tmp_path).returncode == 0
+    assert auvid("identify", *SHORT, "--filter", "tukf", cwd=tmp_path).returncode == 0
+    assert auvid("report", cwd=tmp_path).returncode == 0
+    with (
+        h5py.File(folder / "results/spiral/estimates/tukf.h5") as one,
+        h5py.File(tmp_path / "results/spiral/estimates/tukf.h5") as other,
+    ):
+        assert (one["mean"][...] == other["mean"][...]).all()
+
+
+def test_a_dataset_from_elsewhere_is_identified_with_its_own_settings(results, tmp_path):
+    folder, _ = results
+    (tmp_path / "mission.h5").write_bytes((folder / "results/spiral/dataset.h5").read_bytes())
+    assert auvid("identify", "mission.h5", "-f", "ukf", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "results/mission/dataset.h5").is_file()
+    assert auvid("report", "results/mission", cwd=tmp_path).returncode == 0
+
+
+def test_quiet_prints_nothing(tmp_path):
+    result = auvid("simulate", *SHORT, "--quiet", cwd=tmp_path)
+    assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
+
+
+def test_dry_run_prints_settings_that_can_be_run_and_writes_nothing(tmp_path):
+    result = auvid("run", *SHORT, "--seed", "7", "--dry-run", cwd=tmp_path)
+    assert result.returncode == 0
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "resolved.yaml").write_text(result.stdout)
+    again = auvid("run", "resolved.yaml", "--dry-run", cwd=tmp_path)
+    assert again.stdout == result.stdout
+    assert "seed: 7" in again.stdout
+
+
+def test_a_diverged_filter_ends_with_exit_code_1_and_the_others_go_on(tmp_path):
+    result = auvid(
+        *("run", *SHORT, "--set", "identification.prior.factor=300", "-f", "ckf", "-f", "ekf"), cwd=tmp_path
+    )
+    assert result.returncode == 1
+    assert "diverged at t = " in result.stdout
+    with h5py.File(tmp_path / "results/spiral/estimates/ckf.h5") as file:
+        assert file.attrs["status"].startswith("diverged")
+        assert 0 < file["mean"].shape[0]
+    assert (tmp_path / "results/spiral/estimates/ekf.h5").is_file()
+
+
+def test_a_config_of_the_wrong_shape_is_one_clear_complaint(tmp_path):
+    (tmp_path / "wrong.yaml").write_text("- a\n- list\n")
+    assert_one_clear_complaint(auvid("run", "wrong.yaml", cwd=tmp_path), "wrong.yaml:1:1")
+
+
+def test_a_truncated_dataset_is_one_clear_complaint(results, tmp_path):
+    folder, _ = results
+    whole = (folder / "results/spiral/dataset.h5").read_bytes()
+    (tmp_path / "cut.h5").write_bytes(whole[: len(whole) // 2])
+    assert_one_clear_complaint(auvid("identify", "cut.h5", cwd=tmp_path), "cut.h5")
+    assert not (tmp_path / "results").exists()
+
+
+def test_a_dataset_simulated_with_other_settings_is_refused(results):
+    folder, _ = results
+    result = auvid("identify", *SHORT, "--set", "sensors.dvl.rate=5 Hz", cwd=folder)
+    assert_one_clear_complaint(result, "sensors", "auvid simulate")
+
+
+def test_report_refuses_an_estimate_of_another_dataset(results, tmp_path):
+    folder, _ = results
+    assert auvid("simulate", *SHORT, "--seed", "2", cwd=tmp_path).returncode == 0
+    stray = tmp_path / "results/spiral/estimates/ckf.h5"
+    stray.parent.mkdir()
+    stray.write_bytes((folder / "results/spiral/estimates/ckf.h5").read_bytes())
+    assert_one_clear_complaint(auvid("report", cwd=tmp_path), "ckf.h5", "another dataset")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_read_only_folder_is_one_clear_complaint(tmp_path):
+    tmp_path.chmod(0o555)
+    assert_one_clear_complaint(auvid("simulate", *SHORT, cwd=tmp_path), "cannot be written")
+
+
+def test_a_results_path_that_is_a_file_is_one_clear_complaint(tmp_path):
+    (tmp_path / "results").write_text("in the way")
+    assert_one_clear_complaint(auvid("simulate", *SHORT, cwd=tmp_path), "cannot be written")
+
+
+def test_interrupting_leaves_no_half_written_file(tmp_path):
+    command = [sys.executable, "-m", "auvid_cli", "run", "--filter", "ekf"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    dataset = tmp_path / "results/spiral/dataset.h5"
+    deadline = time.monotonic() + 240
+    while not dataset.is_file() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130, stderr
+    assert "Traceback" not in stderr
+    assert not leftovers(tmp_path)
+    with h5py.File(dataset) as file:
+        assert file["sensors/gyroscope/p"].shape == (30001,)
+
+
+def test_help_imports_nothing_heavy():
+    script = (
+        "import sys; import auvid_cli.__main__;"
+        "print([m for m in ('numba', 'scipy', 'h5py', 'matplotlib', 'pint', 'pydantic') if m in sys.modules])"
+    )
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
