@@ -65,8 +65,7 @@ def report_to(folder: Path, dataset: Dataset, estimates: list[Estimate], termina
         evaluation = evaluate(dataset, estimates)
     with terminal.stage("draw figures and write tables"):
         paths = write_report(dataset, estimates, evaluation, folder)
-    print_summary(dataset, evaluation, folder, terminal.out)
-    terminal.say(f"{len(paths)} tables and figures in {folder / 'tables'} and {folder / 'figures'}")
+    print_summary(terminal.out, evaluation, paths)
     sound = all(row.status == "completed" for row in evaluation.summary)
     return DONE if sound else VERDICT_FAILED
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-SHORT = ["--set", "manoeuvre.duration=12 s", "--set", "manoeuvre.excitation.fade_in=3 s"]
+SHORT = ["--set", "manoeuvre.duration=12 s"]
 
 
 def auvid(*arguments, cwd, **options):
