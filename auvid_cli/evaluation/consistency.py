@@ -5,7 +5,6 @@ from typing import NamedTuple
 import numpy as np
 
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.accuracy import STEADY_SHARE
 
 
 class SensorConsistency(NamedTuple):
@@ -37,30 +36,25 @@ def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
     return results
 
 
-# More than this over the last tenth of a run is not chance, nor an AHRS's coloured noise: the model,
-# the stated noise or the filter is wrong. Issue a verdict, do not hide it behind a finished run.
-LARGEST_NIS = 3.0
+# More than this over a whole run is neither chance (a thousand readings scatter by 0.05) nor the coloured
+# noise of an AHRS. A filter thrown off course early leaves that trace even where it looks settled at the end.
+LARGEST_NIS = 1.5
 
 
 def verdict(estimate: Estimate) -> str:
     """Status of an estimate: as the filter ended, or "inconsistent" where its innovations belie it.
 
     A filter can reach the end of the data with a covariance that says all is well and coefficients
-    that are far off; its innovations then are much larger than their stated variance.
+    that are far off; its innovations then are larger than their stated variance.
     """
     if not estimate.completed:
         return estimate.status
-    begin = estimate.time[-1] - STEADY_SHARE * (estimate.time[-1] - estimate.time[0])
-    for name, innovations in estimate.innovations.items():
-        last = innovations.time >= begin
-        components = int(np.isfinite(innovations.innovation[last]).sum())
-        if components:
-            nis = float(np.nansum(innovations.nis[last])) / components
-            if nis > LARGEST_NIS:
-                return (
-                    f"inconsistent: innovations of {name} over the last {STEADY_SHARE:.0%} of the run are "
-                    f"{np.sqrt(nis):.3g} times as large as the filter says (NIS {nis:.3g}, expected 1)"
-                )
+    for result in sensor_consistency(estimate):
+        if result.mean_nis > LARGEST_NIS:
+            return (
+                f"inconsistent: innovations of {result.sensor} are {np.sqrt(result.mean_nis):.3g} times as large as "
+                f"the filter says (NIS {result.mean_nis:.3g}, expected 1)"
+            )
     return estimate.status
 
 
