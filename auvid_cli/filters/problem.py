@@ -18,9 +18,7 @@ _vector = types.float64[::1]
 # advance(moving, parameters, inputs, constants, selection, n_lanes, duration), in place on blocks.
 # A compiled process has exactly this signature, explicit so that numba finds the filters in its
 # cache again in another interpreter session.
-PROCESS_SIGNATURE = types.void(
-    _vector, _vector, _vector, _vector, types.int64[::1], types.uint64, types.float64
-)
+PROCESS_SIGNATURE = types.void(_vector, _vector, _vector, _vector, types.int64[::1], types.uint64, types.float64)
 
 
 class Process(NamedTuple):

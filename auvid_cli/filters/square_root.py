@@ -42,9 +42,7 @@ _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
 _POINT_SET = types.NamedTuple((_matrix, types.float64, types.boolean, types.float64), PointSet)
 _SENSORS = types.NamedTuple((types.float64[:, :, ::1], _matrix, types.boolean[:, ::1]), Sensors)
-_TIMELINE = types.NamedTuple(
-    (_vector, _indices, _vector, _indices, _matrix, _indices, _indices, _matrix), Timeline
-)
+_TIMELINE = types.NamedTuple((_vector, _indices, _vector, _indices, _matrix, _indices, _indices, _matrix), Timeline)
 _RECORDS = types.NamedTuple((_matrix, _matrix, _matrix, _matrix, _vector), Records)
 
 # Events between two reports of progress: about 20 ms of work.
@@ -157,7 +155,10 @@ def draw_points(mean, columns, directions, first, count, n_moving, block):
             plus[k] = mean[i] + plus[k]
 
 
-@njit(types.void(_matrix, _POINT_SET, types.int64, _vector, types.float64, _vector, _matrix, _matrix), **JIT_LINEAR_ALGEBRA)
+@njit(
+    types.void(_matrix, _POINT_SET, types.int64, _vector, types.float64, _vector, _matrix, _matrix),
+    **JIT_LINEAR_ALGEBRA,
+)
 def collect_points(blocks, point_set, n_moving, noise_density, elapsed, mean, columns, spread):
     """Mean, cross block and covariance rows of the moving states from their propagated points.
 

@@ -96,6 +96,8 @@ def _correct(row, residual, error, covariance_and_variance):
     for i in range(6):
         total += row[i] * gain[i]
         predicted += row[i] * error[i]
+    if total <= 0.0:
+        return  # A perfect sensor has nothing to say about what is known exactly.
     for i in range(6):
         error[i] += gain[i] * (residual - predicted) / total
     for i in range(6):
