@@ -1,0 +1,1 @@
+"""Evaluation -> CSV tables, printed tables, figures and the summary on the screen."""

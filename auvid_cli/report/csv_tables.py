@@ -1,0 +1,54 @@
+"""The tables as CSV: one file for each kind of row, with the row's own fields as columns."""
+
+import csv
+from collections.abc import Iterable
+from io import StringIO
+from pathlib import Path
+from typing import NamedTuple
+
+from auvid_cli.data.files import write_text
+from auvid_cli.evaluation.accuracy import CoefficientResult
+from auvid_cli.evaluation.consistency import SensorConsistency
+from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
+from auvid_cli.evaluation.free_run import VelocityError
+
+
+def write_csv_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
+    """Write the four CSV tables.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+    folder : pathlib.Path
+        Made if it is missing.
+
+    Returns
+    -------
+    list of pathlib.Path
+
+    Raises
+    ------
+    FileError
+        If a file cannot be written.
+    """
+    tables: dict[str, tuple[type[NamedTuple], Iterable[NamedTuple]]] = {
+        "coefficients": (CoefficientResult, evaluation.coefficients),
+        "summary": (FilterSummary, evaluation.summary),
+        "velocity_error": (VelocityError, evaluation.velocity_errors),
+        "consistency": (SensorConsistency, evaluation.consistency),
+    }
+    paths = []
+    for name, (row_type, rows) in tables.items():
+        path = folder / f"{name}.csv"
+        write_text(path, csv_text(row_type, rows))
+        paths.append(path)
+    return paths
+
+
+def csv_text(row_type: type[NamedTuple], rows: Iterable[NamedTuple]) -> str:
+    """Rows as CSV with a header; None is an empty cell, a float keeps all its digits."""
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(row_type._fields)
+    writer.writerows(rows)
+    return text.getvalue()

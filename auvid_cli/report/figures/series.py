@@ -1,0 +1,56 @@
+"""Long series made short enough to draw."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def finite(values: Array) -> Array:
+    """The same with NaN for what is infinite, which breaks a line instead of shooting off."""
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def thin(time: Array, values: Array, points: int = 2000) -> tuple[Array, Array]:
+    """Keep the least and the greatest value of each stretch, so that noise keeps its width.
+
+    Parameters
+    ----------
+    time, values : ndarray, shape (n,)
+        Values that are not finite are gaps; a gap that fills a stretch remains one.
+    points : int
+        About how many to keep.
+
+    Returns
+    -------
+    time, values : ndarray
+        A subset in order, or all of them if they are few.
+    """
+    values = finite(values)
+    n = values.size
+    if n <= points:
+        return time, values
+    length = -(-n // (points // 2))
+    stretches = -(-n // length)
+    padded = np.full(stretches * length, np.nan)
+    padded[:n] = values
+    block = padded.reshape(stretches, length)
+    gap = np.isnan(block)
+    begin = np.arange(stretches) * length
+    least = begin + np.where(gap, np.inf, block).argmin(axis=1)
+    greatest = begin + np.where(gap, -np.inf, block).argmax(axis=1)
+    kept = np.unique(np.concatenate([[0], least, greatest, [n - 1]]))
+    return time[kept], values[kept]
+
+
+def spaced(n: int, points: int) -> NDArray[np.int64]:
+    """Indices of at most `points` samples evenly spaced, with the first and the last; for smooth series."""
+    return np.unique(np.linspace(0, max(n - 1, 0), min(n, points)).astype(np.int64))
+
+
+def unwrapped(angle: Array) -> Array:
+    """Angle without jumps of a turn, rad; gaps stay gaps."""
+    result = finite(angle)
+    known = ~np.isnan(result)
+    result[known] = np.unwrap(result[known])
+    return result

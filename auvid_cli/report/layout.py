@@ -1,0 +1,160 @@
+"""An evaluation laid out as the paper's Tables IV and V, and what else one wants to read."""
+
+from auvid_cli.evaluation.accuracy import CoefficientResult
+from auvid_cli.evaluation.evaluate import Evaluation
+from auvid_cli.report.notation import filter_label
+from auvid_cli.report.paper import NOTE, published, published_filters
+from auvid_cli.report.table import Cell, Column, PlusMinus, Symbol, Table, Unit
+
+_RMSE = "RMSE"
+_ERROR = "Steady-state error (%)"
+_VELOCITY = "Mean absolute error"
+
+
+def lay_out(evaluation: Evaluation, with_paper: bool) -> list[Table]:
+    """All printed tables.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+    with_paper : bool
+        Whether the published columns stand beside ours.
+    """
+    has_truth = any(row.true is not None for row in evaluation.coefficients)
+    accuracy = [_accuracy(evaluation, with_paper)] if has_truth else []
+    return [
+        *accuracy,
+        _estimates(evaluation),
+        _velocities(evaluation, with_paper),
+        _consistency(evaluation),
+        _runs(evaluation),
+    ]
+
+
+def _filters(evaluation: Evaluation) -> list[str]:
+    return [row.filter for row in evaluation.summary]
+
+
+def _columns(group: str, filters: list[str]) -> list[Column]:
+    return [Column(filter_label(name), group) for name in filters]
+
+
+def _by_coefficient(evaluation: Evaluation) -> dict[str, dict[str, CoefficientResult]]:
+    """Results by coefficient and filter, in the order in which they come."""
+    results: dict[str, dict[str, CoefficientResult]] = {}
+    for row in evaluation.coefficients:
+        results.setdefault(row.coefficient, {})[row.filter] = row
+    return results
+
+
+def _accuracy(evaluation: Evaluation, with_paper: bool) -> Table:
+    filters = _filters(evaluation)
+    in_paper = published_filters("table_iv", "rmse", filters) if with_paper else []
+    keys = [f"{quantity}_{name}" for quantity in ("rmse", "sse_percent") for name in in_paper]
+    paper = published("table_iv")
+
+    def theirs(row: str) -> list[Cell]:
+        return [paper[row].get(key, "") for key in keys]
+
+    rows: list[list[Cell]] = []
+    for symbol, by_filter in _by_coefficient(evaluation).items():
+        found = [by_filter.get(name) for name in filters]
+        any_row = next(iter(by_filter.values()))
+        rmse = [row and row.rmse for row in found]
+        error = [row and row.steady_state_error_percent for row in found]
+        rows.append([Symbol(symbol), Unit(any_row.unit), any_row.true, *rmse, *error, *theirs(symbol)])
+    nothing = [""] * len(filters)
+    average = [row.average_steady_state_error_percent for row in evaluation.summary]
+    cpu_time = [row.cpu_time_s for row in evaluation.summary]
+    return Table(
+        "accuracy",
+        "Accuracy of the coefficients (as Table IV)",
+        (
+            *(Column("Coefficient", numeric=False), Column("Unit", numeric=False), Column("True")),
+            *_columns(_RMSE, filters),
+            *_columns(_ERROR, filters),
+            *_columns(f"{_RMSE}, *paper*", in_paper),
+            *_columns(f"{_ERROR}, *paper*", in_paper),
+        ),
+        rows,
+        [
+            ["Average", "", "", *nothing, *average, *theirs("average")],
+            ["CPU time", "s", "", *cpu_time, *nothing, *theirs("cpu_time_s")],
+        ],
+        (NOTE,) if in_paper else (),
+    )
+
+
+def _estimates(evaluation: Evaluation) -> Table:
+    filters = _filters(evaluation)
+    rows: list[list[Cell]] = []
+    for symbol, by_filter in _by_coefficient(evaluation).items():
+        found = [by_filter.get(name) for name in filters]
+        values = [row and PlusMinus(row.estimate, row.standard_deviation) for row in found]
+        rows.append([Symbol(symbol), Unit(next(iter(by_filter.values())).unit), *values])
+    return Table(
+        "estimates",
+        "Estimates and their standard deviations at the end",
+        (
+            Column("Coefficient", numeric=False),
+            Column("Unit", numeric=False),
+            *_columns("Estimate ± standard deviation", filters),
+        ),
+        rows,
+    )
+
+
+def _velocities(evaluation: Evaluation, with_paper: bool) -> Table:
+    filters = _filters(evaluation)
+    in_paper = published_filters("table_v", "mae", filters) if with_paper else []
+    paper = published("table_v")
+    errors = {(row.component, row.filter): row.mean_absolute_error for row in evaluation.velocity_errors}
+    units = {row.component: row.unit for row in evaluation.velocity_errors}
+    rows: list[list[Cell]] = [
+        [
+            Symbol(component),
+            Unit(unit),
+            *(errors.get((component, name)) for name in filters),
+            *(paper[component][f"mae_{name}"] for name in in_paper),
+        ]
+        for component, unit in units.items()
+    ]
+    return Table(
+        "velocities",
+        "Velocities of the free-running model against the measured ones (as Table V)",
+        (
+            *(Column("Component", numeric=False), Column("Unit", numeric=False)),
+            *_columns(_VELOCITY, filters),
+            *_columns(f"{_VELOCITY}, *paper*", in_paper),
+        ),
+        rows,
+        notes=(NOTE,) if in_paper else (),
+    )
+
+
+def _consistency(evaluation: Evaluation) -> Table:
+    filters = _filters(evaluation)
+    nis = {(row.sensor, row.filter): row.mean_nis for row in evaluation.consistency}
+    sensors = dict.fromkeys(row.sensor for row in evaluation.consistency)
+    rows: list[list[Cell]] = [[sensor, *(nis.get((sensor, name)) for name in filters)] for sensor in sensors]
+    return Table(
+        "consistency",
+        "Consistency: mean normalised innovation squared per component (1 is expected)",
+        (Column("Sensor", numeric=False), *_columns("Mean NIS", filters)),
+        rows,
+        [["all", *(row.mean_nis for row in evaluation.summary)]],
+    )
+
+
+def _runs(evaluation: Evaluation) -> Table:
+    rows: list[list[Cell]] = [
+        [filter_label(row.filter), row.cpu_time_s, row.steps, row.microseconds_per_step] for row in evaluation.summary
+    ]
+    notes = (f"{filter_label(row.filter)} {row.status}." for row in evaluation.summary if row.status != "completed")
+    return Table(
+        "runs",
+        "Cost",
+        (Column("Filter", numeric=False), Column("CPU time (s)"), Column("Steps"), Column("CPU time per step (µs)")),
+        rows,
+        notes=tuple(notes),
+    )

@@ -1,0 +1,42 @@
+"""How symbols and units look in print."""
+
+import re
+
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_FINS = {"rudder": r"\delta_r", "elevator": r"\delta_e"}
+_GREEK = ("phi", "theta", "psi")
+_COEFFICIENTS = {c.symbol: c for c in COEFFICIENTS}
+
+
+def symbol_math(symbol: str) -> str:
+    r"""A symbol as mathematics for LaTeX and mathtext, for example ``$X_{u|u|}$`` or ``$\psi$``."""
+    if symbol == "heading":
+        return r"$\psi$"
+    if symbol in _GREEK:
+        return rf"$\{symbol}$"
+    if symbol in _COEFFICIENTS:
+        letter, subscript = symbol.split("_")
+        coefficient = _COEFFICIENTS[symbol]
+        if coefficient.group == "control":
+            subscript = "".join(_FINS.get(signal, signal) for signal in coefficient.signals)
+        return f"${letter}_{{{subscript}}}$"
+    letter, subscript = symbol[0], symbol[1:]
+    return f"${letter}_{{{subscript}}}$" if subscript else f"${letter}$"
+
+
+def unit_text(unit: str) -> str:
+    """A unit in Unicode, for example ``kg·m²/rad²``."""
+    raised = re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPTS), unit)
+    return raised.replace("*", "·")
+
+
+def unit_latex(unit: str) -> str:
+    r"""A unit in LaTeX, for example ``kg\,m$^{2}$/rad$^{2}$``."""
+    return re.sub(r"\^(-?\d+)", r"$^{\1}$", unit).replace("*", r"\,")
+
+
+def filter_label(name: str) -> str:
+    """A filter's name as it is read: EKF, CKF, TUKF, UKF."""
+    return name.upper()

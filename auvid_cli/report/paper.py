@@ -1,0 +1,40 @@
+"""Published results of Sabet et al. 2018, to stand beside ours."""
+
+import csv
+from functools import cache
+from importlib.resources import files
+
+NOTE = (
+    "Columns marked *paper* are those of Sabet et al. (2018). The vehicle, the tuning of the noise, the priors, "
+    "the length of the run and its step were not published, so those columns can be read next to ours but there "
+    "is no ground for expecting the two to agree."
+)
+
+
+@cache
+def published(table: str) -> dict[str, dict[str, str]]:
+    """A published table.
+
+    Parameters
+    ----------
+    table : str
+        "table_iv" (accuracy of the coefficients) or "table_v" (error of the velocities).
+
+    Returns
+    -------
+    dict of dict
+        Numbers by row (coefficient or velocity) and column (for example ``rmse_ekf``), with the digits that
+        were printed; empty cells are left out.
+    """
+    text = files("auvid_cli.report").joinpath("published", f"{table}.csv").read_text(encoding="utf-8")
+    return {
+        name: {column: cell for column, cell in row.items() if cell and column != "unit"}
+        for row in csv.DictReader(text.splitlines())
+        for name in [row.pop("coefficient", None) or row.pop("signal")]
+    }
+
+
+def published_filters(table: str, column: str, filters: list[str]) -> list[str]:
+    """Those of `filters` for which the paper has `column`, in the order given."""
+    columns = {name for row in published(table).values() for name in row}
+    return [name for name in filters if f"{column}_{name}" in columns]

@@ -1,0 +1,126 @@
+"""What a run found, for the terminal."""
+
+from collections import Counter
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from auvid_cli.evaluation.accuracy import CoefficientResult
+from auvid_cli.evaluation.evaluate import Evaluation
+from auvid_cli.report.notation import filter_label, unit_text
+from auvid_cli.report.table import DEVIATION_DIGITS, number
+
+_MISSING = "-"
+_ERROR_DIGITS = 2
+
+
+def print_summary(console: Console, evaluation: Evaluation, files: Sequence[Path] = ()) -> None:
+    """Print coefficients, averages, consistency, cost and status of every filter, and where files are.
+
+    Parameters
+    ----------
+    console : rich.console.Console
+        Where it is narrow, units and then standard deviations are left out, the latter only with a truth.
+    evaluation : Evaluation
+    files : sequence of pathlib.Path
+        Files written, counted by folder.
+    """
+    filters = [row.filter for row in evaluation.summary]
+    if evaluation.coefficients:
+        for table in _tables_that_fit(console, evaluation, filters):
+            console.print(table)
+    console.print(_runs(console, evaluation))
+    for row in evaluation.summary:
+        if row.status != "completed":
+            console.print(Text(f"{filter_label(row.filter)} {row.status}"))
+    for folder, count in Counter(path.parent for path in files).items():
+        line = f"{count} {'file' if count == 1 else 'files'} in {folder}"
+        console.print(Text(line), soft_wrap=True)
+
+
+def _tables_that_fit(console: Console, evaluation: Evaluation, filters: list[str]) -> list[Table]:
+    """One table with as much in it as there is room for, or else one for each filter."""
+    has_truth = any(row.true is not None for row in evaluation.coefficients)
+    unlimited = console.options.update(max_width=10_000)
+    table = Table()
+    for deviations, units in product((True, False) if has_truth else (True,), (True, False)):
+        table = _coefficients(console, evaluation, filters, deviations, units)
+        if console.measure(table, options=unlimited).maximum <= console.width:
+            return [table]
+    if len(filters) == 1:
+        return [table]
+    return [table for name in filters for table in _tables_that_fit(console, evaluation, [name])]
+
+
+def _coefficients(console: Console, evaluation: Evaluation, filters: list[str], deviations: bool, units: bool) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    plus_minus = _printable(console, "±", "+-")
+    has_truth = any(row.true is not None for row in evaluation.coefficients)
+    table.add_column("symbol", no_wrap=True)
+    if units:
+        table.add_column("unit", no_wrap=True)
+    if has_truth:
+        table.add_column("true", justify="right", no_wrap=True)
+    for name in filters:
+        table.add_column(f"{filter_label(name)}{f' {plus_minus} sd' if deviations else ''}", justify="right")
+        if has_truth:
+            table.add_column("error %", justify="right", no_wrap=True)
+
+    def cells(row: CoefficientResult | None) -> list[str]:
+        if row is None:
+            return [_MISSING, _MISSING] if has_truth else [_MISSING]
+        estimate = _printed(row.estimate)
+        if deviations:
+            estimate += f" {plus_minus} {_printed(row.standard_deviation, DEVIATION_DIGITS)}"
+        return [estimate, _printed(row.steady_state_error_percent, _ERROR_DIGITS)] if has_truth else [estimate]
+
+    rows = {(row.coefficient, row.filter): row for row in evaluation.coefficients}
+    for symbol in dict.fromkeys(row.coefficient for row in evaluation.coefficients):
+        found = [rows.get((symbol, name)) for name in filters]
+        known = next((row for row in found if row is not None), None)
+        if known is None:
+            continue
+        unit = _printable(console, unit_text(known.unit), known.unit)
+        line = [symbol, *([unit] if units else []), *([_printed(known.true)] if has_truth else [])]
+        table.add_row(*(Text(cell) for cell in [*line, *(cell for row in found for cell in cells(row))]))
+    return table
+
+
+def _runs(console: Console, evaluation: Evaluation) -> Table:
+    """One line for each filter."""
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    microseconds = _printable(console, "µs/step", "us/step")
+    table.add_column("filter", no_wrap=True)
+    has_average = any(row.average_steady_state_error_percent is not None for row in evaluation.summary)
+    average = ["average error %"] if has_average else []
+    for header in (*average, "mean NIS", "CPU time s", "steps", microseconds):
+        table.add_column(header, justify="right")
+    table.add_column("status", no_wrap=True)
+    for row in evaluation.summary:
+        numbers = [
+            *([_printed(row.average_steady_state_error_percent)] if has_average else []),
+            _printed(row.mean_nis),
+            _printed(row.cpu_time_s),
+            _printed(row.steps),
+            _printed(row.microseconds_per_step),
+        ]
+        table.add_row(*(Text(cell) for cell in [filter_label(row.filter), *numbers, row.status.split()[0].rstrip(":")]))
+    return table
+
+
+def _printed(value: float | None, digits: int = 4) -> str:
+    return _MISSING if value is None else number(value, digits) or _MISSING
+
+
+def _printable(console: Console, text: str, plain: str) -> str:
+    """The text, or plain letters where the terminal's encoding lacks its signs."""
+    try:
+        text.encode(console.encoding)
+    except UnicodeEncodeError:
+        return plain
+    return text

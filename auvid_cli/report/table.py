@@ -1,0 +1,85 @@
+"""A printed table before it is Markdown or LaTeX: columns, typed cells, notes."""
+
+from collections.abc import Sequence
+from math import floor, isfinite, log10
+from typing import NamedTuple, TypeAlias
+
+# Digits that the printed tables show of a value and of a standard deviation.
+DIGITS = 4
+DEVIATION_DIGITS = 2
+
+
+class Symbol(NamedTuple):
+    """A coefficient or a motion component, by its name in auvid."""
+
+    name: str
+
+
+class Unit(NamedTuple):
+    """A unit, as pint reads it."""
+
+    name: str
+
+
+class PlusMinus(NamedTuple):
+    """A value and its standard deviation, in the same unit."""
+
+    value: float
+    deviation: float
+
+
+# None, like a number that is not finite, is a value that should stand here and does not.
+Cell: TypeAlias = str | float | Symbol | Unit | PlusMinus | None
+
+
+class Column(NamedTuple):
+    """Heading of a column and, if it belongs to several of a kind, of its group."""
+
+    header: str
+    group: str = ""
+    numeric: bool = True
+
+
+class Table(NamedTuple):
+    """A table with its heading.
+
+    Attributes
+    ----------
+    key : str
+        Short name, for a LaTeX label.
+    title : str
+    columns : tuple of Column
+    rows, totals : list of lists of Cell
+        Body, and the rows below the rule.
+    notes : tuple of str
+        Sentences below the table.
+    """
+
+    key: str
+    title: str
+    columns: tuple[Column, ...]
+    rows: list[list[Cell]]
+    totals: Sequence[list[Cell]] = ()
+    notes: tuple[str, ...] = ()
+
+
+def number(value: float, digits: int = DIGITS) -> str | None:
+    """A number with so many significant digits, in decimal notation where that is readable.
+
+    Returns
+    -------
+    str or None
+        For example ``12.40``, ``12350``, ``1.235e-07``; None if the value is not finite.
+    """
+    if not isfinite(value):
+        return None
+    if isinstance(value, int):
+        return str(value)
+    if value == 0.0:
+        return "0"
+    # Through text, so that 9.9996 counts as 10.00 before its digits are shared out.
+    rounded = float(f"{value:.{digits - 1}e}")
+    magnitude = floor(log10(abs(rounded)))
+    if -5 < magnitude < 7:
+        return f"{rounded:.{max(digits - 1 - magnitude, 0)}f}"
+    return f"{rounded:.{digits - 1}e}"

@@ -1,0 +1,185 @@
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from auvid_cli.errors import FileError
+from auvid_cli.report.figures import canvas, draw_figures
+from auvid_cli.report.figures.coefficients import coefficient_figure
+from auvid_cli.report.figures.dead_reckoning import dead_reckoned
+from auvid_cli.report.figures.limits import around, padded, value_range, with_near_zero
+from auvid_cli.report.figures.motion import motion_figure
+from auvid_cli.report.figures.path import path_figure
+from auvid_cli.report.figures.series import spaced, thin, unwrapped
+from auvid_cli.report.write import write_report
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.parameters import MOTION
+
+from .conftest import TIME, diverged, evaluation_of, make_estimate
+
+ALL = {
+    *("path", "velocities", "attitude", "coefficients_damping", "coefficients_lift", "coefficients_control"),
+    *("innovations_ekf", "innovations_ckf", "innovations_tukf"),
+}
+
+
+def check(paths, folder, stems):
+    assert {path.name for path in paths} == {path.name for path in folder.iterdir()}
+    assert {path.stem for path in paths} == stems
+    for path in paths:
+        if path.suffix == ".png":
+            assert path.read_bytes().startswith(b"\x89PNG")
+        else:
+            assert ElementTree.parse(path).getroot().tag.endswith("svg")
+        assert 3_000 < path.stat().st_size < 1_000_000
+
+
+def test_the_whole_report(tmp_path, dataset, estimates, evaluation):
+    paths = write_report(dataset, estimates, evaluation, tmp_path)
+    assert len({path.parent for path in paths}) == 2
+    check([path for path in paths if path.parent.name == "figures"], tmp_path / "figures", ALL)
+
+
+def test_a_single_filter_with_a_few_coefficients_and_no_truth(tmp_path, dataset):
+    estimate = make_estimate("ukf", symbols=("X_u|u|", "Y_uvl", "N_uvl"))
+    dataset = dataset.without_truth()
+    paths = draw_figures(dataset, [estimate], evaluation_of(dataset, [estimate]), tmp_path)
+    check(
+        paths,
+        tmp_path,
+        {"path", "velocities", "attitude", "coefficients_damping", "coefficients_lift", "innovations_ukf"},
+    )
+
+
+@pytest.mark.parametrize("samples", [1, 40])
+def test_diverged_filters_are_drawn_as_far_as_they_went(tmp_path, dataset, samples):
+    broken = diverged(make_estimate("ekf"), samples)
+    broken.mean[-1] = np.nan
+    estimates = [broken, make_estimate("ckf")]
+    dataset = dataset.without_truth()
+    paths = draw_figures(dataset, estimates, evaluation_of(dataset, estimates, blown_up=("ekf",)), tmp_path)
+    assert len(paths) == 2 * 8
+
+
+def test_only_diverged_filters(tmp_path, dataset):
+    estimates = [diverged(make_estimate("ekf"), 1)]
+    paths = draw_figures(dataset, estimates, evaluation_of(dataset, estimates, blown_up=("ekf",)), tmp_path)
+    assert len(paths) == 2 * 7
+
+
+def test_missing_sensors_and_no_filter(tmp_path, dataset):
+    bare = replace(dataset, sensors={"gyroscope": dataset.sensors["gyroscope"]})
+    assert {path.stem for path in draw_figures(bare, [], evaluation_of(bare, []), tmp_path)} == {
+        *("path", "velocities", "attitude")
+    }
+
+
+@pytest.mark.parametrize("kind", ["png", "svg"])
+def test_a_figure_that_fails_leaves_no_half_file_and_the_earlier_one(tmp_path, monkeypatch, kind):
+    folder = tmp_path / "figures"
+    before = {path: path.read_bytes() for path in canvas.save(Figure(), folder, "path")}
+
+    def fail(self, filename, **options):
+        filename.write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    name = {"png": "FigureCanvasAgg", "svg": "FigureCanvasSVG"}[kind]
+    monkeypatch.setattr(getattr(canvas, name), f"print_{kind}", fail)
+    with pytest.raises(FileError, match="No space left"):
+        canvas.save(Figure(), folder, "path")
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_the_transient_does_not_squash_the_panel(estimates):
+    estimates[0].mean[:50, 0] = 1e6
+    axes = coefficient_figure(COEFFICIENTS[:1], estimates, {"X_u|u|": 10.0}).axes[0]
+    low, high = axes.get_ylim()
+    assert 8.0 < low < 9.6 < 10.7 < high < 12.0
+
+
+def test_attitude_is_in_degrees_and_unwrapped(dataset, evaluation):
+    figure = motion_figure(MOTION[6:], dataset.sensors, evaluation.free_runs)
+    heading = figure.axes[4]
+    assert "deg" in heading.get_ylabel()
+    measured = heading.lines[0].get_ydata()
+    assert np.nanmax(measured) == pytest.approx(np.rad2deg(0.1 * TIME[-1]), abs=5.0)
+
+
+def test_a_free_run_that_blows_up_leaves_the_measurement_readable(dataset, estimates):
+    evaluation = evaluation_of(dataset, estimates, blown_up=("ekf", "ckf", "tukf"))
+    axes = motion_figure(MOTION[:1], dataset.sensors, evaluation.free_runs).axes[0]
+    low, high = axes.get_ylim()
+    assert high - low < 10.0
+
+
+def test_without_a_measurement_the_sound_free_run_sets_the_scale(dataset, estimates):
+    evaluation = evaluation_of(dataset, estimates, blown_up=("ekf",))
+    axes = motion_figure(MOTION[:1], {}, evaluation.free_runs).axes[0]
+    low, high = axes.get_ylim()
+    assert high - low < 10.0
+
+
+def test_depth_increases_downwards_and_the_map_is_to_scale(dataset):
+    space, plan, profile = path_figure(dataset.truth, []).axes
+    assert np.diff(space.get_zlim()) < 0.0
+    assert np.diff(profile.get_ylim()) < 0.0
+    assert plan.get_aspect() == 1.0
+    assert np.diff(space.get_xlim()) == pytest.approx(np.diff(space.get_ylim()))
+
+
+def test_dead_reckoning_turns_velocity_into_the_earth_frame():
+    motion = np.zeros((11, 9))
+    motion[:, 0], motion[:, 8] = 2.0, np.pi / 2.0
+    time = np.linspace(0.0, 1.0, 11)
+    np.testing.assert_allclose(dead_reckoned(time, motion)[-1], [0.0, 2.0, 0.0], atol=1e-12)
+    motion[:, 7], motion[:, 8] = -np.pi / 6.0, 0.0
+    np.testing.assert_allclose(dead_reckoned(time, motion)[-1], [np.sqrt(3.0), 0.0, 1.0], atol=1e-12)
+    motion[:, 7], motion[:, 0], motion[:, 1], motion[:, 6] = 0.0, 0.0, 1.0, np.pi / 2.0
+    np.testing.assert_allclose(dead_reckoned(time, motion)[-1], [0.0, 0.0, 1.0], atol=1e-12)
+
+
+def test_dead_reckoning_ends_where_motion_does():
+    motion = np.zeros((5, 9))
+    motion[3, 6] = np.nan
+    assert dead_reckoned(np.arange(5.0), motion).shape == (3, 3)
+    motion[0, 6] = np.nan
+    assert dead_reckoned(np.arange(5.0), motion).shape == (0, 3)
+
+
+def test_thinning_keeps_extremes_ends_and_gaps():
+    time = np.arange(100_000.0)
+    values = np.sin(time)
+    values[777], values[50_000:60_000] = 50.0, np.nan
+    values[123] = np.inf
+    some_time, some = thin(time, values, 1000)
+    assert some.size <= 1002
+    assert np.nanmax(some) == 50.0
+    assert (some_time[0], some_time[-1]) == (0.0, 99_999.0)
+    assert np.isnan(some[(some_time > 50_500) & (some_time < 59_500)]).all()
+    assert not np.isinf(some).any()
+    assert thin(time[:10], time[:10], 20)[0].size == 10
+    assert spaced(1, 5).tolist() == [0]
+    assert spaced(0, 5).size == 0
+    assert spaced(100, 3).tolist() == [0, 49, 99]
+
+
+def test_unwrapping_passes_over_gaps():
+    angle = (np.linspace(0.0, 12.0, 50) + np.pi) % (2 * np.pi) - np.pi
+    angle[20:22] = np.nan
+    result = unwrapped(angle)
+    assert np.isnan(result[20:22]).all()
+    assert result[-1] == pytest.approx(12.0)
+
+
+def test_limits():
+    assert value_range(np.array([np.nan, np.inf])) is None
+    assert value_range(np.array([1.0, np.nan]), np.array([-2.0])) == (-2.0, 1.0)
+    assert padded(3.0, 3.0) == pytest.approx((2.85, 3.15))
+    assert padded(0.0, 0.0) == (-1.0, 1.0)
+    assert with_near_zero(1.0, 11.0) == (0.0, 11.0)
+    assert with_near_zero(5.0, 6.0) == (5.0, 6.0)
+    assert with_near_zero(-11.0, -1.0) == (-11.0, 0.0)
+    assert around(None, None) == (-1.0, 1.0)
+    assert around((0.0, 1.0), (-100.0, 1.5)) == padded(-1.0, 1.5)

@@ -1,0 +1,64 @@
+from io import StringIO
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from auvid_cli.report.screen import print_summary
+
+
+def printed(evaluation, width, files=()):
+    text = StringIO()
+    print_summary(Console(file=text, width=width), evaluation, files)
+    return text.getvalue()
+
+
+@pytest.mark.parametrize("width", [60, 80, 100, 140])
+def test_nothing_is_cut_off(evaluation, width):
+    text = printed(evaluation, width)
+    assert max(len(line) for line in text.splitlines()) <= width
+    assert "…" not in text.partition("filter")[0]
+    for row in evaluation.coefficients:
+        assert row.coefficient in text
+
+
+def test_at_100_columns_all_filters_stand_side_by_side_with_deviations(evaluation):
+    text = printed(evaluation, 100)
+    assert "EKF ± sd" in text
+    line = next(line for line in text.splitlines() if line.startswith(" X_u|u|"))
+    assert " ".join(line.split()[-12:]) == "10.20 ± 0.25 2.0 10.10 ± 0.25 1.0 10.05 ± 0.25 0.50"
+
+
+def test_at_80_columns_the_deviations_give_way(evaluation):
+    assert "sd" not in printed(evaluation, 80)
+
+
+def test_without_truth_estimates_and_deviations_only(evaluation):
+    rows = [row._replace(true=None, rmse=None, steady_state_error_percent=None) for row in evaluation.coefficients]
+    summary = [row._replace(average_steady_state_error_percent=None) for row in evaluation.summary]
+    text = printed(evaluation._replace(coefficients=rows, summary=summary), 80)
+    assert "true" not in text
+    assert "error" not in text
+    assert "10.20 ± 0.25" in text
+
+
+def test_the_reason_of_a_divergence_and_the_folders_are_printed(evaluation):
+    status = "diverged at t = 0.200 s: [odd] reason"
+    changed = evaluation._replace(summary=[row._replace(status=status) for row in evaluation.summary])
+    text = printed(changed, 100, [Path("results/a[b]/x.csv"), Path("results/a[b]/y.csv")])
+    assert f"TUKF {status}" in text
+    assert f"2 files in {Path('results/a[b]')}" in text
+
+
+def test_an_inconsistent_filter_is_named_so(evaluation):
+    status = "inconsistent: innovations of dvl are 9 times as large as the filter says"
+    changed = evaluation._replace(summary=[row._replace(status=status) for row in evaluation.summary])
+    text = printed(changed, 100)
+    assert text.count("inconsistent:") == 3
+    assert text.count("inconsistent") == 6
+
+
+def test_an_ascii_terminal_gets_ascii(tmp_path, evaluation):
+    with (tmp_path / "out").open("w", encoding="ascii") as file:
+        print_summary(Console(file=file, width=100), evaluation)
+    assert "+- sd" in (tmp_path / "out").read_text(encoding="ascii")

@@ -1,0 +1,148 @@
+import re
+
+import pytest
+
+from auvid_cli.report.latex import escape, render_latex
+from auvid_cli.report.layout import lay_out
+from auvid_cli.report.markdown import render_markdown
+from auvid_cli.report.notation import symbol_math, unit_latex, unit_text
+from auvid_cli.report.paper import published, published_filters
+from auvid_cli.report.table import number
+from auvid_cli.report.write import write_tables
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+
+
+def markdown_rows(text, begin):
+    """Cells of the lines that begin with a cell."""
+    lines = [line for line in text.splitlines() if line.startswith(f"| {begin} |")]
+    return [[cell.strip().replace(r"\|", "|") for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in lines]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (12.3996, "12.40"),
+        (9.99996, "10.00"),
+        (-0.012354, "-0.01235"),
+        (554.21, "554.2"),
+        (12345.6, "12350"),
+        (1.23456e-7, "1.235e-07"),
+        (31800, "31800"),
+        (float("nan"), None),
+        (float("inf"), None),
+    ],
+)
+def test_numbers_have_four_significant_digits(value, text):
+    assert number(value) == text
+
+
+def test_symbols_and_units_in_print():
+    assert symbol_math("X_u|u|") == "$X_{u|u|}$"
+    assert symbol_math("Y_url") == "$Y_{url}$"
+    assert symbol_math("M_uude") == r"$M_{uu\delta_e}$"
+    assert symbol_math("psi") == symbol_math("heading") == r"$\psi$"
+    assert symbol_math("fx") == "$f_{x}$"
+    assert unit_text("kg*m^2/rad^2") == "kg·m²/rad²"
+    assert unit_latex("kg*m^2/rad^2") == r"kg\,m$^{2}$/rad$^{2}$"
+
+
+def test_markdown_holds_our_numbers_and_the_published_ones(evaluation):
+    text = render_markdown(lay_out(evaluation, with_paper=True))
+    accuracy = markdown_rows(text, r"X_u\|u\|")[0]
+    ours = [row for row in evaluation.coefficients if row.coefficient == "X_u|u|"]
+    assert accuracy[:3] == ["X_u|u|", "kg/m", "10.00"]
+    assert accuracy[3:6] == [number(row.rmse) for row in ours]
+    assert accuracy[6:9] == [number(row.steady_state_error_percent) for row in ours] == ["2.000", "1.000", "0.5000"]
+    assert accuracy[9:] == ["0.0201", "0.0186", "0.01235", "0.3692", "0.0408", "0.0324"]
+    assert markdown_rows(text, "Average")[0][6:9] == ["2.000", "1.000", "0.5000"]
+    assert markdown_rows(text, "Average")[0][12:] == ["6.064", "1.815", "0.7672"]
+    assert markdown_rows(text, "CPU time")[0][3:6] == ["0.1250"] * 3
+    assert markdown_rows(text, "u")[0][5:] == ["0.174", "0.142", "0.1379"]
+    assert "10.20 ± 0.25" in text
+    assert "not published" in text
+
+
+def test_markdown_tables_are_rectangular(evaluation):
+    for block in re.findall(r"(?:^\|.*\n)+", render_markdown(lay_out(evaluation, with_paper=True)), re.MULTILINE):
+        widths = {len(re.split(r"(?<!\\)\|", line)) for line in block.splitlines()}
+        assert len(widths) == 1
+
+
+def test_no_filter_is_marked_as_the_best(evaluation):
+    assert "**" not in render_markdown(lay_out(evaluation, with_paper=True))
+    assert r"\textbf" not in render_latex(lay_out(evaluation, with_paper=False))
+
+
+def test_only_filters_that_ran_stand_beside_the_paper(evaluation):
+    ukf = evaluation._replace(
+        coefficients=[row._replace(filter="ukf") for row in evaluation.coefficients if row.filter == "ekf"],
+        summary=[evaluation.summary[0]._replace(filter="ukf")],
+        velocity_errors=[row._replace(filter="ukf") for row in evaluation.velocity_errors if row.filter == "ekf"],
+        consistency=[],
+    )
+    text = render_markdown(lay_out(ukf, with_paper=True))
+    assert "paper" not in text
+    assert "RMSE, UKF" in text
+
+
+def test_latex_balances_and_is_rectangular(evaluation):
+    text = render_latex(lay_out(evaluation, with_paper=False))
+    assert "paper" not in text
+    assert "0.7672" not in text
+    unescaped = re.sub(r"\\[{}$&%_#]", "", text)
+    assert unescaped.count("{") == unescaped.count("}")
+    assert unescaped.count("$") % 2 == 0
+    begun, ended = re.findall(r"\\begin\{(\w+)\}", text), re.findall(r"\\end\{(\w+)\}", text)
+    assert sorted(begun) == sorted(ended)
+    for tabular in re.findall(r"\\begin\{tabular\}\{([lr]+)\}(.*?)\\end\{tabular\}", text, re.DOTALL):
+        alignment, body = tabular
+        for line in (line for line in body.splitlines() if line.endswith(r"\\")):
+            spans = [int(width) for width in re.findall(r"\\multicolumn\{(\d+)\}", line)]
+            assert line.count("&") + 1 + sum(spans) - len(spans) == len(alignment)
+    assert "$X_{u|u|}$ & kg/m & $10.00$" in text
+    assert text.isascii()
+
+
+def test_latex_escapes_what_it_must():
+    assert escape("50 % of a_b & c#") == r"50 \% of a\_b \& c\#"
+    assert escape("\\") == r"\textbackslash{}"
+
+
+def test_a_diverged_filter_is_said_to_be_and_has_dashes(evaluation):
+    status = "diverged at t = 0.200 s: not finite"
+    first = evaluation.summary[0]
+    changed = evaluation._replace(
+        summary=[first._replace(status=status, average_steady_state_error_percent=None), *evaluation.summary[1:]],
+        coefficients=[
+            row._replace(rmse=None, steady_state_error_percent=None, estimate=float("nan"))
+            if row.filter == "ekf"
+            else row
+            for row in evaluation.coefficients
+        ],
+    )
+    markdown = render_markdown(lay_out(changed, with_paper=True))
+    assert f"EKF {status}." in markdown
+    assert markdown_rows(markdown, "Y_url")[0][3] == "—"
+    assert "— ± 0.25" in markdown
+    assert f"EKF {status}." in render_latex(lay_out(changed, with_paper=False))
+
+
+def test_without_truth_there_is_no_table_of_accuracy(evaluation):
+    rows = [row._replace(true=None, rmse=None, steady_state_error_percent=None) for row in evaluation.coefficients]
+    text = render_markdown(lay_out(evaluation._replace(coefficients=rows), with_paper=True))
+    assert "RMSE" not in text
+    assert "Estimate ± standard deviation, EKF" in text
+
+
+def test_published_tables_are_complete():
+    assert [symbol for symbol in published("table_iv") if symbol in SYMBOLS] == [c.symbol for c in COEFFICIENTS]
+    assert all(len(published("table_iv")[symbol]) == 6 for symbol in SYMBOLS)
+    assert list(published("table_v")) == list("uvwpqr")
+    assert published_filters("table_iv", "rmse", ["ukf", "tukf", "ekf"]) == ["tukf", "ekf"]
+
+
+def test_files_are_written(tmp_path, evaluation):
+    paths = write_tables(evaluation, tmp_path)
+    assert {path.name for path in paths} == {path.name for path in tmp_path.iterdir()}
+    assert {"tables.md", "tables.tex"} <= {path.name for path in paths}
