@@ -33,20 +33,15 @@ def identify(
 
         changes = overrides(settings, None)
         path = Path(source) if source is not None and source.endswith((".h5", ".hdf5")) else None
-        if path is not None:
-            dataset = pipeline.foreign_dataset(path, changes)
-            experiment = dataset.experiment
-            folder = output or pipeline.home_of(path)
-        else:
-            experiment = load_experiment(find_experiment(source), changes)
-            folder = pipeline.results_folder(experiment, output)
+        dataset = pipeline.foreign_dataset(path, changes) if path else None
+        experiment = dataset.experiment if dataset else load_experiment(find_experiment(source), changes)
         if dry_run:
             pipeline.print_settings(experiment)
             return
-        if path is not None:
+        folder = output or (pipeline.home_of(path) if path else pipeline.results_folder(experiment, None))
+        if path:
             pipeline.keep_copy(path, folder)
-        else:
-            dataset = pipeline.dataset_of(experiment, folder)
+        dataset = dataset or pipeline.dataset_of(experiment, folder)
         chosen = tuple(filters or experiment.identification.filters)
         estimates = pipeline.identify_to(folder, dataset, chosen, Terminal(quiet, verbose))
         raise typer.Exit(pipeline.exit_code(estimates))

@@ -87,13 +87,13 @@ def dataset_of(experiment: Experiment, folder: Path) -> Dataset:
     """
     path = folder / "dataset.h5"
     if not path.is_file():
-        raise FileError(f"{path}: no such dataset; make it with `auvid simulate`, or do all at once with `auvid run`")
+        raise FileError(f"{path}: no such dataset; make it with `auvid simulate`, or do all with `auvid run`")
     dataset = read_dataset(path)
     for part in ("seed", "vehicle", "sensors", "manoeuvre"):
         if getattr(dataset.experiment, part) != getattr(experiment, part):
             raise FileError(
-                f"{path}: was simulated with other settings of `{part}` than the experiment has now; run `auvid simulate` "
-                "again, or name the dataset file itself to identify it with the settings inside"
+                f"{path}: was simulated with other settings of `{part}` than the experiment has now; run "
+                "`auvid simulate` again, or name the dataset file itself to identify it with the settings inside"
             )
     return Dataset(dataset.inputs, dataset.sensors, experiment, dataset.truth, dataset.sha256)
 

@@ -69,6 +69,21 @@ class Autopilot(Settings):
     bandwidth: Annotated[float, Field(gt=0, description="stiffness of the loops; 1 suits a torpedo shape")] = 1.0
 
 
+class LevelAutopilot(Autopilot):
+    """For manoeuvres whose rudder follows a rule of its own: depth is held, the rudder is free."""
+
+    vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="what the elevator holds")] = "depth"
+    horizontal: Annotated[Literal["turn_rate", "none"], Field(description="what the rudder holds")] = "none"
+
+
+class NoAutopilot(Autopilot):
+    """For inputs that are given."""
+
+    speed: Annotated[bool, Field(description="hold the speed with thrust, else no thrust of its own")] = False
+    vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="what the elevator holds")] = "none"
+    horizontal: Annotated[Literal["turn_rate", "none"], Field(description="what the rudder holds")] = "none"
+
+
 class ManoeuvreSettings(Settings):
     """What every manoeuvre has."""
 
@@ -100,7 +115,7 @@ class Zigzag(ManoeuvreSettings):
     rudder: Annotated[PositiveRadians, Field(description="rudder deflection")]
     heading: Annotated[PositiveRadians, Field(description="change of heading at which the rudder is reversed")]
     approach: Annotated[float, Unit("s"), Field(ge=0, description="straight run before the first rudder")] = 10.0
-    autopilot: Autopilot = Autopilot(vertical="depth", horizontal="none")
+    autopilot: LevelAutopilot = LevelAutopilot()
 
 
 class TurningCircle(ManoeuvreSettings):
@@ -109,7 +124,7 @@ class TurningCircle(ManoeuvreSettings):
     type: Literal["turning_circle"]
     rudder: Annotated[Radians, Field(description="rudder deflection")]
     approach: Annotated[float, Unit("s"), Field(ge=0, description="straight run before the rudder")] = 10.0
-    autopilot: Autopilot = Autopilot(vertical="depth", horizontal="none")
+    autopilot: LevelAutopilot = LevelAutopilot()
 
 
 class MultisineRun(ManoeuvreSettings):
@@ -133,7 +148,7 @@ class Recorded(ManoeuvreSettings):
 
     type: Literal["recorded"]
     file: Annotated[str, Field(description="CSV file, relative to the settings file that names it")]
-    autopilot: Autopilot = Autopilot(speed=False, vertical="none", horizontal="none")
+    autopilot: NoAutopilot = NoAutopilot()
 
 
 AnyManoeuvre = Annotated[

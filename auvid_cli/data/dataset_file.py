@@ -4,6 +4,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from auvid_cli.config.load import dump_experiment, parse_experiment
 from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord, TruthRecord
@@ -89,8 +90,9 @@ def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:
         )
         sensors = {name: _read_sensor(path, group, name) for name, group in subgroups(file, "sensors").items()}
         truth = _read_truth(subgroup(file, "truth")) if "truth" in file else None
-    if inputs.time.size == 0 or np.any(np.diff(inputs.time) <= 0.0) or not np.isfinite(inputs.values).all():
-        raise FileError(f"{path}: /inputs needs finite values at strictly increasing times")
+    sound = inputs.time.size == inputs.values.shape[0] > 0 and _increases(inputs.time)
+    if not (sound and np.isfinite(inputs.values).all()):
+        raise FileError(f"{path}: /inputs needs finite values at as many finite, strictly increasing times")
     return Dataset(inputs, sensors, experiment, truth, digest(path))
 
 
@@ -100,9 +102,16 @@ def _read_sensor(path: Path, group: h5py.Group, name: str) -> SensorRecord:
     values = np.stack([read_array(group, quantity.symbol) for quantity in SENSORS[name]], axis=1)
     values[read_array(group, "valid") == 0.0] = np.nan
     time = read_array(group, "time")
-    if np.any(np.diff(time) <= 0.0):
-        raise FileError(f"{path}: times of /sensors/{name} are not strictly increasing")
-    return SensorRecord(time, values, read_array(group, "standard_deviation"))
+    if not _increases(time):
+        raise FileError(f"{path}: times of /sensors/{name} are not finite and strictly increasing")
+    stated = read_array(group, "standard_deviation")
+    if time.size != values.shape[0] or stated.size != values.shape[1]:
+        raise FileError(f"{path}: variables of /sensors/{name} do not fit each other in length")
+    return SensorRecord(time, values, stated)
+
+
+def _increases(time: NDArray[np.float64]) -> bool:
+    return bool(np.isfinite(time).all() and (np.diff(time) > 0.0).all())
 
 
 def _read_truth(group: h5py.Group) -> TruthRecord:

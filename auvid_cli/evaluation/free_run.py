@@ -3,10 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.blocks import JIT, LANES
+from auvid_cli.blocks import LANES
+from auvid_cli.compilation import compiled
 from auvid_cli.data.dataset import SENSORS, Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.filters.problem import Timeline
@@ -51,7 +52,7 @@ class VelocityError(NamedTuple):
     mean_absolute_error: float | None
 
 
-@njit(types.void(_vector, _vector, _vector, _indices, _vector, _indices, _matrix, _matrix), **JIT)
+@compiled(types.void(_vector, _vector, _vector, _indices, _vector, _indices, _matrix, _matrix))
 def _run(motion, coefficients, constants, piece_offset, piece_duration, piece_input, inputs, predicted):
     block, work = np.zeros(N_BLOCK), np.empty(N_WORK)
     coefficient_block = np.zeros(N_COEFFICIENT_BLOCK)

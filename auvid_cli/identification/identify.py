@@ -12,8 +12,10 @@ from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import SENSORS, Dataset
 from auvid_cli.data.estimate import Estimate, Innovations
 from auvid_cli.errors import ConfigError
+from auvid_cli.filters.extended import run_extended_filter
 from auvid_cli.filters.point_sets import cubature, transformed, unscented
 from auvid_cli.filters.problem import OK, PREDICTION, Belief, History, Timeline
+from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.prior import prior_standard_deviations
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.timeline import (
@@ -119,11 +121,7 @@ def identify(
 
 def _chosen_filter(name: FilterName, settings: Identification, n: int) -> Callable[..., History]:
     if name is FilterName.EKF:
-        from auvid_cli.filters.extended import run_extended_filter
-
         return run_extended_filter
-    from auvid_cli.filters.square_root import run_square_root_filter
-
     match name:
         case FilterName.CKF:
             point_set = cubature(n)

@@ -1,10 +1,11 @@
 """The vehicle as a filter's process: coefficients as parameters, motion as moving states."""
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.blocks import JIT, LANES
+from auvid_cli.blocks import LANES
+from auvid_cli.compilation import compiled
 from auvid_cli.config.experiment import ProcessNoise
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, Process
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
@@ -29,7 +30,7 @@ _HELD = N_CONSTANTS
 _SCALE = N_CONSTANTS + N_COEFFICIENTS
 
 
-@njit(PROCESS_SIGNATURE, **JIT)
+@compiled(PROCESS_SIGNATURE)
 def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration):
     coefficients = np.empty(N_COEFFICIENT_BLOCK)
     for m in range(N_COEFFICIENTS):
@@ -44,7 +45,7 @@ def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration
     runge_kutta_step(motion, coefficients, inputs, constants[:N_CONSTANTS], n_lanes, duration, work)
 
 
-@njit(types.void(_vector, _indices, types.boolean, _vector, _matrix, _indices, _vector, _matrix), **JIT)
+@compiled(types.void(_vector, _indices, types.boolean, _vector, _matrix, _indices, _vector, _matrix))
 def _transition(constants, selection, exact, mean, inputs, piece_input, piece_duration, matrix):
     n_parameters = selection.size
     vehicle = constants[:N_CONSTANTS]

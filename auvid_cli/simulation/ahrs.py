@@ -12,10 +12,10 @@ stated density makes the filter trust the gyro over the length of a turn.
 """
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.blocks import JIT
+from auvid_cli.compilation import compiled
 from auvid_cli.config.sensors import SensorSuite
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import SimulationError
@@ -83,7 +83,7 @@ _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
 
 
-@njit(types.void(_vector, types.float64, _vector, _matrix), **JIT)
+@compiled(types.void(_vector, types.float64, _vector, _matrix))
 def _correct(row, residual, error, covariance_and_variance):
     """Kalman update of error state and covariance by one scalar; its variance rides in the last row."""
     covariance = covariance_and_variance[:6]
@@ -105,7 +105,7 @@ def _correct(row, residual, error, covariance_and_variance):
             covariance[i, j] -= gain[i] * gain[j] / total
 
 
-@njit(types.void(_matrix, _vector), **JIT)
+@compiled(types.void(_matrix, _vector))
 def _turn_on_the_left(rotation, angle):
     """Replace a rotation by exp(angle x) rotation, Rodrigues' formula."""
     norm = np.sqrt(angle[0] ** 2 + angle[1] ** 2 + angle[2] ** 2)
@@ -119,7 +119,7 @@ def _turn_on_the_left(rotation, angle):
         rotation[2, column] = z + a * cz + b * (angle[0] * cy - angle[1] * cx)
 
 
-@njit(types.void(_vector, types.float64, _matrix), **JIT)
+@compiled(types.void(_vector, types.float64, _matrix))
 def _level(force, heading, rotation):
     """Body-to-NED rotation from a specific force taken for gravity, and a heading."""
     phi = np.arctan2(-force[1], -force[2])
@@ -130,7 +130,7 @@ def _level(force, heading, rotation):
     rotation[2, 0], rotation[2, 1], rotation[2, 2] = -s2, s1 * c2, c1 * c2
 
 
-@njit(types.void(_vector, _indices, _indices, _matrix, _matrix, _matrix, _matrix, _vector, _matrix), **JIT)
+@compiled(types.void(_vector, _indices, _indices, _matrix, _matrix, _matrix, _matrix, _vector, _matrix))
 def _run(time, kind, index, gyroscope, dvl, accelerometer, magnetometer, noise, output):
     rotation, turn, force, nav = np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3)
     rate, bias, velocity, row, error = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(6), np.zeros(6)

@@ -3,11 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.blocks import JIT, LANES
-from auvid_cli.config.manoeuvre import AnyManoeuvre
+from auvid_cli.blocks import LANES
+from auvid_cli.compilation import compiled
+from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import SimulationError
 from auvid_cli.simulation.plan import Plan
@@ -81,9 +82,13 @@ def simulate_motion(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Pla
     depth_hold = autopilot.vertical == "depth"
     # Per newton of thrust, so that an idle propeller makes no torque.
     torque = known["K_prop"] / known["X_prop"] if known["X_prop"] else 0.0
+    drag = -stated["X_u|u|"]
+    if isinstance(manoeuvre, Recorded):
+        # What was recorded is all the thrust and torque there was.
+        torque = drag = 0.0
     controls = np.array(
         [
-            -stated["X_u|u|"],
+            drag,
             constants[0] * autopilot.bandwidth * float(autopilot.speed),
             vehicle.size.length / manoeuvre.speed,
             np.copysign(autopilot.bandwidth, stated["N_uudr"]) * float(autopilot.horizontal == "turn_rate"),
@@ -124,7 +129,7 @@ def simulate_motion(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Pla
     return Truth(plan.time, inputs, motion, position, constants, coefficients)
 
 
-@njit(types.void(_vector, _vector), **JIT)
+@compiled(types.void(_vector, _vector))
 def _velocity_over_ground(block, velocity):
     """Velocity in the NED frame, eqs. (1) and (2), of the state in lane 0."""
     u, v, w = block[0], block[LANES], block[2 * LANES]
@@ -138,11 +143,10 @@ def _velocity_over_ground(block, velocity):
     velocity[2] = -sin_theta * u + cos_theta * (sin_phi * v + cos_phi * w)
 
 
-@njit(
+@compiled(
     types.UniTuple(types.int64, 2)(
         *(_vector, _matrix, _vector, _vector, _vector, _vector, _vector), types.int64, _matrix, _matrix, _matrix
-    ),
-    **JIT,
+    )
 )
 def _fly(time, feedforward, speed, turn_rate, controls, constants, coefficients, substeps, motion, position, inputs):
     """Fill in motion, position and inputs; returns (reason, tick), reason 0 if all went well."""
@@ -225,7 +229,7 @@ def _fly(time, feedforward, speed, turn_rate, controls, constants, coefficients,
     return 0, n - 1
 
 
-@njit(types.void(_vector, _matrix, _matrix, _vector, _vector, _vector, _matrix, _matrix), **JIT)
+@compiled(types.void(_vector, _matrix, _matrix, _vector, _vector, _vector, _matrix, _matrix))
 def _sample(time, inputs, motion, constants, coefficients, wanted, sampled, rate):
     block, work, slope = np.zeros(N_BLOCK), np.zeros(N_WORK), np.zeros(N_BLOCK)
     coefficient_block = np.zeros(N_COEFFICIENT_BLOCK)

@@ -10,10 +10,11 @@ stays scalar (four times slower).
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.blocks import JIT, LANES
+from auvid_cli.blocks import LANES
+from auvid_cli.compilation import compiled
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
@@ -44,7 +45,7 @@ def vehicle_constants(parameters: Mapping[str, float]) -> Array:
     return np.array([*mass.ravel(), *np.linalg.inv(mass).ravel(), excess, *levers])
 
 
-@njit(types.UniTuple(types.float64, 2)(types.float64), **JIT)
+@compiled(types.UniTuple(types.float64, 2)(types.float64))
 def sine_cosine(angle: float) -> tuple[float, float]:
     """Sine and cosine to 1 ulp or so for |angle| < 1e5 rad, branch-free so that it vectorises.
 
@@ -70,7 +71,7 @@ def sine_cosine(angle: float) -> tuple[float, float]:
     return s, c
 
 
-@njit(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector), **JIT)
+@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector))
 def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivative):
     """Time derivative of the nine motion states, Sabet et al. 2018, eqs. (3), (8) and (13).
 
@@ -148,7 +149,7 @@ N_BLOCK = N_MOTION * LANES
 N_COEFFICIENT_BLOCK = N_COEFFICIENTS * LANES
 
 
-@njit(types.void(_vector, _vector, _vector, _vector, types.uint64, types.float64, _vector), **JIT)
+@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, types.float64, _vector))
 def runge_kutta_step(motion, coefficients, inputs, constants, n_lanes, duration, work):
     """Advance a block of motion states by one classical fourth-order Runge-Kutta step, in place.
 

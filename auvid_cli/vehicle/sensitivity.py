@@ -1,9 +1,10 @@
 """How the motion depends on where it started and on the coefficients: Jacobian and transition matrix."""
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
-from auvid_cli.blocks import JIT, LANES
+from auvid_cli.blocks import LANES
+from auvid_cli.compilation import compiled
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
@@ -22,7 +23,7 @@ _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
 
-@njit(types.void(_vector, _vector, _vector, _vector, _matrix, _matrix), **JIT)
+@compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _matrix))
 def motion_jacobian(motion, coefficients, inputs, constants, by_motion, by_coefficients):
     """Analytic derivative of `motion_derivative` by the motion states and by the 22 coefficients.
 
@@ -108,7 +109,7 @@ def motion_jacobian(motion, coefficients, inputs, constants, by_motion, by_coeff
     by_motion[8, 6], by_motion[8, 7] = secant * turning_by_roll, turning * secant * tangent
 
 
-@njit(types.void(_vector, _vector, _vector, _vector, types.float64, _matrix), **JIT)
+@compiled(types.void(_vector, _vector, _vector, _vector, types.float64, _matrix))
 def transition_step(motion, coefficients, inputs, constants, duration, transition):
     """Advance one motion state and its transition matrix together by one Runge-Kutta step, in place.
 

@@ -82,7 +82,7 @@ def test_quiet_prints_nothing(tmp_path):
 def test_dry_run_prints_settings_that_can_be_run_and_writes_nothing(tmp_path):
     result = auvid("run", *SHORT, "--seed", "7", "--dry-run", cwd=tmp_path)
     assert result.returncode == 0
-    assert list(tmp_path.iterdir()) == []
+    assert not list(tmp_path.iterdir())
     (tmp_path / "resolved.yaml").write_text(result.stdout)
     again = auvid("run", "resolved.yaml", "--dry-run", cwd=tmp_path)
     assert again.stdout == result.stdout
@@ -90,14 +90,12 @@ def test_dry_run_prints_settings_that_can_be_run_and_writes_nothing(tmp_path):
 
 
 def test_a_diverged_filter_ends_with_exit_code_1_and_the_others_go_on(tmp_path):
-    result = auvid(
-        *("run", *SHORT, "--set", "identification.prior.factor=300", "-f", "ckf", "-f", "ekf"), cwd=tmp_path
-    )
+    result = auvid(*("run", *SHORT, "--set", "identification.prior.factor=300", "-f", "ckf", "-f", "ekf"), cwd=tmp_path)
     assert result.returncode == 1
     assert "diverged at t = " in result.stdout
     with h5py.File(tmp_path / "results/spiral/estimates/ckf.h5") as file:
         assert file.attrs["status"].startswith("diverged")
-        assert 0 < file["mean"].shape[0]
+        assert file["mean"].shape[0] > 0
     assert (tmp_path / "results/spiral/estimates/ekf.h5").is_file()
 
 

@@ -1,0 +1,72 @@
+"""Ahead-of-use compilation of the numerical core, kept on disk from one session to the next.
+
+numba judges a cached function by the time stamp and size of its own file. It does not see that a
+function compiled into it has changed in another file, and installers give all files one time stamp, so
+after an upgrade it could run yesterday's physics. The cache therefore lives in a folder named after the
+content of the whole package.
+"""
+
+import atexit
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+from numba import njit
+from numba.core import config
+
+_KEPT = 5
+
+
+def compiled(*signature: Any, reassociate: bool = False) -> Callable[[Callable], Any]:
+    """Decorator: compile for exactly this signature, now, or take the machine code from the cache.
+
+    Parameters
+    ----------
+    *signature : numba signature
+    reassociate : bool
+        Whether sums may be reordered, which vectorises dot products. It would cancel the range reduction
+        of a sine, so only linear algebra asks for it; fused multiply-add is always allowed.
+
+    Notes
+    -----
+    Compiled functions release the interpreter lock, and division by zero yields infinity, as in NumPy.
+    """
+    flags = {"contract", "reassoc"} if reassociate else {"contract"}
+
+    def decorate(function: Callable) -> Any:
+        settings = config.__dict__
+        before, settings["CACHE_DIR"] = settings["CACHE_DIR"], str(_cache_folder())
+        try:
+            return njit(*signature, cache=True, fastmath=flags, error_model="numpy", nogil=True)(function)
+        finally:
+            settings["CACHE_DIR"] = before
+
+    return decorate
+
+
+@cache
+def _cache_folder() -> Path:
+    content = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        content.update(path.read_bytes())
+    base = Path(os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_path("auvid"))
+    folder = base / content.hexdigest()[:16]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+    except OSError:
+        # No home to write to (a service account, a read-only container): compile for this session only, in a
+        # folder that nobody else could have filled with machine code of theirs.
+        folder = Path(tempfile.mkdtemp(prefix="auvid-"))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        return folder
+    siblings = sorted((p for p in folder.parent.iterdir() if len(p.name) == 16), key=lambda p: p.stat().st_mtime)
+    for outdated in siblings[:-_KEPT]:
+        shutil.rmtree(outdated, ignore_errors=True)
+    return folder

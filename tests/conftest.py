@@ -1,0 +1,87 @@
+"""Shared by all tests: experiments from the shipped settings, and one simulated run."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import hypothesis
+import numpy as np
+import pytest
+
+from auvid_cli.config.experiment import Experiment, FilterName
+from auvid_cli.config.load import dump_experiment, find_experiment, load_experiment, parse_experiment, shipped_configs
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.identification.identify import identify
+from auvid_cli.simulation.simulate import simulate
+
+# The same examples every time, and nothing written beside the tests; AUVID_RANDOM=1 draws new ones.
+hypothesis.settings.register_profile(
+    "auvid", deadline=None, max_examples=40, derandomize=not os.environ.get("AUVID_RANDOM"), database=None
+)
+hypothesis.settings.load_profile("auvid")
+
+ALL_FILTERS = tuple(FilterName)
+VEHICLE_FILES = tuple(sorted(path.name for path in (shipped_configs() / "vehicles").glob("*.yaml")))
+
+
+def pytest_generate_tests(metafunc):
+    """`filter_name` stands for each filter, `vehicle_file` for each shipped vehicle."""
+    if "filter_name" in metafunc.fixturenames:
+        metafunc.parametrize("filter_name", ALL_FILTERS, ids=[name.value for name in ALL_FILTERS])
+    if "vehicle_file" in metafunc.fixturenames:
+        metafunc.parametrize("vehicle_file", VEHICLE_FILES, ids=[Path(name).stem for name in VEHICLE_FILES])
+
+
+@pytest.fixture(scope="session")
+def experiment_with():
+    """Function: the shipped spiral experiment with overrides, as on the command line."""
+
+    def load(*overrides: str) -> Experiment:
+        return load_experiment(find_experiment(None), overrides)
+
+    return load
+
+
+@pytest.fixture(scope="session")
+def simulated_with(experiment_with):
+    """Function: a simulated run of the shipped spiral experiment with overrides."""
+
+    def run(*overrides: str) -> Dataset:
+        return simulate(experiment_with(*overrides))
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def with_settings():
+    """Function: the same dataset with other settings, as on the command line."""
+
+    def change(dataset: Dataset, *overrides: str) -> Dataset:
+        settings = dump_experiment(dataset.experiment)
+        return replace(dataset, experiment=parse_experiment(settings, "test", overrides))
+
+    return change
+
+
+@pytest.fixture(scope="session")
+def short_run(simulated_with) -> Dataset:
+    """The first 60 s of the default spiral; do not change its arrays."""
+    return simulated_with("manoeuvre.duration=60 s")
+
+
+@pytest.fixture(scope="session")
+def short_estimates(short_run):
+    """Estimates of every filter from `short_run`."""
+    return {name: identify(short_run, name) for name in ALL_FILTERS}
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """Random numbers, the same in every run."""
+    return np.random.default_rng(20180417)
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--update-reference", action="store_true", help="write results/reference anew instead of comparing with it"
+    )

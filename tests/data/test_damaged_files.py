@@ -1,0 +1,224 @@
+"""Files that are no good are refused in one line, and nothing is written by halves."""
+
+import os
+
+import h5py
+import numpy as np
+import pytest
+
+from auvid_cli.data import dataset_file
+from auvid_cli.data.dataset_file import read_dataset, write_dataset
+from auvid_cli.data.estimate_file import read_estimate, write_estimate
+from auvid_cli.data.files import replacing, write_text
+from auvid_cli.data.netcdf import SCHEMA_VERSION
+from auvid_cli.errors import FileError
+
+READ = {"dataset": read_dataset, "estimate": read_estimate}
+
+
+def refused(kind, path):
+    """The message; it must be one line and name the file."""
+    with pytest.raises(FileError) as caught:
+        READ[kind](path)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert str(path) in message
+    return message
+
+
+def test_a_newer_schema(kind, copy):
+    with h5py.File(copy, "a") as file:
+        file.attrs["schema_version"] = SCHEMA_VERSION + 1
+    message = refused(kind, copy)
+    assert "newer" in message
+    assert str(SCHEMA_VERSION + 1) in message
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.001, 0.3, 0.9])
+def test_a_truncated_file(kept, kind, copy):
+    with copy.open("rb+") as file:
+        file.truncate(int(kept * copy.stat().st_size))
+    refused(kind, copy)
+
+
+def test_a_file_of_something_else(kind, tmp_path):
+    path = tmp_path / "notes.h5"
+    path.write_text("This is no HDF5 file.\n" * 100)
+    refused(kind, path)
+
+
+def test_an_hdf5_file_of_someone_else(kind, tmp_path):
+    path = tmp_path / "foreign.h5"
+    with h5py.File(path, "w") as file:
+        file["measurements"] = np.arange(5.0)
+    assert f"not an auvid {kind}" in refused(kind, path)
+
+
+def test_a_file_that_is_missing(kind, tmp_path):
+    assert "no such" in refused(kind, tmp_path / "nowhere.h5")
+
+
+def test_a_folder(kind, tmp_path):
+    refused(kind, tmp_path)
+
+
+def test_the_other_kind_of_file(kind, written):
+    other = "estimate" if kind == "dataset" else "dataset"
+    assert other in refused(kind, written[other])
+
+
+@pytest.mark.parametrize("gone", ["settings", "schema_version"])
+def test_an_attribute_is_gone(gone, kind, copy):
+    with h5py.File(copy, "a") as file:
+        del file.attrs[gone]
+    refused(kind, copy)
+
+
+@pytest.mark.parametrize(
+    "gone", ["inputs", "inputs/elevator", "sensors/dvl/u", "truth/coefficient", "sensors/dvl/valid"]
+)
+def test_a_part_of_a_dataset_is_gone(gone, written, tmp_path):
+    path = tmp_path / "dataset.h5"
+    path.write_bytes(written["dataset"].read_bytes())
+    with h5py.File(path, "a") as file:
+        del file[gone]
+    refused("dataset", path)
+
+
+@pytest.mark.parametrize("gone", ["mean", "state", "held_value", "innovations/dvl/nis"])
+def test_a_part_of_an_estimate_is_gone(gone, written, tmp_path):
+    path = tmp_path / "estimate.h5"
+    path.write_bytes(written["estimate"].read_bytes())
+    with h5py.File(path, "a") as file:
+        del file[gone]
+    refused("estimate", path)
+
+
+def tampered(path, dataset, name, change):
+    """The dataset file with one array changed, which may change its length."""
+    write_dataset(path, dataset)
+    with h5py.File(path, "a") as file:
+        values = file[name][...]
+        del file[name]
+        file[name] = change(values)
+    return path
+
+
+def short(values):
+    return values[:-1]
+
+
+def backwards(values):
+    return values[::-1]
+
+
+def all_nan(values):
+    return np.full_like(values, np.nan)
+
+
+def all_zero(values):
+    return np.zeros_like(values)
+
+
+def one_nan(values):
+    return np.where(np.arange(values.size) == 3, np.nan, values)
+
+
+def words(values):
+    return np.array(["fast"] * values.size, dtype="S4")
+
+
+@pytest.mark.parametrize("change", [short, backwards, all_zero, all_nan, one_nan])
+@pytest.mark.parametrize("name", ["inputs/time", "sensors/dvl/time"])
+def test_times_that_make_no_sense(name, change, dataset, tmp_path):
+    refused("dataset", tampered(tmp_path / "dataset.h5", dataset, name, change))
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("inputs/rudder", one_nan),
+        ("inputs/rudder", short),
+        ("sensors/dvl/u", short),
+        ("sensors/dvl/u", words),
+        ("sensors/dvl/valid", short),
+        ("sensors/dvl/standard_deviation", short),
+        ("truth/true_coefficient", short),
+        ("truth/u", short),
+    ],
+)
+def test_values_that_make_no_sense(name, change, dataset, tmp_path):
+    refused("dataset", tampered(tmp_path / "dataset.h5", dataset, name, change))
+
+
+def test_a_sensor_that_is_not_known(written, tmp_path):
+    path = tmp_path / "dataset.h5"
+    path.write_bytes(written["dataset"].read_bytes())
+    with h5py.File(path, "a") as file:
+        file.move("sensors/dvl", "sensors/sonar")
+    assert "sonar" in refused("dataset", path)
+
+
+class Interrupted(Exception):
+    """Something goes wrong in the middle of writing."""
+
+
+def test_a_failed_write_leaves_nothing(dataset, tmp_path, monkeypatch):
+    def fail(group, truth):
+        raise Interrupted
+
+    monkeypatch.setattr(dataset_file, "_write_truth", fail)
+    with pytest.raises(Interrupted):
+        write_dataset(tmp_path / "new" / "dataset.h5", dataset)
+    assert list((tmp_path / "new").iterdir()) == []
+
+
+def test_a_failed_write_keeps_the_file_that_was_there(dataset, tmp_path, monkeypatch):
+    path = tmp_path / "dataset.h5"
+    write_dataset(path, dataset)
+    before = path.read_bytes()
+
+    def fail(group, truth):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(dataset_file, "_write_truth", fail)
+    with pytest.raises(FileError, match="No space left") as caught:
+        write_dataset(path, dataset)
+    assert "\n" not in str(caught.value)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_write_into_a_file_as_folder_is_refused(dataset, estimate, tmp_path):
+    (tmp_path / "results").write_text("a file, not a folder")
+    for write, content in ((write_dataset, dataset), (write_estimate, estimate)):
+        with pytest.raises(FileError) as caught:
+            write(tmp_path / "results" / "run.h5", content)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_write_onto_a_folder_is_refused(tmp_path):
+    (tmp_path / "taken").mkdir()
+    with pytest.raises(FileError):
+        write_text(tmp_path / "taken", "text")
+    assert [path.name for path in tmp_path.iterdir()] == ["taken"]
+
+
+@pytest.mark.skipif(not hasattr(os, "umask") or os.name != "posix", reason="rights of POSIX files")
+def test_new_files_have_the_rights_that_the_user_asks_for(tmp_path):
+    before = os.umask(0o027)
+    try:
+        write_text(tmp_path / "table.csv", "a,b\n")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "table.csv").stat().st_mode & 0o777 == 0o640
+
+
+def test_a_file_appears_under_its_name_only_when_it_is_whole(tmp_path):
+    path = tmp_path / "figure.svg"
+    with replacing(path) as temporary:
+        temporary.write_text("half")
+        assert not path.exists()
+        assert temporary.suffix == ".svg"
+    assert path.read_text() == "half"
+    assert list(tmp_path.iterdir()) == [path]

@@ -1,0 +1,123 @@
+"""What is written is read back, by auvid and by others."""
+
+import hashlib
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+import xarray
+
+from auvid_cli import __version__
+from auvid_cli.data.dataset import SENSORS
+from auvid_cli.data.dataset_file import read_dataset, write_dataset
+from auvid_cli.data.estimate_file import read_estimate, write_estimate
+from auvid_cli.errors import ConfigError
+from auvid_cli.vehicle.coefficients import SYMBOLS
+
+
+def assert_equal(a, b):
+    """Field by field; arrays bit by bit, NaN where NaN was."""
+    for field in fields(a):
+        one, other = getattr(a, field.name), getattr(b, field.name)
+        if isinstance(one, np.ndarray):
+            assert np.array_equal(one, other, equal_nan=True), field.name
+        elif isinstance(one, dict) and any(hasattr(value, "time") for value in one.values()):
+            assert set(one) == set(other)
+            for name in one:
+                assert_equal(one[name], other[name])
+        elif hasattr(one, "time"):
+            assert_equal(one, other)
+        elif field.name != "sha256":
+            assert one == other, field.name
+
+
+def test_a_dataset_comes_back_as_it_was(dataset, written):
+    back = read_dataset(written["dataset"])
+    assert_equal(dataset, back)
+    assert np.isnan(back.sensors["dvl"].values).any()
+
+
+def test_a_dataset_without_truth_comes_back_without(dataset, tmp_path):
+    write_dataset(tmp_path / "logged.h5", dataset.without_truth())
+    back = read_dataset(tmp_path / "logged.h5")
+    assert back.truth is None
+    assert_equal(dataset.without_truth(), back)
+
+
+def test_single_missing_components_come_back_missing(dataset, tmp_path):
+    dvl = dataset.sensors["dvl"]
+    values = dvl.values.copy()
+    values[3, 1] = np.nan
+    holed = replace(dataset, sensors=dataset.sensors | {"dvl": replace(dvl, values=values)})
+    write_dataset(tmp_path / "holed.h5", holed)
+    assert np.array_equal(read_dataset(tmp_path / "holed.h5").sensors["dvl"].values, values, equal_nan=True)
+
+
+def test_a_dataset_knows_the_digest_of_its_file(written):
+    path = written["dataset"]
+    assert read_dataset(path).sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_settings_in_a_dataset_can_be_overridden(written):
+    back = read_dataset(written["dataset"], ("identification.prior.factor=7",))
+    assert back.experiment.identification.prior.factor == 7.0
+    with pytest.raises(ConfigError):
+        read_dataset(written["dataset"], ("identification.prior.factor=wide",))
+
+
+def test_an_estimate_comes_back_as_it_was(estimate, written):
+    back = read_estimate(written["estimate"])
+    assert_equal(estimate, back)
+    assert back.dataset_sha256 == "0123abcd"
+    assert len(back.held) == 19
+
+
+@pytest.mark.parametrize("held", [{}, {"Y_url": 1.5}])
+def test_an_estimate_with_few_or_no_held_coefficients_comes_back(held, estimate, tmp_path):
+    changed = replace(estimate, held=held, status="diverged at t = 1.000 s: why")
+    write_estimate(tmp_path / "estimate.h5", changed)
+    back = read_estimate(tmp_path / "estimate.h5")
+    assert (back.held, back.status, back.completed) == (held, changed.status, False)
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_xarray_opens_every_sensor_with_units_and_time(sensor, dataset, written):
+    with xarray.open_dataset(written["dataset"], group=f"sensors/{sensor}", engine="h5netcdf") as opened:
+        for column, quantity in enumerate(SENSORS[sensor]):
+            variable = opened[quantity.symbol]
+            assert variable.dims == ("time",)
+            assert variable.attrs["units"] == quantity.unit
+            assert variable.attrs["long_name"] == quantity.meaning
+            assert np.array_equal(variable.values, dataset.sensors[sensor].values[:, column], equal_nan=True)
+        assert np.array_equal(opened["time"].values, dataset.sensors[sensor].time)
+        assert opened["valid"].dims == ("time", "component")
+        assert opened["valid"].sum() == np.isfinite(dataset.sensors[sensor].values).sum()
+
+
+def test_xarray_opens_inputs_and_truth(dataset, written):
+    with xarray.open_dataset(written["dataset"], group="inputs", engine="h5netcdf") as inputs:
+        assert np.array_equal(inputs["surge_force"].values, dataset.inputs.values[:, 2])
+        assert inputs["rudder"].attrs["units"] == "rad"
+    with xarray.open_dataset(written["dataset"], group="truth", engine="h5netcdf") as truth:
+        assert np.array_equal(truth["down"].values, dataset.truth.position[:, 2])
+        assert tuple(truth["coefficient"].values) == SYMBOLS
+        named = truth["true_coefficient"].sel(coefficient="Y_url")
+        assert float(named) == dataset.truth.coefficients["Y_url"]
+
+
+def test_xarray_opens_an_estimate(estimate, written):
+    with xarray.open_dataset(written["estimate"], engine="h5netcdf") as opened:
+        assert np.array_equal(opened["mean"].sel(state="Z_uude").values, estimate.mean[:, 1])
+        assert opened["covariance"].dims == ("state", "state_of_column")
+        assert opened.attrs["filter"] == "tukf"
+    with xarray.open_dataset(written["estimate"], group="innovations/dvl", engine="h5netcdf") as opened:
+        assert opened["innovation"].attrs["units"] == "m/s"
+        assert np.array_equal(opened["nis"].values, estimate.innovations["dvl"].nis)
+
+
+def test_files_tell_where_they_come_from(kind, written):
+    with xarray.open_dataset(written[kind], engine="h5netcdf") as opened:
+        assert opened.attrs["kind"] == f"auvid {kind}"
+        assert opened.attrs["auvid_version"] == __version__
+        assert opened.attrs["seed"] == 1
+        assert "numpy" in opened.attrs["library_versions"]

@@ -1,0 +1,70 @@
+"""Errors of the coefficients on estimates whose errors are known by hand."""
+
+import numpy as np
+import pytest
+
+from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, steady_part
+
+
+def test_rmse_counts_the_whole_run_from_zero(hand_made, truth_of):
+    estimate = hand_made([0, 1, 2, 3], {"Y_url": [0.0, 3.0, 5.0, 4.0]})
+    (result,) = coefficient_results(estimate, truth_of(Y_url=4.0))
+    # Errors -4, -1, 1, 0.
+    assert result.rmse == pytest.approx(np.sqrt(18 / 4))
+    assert (result.estimate, result.true, result.standard_deviation) == (4.0, 4.0, 0.25)
+    assert (result.filter, result.coefficient, result.unit) == ("tukf", "Y_url", "kg/rad")
+
+
+def test_steady_state_error_is_that_of_the_mean_over_the_last_tenth_of_the_time(hand_made, truth_of):
+    time = np.arange(101.0)
+    course = np.where(time >= 90, -7.0, 1000.0)
+    course[time >= 95] = -11.0
+    estimate = hand_made(time, {"N_uudr": course})
+    (result,) = coefficient_results(estimate, truth_of(N_uudr=-10.0))
+    # Five events at -7 and six at -11: their mean is -101/11.
+    assert result.steady_state_error_percent == pytest.approx(100 * (10 - 101 / 11) / 10)
+
+
+def test_errors_that_cancel_leave_no_steady_state_error(hand_made, truth_of):
+    time = np.arange(101.0)
+    course = np.full(101, 2.0)
+    course[91:] = 2.0 + np.tile([0.5, -0.5], 5)
+    (result,) = coefficient_results(hand_made(time, {"Y_uvl": course}), truth_of(Y_uvl=2.0))
+    assert result.steady_state_error_percent == pytest.approx(0.0, abs=1e-12)
+    assert result.rmse == pytest.approx(np.sqrt(10 * 0.25 / 101))
+
+
+def test_the_last_tenth_is_one_of_time_not_of_events(hand_made):
+    time = np.concatenate([np.linspace(10.0, 100.0, 5), np.linspace(101.0, 110.0, 50)])
+    steady = steady_part(hand_made(time, {"Y_url": np.zeros(55)}))
+    assert time[steady][0] == 100.0
+
+
+def test_a_true_zero_has_no_relative_error(hand_made, truth_of):
+    (result,) = coefficient_results(hand_made([0, 1], {"Y_r|r|": [0.0, 2.0]}), truth_of())
+    assert result.steady_state_error_percent is None
+    assert result.rmse == pytest.approx(np.sqrt(2.0))
+
+
+def test_without_truth_there_are_estimates_but_no_errors(hand_made):
+    (result,) = coefficient_results(hand_made([0, 1], {"Y_url": [0.0, 2.0]}), None)
+    assert (result.true, result.rmse, result.steady_state_error_percent) == (None, None, None)
+    assert result.estimate == 2.0
+
+
+def test_after_divergence_there_are_no_errors(hand_made, truth_of):
+    estimate = hand_made([0, 1], {"Y_url": [0.0, 2.0]}, status="diverged at t = 2.000 s: why")
+    (result,) = coefficient_results(estimate, truth_of(Y_url=1.0))
+    assert (result.rmse, result.steady_state_error_percent) == (None, None)
+
+
+def test_only_coefficients_have_results_in_the_order_of_the_state(hand_made, truth_of):
+    estimate = hand_made([0, 1], {"Y_url": [0, 1], "N_url": [0, 2], "X_u|u|": [0, 3]})
+    assert [r.coefficient for r in coefficient_results(estimate, truth_of())] == ["Y_url", "N_url", "X_u|u|"]
+
+
+def test_the_average_is_over_those_that_have_an_error(hand_made, truth_of):
+    estimate = hand_made([0, 1], {"Y_url": [0, 1.1], "N_url": [0, 2.0], "Y_r|r|": [0, 3.0]})
+    results = coefficient_results(estimate, truth_of(Y_url=1.0, N_url=4.0))
+    assert average_steady_state_error(results) == pytest.approx((10.0 + 50.0) / 2)
+    assert average_steady_state_error(coefficient_results(estimate, None)) is None

@@ -1,0 +1,107 @@
+"""The identified model left to itself."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from auvid_cli.evaluation.evaluate import evaluate
+from auvid_cli.evaluation.free_run import free_run, velocity_errors
+from auvid_cli.vehicle.coefficients import SYMBOLS
+
+NOISELESS = (
+    *(f"sensors.{name}.noise=1e-12" for name in ("dvl",)),
+    "sensors.gyroscope={rate: 100 Hz, noise: 1e-12}",
+    "sensors.attitude={source: direct, rate: 100 Hz, noise: 1e-12}",
+)
+
+
+@pytest.fixture(scope="module")
+def noiseless(simulated_with):
+    return simulated_with("manoeuvre.duration=20 s", "manoeuvre.initial_speed=2 m/s", *NOISELESS)
+
+
+@pytest.fixture
+def with_coefficients(hand_made):
+    """Function: an estimate that ends with the given 22 coefficients."""
+
+    def make(coefficients, **changes):
+        return hand_made([0, 1], {symbol: [0.0, (coefficients | changes)[symbol]] for symbol in SYMBOLS})
+
+    return make
+
+
+def test_the_true_coefficients_reproduce_the_true_motion(noiseless, with_coefficients):
+    run = free_run(noiseless, with_coefficients(noiseless.truth.coefficients))
+    on_ticks = np.isin(np.round(run.time, 9), np.round(noiseless.truth.time, 9))
+    tick = np.searchsorted(noiseless.truth.time, run.time[on_ticks] - 1e-9)
+    assert on_ticks.sum() > 1900
+    assert run.time[0] == 0.0
+    assert_allclose(run.motion[on_ticks], noiseless.truth.motion[tick], atol=1e-5)
+
+
+def test_errors_of_the_true_coefficients_vanish(noiseless, with_coefficients):
+    estimate = with_coefficients(noiseless.truth.coefficients)
+    errors = velocity_errors(noiseless, estimate, free_run(noiseless, estimate))
+    assert [e.component for e in errors] == ["u", "v", "w", "p", "q", "r"]
+    assert [e.unit for e in errors] == ["m/s"] * 3 + ["rad/s"] * 3
+    assert max(e.mean_absolute_error for e in errors) < 1e-5
+
+
+def test_a_wrong_coefficient_shows_where_it_acts(noiseless, with_coefficients):
+    true = noiseless.truth.coefficients
+    estimate = with_coefficients(true, **{"X_u|u|": 2.0 * true["X_u|u|"]})
+    errors = velocity_errors(noiseless, estimate, free_run(noiseless, estimate))
+    assert errors[0].mean_absolute_error > 0.1
+
+
+def test_the_error_is_the_mean_absolute_difference_from_the_readings(noiseless, with_coefficients):
+    estimate = with_coefficients(noiseless.truth.coefficients)
+    dvl = noiseless.sensors["dvl"]
+    values = dvl.values.copy()
+    sign = np.where(np.arange(len(values)) % 2, 1.0, -1.0)
+    values[:, 1] += 0.3 * sign
+    values[:, 2] = np.nan
+    values[1:4, 2] = dvl.values[1:4, 2] + [0.1, -0.2, 0.6]
+    shifted = replace(noiseless, sensors=noiseless.sensors | {"dvl": replace(dvl, values=values)})
+    run = free_run(noiseless, estimate)
+    errors = velocity_errors(shifted, estimate, run)
+    assert errors[1].mean_absolute_error == pytest.approx(0.3, abs=1e-4)
+    assert errors[2].mean_absolute_error == pytest.approx(0.3, abs=1e-4)
+
+
+def test_a_component_that_is_not_measured_has_no_error(noiseless, with_coefficients):
+    sensors = {name: record for name, record in noiseless.sensors.items() if name != "gyroscope"}
+    blind = replace(noiseless, sensors=sensors)
+    estimate = with_coefficients(noiseless.truth.coefficients)
+    errors = velocity_errors(blind, estimate, free_run(blind, estimate))
+    assert [e.mean_absolute_error is None for e in errors] == [False] * 3 + [True] * 3
+
+
+def test_a_model_that_blows_up_has_no_error(noiseless, with_coefficients):
+    estimate = with_coefficients(noiseless.truth.coefficients, **{"X_u|u|": 1e6})
+    errors = velocity_errors(noiseless, estimate, free_run(noiseless, estimate))
+    assert errors[0].mean_absolute_error is None
+
+
+def test_evaluation_holds_a_row_for_each_filter_and_coefficient(short_run, short_estimates):
+    evaluation = evaluate(short_run, list(short_estimates.values()))
+    filters = [name.value for name in short_estimates]
+    assert [row.filter for row in evaluation.summary] == filters
+    assert [(row.filter, row.coefficient) for row in evaluation.coefficients] == [
+        (name, symbol) for name in filters for symbol in SYMBOLS
+    ]
+    assert list(evaluation.free_runs) == filters
+    for row in evaluation.summary:
+        own = [r.steady_state_error_percent for r in evaluation.coefficients if r.filter == row.filter]
+        assert row.average_steady_state_error_percent == pytest.approx(np.mean(own))
+        assert row.microseconds_per_step * row.steps == pytest.approx(1e6 * row.cpu_time_s)
+        assert row.status == "completed"
+
+
+def test_evaluation_without_truth_has_velocity_errors_only(short_run, short_estimates):
+    evaluation = evaluate(short_run.without_truth(), list(short_estimates.values()))
+    assert all(row.rmse is None and row.steady_state_error_percent is None for row in evaluation.coefficients)
+    assert all(row.average_steady_state_error_percent is None for row in evaluation.summary)
+    assert all(row.mean_absolute_error is not None for row in evaluation.velocity_errors)

@@ -1,0 +1,122 @@
+"""A linear process that filters and textbook can both move exactly, and timelines for it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numba import njit
+
+from auvid_cli.blocks import LANES
+from auvid_cli.filters.problem import PROCESS_SIGNATURE, Belief, Process, Sensors, Timeline
+
+N_AXES = 2
+
+
+@njit(PROCESS_SIGNATURE)
+def _advance(moving, parameters, inputs, constants, selection, n_lanes, duration):
+    """Two carts: positions, then velocities; acceleration = mixing @ parameters + input, constant in a piece."""
+    n_parameters = constants.size // N_AXES
+    for k in range(n_lanes):
+        for axis in range(N_AXES):
+            acceleration = inputs[axis]
+            for j in range(n_parameters):
+                acceleration += constants[axis * n_parameters + j] * parameters[j * LANES + k]
+            velocity = moving[(N_AXES + axis) * LANES + k]
+            moving[axis * LANES + k] += duration * velocity + 0.5 * duration**2 * acceleration
+            moving[(N_AXES + axis) * LANES + k] = velocity + duration * acceleration
+
+
+def _step_matrices(mixing, duration):
+    """x <- F x + G input over one piece, parameters first."""
+    n_parameters = mixing.shape[1]
+    n = n_parameters + 2 * N_AXES
+    step, push = np.eye(n), np.zeros((n, N_AXES))
+    position, velocity = slice(n_parameters, n_parameters + N_AXES), slice(n_parameters + N_AXES, n)
+    step[position, velocity] = duration * np.eye(N_AXES)
+    step[position, :n_parameters] = 0.5 * duration**2 * mixing
+    step[velocity, :n_parameters] = duration * mixing
+    push[position] = 0.5 * duration**2 * np.eye(N_AXES)
+    push[velocity] = duration * np.eye(N_AXES)
+    return step, push
+
+
+@pytest.fixture(params=[1, 2, 7, 40], ids=lambda n: f"{n} parameters")
+def linear_problem(request):
+    """A random linear problem: irregular times, inputs that change in between, several sensors at one
+    instant, missing components and whole missing readings. 40 parameters need two blocks of lanes."""
+    rng = np.random.default_rng(request.param)
+    n_parameters = request.param
+    n, n_events, width = n_parameters + 2 * N_AXES, 30, 3
+    mixing = rng.standard_normal((N_AXES, n_parameters)) / np.sqrt(n_parameters)
+    density = rng.uniform(0.05, 0.3, 2 * N_AXES)
+
+    def transition(mean, inputs, piece_input, piece_duration, matrix):
+        matrix[:] = np.eye(n)
+        for row, duration in zip(piece_input, piece_duration, strict=True):
+            step, push = _step_matrices(mixing, duration)
+            mean[:] = step @ mean + push @ inputs[row]
+            matrix[:] = step @ matrix
+
+    process = Process(_advance, transition, mixing.ravel(), np.zeros(0, dtype=np.int64), density)
+
+    pieces = [0, *rng.integers(1, 4, n_events - 1)]
+    durations = rng.uniform(0.01, 0.4, sum(pieces))
+    readings_at = rng.integers(0, 4, n_events)
+    n_readings = readings_at.sum()
+    reading = rng.standard_normal((n_readings, width))
+    reading[rng.random(reading.shape) < 0.25] = np.nan
+    reading[::7] = np.nan
+    offset = np.concatenate([[0], np.cumsum(pieces)])
+    timeline = Timeline(
+        time=np.concatenate([[0.0], np.cumsum(durations)])[offset[1:]],
+        piece_offset=offset,
+        piece_duration=durations,
+        piece_input=rng.integers(0, 5, durations.size),
+        inputs=rng.standard_normal((5, N_AXES)),
+        reading_offset=np.concatenate([[0], np.cumsum(readings_at)]),
+        reading_sensor=rng.integers(0, 2, n_readings),
+        reading=reading,
+    )
+    matrix = rng.standard_normal((2, width, n))
+    # One sensor sees motion only, as those of a vehicle do.
+    matrix[1, :, :n_parameters] = 0.0
+    sensors = Sensors(matrix, rng.uniform(0.01, 1.0, (2, width)), np.zeros((2, width), dtype=np.bool_))
+    factor = np.tril(rng.standard_normal((n, n)))
+    factor[np.diag_indices(n)] = rng.uniform(0.5, 2.0, n)
+    prior = Belief(rng.standard_normal(n), factor)
+    return SimpleNamespace(process=process, sensors=sensors, timeline=timeline, prior=prior, mixing=mixing)
+
+
+@pytest.fixture
+def textbook(linear_problem):
+    """The Kalman filter of any textbook, with full covariance and joint updates."""
+    p = linear_problem
+    t, n = p.timeline, p.prior.mean.size
+    mean, covariance = p.prior.mean.copy(), p.prior.factor @ p.prior.factor.T
+    noise = np.zeros((n, n))
+    noise[-2 * N_AXES :, -2 * N_AXES :] = np.diag(p.process.noise_density**2)
+    means, deviations = [], []
+    innovations, variances = np.full(t.reading.shape, np.nan), np.full(t.reading.shape, np.nan)
+    nis = np.zeros(len(t.reading))
+    for event in range(t.time.size):
+        for piece in range(t.piece_offset[event], t.piece_offset[event + 1]):
+            step, push = _step_matrices(p.mixing, t.piece_duration[piece])
+            mean = step @ mean + push @ t.inputs[t.piece_input[piece]]
+            covariance = step @ covariance @ step.T
+        # The noise of an interval is added where the interval ends.
+        covariance = covariance + noise * t.piece_duration[t.piece_offset[event] : t.piece_offset[event + 1]].sum()
+        for k in range(t.reading_offset[event], t.reading_offset[event + 1]):
+            present = ~np.isnan(t.reading[k])
+            h = p.sensors.matrix[t.reading_sensor[k], present]
+            innovation = t.reading[k, present] - h @ mean
+            s = h @ covariance @ h.T + np.diag(p.sensors.variance[t.reading_sensor[k], present])
+            gain = covariance @ h.T @ np.linalg.inv(s)
+            mean, covariance = mean + gain @ innovation, (np.eye(n) - gain @ h) @ covariance
+            innovations[k, present], variances[k, present] = innovation, np.diag(s)
+            nis[k] = innovation @ np.linalg.solve(s, innovation)
+        means.append(mean)
+        deviations.append(np.sqrt(np.diag(covariance)))
+    return SimpleNamespace(
+        mean=np.array(means), standard_deviation=np.array(deviations), covariance=covariance,
+        innovation=innovations, innovation_variance=variances, nis=nis,
+    )  # fmt: skip

@@ -1,0 +1,138 @@
+"""On a linear problem every filter is the Kalman filter."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from auvid_cli.filters import square_root
+from auvid_cli.filters.extended import run_extended_filter
+from auvid_cli.filters.point_sets import cubature, transformed, unscented
+from auvid_cli.filters.problem import OK, PREDICTION, Belief
+from auvid_cli.filters.square_root import run_square_root_filter
+
+POINT_SETS = {
+    "ckf": cubature,
+    "tukf": transformed,
+    "ukf": lambda n: unscented(n, 0.5, 2.0, 0.0),
+    "ukf, close": lambda n: unscented(n, 1e-2, 2.0, 1.0),
+}
+
+
+def run(name, problem, progress=lambda done: None):
+    arguments = problem.process, problem.sensors, problem.timeline, problem.prior, progress
+    if name == "ekf":
+        return run_extended_filter(*arguments)
+    return run_square_root_filter(POINT_SETS[name](problem.prior.mean.size), *arguments)
+
+
+@pytest.fixture(params=["ekf", *POINT_SETS])
+def filter_kind(request):
+    return request.param
+
+
+def test_every_filter_is_the_textbook_kalman_filter(filter_kind, linear_problem, textbook):
+    history = run(filter_kind, linear_problem)
+    assert history.culprit == OK
+    assert history.n_good == linear_problem.timeline.time.size
+    assert_allclose(history.records.mean, textbook.mean, rtol=1e-9, atol=1e-9)
+    assert_allclose(history.records.standard_deviation, textbook.standard_deviation, rtol=1e-9, atol=1e-9)
+    assert_allclose(history.covariance, textbook.covariance, rtol=1e-9, atol=1e-9)
+    assert_allclose(history.records.innovation, textbook.innovation, rtol=1e-9, atol=1e-9)
+    assert_allclose(history.records.innovation_variance, textbook.innovation_variance, rtol=1e-9, atol=1e-9)
+
+
+def test_normalised_innovations_are_those_of_the_textbook(filter_kind, linear_problem, textbook):
+    nis = run(filter_kind, linear_problem).records.nis
+    heard = ~np.isnan(linear_problem.timeline.reading).all(axis=1)
+    assert not heard.all(), "the problem should have readings that are missing altogether"
+    assert_allclose(nis[heard], textbook.nis[heard], rtol=1e-9)
+    assert np.all(np.nan_to_num(nis[~heard]) == 0.0)
+
+
+def test_the_prior_and_the_timeline_are_left_as_they_were(filter_kind, linear_problem):
+    prior, timeline = linear_problem.prior, linear_problem.timeline
+    before = prior.mean.copy(), prior.factor.copy(), timeline.reading.copy()
+    run(filter_kind, linear_problem)
+    assert np.array_equal(prior.mean, before[0])
+    assert np.array_equal(prior.factor, before[1])
+    assert np.array_equal(timeline.reading, before[2], equal_nan=True)
+
+
+def test_progress_ends_at_the_number_of_events(filter_kind, linear_problem):
+    told = []
+    run(filter_kind, linear_problem, told.append)
+    assert told[-1] == linear_problem.timeline.time.size
+    assert told == sorted(told)
+
+
+@pytest.mark.parametrize("kind", POINT_SETS)
+def test_working_in_chunks_changes_nothing(kind, linear_problem, monkeypatch):
+    whole = run(kind, linear_problem)
+    monkeypatch.setattr(square_root, "CHUNK", 7)
+    told = []
+    parts = run(kind, linear_problem, told.append)
+    assert len(told) == 5
+    for a, b in zip(whole.records, parts.records, strict=True):
+        assert np.array_equal(a, b, equal_nan=True)
+
+
+def with_timeline(problem, **changes):
+    problem.timeline = problem.timeline._replace(**changes)
+    return problem
+
+
+def until(problem, stop):
+    """The problem cut off after the first `stop` events."""
+    t = problem.timeline
+    return with_timeline(
+        problem,
+        time=t.time[:stop],
+        piece_offset=t.piece_offset[: stop + 1],
+        reading_offset=t.reading_offset[: stop + 1],
+    )
+
+
+@pytest.mark.parametrize("event", [5, 29])
+def test_a_failed_prediction_is_reported_and_leaves_the_last_good_state(filter_kind, event, linear_problem):
+    t = linear_problem.timeline
+    inputs = np.vstack([t.inputs, np.full((1, t.inputs.shape[1]), np.nan)])
+    piece_input = t.piece_input.copy()
+    piece_input[t.piece_offset[event]] = 5
+    history = run(filter_kind, with_timeline(linear_problem, inputs=inputs, piece_input=piece_input))
+    assert (history.n_good, history.culprit) == (event, PREDICTION)
+    assert np.isfinite(history.records.mean[:event]).all()
+    assert np.isnan(history.records.mean[event:]).all()
+    assert np.isnan(history.records.standard_deviation[event:]).all()
+    assert_allclose(history.covariance, run(filter_kind, until(linear_problem, event)).covariance, rtol=1e-12)
+
+
+def test_a_reading_that_breaks_the_state_is_reported_with_its_sensor(filter_kind, linear_problem):
+    t = linear_problem.timeline
+    event = next(k for k in range(8, 30) if t.reading_offset[k + 1] > t.reading_offset[k])
+    first = t.reading_offset[event]
+    reading = t.reading.copy()
+    reading[first] = np.inf
+    with np.errstate(invalid="ignore"):
+        history = run(filter_kind, with_timeline(linear_problem, reading=reading))
+    assert (history.n_good, history.culprit) == (event, t.reading_sensor[first])
+    assert np.isfinite(history.records.mean[:event]).all()
+    assert np.isnan(history.records.mean[event:]).all()
+    assert_allclose(history.covariance, run(filter_kind, until(linear_problem, event)).covariance, rtol=1e-12)
+
+
+@pytest.mark.parametrize("turns", [-3, 1, 2])
+def test_an_angle_is_known_only_modulo_a_turn(filter_kind, turns, linear_problem):
+    problem = linear_problem
+    wrapping = problem.sensors._replace(angular=np.ones_like(problem.sensors.angular))
+    # Small errors only: no innovation near half a turn, where the wrap itself would jump.
+    small = Belief(0.01 * problem.prior.mean, 0.01 * problem.prior.factor)
+    t = problem.timeline
+    problem.timeline = t._replace(reading=0.01 * t.reading, inputs=0.0 * t.inputs)
+    problem.prior = small
+    plain = run(filter_kind, problem)
+    assert np.nanmax(np.abs(plain.records.innovation)) < 3.0
+    problem.sensors = wrapping
+    problem.timeline = problem.timeline._replace(reading=problem.timeline.reading + 2 * np.pi * turns)
+    turned = run(filter_kind, problem)
+    assert_allclose(turned.records.mean, plain.records.mean, rtol=1e-9, atol=1e-12)
+    assert_allclose(turned.records.innovation, plain.records.innovation, rtol=1e-9, atol=1e-12)

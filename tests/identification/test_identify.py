@@ -1,0 +1,216 @@
+"""From a dataset to estimates: what the filters know, and what they stand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from auvid_cli.config.experiment import FilterName
+from auvid_cli.errors import ConfigError
+from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.identification.identify import count_events, identify
+from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
+
+
+def with_sensor(dataset, name, **changes):
+    return replace(dataset, sensors=dataset.sensors | {name: replace(dataset.sensors[name], **changes)})
+
+
+def is_sound(estimate):
+    """Completed, finite, and with a positive-definite covariance at the end."""
+    scale = 1.0 / estimate.standard_deviation[-1]
+    smallest = np.linalg.eigvalsh(estimate.covariance * np.outer(scale, scale)).min()
+    finite = np.isfinite(estimate.mean).all() and np.isfinite(estimate.standard_deviation).all()
+    return estimate.status == "completed" and finite and smallest > 0.0
+
+
+def relative_errors(estimate, truth):
+    """Of each coefficient at the end."""
+    final = estimate.final_coefficients()
+    return np.array([abs(final[symbol] / truth.coefficients[symbol] - 1.0) for symbol in SYMBOLS])
+
+
+def assert_same(a, b):
+    assert np.array_equal(a.mean, b.mean)
+    assert np.array_equal(a.covariance, b.covariance)
+    assert a.status == b.status
+
+
+def test_estimates_find_the_coefficients(short_run, short_estimates, filter_name):
+    estimate = short_estimates[filter_name]
+    assert is_sound(estimate)
+    errors = relative_errors(estimate, short_run.truth)
+    assert np.median(errors) < 0.05
+    assert errors.max() < 0.5
+
+
+def test_estimates_are_as_far_off_as_they_say(short_run, short_estimates, filter_name):
+    estimate = short_estimates[filter_name]
+    true = np.array([short_run.truth.coefficients[symbol] for symbol in SYMBOLS])
+    normal = (estimate.mean[-1, :22] - true) / estimate.standard_deviation[-1, :22]
+    assert np.abs(normal).max() < 5.0
+
+
+def test_estimates_start_at_zero_with_the_prior(short_estimates, filter_name):
+    first = short_estimates[filter_name]
+    assert np.abs(first.mean[0, :22] / first.standard_deviation[0, :22]).max() < 3.0
+    assert first.state == (*SYMBOLS, *MOTION_SYMBOLS)
+
+
+def test_the_truth_in_the_dataset_is_not_looked_at(short_run, short_estimates, filter_name):
+    assert_same(identify(short_run.without_truth(), filter_name), short_estimates[filter_name])
+
+
+def test_the_true_coefficients_in_the_settings_are_not_looked_at(
+    short_run, short_estimates, filter_name, with_settings
+):
+    scrambled = with_settings(short_run, *(f"vehicle.coefficients.{symbol}=123" for symbol in SYMBOLS))
+    assert scrambled.experiment.vehicle.all_coefficients()["Y_url"] == 123.0
+    assert_same(identify(scrambled, filter_name), short_estimates[filter_name])
+
+
+def test_estimating_needs_no_coefficients_in_the_settings(short_run, short_estimates, with_settings):
+    bare = with_settings(short_run, "vehicle.coefficients={}")
+    assert_same(identify(bare, FilterName.TUKF), short_estimates[FilterName.TUKF])
+
+
+def test_a_subset_is_estimated_with_the_others_held(short_run, filter_name, with_settings):
+    chosen = ("Z_w|w|", "N_uudr", "X_u|u|")
+    estimate = identify(with_settings(short_run, f"identification.coefficients=[{', '.join(chosen)}]"), filter_name)
+    in_table_order = tuple(symbol for symbol in SYMBOLS if symbol in chosen)
+    assert estimate.state == (*in_table_order, *MOTION_SYMBOLS)
+    assert set(estimate.held) == set(SYMBOLS) - set(chosen)
+    assert is_sound(estimate)
+    assert relative_errors(estimate, short_run.truth).max() < 0.02
+    for symbol, value in estimate.held.items():
+        assert value == short_run.truth.coefficients[symbol]
+
+
+def test_a_coefficient_held_at_a_wrong_value_spoils_the_estimate_of_others(short_run, with_settings):
+    """Else the held values would not be used at all."""
+    subset = with_settings(short_run, "identification.coefficients=[Y_url, N_url]")
+    wrong = with_settings(subset, "vehicle.coefficients.N_uudr=-20")
+    right = relative_errors(identify(subset, FilterName.TUKF), short_run.truth)
+    spoiled = identify(wrong, FilterName.TUKF).final_coefficients()
+    true = short_run.truth.coefficients
+    assert right.max() < 0.02
+    assert abs(spoiled["N_url"] / true["N_url"] - 1.0) > 0.2
+
+
+def test_holding_a_coefficient_without_a_value_is_refused(short_run, with_settings):
+    bare = with_settings(short_run, "vehicle.coefficients={}", "identification.coefficients=[Y_url]")
+    with pytest.raises(ConfigError, match=r"X_u\|u\|") as caught:
+        identify(bare, FilterName.TUKF)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("factor", [1, 10, 30])
+def test_filters_complete_with_wide_priors(short_run, filter_name, factor, with_settings):
+    estimate = identify(with_settings(short_run, f"identification.prior.factor={factor}"), filter_name)
+    assert is_sound(estimate), estimate.status
+
+
+@pytest.mark.parametrize("factor", [100, 300])
+def test_with_priors_too_wide_a_filter_completes_or_says_what_went_wrong(short_run, filter_name, factor, with_settings):
+    estimate = identify(with_settings(short_run, f"identification.prior.factor={factor}"), filter_name)
+    assert np.isfinite(estimate.mean).all()
+    assert estimate.time.size > 0
+    said = verdict(estimate)
+    assert "\n" not in said
+    if said == "completed":
+        assert np.median(relative_errors(estimate, short_run.truth)) < 0.05
+    else:
+        assert said.startswith(("diverged", "inconsistent"))
+
+
+def test_the_exact_transition_of_the_ekf_is_at_least_as_good(short_run, short_estimates, with_settings):
+    exact = identify(with_settings(short_run, "identification.ekf.transition=exact"), FilterName.EKF)
+    assert is_sound(exact)
+    assert not np.array_equal(exact.mean, short_estimates[FilterName.EKF].mean)
+    assert np.median(relative_errors(exact, short_run.truth)) < 0.05
+
+
+def test_lost_samples_do_no_harm(short_run, filter_name, rng):
+    holed = short_run
+    for name in ("dvl", "gyroscope", "attitude"):
+        values = short_run.sensors[name].values.copy()
+        values[rng.random(len(values)) < 0.2] = np.nan
+        values[rng.random(values.shape) < 0.1] = np.nan
+        holed = with_sensor(holed, name, values=values)
+    estimate = identify(holed, filter_name)
+    assert is_sound(estimate)
+    assert np.median(relative_errors(estimate, short_run.truth)) < 0.05
+
+
+def test_a_silence_of_ten_seconds_does_no_harm(short_run, filter_name):
+    silent = short_run
+    for name in ("dvl", "gyroscope", "attitude"):
+        record = short_run.sensors[name]
+        kept = (record.time < 40.0) | (record.time > 50.0)
+        silent = with_sensor(silent, name, time=record.time[kept], values=record.values[kept])
+    estimate = identify(silent, filter_name)
+    assert is_sound(estimate)
+    assert np.diff(estimate.time).max() == pytest.approx(10.0, abs=0.2)
+    assert np.median(relative_errors(estimate, short_run.truth)) < 0.1
+
+
+def test_a_silence_is_the_same_whether_samples_are_absent_or_not_a_number(short_run):
+    record = short_run.sensors["dvl"]
+    lost = (record.time > 20.0) & (record.time < 25.0)
+    blank = record.values.copy()
+    blank[lost] = np.nan
+    absent = with_sensor(short_run, "dvl", time=record.time[~lost], values=record.values[~lost])
+    blanked = with_sensor(short_run, "dvl", values=blank)
+    assert_same(identify(blanked, FilterName.TUKF), identify(absent, FilterName.TUKF))
+
+
+def test_without_a_gyroscope_the_rates_follow_from_the_attitude(short_run, filter_name):
+    sensors = {name: record for name, record in short_run.sensors.items() if name != "gyroscope"}
+    estimate = identify(replace(short_run, sensors=sensors), filter_name)
+    assert is_sound(estimate)
+    late = estimate.time > 40.0
+    true_rate = np.interp(estimate.time[late], short_run.truth.time, short_run.truth.motion[:, 5])
+    rate = estimate.mean[late, estimate.state.index("r")]
+    assert np.sqrt(np.mean((rate - true_rate) ** 2)) < 0.1 * true_rate.std()
+
+
+def test_heading_that_wraps_does_no_harm(simulated_with, filter_name):
+    dataset = simulated_with("manoeuvre.duration=80 s")
+    heading = dataset.sensors["attitude"].values[:, 2]
+    assert (np.abs(np.diff(heading[np.isfinite(heading)])) > np.pi).any(), "the test should cross south"
+    estimate = identify(dataset, filter_name)
+    assert is_sound(estimate)
+    psi = estimate.mean[:, estimate.state.index("psi")]
+    true = np.interp(estimate.time, dataset.truth.time, dataset.truth.motion[:, 8])
+    # Without a jump, and right modulo a turn.
+    assert np.abs(np.diff(psi)).max() < 0.1
+    assert np.abs(np.angle(np.exp(1j * (psi - true)))).max() < np.deg2rad(5.0)
+    innovation = estimate.innovations["attitude"].innovation[:, 2]
+    assert np.nanmax(np.abs(innovation)) < 0.2
+
+
+def test_motion_follows_the_truth(short_run, short_estimates, filter_name):
+    estimate = short_estimates[filter_name]
+    late = estimate.time > 30.0
+    for i, symbol in enumerate(MOTION_SYMBOLS[:6]):
+        true = np.interp(estimate.time[late], short_run.truth.time, short_run.truth.motion[:, i])
+        error = estimate.mean[late, estimate.state.index(symbol)] - true
+        assert np.sqrt(np.mean(error**2)) < 0.05 * true.std()
+
+
+def test_each_sensors_innovations_stand_at_its_own_times(short_run, short_estimates, filter_name):
+    for name, innovations in short_estimates[filter_name].innovations.items():
+        record = short_run.sensors[name]
+        start = short_estimates[filter_name].time[0]
+        used = np.isfinite(record.values).any(axis=1) & (record.time >= start - 1e-9)
+        assert_allclose(innovations.time, record.time[used], atol=1e-9)
+        assert np.isfinite(innovations.innovation).all()
+        assert np.all(innovations.variance >= record.standard_deviation**2)
+
+
+def test_progress_counts_to_the_number_of_events(short_run):
+    told = []
+    identify(short_run, FilterName.TUKF, told.append)
+    assert told[-1] == count_events(short_run)

@@ -1,0 +1,139 @@
+"""Merging sensors and inputs to events and pieces."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
+from auvid_cli.errors import DataError
+from auvid_cli.identification.timeline import (
+    build_timeline,
+    initial_motion,
+    measurement_model,
+    measuring_sensors,
+)
+
+# Clocks in whole microseconds, some instants in common.
+clock = st.lists(st.integers(0, 3_000_000), min_size=2, max_size=30, unique=True).map(
+    lambda ticks: np.array(sorted(ticks)) * 1e-6
+)
+
+
+def a_dataset(experiment, inputs_at, **sensors):
+    """Inputs that are their own row number; sensor values that are their own row number."""
+    values = np.arange(4 * len(inputs_at), dtype=float).reshape(-1, 4)
+    records = {
+        name: SensorRecord(np.asarray(time), np.arange(3.0 * len(time)).reshape(-1, 3), np.array([0.1, 0.2, 0.3]))
+        for name, time in sensors.items()
+    }
+    return Dataset(InputRecord(np.asarray(inputs_at), values), records, experiment)
+
+
+@given(inputs_at=clock, dvl=clock, gyroscope=clock, step=st.floats(0.01, 1.0))
+def test_pieces_fill_the_gaps_between_events_with_the_input_that_holds(
+    inputs_at, dvl, gyroscope, step, experiment_with
+):
+    inputs_at = np.concatenate([[0.0], inputs_at[inputs_at > 0.0]])
+    dataset = a_dataset(experiment_with(), inputs_at, dvl=dvl, gyroscope=gyroscope)
+    measuring = measuring_sensors(dataset)
+    start, _ = initial_motion(dataset, measuring)
+    timeline = build_timeline(dataset, measuring, start, step)
+
+    read_at = np.concatenate([dvl, gyroscope])
+    expected = np.unique(read_at[read_at >= start])
+    assert_allclose(timeline.time, expected, rtol=0, atol=1e-12)
+    assert timeline.piece_offset[1] == 0, "nothing leads to the first event"
+    assert np.all(timeline.piece_duration > 0.0)
+    assert np.all(timeline.piece_duration <= step * (1 + 1e-5))
+    for event in range(1, timeline.time.size):
+        pieces = slice(timeline.piece_offset[event], timeline.piece_offset[event + 1])
+        durations = timeline.piece_duration[pieces]
+        gap = timeline.time[event] - timeline.time[event - 1]
+        assert durations.sum() == pytest.approx(gap, abs=1e-12)
+        middles = timeline.time[event - 1] + np.cumsum(durations) - 0.5 * durations
+        for middle, row in zip(middles, timeline.piece_input[pieces], strict=True):
+            assert row == np.flatnonzero(inputs_at <= middle)[-1]
+    assert timeline.piece_offset[-1] == timeline.piece_duration.size == timeline.piece_input.size
+
+
+@given(dvl=clock, gyroscope=clock, attitude=clock)
+def test_every_reading_from_the_start_on_appears_once_at_its_time(dvl, gyroscope, attitude, experiment_with):
+    clocks = {"dvl": dvl, "gyroscope": gyroscope, "attitude": attitude}
+    dataset = a_dataset(experiment_with(), [0.0, 1.0], **clocks)
+    measuring = measuring_sensors(dataset)
+    start, _ = initial_motion(dataset, measuring)
+    assert start == max(times[0] for times in clocks.values())
+    timeline = build_timeline(dataset, measuring, start, 0.02)
+    event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.reading_offset))
+    assert event.size == len(timeline.reading)
+    for sensor, (name, times) in enumerate(clocks.items()):
+        rows = timeline.reading_sensor == sensor
+        used = times >= start
+        assert_allclose(timeline.time[event[rows]], times[used], rtol=0, atol=1e-12)
+        assert np.array_equal(timeline.reading[rows], dataset.sensors[name].values[used])
+
+
+def test_missing_components_stay_and_missing_samples_go(experiment_with):
+    dataset = a_dataset(experiment_with(), [0.0], dvl=[0.0, 1.0, 2.0])
+    values = dataset.sensors["dvl"].values
+    values[1], values[2, 0] = np.nan, np.nan
+    timeline = build_timeline(dataset, measuring_sensors(dataset), 0.0, 0.1)
+    assert_allclose(timeline.time, [0.0, 2.0])
+    assert np.array_equal(timeline.reading, [[0.0, 1.0, 2.0], [np.nan, 7.0, 8.0]], equal_nan=True)
+
+
+def test_clocks_that_differ_by_rounding_share_an_event(experiment_with):
+    tenths = np.arange(50) * 0.1
+    summed = np.cumsum(np.full(50, 0.1)) - 0.1
+    assert np.any(tenths != summed)
+    dataset = a_dataset(experiment_with(), [0.0], dvl=tenths, gyroscope=summed)
+    assert build_timeline(dataset, measuring_sensors(dataset), 0.0, 1.0).time.size == 50
+
+
+def test_a_filter_starts_when_every_sensor_has_spoken_at_what_each_said_last(experiment_with):
+    dataset = a_dataset(experiment_with(), [0.0], dvl=[0.0, 0.4, 0.8], gyroscope=[0.5, 0.7])
+    dataset.sensors["dvl"].values[:, 2] = np.nan
+    dataset.sensors["dvl"].values[0] = [1.0, 2.0, 3.0]
+    start, motion = initial_motion(dataset, measuring_sensors(dataset))
+    assert start == 0.5
+    assert_allclose(motion, [3.0, 4.0, 3.0, 0.0, 1.0, 2.0, 0.0, 0.0, 0.0])
+
+
+def test_no_filter_starts_before_the_first_input(experiment_with):
+    dataset = a_dataset(experiment_with(), [2.0, 3.0], dvl=[0.0, 1.0, 2.5, 4.0])
+    start, _ = initial_motion(dataset, measuring_sensors(dataset))
+    assert start == 2.0
+
+
+def test_measurement_rows_pick_the_measured_state_behind_the_parameters(experiment_with, rng):
+    dataset = a_dataset(experiment_with(), [0.0], attitude=[0.0, 1.0], dvl=[0.0, 1.0])
+    measuring = measuring_sensors(dataset)
+    sensors = measurement_model(measuring, 5)
+    state = rng.standard_normal(14)
+    motion = dict(zip(("u", "v", "w", "p", "q", "r", "phi", "theta", "psi"), state[5:], strict=True))
+    for sensor, (name, symbols) in enumerate({"attitude": ("phi", "theta", "psi"), "dvl": ("u", "v", "w")}.items()):
+        assert list(measuring)[sensor] == name
+        assert_allclose(sensors.matrix[sensor] @ state, [motion[symbol] for symbol in symbols])
+        assert_allclose(sensors.variance[sensor], [0.01, 0.04, 0.09])
+        assert sensors.angular[sensor].all() == (name == "attitude")
+
+
+def test_raw_sensors_of_the_ahrs_are_no_measurements_of_motion(short_run):
+    assert set(measuring_sensors(short_run)) == {"gyroscope", "dvl", "attitude"}
+
+
+def test_a_dataset_without_a_sensor_of_motion_is_refused(experiment_with):
+    dataset = a_dataset(experiment_with(), [0.0], dvl=[0.0, 1.0])
+    dataset.sensors["dvl"].values[:] = np.nan
+    with pytest.raises(DataError, match="no valid sample"):
+        measuring_sensors(dataset)
+
+
+@pytest.mark.parametrize("deviation", [0.0, -1.0, np.nan])
+def test_a_sensor_that_states_no_noise_is_refused(deviation, experiment_with):
+    dataset = a_dataset(experiment_with(), [0.0], dvl=[0.0, 1.0])
+    dataset.sensors["dvl"].standard_deviation[1] = deviation
+    with pytest.raises(DataError, match="dvl"):
+        measuring_sensors(dataset)

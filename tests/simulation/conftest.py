@@ -1,0 +1,38 @@
+"""Straight, level runs of the default vehicle, and hand-made truths."""
+
+import numpy as np
+import pytest
+
+from auvid_cli.simulation.motion import Truth, simulate_motion
+from auvid_cli.simulation.plan import make_plan
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
+from auvid_cli.vehicle.dynamics import vehicle_constants
+
+
+@pytest.fixture(scope="session")
+def fly(experiment_with):
+    """Function: true motion of the default vehicle in a manoeuvre given as YAML, with more overrides."""
+
+    def run(manoeuvre: str | None = None, *overrides: str, substeps: int = 4) -> Truth:
+        whole = (f"manoeuvre={manoeuvre}", *overrides) if manoeuvre else overrides
+        experiment = experiment_with(*whole)
+        plan = make_plan(experiment.manoeuvre)
+        return simulate_motion(experiment.vehicle, experiment.manoeuvre, plan, substeps)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def standing_still(experiment_with):
+    """Function: a truth of the given length in which nothing moves, at a given roll, pitch and yaw."""
+    vehicle = experiment_with().vehicle
+    known = vehicle.known_parameters()
+    # Weightless and without levers, so that it stays in any attitude.
+    constants = vehicle_constants(known | {"W": 0.0, "B": 0.0})
+
+    def make(duration: float, attitude=(0.0, 0.0, 0.0)) -> Truth:
+        time = np.array([0.0, duration])
+        motion = np.tile([0.0] * 6 + [*attitude], (2, 1))
+        return Truth(time, np.zeros((2, 4)), motion, np.zeros((2, 3)), constants, np.zeros(N_COEFFICIENTS))
+
+    return make

@@ -1,0 +1,208 @@
+"""Raw sensors: what they measure, and each of their imperfections."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy import stats
+
+from auvid_cli.simulation.sensors import GRAVITY, measure, wrap
+
+RAW = ("gyroscope", "accelerometer", "magnetometer", "dvl")
+NOISELESS = tuple(f"sensors.{name}={{rate: 50 Hz, noise: 0}}" for name in RAW)
+
+
+@pytest.fixture
+def reading(experiment_with, standing_still):
+    """Function: samples of one sensor of a vehicle that stands still."""
+
+    def read(name: str, settings: str, duration: float, seed: int = 1):
+        suite = experiment_with(f"sensors.{name}={settings}").sensors
+        return measure(standing_still(duration), suite, seed)[name]
+
+    return read
+
+
+def within_chance(sum_of_squares, count):
+    """Whether a sum of squares of standard normal numbers is credible, at one in a million."""
+    low, high = stats.chi2.ppf([5e-7, 1 - 5e-7], count)
+    return low < sum_of_squares < high
+
+
+def credible_share(hits, count, probability):
+    low, high = stats.binom.ppf([5e-7, 1 - 5e-7], count, probability)
+    return low <= hits <= high
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ("{rate: 7 Hz, noise: 0.01}", np.arange(71) / 7),
+        ("{rate: 7 Hz, noise: 0.01, start: 0.35 s}", 0.35 + np.arange(68) / 7),
+        ("{rate: 0.3 Hz, noise: 0.01}", np.arange(4) / 0.3),
+        ("{rate: 7 Hz, noise: 0.01, start: 11 s}", np.zeros(0)),
+    ],
+)
+def test_samples_come_on_the_sensors_own_clock(settings, expected, reading):
+    assert_allclose(reading("dvl", settings, 10.0).time, expected, rtol=1e-12)
+
+
+def test_noise_is_white_and_of_the_stated_size(reading):
+    record = reading("dvl", "{rate: 100 Hz, noise: [0.01, 0.02, 0.03]}", 100.0)
+    normal = record.values / [0.01, 0.02, 0.03]
+    assert_allclose(record.standard_deviation, [0.01, 0.02, 0.03])
+    count = normal.shape[0]
+    for component in range(3):
+        assert within_chance((normal[:, component] ** 2).sum(), count)
+        assert abs(normal[:, component].mean()) < 5 / np.sqrt(count)
+        assert abs(np.mean(normal[1:, component] * normal[:-1, component])) < 5 / np.sqrt(count)
+        assert abs(np.mean(normal[:, component] * normal[:, component - 1])) < 5 / np.sqrt(count)
+
+
+def test_a_range_is_three_standard_deviations(reading):
+    assert_allclose(reading("dvl", "{rate: 1 Hz, range: 0.3}", 1.0).standard_deviation, 0.1)
+
+
+def test_a_filter_is_told_the_stated_deviation_instead_of_the_noise(reading):
+    record = reading("dvl", "{rate: 100 Hz, noise: 0.01, standard_deviation: 0.5}", 20.0)
+    assert_allclose(record.standard_deviation, 0.5)
+    assert record.values.std() == pytest.approx(0.01, rel=0.1)
+
+
+def test_the_constant_bias_is_added(reading):
+    record = reading("gyroscope", "{rate: 10 Hz, noise: 0, bias: [0.1, -0.2, 0.3]}", 5.0)
+    assert_allclose(record.values, np.tile([0.1, -0.2, 0.3], (51, 1)))
+
+
+def test_the_further_bias_is_constant_in_a_run_and_drawn_anew_for_each_seed(reading):
+    settings = "{rate: 10 Hz, noise: 0, bias_spread: 0.02}"
+    biases = []
+    for seed in range(60):
+        values = reading("gyroscope", settings, 0.5, seed).values
+        assert np.all(values == values[0])
+        biases.append(values[0])
+    assert len(np.unique(biases)) == 180
+    assert within_chance((np.array(biases) ** 2).sum() / 0.02**2, 180)
+
+
+def test_drift_grows_with_the_root_of_time(reading):
+    settings = "{rate: 4 Hz, noise: 0, drift: 0.001}"
+    walks = np.array([reading("gyroscope", settings, 64.0, seed).values for seed in range(60)])
+    for time in (1, 4, 16, 64):
+        at_time = walks[:, 4 * time]
+        assert within_chance((at_time**2).sum() / (0.001**2 * time), at_time.size)
+    assert np.all(walks[:, 0] == 0.0)
+
+
+def test_quantisation_rounds_to_the_step(reading):
+    plain = reading("dvl", "{rate: 50 Hz, noise: 0.02}", 10.0).values
+    stepped = reading("dvl", "{rate: 50 Hz, noise: 0.02, quantisation: [0.01, 0, 0.004]}", 10.0).values
+    for component, step in ((0, 0.01), (2, 0.004)):
+        assert_allclose(stepped[:, component] / step, np.round(stepped[:, component] / step), atol=1e-9)
+        assert np.abs(stepped - plain)[:, component].max() <= 0.5 * step * (1 + 1e-9)
+    assert np.array_equal(stepped[:, 1], plain[:, 1])
+
+
+def test_dropouts_lose_whole_samples_and_leave_the_others_as_they_were(reading):
+    plain = reading("dvl", "{rate: 100 Hz, noise: 0.02}", 100.0)
+    holed = reading("dvl", "{rate: 100 Hz, noise: 0.02, dropout_probability: 0.3}", 100.0)
+    lost = np.isnan(holed.values).any(axis=1)
+    assert np.isnan(holed.values[lost]).all()
+    assert credible_share(lost.sum(), lost.size, 0.3)
+    assert np.array_equal(holed.values[~lost], plain.values[~lost])
+    assert np.array_equal(holed.time, plain.time)
+
+
+def test_outliers_hit_the_stated_share_with_the_stated_size(reading):
+    plain = reading("dvl", "{rate: 100 Hz, noise: 0.02}", 100.0).values
+    wild = reading("dvl", "{rate: 100 Hz, noise: 0.02, outlier_probability: 0.05, outlier_size: 3}", 100.0).values
+    hit = (wild != plain).any(axis=1)
+    assert credible_share(hit.sum(), hit.size, 0.05)
+    error = (wild - plain)[hit]
+    assert within_chance((error**2).sum() / 3.0**2, error.size)
+
+
+@pytest.mark.parametrize("changed", RAW)
+@pytest.mark.parametrize("change", ["rate=3 Hz", "noise=0.5", "dropout_probability=0.5", "drift=0.1", "start=1 s"])
+def test_changing_one_sensor_leaves_the_others_bit_identical(changed, change, experiment_with, standing_still):
+    truth = standing_still(5.0)
+    plain = [f"sensors.{name}={{rate: 20 Hz, noise: 0.01, bias_spread: 0.01}}" for name in RAW]
+    before = measure(truth, experiment_with(*plain).sensors, 1)
+    after = measure(truth, experiment_with(*plain, f"sensors.{changed}.{change}").sensors, 1)
+    for name in RAW:
+        same = np.array_equal(before[name].values, after[name].values, equal_nan=True)
+        assert same == (name != changed)
+
+
+def test_seeds_differ_and_repeat(experiment_with, standing_still):
+    suite, truth = experiment_with().sensors, standing_still(1.0)
+    for name in RAW:
+        first, again, other = (measure(truth, suite, seed)[name].values for seed in (1, 1, 2))
+        assert np.array_equal(first, again)
+        assert not np.any(first == other)
+
+
+def test_sensors_do_not_share_their_noise(experiment_with, standing_still):
+    suite = experiment_with(*(f"sensors.{name}={{rate: 20 Hz, noise: 1}}" for name in RAW)).sensors
+    records = measure(standing_still(2.0), suite, 1)
+    drawn = [records[name].values[:, 0] - records[name].values[:, 0].mean() for name in RAW]
+    correlation = np.corrcoef(drawn)
+    assert np.abs(correlation - np.eye(len(RAW))).max() < 0.75
+
+
+def test_an_accelerometer_at_rest_feels_gravity_upwards(experiment_with, standing_still):
+    suite = experiment_with(*NOISELESS).sensors
+    level = measure(standing_still(1.0), suite, 1)["accelerometer"].values
+    assert_allclose(level, np.tile([0.0, 0.0, -GRAVITY], (51, 1)), atol=1e-12)
+    bow_up = measure(standing_still(1.0, (0.0, np.pi / 6, 1.0)), suite, 1)["accelerometer"].values
+    assert_allclose(bow_up[0], [GRAVITY / 2, 0.0, -GRAVITY * np.sqrt(0.75)], atol=1e-12)
+    to_starboard = measure(standing_still(1.0, (np.pi / 6, 0.0, 0.0)), suite, 1)["accelerometer"].values
+    assert_allclose(to_starboard[0], [0.0, -GRAVITY / 2, -GRAVITY * np.sqrt(0.75)], atol=1e-12)
+
+
+def rotation(attitude):
+    (a, b, c), (d, e, f) = np.cos(attitude), np.sin(attitude)
+    roll = np.array([[1, 0, 0], [0, a, -d], [0, d, a]])
+    pitch = np.array([[b, 0, e], [0, 1, 0], [-e, 0, b]])
+    yaw = np.array([[c, -f, 0], [f, c, 0], [0, 0, 1]])
+    return yaw @ pitch @ roll
+
+
+def test_specific_force_is_the_acceleration_over_ground_less_gravity(fly, experiment_with):
+    truth = fly(None, "manoeuvre.duration=40 s")
+    suite = experiment_with("sensors.accelerometer={rate: 100 Hz, noise: 0, start: 0.005 s}").sensors
+    felt = measure(truth, suite, 1)["accelerometer"].values
+    over_ground = np.array([rotation(m[6:]) @ m[:3] for m in truth.motion])
+    acceleration = np.diff(over_ground, axis=0) / truth.time[1]
+    middle = 0.5 * (truth.motion[1:, 6:] + truth.motion[:-1, 6:])
+    down = np.array([0.0, 0.0, GRAVITY])
+    expected = [rotation(attitude).T @ (a - down) for attitude, a in zip(middle, acceleration, strict=True)]
+    assert_allclose(felt[: len(expected)], expected, atol=2e-3)
+
+
+def test_specific_force_of_a_steady_turn_is_omega_cross_v_and_gravity(fly, experiment_with):
+    circle = "{type: turning_circle, duration: 120 s, speed: 3 m/s, rudder: -8 deg, approach: 5 s}"
+    truth = fly(circle)
+    felt = measure(truth, experiment_with(*NOISELESS).sensors, 1)["accelerometer"].values[-1]
+    motion = truth.motion[-1]
+    centripetal = np.cross(motion[3:6], motion[:3])
+    assert np.abs(centripetal).max() > 0.2
+    assert_allclose(felt, centripetal - rotation(motion[6:]).T @ [0.0, 0.0, GRAVITY], atol=1e-3)
+
+
+def test_the_other_sensors_read_the_motion_itself(fly, experiment_with):
+    truth = fly(None, "manoeuvre.duration=60 s")
+    direct = "sensors.attitude={source: direct, rate: 50 Hz, noise: 0}"
+    records = measure(truth, experiment_with(*NOISELESS, direct).sensors, 1)
+    every_other = truth.motion[::2]
+    assert every_other[-1, 8] > np.pi, "the test should turn past south"
+    assert_allclose(records["gyroscope"].values, every_other[:, 3:6], atol=1e-12)
+    assert_allclose(records["dvl"].values, every_other[:, :3], atol=1e-12)
+    assert_allclose(records["attitude"].values[:, :2], every_other[:, 6:8], atol=1e-12)
+    for heading in (records["magnetometer"].values[:, 0], records["attitude"].values[:, 2]):
+        assert np.all(np.abs(heading) <= np.pi)
+        assert_allclose(np.exp(1j * heading), np.exp(1j * every_other[:, 8]), atol=1e-12)
+
+
+@pytest.mark.parametrize(("angle", "wrapped"), [(0, 0), (4, 4 - 2 * np.pi), (-4, 2 * np.pi - 4), (7, 7 - 2 * np.pi)])
+def test_wrapped_angles_lie_within_half_a_turn(angle, wrapped):
+    assert wrap(np.array([float(angle)]))[0] == pytest.approx(wrapped)
