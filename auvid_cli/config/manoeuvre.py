@@ -96,7 +96,6 @@ class ManoeuvreSettings(Settings):
     initial_pitch: Annotated[Radians, Field(description="pitch at the start")] = 0.0
     input_rate: Annotated[float, Unit("Hz"), Field(gt=0, description="inputs change this often")] = 100.0
     limits: Limits = Limits()
-    autopilot: Autopilot = Autopilot()
     excitation: Excitation = Excitation()
 
 
@@ -106,6 +105,7 @@ class Spiral(ManoeuvreSettings):
     type: Literal["spiral"]
     turn_rate: Annotated[float, Unit("rad/s"), Field(description="mean yaw rate, positive to starboard")]
     pitch: Annotated[Radians, Field(description="mean pitch, negative is nose down")]
+    autopilot: Autopilot = Autopilot()
 
 
 class Zigzag(ManoeuvreSettings):
@@ -131,6 +131,7 @@ class MultisineRun(ManoeuvreSettings):
     """A straight, level run with the excitation on top."""
 
     type: Literal["multisine"]
+    autopilot: Autopilot = Autopilot()
 
 
 class Doublets(ManoeuvreSettings):
@@ -141,6 +142,7 @@ class Doublets(ManoeuvreSettings):
     elevator: Annotated[float, Unit("rad"), Field(ge=0, description="elevator step")]
     unit_time: Annotated[Seconds, Field(description="length of the '1'")]
     pause: Annotated[float, Unit("s"), Field(ge=0, description="rest between two sequences")] = 5.0
+    autopilot: Autopilot = Autopilot()
 
 
 class Recorded(ManoeuvreSettings):
