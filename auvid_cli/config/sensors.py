@@ -49,6 +49,20 @@ class SensorSettings(Settings):
     def _per_component_and_root_second(cls, value: Any) -> PerComponent:
         return parse_components(value, f"{cls.unit}/s^0.5", len(cls.components))
 
+    @field_validator("noise", "range", "bias_spread", "drift", "quantisation", "outlier_size", mode="after")
+    @classmethod
+    def _not_negative(cls, values: PerComponent) -> PerComponent:
+        if any(value < 0.0 for value in values):
+            raise ValueError("expected values of 0 or more")
+        return values
+
+    @field_validator("standard_deviation", mode="after")
+    @classmethod
+    def _positive(cls, values: PerComponent) -> PerComponent:
+        if any(value <= 0.0 for value in values):
+            raise ValueError("expected values greater than 0")
+        return values
+
     @model_validator(mode="after")
     def _one_statement_of_noise(self) -> "SensorSettings":
         if bool(self.noise) == bool(self.range):

@@ -1,10 +1,12 @@
 """Extended Kalman filter on filterpy."""
 
+import warnings
 from collections.abc import Callable
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
+from scipy.linalg import LinAlgWarning
 
 from auvid_cli.filters.problem import (
     OK,
@@ -60,16 +62,22 @@ def run_extended_filter(
     Sabet et al. 2018, Table A1. A reading with missing components is shortened to the rest:
     filterpy's ``update(None)`` would skip all of it.
     """
-    ekf = _ProcessEkf(process, prior)
-    records = empty_records(timeline, prior.mean.size)
-    good = ekf.x, ekf.P
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        # What overflows or is nearly singular is judged after every step, and reported as divergence.
+        warnings.simplefilter("ignore", LinAlgWarning)
+        return _run(_ProcessEkf(process, prior), sensors, timeline, progress)
+
+
+def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, progress: Callable[[int], None]) -> History:
+    records = empty_records(timeline, ekf.x.size)
+    covariance = ekf.P
     for event in range(timeline.time.size):
         culprit = _step(ekf, sensors, timeline, event, records)
         if culprit == OK and event % _CHUNK == 0 and not _is_definite(ekf.P):
             culprit = PREDICTION
         if culprit != OK:
-            return History(records, good[1], event, culprit)
-        good = ekf.x, ekf.P
+            return History(records, covariance, event, culprit)
+        covariance = ekf.P
         records.mean[event] = ekf.x
         records.standard_deviation[event] = np.sqrt(np.diagonal(ekf.P))
         if event % _CHUNK == 0:
@@ -83,7 +91,6 @@ def _step(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, event: int, re
     """Predict to an event and update with its readings; what failed, or `OK`."""
     pieces = slice(timeline.piece_offset[event], timeline.piece_offset[event + 1])
     if pieces.stop > pieces.start:
-        ekf.x = ekf.x.copy()
         ekf.move(timeline.inputs, timeline.piece_input[pieces], timeline.piece_duration[pieces])
         if not _is_sound(ekf):
             return PREDICTION
@@ -98,13 +105,16 @@ def _step(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, event: int, re
         def residual(a: Array, b: Array, angular: NDArray[np.bool_] = angular) -> Array:
             return np.where(angular, (a - b + np.pi) % (2.0 * np.pi) - np.pi, a - b)
 
-        ekf.update(
-            timeline.reading[k, present],
-            HJacobian=lambda x, matrix=matrix: matrix,
-            Hx=lambda x, matrix=matrix: matrix @ x,
-            R=np.diag(sensors.variance[sensor, present]),
-            residual=residual,
-        )
+        try:
+            ekf.update(
+                timeline.reading[k, present],
+                HJacobian=lambda x, matrix=matrix: matrix,
+                Hx=lambda x, matrix=matrix: matrix @ x,
+                R=np.diag(sensors.variance[sensor, present]),
+                residual=residual,
+            )
+        except np.linalg.LinAlgError:
+            return sensor
         records.innovation[k, present] = ekf.y
         records.innovation_variance[k, present] = np.diagonal(ekf.S)
         records.nis[k] = ekf.y @ ekf.SI @ ekf.y

@@ -101,14 +101,18 @@ def identify(
     units = {c.symbol: c.unit for c in COEFFICIENTS}
     to_si = np.concatenate([scale, np.ones(len(MOTION))])
     good = history.n_good
+    time, mean, deviation = timeline.time[:good], history.records.mean[:good], history.records.standard_deviation[:good]
+    if good == 0:
+        # Failed at once: the last good state is the prior.
+        time, mean, deviation = timeline.time[:1], prior.mean[None, :], np.diag(prior.factor)[None, :]
     return Estimate(
         filter=filter_name.value,
         experiment=experiment,
         state=(*estimated, *(quantity.symbol for quantity in MOTION)),
         unit=(*(units[symbol] for symbol in estimated), *(quantity.unit for quantity in MOTION)),
-        time=timeline.time[:good],
-        mean=history.records.mean[:good] * to_si,
-        standard_deviation=history.records.standard_deviation[:good] * to_si,
+        time=time,
+        mean=mean * to_si,
+        standard_deviation=deviation * to_si,
         covariance=history.covariance * np.outer(to_si, to_si),
         innovations=_by_sensor(history, timeline, tuple(measuring)),
         held=held,

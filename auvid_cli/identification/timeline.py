@@ -91,7 +91,7 @@ def build_timeline(dataset: Dataset, measuring: dict[str, SensorRecord], start: 
         ticks.append(_nanoseconds(record.time[used]))
         sensors.append(np.full(int(used.sum()), sensor))
         padded = np.full((int(used.sum()), width), np.nan)
-        padded[:, : record.values.shape[1]] = record.values[used]
+        padded[:, : record.values.shape[1]] = np.where(np.isfinite(record.values), record.values, np.nan)[used]
         readings.append(padded)
     tick = np.concatenate(ticks)
     order = np.lexsort((np.concatenate(sensors), tick))

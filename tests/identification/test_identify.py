@@ -9,7 +9,9 @@ from numpy.testing import assert_allclose
 from auvid_cli.config.experiment import FilterName
 from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.identification.identify import count_events, identify
+from auvid_cli.identification.process import vehicle_process
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
@@ -214,3 +216,32 @@ def test_progress_counts_to_the_number_of_events(short_run):
     told = []
     identify(short_run, FilterName.TUKF, told.append)
     assert told[-1] == count_events(short_run)
+
+
+def test_a_filter_that_fails_at_its_first_event_leaves_the_prior(short_run, filter_name, monkeypatch):
+    def hopeless(*arguments, **options):
+        process = vehicle_process(*arguments, **options)
+        return process._replace(noise_density=np.full(9, np.inf))
+
+    monkeypatch.setattr("auvid_cli.identification.identify.vehicle_process", hopeless)
+    estimate = identify(short_run, filter_name)
+    assert estimate.status.startswith("diverged")
+    assert estimate.time.size >= 1
+    assert np.isfinite(estimate.mean).all()
+    assert not evaluate(short_run, [estimate]).summary[0].status.startswith("completed")
+
+
+def test_infinite_readings_count_as_missing(short_run):
+    gyroscope = short_run.sensors["gyroscope"]
+    values = gyroscope.values.copy()
+    values[1::50] = np.inf
+    dropped = values.copy()
+    dropped[1::50] = np.nan
+    runs = [
+        identify(
+            replace(short_run, sensors={**short_run.sensors, "gyroscope": replace(gyroscope, values=changed)}),
+            FilterName.TUKF,
+        )
+        for changed in (values, dropped)
+    ]
+    assert (runs[0].mean == runs[1].mean).all()

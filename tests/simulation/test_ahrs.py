@@ -7,6 +7,7 @@ import pytest
 
 from auvid_cli.errors import SimulationError
 from auvid_cli.simulation.ahrs import attitude_reference
+from auvid_cli.simulation.sensors import measure, wrap
 from auvid_cli.simulation.simulate import simulate
 
 STRAIGHT = "manoeuvre={type: multisine, duration: 60 s, speed: 2 m/s}"
@@ -85,6 +86,17 @@ def test_heading_stays_smooth_where_it_wraps(spiral):
     error = np.abs(error_in_degrees(spiral.sensors["attitude"], spiral.truth)[:, 2])
     crossing = np.abs(np.abs(np.nan_to_num(spiral.sensors["attitude"].values[:, 2])) - np.pi) < 0.05
     assert error[crossing].max() < 1.5
+
+
+def test_a_heading_that_flickers_between_plus_and_minus_180_degrees_is_south(standing_still, experiment_with):
+    suite = experiment_with("sensors.magnetometer={rate: 10 Hz, noise: 0.5 deg}").sensors
+    records = measure(standing_still(60.0, (0.1, -0.05, np.pi)), suite, 1)
+    compass = replace(records["magnetometer"], values=wrap(records["magnetometer"].values))
+    flickers = np.abs(np.diff(compass.values[:, 0])) > np.pi
+    assert flickers.sum() > 100
+    attitude = attitude_reference(records | {"magnetometer": compass}, suite, 60.0)
+    heading = attitude.values[np.isfinite(attitude.values[:, 2]), 2]
+    assert np.rad2deg(np.abs(np.angle(-np.exp(1j * heading)))).max() < 2.0
 
 
 def test_a_gyro_bias_is_learned_where_one_is_expected(experiment_with):
