@@ -14,8 +14,6 @@ from auvid_cli.data.estimate_file import read_estimate, write_estimate
 from auvid_cli.data.files import replacing
 from auvid_cli.errors import ConfigError, FileError
 
-COMPILING = "loading the compiled core (the first run compiles it, which takes some 20 s)"
-
 
 def results_folder(experiment: Experiment, output: Path | None) -> Path:
     """Where an experiment's results go."""
@@ -24,7 +22,7 @@ def results_folder(experiment: Experiment, output: Path | None) -> Path:
 
 def simulate_to(folder: Path, experiment: Experiment, terminal: Terminal) -> Dataset:
     """Simulate an experiment into ``folder/dataset.h5`` and read it back, as any later step would."""
-    with terminal.stage(COMPILING):
+    with terminal.compiling():
         from auvid_cli.simulation.simulate import simulate
     with terminal.stage("simulate"):
         dataset = simulate(experiment)
@@ -32,6 +30,11 @@ def simulate_to(folder: Path, experiment: Experiment, terminal: Terminal) -> Dat
     with terminal.stage("write the dataset"):
         write_dataset(path, dataset)
         dataset = read_dataset(path)
+    # What other filters made of the dataset that stood here before belongs to nothing any more.
+    for name in FilterName:
+        (folder / "estimates" / f"{name.value}.h5").unlink(missing_ok=True)
+        for kind in ("png", "svg"):
+            (folder / "figures" / f"innovations_{name.value}.{kind}").unlink(missing_ok=True)
     sensors = ", ".join(f"{name} {record.time.size}" for name, record in dataset.sensors.items())
     terminal.say(f"{path}: {dataset.inputs.time[-1]:g} s of {experiment.manoeuvre.type}; samples: {sensors}")
     return dataset
@@ -39,14 +42,13 @@ def simulate_to(folder: Path, experiment: Experiment, terminal: Terminal) -> Dat
 
 def identify_to(folder: Path, dataset: Dataset, filters: tuple[FilterName, ...], terminal: Terminal) -> list[Estimate]:
     """Run filters on a dataset, writing each estimate as soon as it is there."""
-    with terminal.stage(COMPILING):
+    with terminal.compiling():
         from auvid_cli.evaluation.consistency import verdict
-        from auvid_cli.identification.identify import count_events, identify
+        from auvid_cli.identification.identify import identify
 
-    total = count_events(dataset)
     estimates = []
     for name in dict.fromkeys(filters):
-        with terminal.progress(name.value, total) as progress:
+        with terminal.progress(name.value) as progress:
             estimate = identify(dataset, name, progress)
         path = folder / "estimates" / f"{name.value}.h5"
         write_estimate(path, estimate)
@@ -57,14 +59,14 @@ def identify_to(folder: Path, dataset: Dataset, filters: tuple[FilterName, ...],
 
 def report_to(folder: Path, dataset: Dataset, estimates: list[Estimate], terminal: Terminal) -> int:
     """Write tables and figures, print the summary; the exit code says whether a verdict failed."""
-    with terminal.stage(COMPILING):
+    with terminal.compiling():
         from auvid_cli.evaluation.evaluate import evaluate
         from auvid_cli.report.screen import print_summary
         from auvid_cli.report.write import write_report
     with terminal.stage("evaluate"):
         evaluation = evaluate(dataset, estimates)
-    with terminal.stage("draw figures and write tables"):
-        paths = write_report(dataset, estimates, evaluation, folder)
+    with terminal.progress("figures") as progress:
+        paths = write_report(dataset, estimates, evaluation, folder, progress)
     print_summary(terminal.out, evaluation, paths)
     sound = all(row.status == "completed" for row in evaluation.summary)
     return DONE if sound else VERDICT_FAILED
@@ -93,7 +95,7 @@ def dataset_of(experiment: Experiment, folder: Path) -> Dataset:
         if getattr(dataset.experiment, part) != getattr(experiment, part):
             raise FileError(
                 f"{path}: was simulated with other settings of `{part}` than the experiment has now; run "
-                "`auvid simulate` again, or name the dataset file itself to identify it with the settings inside"
+                "`auvid simulate` again, give the same --set here, or name the dataset file to identify it as it is"
             )
     return Dataset(dataset.inputs, dataset.sensors, experiment, dataset.truth, dataset.sha256)
 

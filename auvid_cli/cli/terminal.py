@@ -1,10 +1,12 @@
 """What commands say and how they end: messages, progress bars, exit codes."""
 
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
+from types import FrameType
 
 import typer
 
@@ -21,6 +23,9 @@ def reporting_errors() -> Iterator[None]:
     except AuvidError as error:
         print(f"auvid: {error}", file=sys.stderr)
         raise typer.Exit(WRONG_INPUT) from None
+    except MemoryError as error:
+        print(f"auvid: not enough memory for this duration and these rates: {error}", file=sys.stderr)
+        raise typer.Exit(WRONG_INPUT) from None
     except KeyboardInterrupt:
         print("auvid: interrupted; files already written are complete", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
@@ -28,6 +33,14 @@ def reporting_errors() -> Iterator[None]:
         # The reader of our output has gone (`auvid ... | head`); there is nobody left to tell.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise typer.Exit(DONE) from None
+    except OSError as error:
+        print(f"auvid: {error.filename or 'output'}: {error.strerror or error}", file=sys.stderr)
+        raise typer.Exit(WRONG_INPUT) from None
+
+
+def _leave_at_once(number: int, frame: FrameType | None) -> None:
+    os.write(sys.stderr.fileno(), b"auvid: interrupted while compiling; nothing was lost\n")
+    os._exit(INTERRUPTED)
 
 
 class Terminal:
@@ -65,8 +78,18 @@ class Terminal:
             self.say(f"{label}: {perf_counter() - start:.2f} s")
 
     @contextmanager
-    def progress(self, label: str, total: int) -> Iterator[Callable[[int], None]]:
-        """Show a bar with rate and time left; yields the function that moves it."""
+    def compiling(self) -> Iterator[None]:
+        """Load the compiled core. The compiler swallows an interrupt, so one ends the process on the spot."""
+        before = signal.signal(signal.SIGINT, _leave_at_once)
+        try:
+            with self.stage("loading the compiled core (the first run compiles it, which takes some 20 s)"):
+                yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+    @contextmanager
+    def progress(self, label: str) -> Iterator[Callable[[int, int], None]]:
+        """Show a bar with rate and time left; yields the function that moves it to so many of so many."""
         from rich.progress import (
             BarColumn,
             MofNCompleteColumn,
@@ -79,7 +102,7 @@ class Terminal:
 
         start = perf_counter()
         if not self._err.is_terminal or self.quiet:
-            yield lambda done: None
+            yield lambda done, total: None
         else:
             columns = (
                 SpinnerColumn(),
@@ -91,11 +114,12 @@ class Terminal:
                 TimeRemainingColumn(),
             )
             with Progress(*columns, console=self._err) as bars:
-                task = bars.add_task(label, total=total, rate="")
+                task = bars.add_task(label, total=None, rate="")
 
-                def advance(done: int) -> None:
+                def advance(done: int, total: int) -> None:
                     rate = done / max(perf_counter() - start, 1e-9)
-                    bars.update(task, completed=done, rate=f"{rate:,.0f} events/s")
+                    shown = f"{rate:,.3g}/s" if rate < 100 else f"{rate:,.0f}/s"
+                    bars.update(task, completed=done, total=total, rate=shown)
 
                 yield advance
         if self.verbose:

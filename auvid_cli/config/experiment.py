@@ -126,7 +126,7 @@ class Experiment(Settings):
     """A whole experiment file."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/")]
-    seed: Annotated[int, Field(ge=0, strict=True, description="of every random stream")] = 1
+    seed: Annotated[int, Field(ge=0, lt=2**63, strict=True, description="of every random stream")] = 1
     vehicle: VehicleSettings
     sensors: SensorSuite
     manoeuvre: AnyManoeuvre

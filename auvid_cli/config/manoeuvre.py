@@ -2,12 +2,12 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from auvid_cli.config.model import Settings
 from auvid_cli.config.quantity import Unit
 
-Seconds = Annotated[float, Unit("s"), Field(gt=0)]
+Seconds = Annotated[float, Unit("s"), Field(gt=0, le=1e6)]
 Radians = Annotated[float, Unit("rad")]
 PositiveRadians = Annotated[float, Unit("rad"), Field(gt=0)]
 
@@ -15,7 +15,7 @@ PositiveRadians = Annotated[float, Unit("rad"), Field(gt=0)]
 class Limits(Settings):
     """What the actuators can do."""
 
-    fin_angle: Annotated[PositiveRadians, Field(description="largest fin deflection")] = 0.35
+    fin_angle: Annotated[PositiveRadians, Field(lt=1.6, description="largest fin deflection")] = 0.35
     fin_rate: Annotated[float, Unit("rad/s"), Field(gt=0, description="largest fin rate")] = 1.0
     surge_force: Annotated[float, Unit("N"), Field(gt=0, description="largest thrust, either way")] = 1e4
 
@@ -26,8 +26,14 @@ class Multisine(Settings):
     amplitude: Annotated[float, Field(ge=0, description="peak: rad, N or N m by channel")]
     lowest: Annotated[float, Unit("Hz"), Field(gt=0, description="lowest frequency")] = 0.02
     highest: Annotated[float, Unit("Hz"), Field(gt=0, description="highest frequency")] = 0.5
-    lines: Annotated[int, Field(ge=1, description="number of sines")] = 8
+    lines: Annotated[int, Field(ge=1, le=1000, description="number of sines")] = 8
     phase: Annotated[Radians, Field(description="added to every phase, to tell channels apart")] = 0.0
+
+    @model_validator(mode="after")
+    def _frequencies_in_order(self) -> "Multisine":
+        if self.lowest > self.highest:
+            raise ValueError(f"expected lowest ({self.lowest:g} Hz) not above highest ({self.highest:g} Hz)")
+        return self
 
 
 class FinMultisine(Multisine):
@@ -94,9 +100,15 @@ class ManoeuvreSettings(Settings):
         float | None, Unit("m/s"), Field(ge=0, description="speed at the start, if another one")
     ] = None
     initial_pitch: Annotated[Radians, Field(description="pitch at the start")] = 0.0
-    input_rate: Annotated[float, Unit("Hz"), Field(gt=0, description="inputs change this often")] = 100.0
+    input_rate: Annotated[float, Unit("Hz"), Field(gt=0, le=1e4, description="inputs change this often")] = 100.0
     limits: Limits = Limits()
     excitation: Excitation = Excitation()
+
+    @model_validator(mode="after")
+    def _lasts_a_second(self) -> "ManoeuvreSettings":
+        if self.duration < 1.0 or self.duration * self.input_rate < 2.0:
+            raise ValueError("expected a duration of at least 1 s and two periods of the input rate")
+        return self
 
 
 class Spiral(ManoeuvreSettings):

@@ -17,7 +17,7 @@ class SensorSettings(Settings):
     unit: ClassVar[str]
     components: ClassVar[tuple[str, ...]]
 
-    rate: Annotated[float, Unit("Hz"), Field(gt=0, description="samples per second")]
+    rate: Annotated[float, Unit("Hz"), Field(gt=0, le=1e4, description="samples per second")]
     start: Annotated[float, Unit("s"), Field(ge=0, description="time of the first sample")] = 0.0
     noise: Annotated[PerComponent, Field(description="standard deviation of the white noise")] = ()
     range: Annotated[
@@ -42,7 +42,7 @@ class SensorSettings(Settings):
     )
     @classmethod
     def _per_component(cls, value: Any) -> PerComponent:
-        return parse_components(value, cls.unit, len(cls.components))
+        return () if value is None else parse_components(value, cls.unit, len(cls.components))
 
     @field_validator("drift", mode="before")
     @classmethod
@@ -66,7 +66,9 @@ class SensorSettings(Settings):
     @model_validator(mode="after")
     def _one_statement_of_noise(self) -> "SensorSettings":
         if bool(self.noise) == bool(self.range):
-            raise ValueError("exactly one of 'noise' (standard deviation) and 'range' (three sigma)")
+            raise ValueError(
+                "expected exactly one of 'noise' (standard deviation) and 'range' (three sigma), the other null"
+            )
         return self
 
     def noise_standard_deviation(self) -> PerComponent:
@@ -109,32 +111,49 @@ class Dvl(SensorSettings):
     components = ("u", "v", "w")
 
 
+class AhrsSettings(Settings):
+    """How the AHRS computes attitude, and how far a filter may trust it."""
+
+    standard_deviation: Annotated[
+        float,
+        Unit("rad"),
+        Field(gt=0, description="what a filter is told: more than the scatter, for the errors last for long"),
+    ] = 0.017453292519943295
+    manoeuvre_acceleration: Annotated[
+        float,
+        Unit("m/s^2/Hz^0.5"),
+        Field(gt=0, description="density of the vehicle's own acceleration, which the AHRS takes for tilt"),
+    ] = 0.1
+    gyro_bias: Annotated[
+        float, Unit("rad/s"), Field(ge=0, description="initial standard deviation of the AHRS's gyro bias")
+    ] = 0.0
+
+
 class Attitude(SensorSettings):
-    """Roll, pitch and yaw: computed by an AHRS from the other sensors, or measured directly."""
+    """Roll, pitch and yaw: computed by an AHRS from the other sensors, or measured directly.
+
+    Noise and faults are those of the direct source; an AHRS makes its own errors from its sensors'.
+    """
 
     unit = "rad"
     components = ("phi", "theta", "psi")
 
     source: Annotated[Literal["ahrs", "direct"], Field(description="AHRS, or angles plus white noise")] = "ahrs"
-    rate: Annotated[float, Unit("Hz"), Field(gt=0, description="samples per second")] = 100.0
-    manoeuvre_acceleration: Annotated[
-        float,
-        Unit("m/s^2/Hz^0.5"),
-        Field(gt=0, description="density of the vehicle's own acceleration, which the AHRS takes for tilt"),
-    ] = 0.3
-    gyro_bias: Annotated[
-        float, Unit("rad/s"), Field(ge=0, description="initial standard deviation of the AHRS's gyro bias")
-    ] = 0.0
+    rate: Annotated[float, Unit("Hz"), Field(gt=0, le=1e4, description="samples per second")] = 100.0
+    ahrs: AhrsSettings = AhrsSettings()
 
     @model_validator(mode="before")
     @classmethod
     def _accept_the_source_alone_and_fill_in_noise(cls, data: Any) -> Any:
         if isinstance(data, str):
             data = {"source": data}
-        # What the direct source adds where nothing is said; an AHRS makes its own errors.
         if isinstance(data, dict) and not data.keys() & {"noise", "range"}:
             data = {**data, "noise": "0.1 deg"}
         return data
+
+    def stated_standard_deviation(self) -> PerComponent:
+        """What a filter is told per component, rad."""
+        return (self.ahrs.standard_deviation,) * 3 if self.source == "ahrs" else super().stated_standard_deviation()
 
 
 class SensorSuite(Settings):

@@ -24,8 +24,13 @@ class Entry(Settings):
         return data if isinstance(data, dict | Entry) else {"value": data}
 
 
-def _entry(unit: str) -> type[Entry]:
-    return create_model("Entry", __base__=Entry, value=(Annotated[float, Unit(unit)], ...))
+# Added mass may hide an impossible mass from the mass matrix, so each is looked at by itself.
+_POSITIVE = ("m", "W", "B", "Ixx", "Iyy", "Izz")
+
+
+def _entry(unit: str, positive: bool = False) -> type[Entry]:
+    limits = Field(gt=0) if positive else Field()
+    return create_model("Entry", __base__=Entry, value=(Annotated[float, Unit(unit), limits], ...))
 
 
 def _identifier(symbol: str) -> str:
@@ -48,7 +53,7 @@ else:
     ParameterTable = create_model(
         "ParameterTable",
         __base__=_Table,
-        **{q.symbol: (_entry(q.unit), Field(description=q.meaning)) for q in PARAMETERS},
+        **{q.symbol: (_entry(q.unit, q.symbol in _POSITIVE), Field(description=q.meaning)) for q in PARAMETERS},
     )
     CoefficientTable = create_model(
         "CoefficientTable",

@@ -68,7 +68,9 @@ def _write_truth(group: h5py.Group, truth: TruthRecord) -> None:
     write_dimension(group, "coefficient", np.array(symbols), "hydrodynamic coefficient")
     true = np.array([truth.coefficients[symbol] for symbol in symbols])
     write_variable(group, "true_coefficient", true, ("coefficient",), "true value, SI; units in `unit`")
-    write_dimension(group, "unit", np.array([c.unit for c in COEFFICIENTS]), "unit of each coefficient")
+    write_variable(
+        group, "unit", np.array([c.unit for c in COEFFICIENTS]), ("coefficient",), "unit of each coefficient"
+    )
 
 
 def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:

@@ -22,12 +22,15 @@ class Innovations:
         SI; NaN where a component was missing or the filter had ended.
     nis : ndarray, shape (k,)
         Normalised innovation squared.
+    standard_deviation : ndarray, shape (c,)
+        Of the measurement noise, as the filter was told.
     """
 
     time: Array
     innovation: Array
     variance: Array
     nis: Array
+    standard_deviation: Array
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ def write_estimate(path: Path, estimate: Estimate) -> None:
         write_dimension(file, "time", estimate.time, "time after each event", "s")
         write_dimension(file, "state", np.array(estimate.state), "component of the augmented state")
         write_dimension(file, "state_of_column", np.array(estimate.state), "the same, for the covariance")
-        write_dimension(file, "unit", np.array(estimate.unit), "unit of each component of the state")
+        write_variable(file, "unit", np.array(estimate.unit), ("state",), "unit of each component of the state")
         both = ("time", "state")
         write_variable(file, "mean", estimate.mean, both, "posterior mean; units in `unit`")
         write_variable(file, "standard_deviation", estimate.standard_deviation, both, "posterior standard deviation")
@@ -61,6 +61,8 @@ def _write_innovations(group: h5py.Group, name: str, innovations: Innovations) -
     both = ("time", "component")
     write_variable(group, "innovation", innovations.innovation, both, "measured less predicted", unit)
     write_variable(group, "variance", innovations.variance, both, "variance of the innovation", f"({unit})^2")
+    stated = "stated standard deviation of the noise"
+    write_variable(group, "standard_deviation", innovations.standard_deviation, ("component",), stated, unit)
     write_variable(group, "nis", innovations.nis, ("time",), "normalised innovation squared", "1")
 
 
@@ -97,4 +99,5 @@ def _read_innovations(group: h5py.Group) -> Innovations:
         read_array(group, "innovation"),
         read_array(group, "variance"),
         read_array(group, "nis"),
+        read_array(group, "standard_deviation"),
     )

@@ -1,7 +1,6 @@
 """Writing files so that nothing half-written ever stands under a final name."""
 
 import os
-import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -33,16 +32,10 @@ def replacing(path: Path) -> Iterator[Path]:
         yield temporary
         temporary.replace(path)
     except OSError as error:
-        raise FileError(f"{path}: cannot be written: {_reason(error)}") from error
+        raise FileError(f"{path}: cannot be written: {error.strerror or error}") from error
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
-
-
-def _reason(error: OSError) -> str:
-    """The operating system's words; HDF5 buries them in a longer text."""
-    inner = re.search(r"error message = '([^']*)'", str(error))
-    return error.strerror or (inner[1] if inner else " ".join(str(error).split()))
 
 
 def write_text(path: Path, text: str) -> None:

@@ -19,7 +19,7 @@ from auvid_cli.data.files import replacing
 from auvid_cli.errors import FileError
 
 SCHEMA_VERSION = 1
-_LIBRARIES = ("numpy", "scipy", "numba", "filterpy", "h5py")
+_LIBRARIES = ("numpy", "scipy", "numba", "filterpy", "h5py", "pydantic", "pint", "matplotlib")
 
 
 @contextmanager
@@ -37,7 +37,8 @@ def new_file(path: Path, kind: str, settings: str, seed: int, **attributes: Any)
     **attributes
         More root attributes.
     """
-    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+    # Made in memory and written as bytes: on a full disk HDF5 prints pages of its own, or crashes.
+    with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
         file.attrs.update(
             {
                 "Conventions": "CF-1.11",
@@ -53,6 +54,10 @@ def new_file(path: Path, kind: str, settings: str, seed: int, **attributes: Any)
             }
         )
         yield file
+        file.flush()
+        image = file.id.get_file_image()
+    with replacing(path) as temporary:
+        temporary.write_bytes(image)
 
 
 @contextmanager
@@ -86,6 +91,10 @@ def open_file(path: Path, kind: str) -> Iterator[h5py.File]:
 
 def write_dimension(group: h5py.Group, name: str, values: NDArray, long_name: str, unit: str = "") -> None:
     """A coordinate variable: a dimension scale that later variables of the group attach to."""
+    _create(group, name, values, long_name, unit).make_scale(name)
+
+
+def _create(group: h5py.Group, name: str, values: NDArray, long_name: str, unit: str) -> h5py.Dataset:
     if values.dtype.kind in "UO":
         data = group.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype())
     else:
@@ -93,17 +102,14 @@ def write_dimension(group: h5py.Group, name: str, values: NDArray, long_name: st
     data.attrs["long_name"] = long_name
     if unit:
         data.attrs["units"] = unit
-    data.make_scale(name)
+    return data
 
 
 def write_variable(
     group: h5py.Group, name: str, values: NDArray, dimensions: tuple[str, ...], long_name: str, unit: str = ""
 ) -> None:
     """A variable on dimensions already written in the group."""
-    data = group.create_dataset(name, data=values)
-    data.attrs["long_name"] = long_name
-    if unit:
-        data.attrs["units"] = unit
+    data = _create(group, name, values, long_name, unit)
     for axis, dimension in enumerate(dimensions):
         data.dims[axis].attach_scale(group[dimension])
 

@@ -14,6 +14,7 @@ from auvid_cli.filters.problem import (
     Belief,
     History,
     Process,
+    Records,
     Sensors,
     Timeline,
     empty_records,
@@ -21,8 +22,8 @@ from auvid_cli.filters.problem import (
 
 Array = NDArray[np.float64]
 
-# Events between two reports of progress and two checks that the covariance is positive definite.
-_CHUNK = 500
+# Events between two reports of progress, and between two checks that the covariance is positive definite.
+_CHUNK, _CHECK = 500, 10
 
 
 class _ProcessEkf(ExtendedKalmanFilter):
@@ -55,7 +56,7 @@ class _ProcessEkf(ExtendedKalmanFilter):
 
 
 def run_extended_filter(
-    process: Process, sensors: Sensors, timeline: Timeline, prior: Belief, progress: Callable[[int], None]
+    process: Process, sensors: Sensors, timeline: Timeline, prior: Belief, progress: Callable[[int, int], None]
 ) -> History:
     """Filter a timeline with the EKF; arguments and result as of `run_square_root_filter`.
 
@@ -68,26 +69,36 @@ def run_extended_filter(
         return _run(_ProcessEkf(process, prior), sensors, timeline, progress)
 
 
-def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, progress: Callable[[int], None]) -> History:
+def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, progress: Callable[[int, int], None]) -> History:
     records = empty_records(timeline, ekf.x.size)
-    covariance = ekf.P
-    for event in range(timeline.time.size):
+    n_events = timeline.time.size
+    sound, covariance = 0, ekf.P
+    for event in range(n_events):
+        before = ekf.P
         culprit = _step(ekf, sensors, timeline, event, records)
-        if culprit == OK and event % _CHUNK == 0 and not _is_definite(ekf.P):
-            culprit = PREDICTION
         if culprit != OK:
-            return History(records, covariance, event, culprit)
-        covariance = ekf.P
+            if _is_definite(before):
+                sound, covariance = event, before
+            return _ended(records, covariance, sound, culprit)
         records.mean[event] = ekf.x
         records.standard_deviation[event] = np.sqrt(np.diagonal(ekf.P))
+        if event % _CHECK == 0 or event == n_events - 1:
+            if not _is_definite(ekf.P):
+                return _ended(records, covariance, sound, PREDICTION)
+            sound, covariance = event + 1, ekf.P
         if event % _CHUNK == 0:
-            progress(event)
-    progress(timeline.time.size)
-    culprit = OK if _is_definite(ekf.P) else PREDICTION
-    return History(records, ekf.P, timeline.time.size, culprit)
+            progress(event, n_events)
+    progress(n_events, n_events)
+    return History(records, covariance, n_events, OK)
 
 
-def _step(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, event: int, records) -> int:
+def _ended(records: Records, covariance: Array, n_good: int, culprit: int) -> History:
+    records.mean[n_good:] = np.nan
+    records.standard_deviation[n_good:] = np.nan
+    return History(records, covariance, n_good, culprit)
+
+
+def _step(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, event: int, records: Records) -> int:
     """Predict to an event and update with its readings; what failed, or `OK`."""
     pieces = slice(timeline.piece_offset[event], timeline.piece_offset[event + 1])
     if pieces.stop > pieces.start:

@@ -167,7 +167,7 @@ def run_square_root_filter(
     sensors: Sensors,
     timeline: Timeline,
     prior: Belief,
-    progress: Callable[[int], None],
+    progress: Callable[[int, int], None],
 ) -> History:
     """Filter a timeline with a sigma-point set.
 
@@ -178,7 +178,7 @@ def run_square_root_filter(
     process, sensors, timeline, prior
         See `auvid_cli.filters.problem`.
     progress : callable
-        Told the number of events done, now and then.
+        Told how many events are done, and of how many, now and then.
 
     Returns
     -------
@@ -204,5 +204,5 @@ def run_square_root_filter(
             columns,
             records,
         )
-        progress(done)
+        progress(done, n_events)
     return History(records, columns.T @ columns, done, culprit)

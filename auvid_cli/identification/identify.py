@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import Experiment, Identification
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.data.dataset import SENSORS, Dataset
+from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate, Innovations
 from auvid_cli.errors import ConfigError
 from auvid_cli.filters.extended import run_extended_filter
@@ -31,18 +31,10 @@ from auvid_cli.vehicle.parameters import MOTION
 Array = NDArray[np.float64]
 
 
-def count_events(dataset: Dataset) -> int:
-    """How many events a filter will work through, for a progress bar."""
-    experiment = dataset.experiment
-    measuring = measuring_sensors(dataset)
-    start, _ = initial_motion(dataset, measuring)
-    return build_timeline(dataset, measuring, start, experiment.identification.integration_step).time.size
-
-
 def identify(
     dataset: Dataset,
     filter_name: FilterName,
-    progress: Callable[[int], None] = lambda done: None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Estimate:
     """Estimate coefficients and motion from a dataset; its truth, if any, is not looked at.
 
@@ -51,7 +43,7 @@ def identify(
     dataset : Dataset
     filter_name : FilterName
     progress : callable
-        Told the number of events done, now and then.
+        Told how many events are done, and of how many, now and then.
 
     Returns
     -------
@@ -114,7 +106,7 @@ def identify(
         mean=mean * to_si,
         standard_deviation=deviation * to_si,
         covariance=history.covariance * np.outer(to_si, to_si),
-        innovations=_by_sensor(history, timeline, tuple(measuring)),
+        innovations=_by_sensor(history, timeline, measuring),
         held=held,
         status=_status(history, timeline, tuple(measuring)),
         cpu_time=cpu_time,
@@ -155,10 +147,10 @@ def held_coefficients(experiment: Experiment) -> dict[str, float]:
     return {symbol: given[symbol] for symbol in SYMBOLS if symbol not in estimated}
 
 
-def _by_sensor(history: History, timeline: Timeline, names: tuple[str, ...]) -> dict[str, Innovations]:
+def _by_sensor(history: History, timeline: Timeline, measuring: dict[str, SensorRecord]) -> dict[str, Innovations]:
     event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.reading_offset))
     by_sensor = {}
-    for sensor, name in enumerate(names):
+    for sensor, (name, record) in enumerate(measuring.items()):
         rows = (timeline.reading_sensor == sensor) & (event <= history.n_good)
         width = len(SENSORS[name])
         by_sensor[name] = Innovations(
@@ -166,6 +158,7 @@ def _by_sensor(history: History, timeline: Timeline, names: tuple[str, ...]) -> 
             history.records.innovation[rows, :width],
             history.records.innovation_variance[rows, :width],
             history.records.nis[rows],
+            record.standard_deviation,
         )
     return by_sensor
 
@@ -175,5 +168,10 @@ def _status(history: History, timeline: Timeline, names: tuple[str, ...]) -> str
         return "completed"
     time = timeline.time[min(history.n_good, timeline.time.size - 1)]
     if history.culprit == PREDICTION:
-        return f"diverged at t = {time:.3f} s: the covariance could not be propagated to this time"
+        last = timeline.reading_offset[min(history.n_good, timeline.time.size - 1)] - 1
+        sensor = names[timeline.reading_sensor[max(last, 0)]]
+        return (
+            f"diverged at t = {time:.3f} s: after a reading of {sensor} the state or its covariance could not be "
+            "propagated to this time"
+        )
     return f"diverged at t = {time:.3f} s: the state was not finite after a reading of {names[history.culprit]}"

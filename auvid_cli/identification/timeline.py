@@ -94,10 +94,13 @@ def build_timeline(dataset: Dataset, measuring: dict[str, SensorRecord], start: 
         padded[:, : record.values.shape[1]] = np.where(np.isfinite(record.values), record.values, np.nan)[used]
         readings.append(padded)
     tick = np.concatenate(ticks)
+    if tick.size == 0:
+        raise DataError(f"no reading is left at or after t = {start:g} s, where inputs and all sensors have begun")
     order = np.lexsort((np.concatenate(sensors), tick))
     events, first_reading = np.unique(tick[order], return_index=True)
 
     changes = _nanoseconds(dataset.inputs.time)
+    _check_coverage(changes, events)
     inside = changes[(changes > events[0]) & (changes < events[-1])]
     cuts = np.union1d(events, inside)
     gaps = np.diff(cuts)
@@ -116,6 +119,16 @@ def build_timeline(dataset: Dataset, measuring: dict[str, SensorRecord], start: 
         reading_sensor=np.concatenate(sensors)[order],
         reading=np.concatenate(readings)[order],
     )
+
+
+def _check_coverage(changes: NDArray[np.int64], events: NDArray[np.int64]) -> None:
+    """Inputs hold until the next one, but not for ever: a second, or as long as they ever did."""
+    longest = max(1.0, float(np.diff(changes).max(initial=0)) * _NANOSECOND)
+    if events[-1] - changes[-1] > longest / _NANOSECOND:
+        raise DataError(
+            f"the inputs end at t = {changes[-1] * _NANOSECOND:g} s, the readings go on to "
+            f"{events[-1] * _NANOSECOND:g} s: cut the readings or extend the inputs"
+        )
 
 
 def _nanoseconds(time: Array) -> NDArray[np.int64]:

@@ -1,5 +1,6 @@
 """The whole report of a run as files."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from auvid_cli.data.dataset import Dataset
@@ -13,7 +14,13 @@ from auvid_cli.report.layout import lay_out
 from auvid_cli.report.markdown import render_markdown
 
 
-def write_report(dataset: Dataset, estimates: list[Estimate], evaluation: Evaluation, folder: Path) -> list[Path]:
+def write_report(
+    dataset: Dataset,
+    estimates: list[Estimate],
+    evaluation: Evaluation,
+    folder: Path,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[Path]:
     """Write tables and figures.
 
     Parameters
@@ -24,6 +31,8 @@ def write_report(dataset: Dataset, estimates: list[Estimate], evaluation: Evalua
         Of these estimates.
     folder : pathlib.Path
         Gets the folders ``tables`` and ``figures``.
+    progress : callable
+        Told how many figures are done, and of how many.
 
     Returns
     -------
@@ -37,7 +46,7 @@ def write_report(dataset: Dataset, estimates: list[Estimate], evaluation: Evalua
     """
     return [
         *write_tables(evaluation, folder / "tables"),
-        *draw_figures(dataset, estimates, evaluation, folder / "figures"),
+        *draw_figures(dataset, estimates, evaluation, folder / "figures", progress),
     ]
 
 

@@ -61,7 +61,7 @@ def attitude_reference(records: dict[str, SensorRecord], suite: SensorSuite, dur
     order = np.lexsort((kind, time))
     gyro_noise = np.array(suite.gyroscope.noise_standard_deviation()) / np.sqrt(suite.gyroscope.rate)
     force_variance = np.mean(np.square(suite.accelerometer.noise_standard_deviation()))
-    force_variance += settings.manoeuvre_acceleration**2 * suite.accelerometer.rate
+    force_variance += settings.ahrs.manoeuvre_acceleration**2 * suite.accelerometer.rate
     heading_variance = suite.magnetometer.noise_standard_deviation()[0] ** 2
     values = np.full((output.size, 3), np.nan)
     _run(
@@ -72,7 +72,7 @@ def attitude_reference(records: dict[str, SensorRecord], suite: SensorSuite, dur
         dvl.values,
         accelerometer.values,
         magnetometer.values,
-        np.array([np.mean(gyro_noise**2), force_variance, heading_variance, settings.gyro_bias]),
+        np.array([np.mean(gyro_noise**2), force_variance, heading_variance, settings.ahrs.gyro_bias]),
         values,
     )
     return SensorRecord(output, values, np.array(settings.stated_standard_deviation()))

@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
+LONGEST_STEP = 0.0025
 LARGEST_PITCH = np.deg2rad(85.0)
 LARGEST_ROLL = np.deg2rad(90.0)
 LARGEST_SPEED = 100.0
@@ -64,8 +65,10 @@ class Truth(NamedTuple):
     coefficients: Array
 
 
-def simulate_motion(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Plan, substeps: int = 4) -> Truth:
-    """Integrate the true motion (fourth-order Runge-Kutta, `substeps` to a tick).
+def simulate_motion(
+    vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Plan, longest_step: float = LONGEST_STEP
+) -> Truth:
+    """Integrate the true motion (fourth-order Runge-Kutta, pairs of half steps of at most `longest_step`, s).
 
     Raises
     ------
@@ -116,7 +119,7 @@ def simulate_motion(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Pla
         controls,
         constants,
         coefficients,
-        substeps,
+        longest_step,
         motion,
         position,
         inputs,
@@ -145,10 +148,12 @@ def _velocity_over_ground(block, velocity):
 
 @compiled(
     types.UniTuple(types.int64, 2)(
-        *(_vector, _matrix, _vector, _vector, _vector, _vector, _vector), types.int64, _matrix, _matrix, _matrix
+        *(_vector, _matrix, _vector, _vector, _vector, _vector, _vector), types.float64, _matrix, _matrix, _matrix
     )
 )
-def _fly(time, feedforward, speed, turn_rate, controls, constants, coefficients, substeps, motion, position, inputs):
+def _fly(
+    time, feedforward, speed, turn_rate, controls, constants, coefficients, longest_step, motion, position, inputs
+):
     """Fill in motion, position and inputs; returns (reason, tick), reason 0 if all went well."""
     drag, surge_gain, length_time = controls[0], controls[1], controls[2]
     rudder_gain, elevator_gain, pitch, depth_gain = controls[3], controls[4], controls[5], controls[6]
@@ -203,6 +208,7 @@ def _fly(time, feedforward, speed, turn_rate, controls, constants, coefficients,
         if tick + 1 == n:
             break
 
+        substeps = int(np.ceil(period / longest_step - 1e-9))
         step = period / substeps
         for axis in range(3):
             position[tick + 1, axis] = position[tick, axis]
@@ -234,15 +240,18 @@ def _sample(time, inputs, motion, constants, coefficients, wanted, sampled, rate
     block, work, slope = np.zeros(N_BLOCK), np.zeros(N_WORK), np.zeros(N_BLOCK)
     coefficient_block = np.zeros(N_COEFFICIENT_BLOCK)
     coefficient_block[::LANES] = coefficients
-    tick = 0
+    tick, now = 0, time[0]
+    block[::LANES] = motion[0]
     for k in range(wanted.size):
         while tick + 1 < time.size and time[tick + 1] <= wanted[k]:
             tick += 1
-        block[::LANES] = motion[tick]
-        remaining = wanted[k] - time[tick]
-        if remaining > 0.0:
-            for _ in range(2):
-                runge_kutta_step(block, coefficient_block, inputs[tick], constants, 1, 0.5 * remaining, work)
+            now = time[tick]
+            block[::LANES] = motion[tick]
+        substeps = int(np.ceil(2.0 * (wanted[k] - now) / LONGEST_STEP))
+        for _ in range(substeps):
+            step = (wanted[k] - now) / substeps
+            runge_kutta_step(block, coefficient_block, inputs[tick], constants, 1, step, work)
+        now = wanted[k]
         motion_derivative(block, coefficient_block, inputs[tick], constants, 1, slope)
         sampled[k] = block[::LANES]
         rate[k] = slope[::LANES]

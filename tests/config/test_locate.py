@@ -80,7 +80,7 @@ def test_whole_entry(text):
             "noise: [1, 2]",
             "9:12: sensors.dvl.noise: expected one quantity or a list of 1 or 3",
         ),
-        ("noise: 0.1 cm/s", "noise: 1\n    range: 1", "7:3: sensors.dvl: exactly one of 'noise'"),
+        ("noise: 0.1 cm/s", "noise: 1\n    range: 1", "7:3: sensors.dvl: expected exactly one of 'noise'"),
         ("name: small", "name: 3", "1:7: name: expected text, got 3"),
         ("name: small", "name: s\nseed: 1.5", "2:7: seed: expected a whole number, got 1.5"),
         (

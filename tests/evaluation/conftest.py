@@ -56,6 +56,7 @@ def innovations_of(rng):
     def make(count, components, actual, stated):
         innovation = np.sqrt(actual) * rng.standard_normal((count, components))
         variance = np.full((count, components), stated)
-        return Innovations(np.arange(float(count)), innovation, variance, (innovation**2 / variance).sum(axis=1))
+        nis = (innovation**2 / variance).sum(axis=1)
+        return Innovations(np.arange(float(count)), innovation, variance, nis, np.full(components, np.sqrt(stated)))
 
     return make

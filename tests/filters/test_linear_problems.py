@@ -18,7 +18,7 @@ POINT_SETS = {
 }
 
 
-def run(name, problem, progress=lambda done: None):
+def run(name, problem, progress=lambda done, total: None):
     arguments = problem.process, problem.sensors, problem.timeline, problem.prior, progress
     if name == "ekf":
         return run_extended_filter(*arguments)
@@ -60,8 +60,8 @@ def test_the_prior_and_the_timeline_are_left_as_they_were(filter_kind, linear_pr
 
 def test_progress_ends_at_the_number_of_events(filter_kind, linear_problem):
     told = []
-    run(filter_kind, linear_problem, told.append)
-    assert told[-1] == linear_problem.timeline.time.size
+    run(filter_kind, linear_problem, lambda done, total: told.append((done, total)))
+    assert told[-1] == (linear_problem.timeline.time.size,) * 2
     assert told == sorted(told)
 
 
@@ -70,7 +70,7 @@ def test_working_in_chunks_changes_nothing(kind, linear_problem, monkeypatch):
     whole = run(kind, linear_problem)
     monkeypatch.setattr(square_root, "CHUNK", 7)
     told = []
-    parts = run(kind, linear_problem, told.append)
+    parts = run(kind, linear_problem, lambda done, total: told.append(done))
     assert len(told) == 5
     for a, b in zip(whole.records, parts.records, strict=True):
         assert np.array_equal(a, b, equal_nan=True)

@@ -10,7 +10,7 @@ from auvid_cli.config.experiment import FilterName
 from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.evaluation.evaluate import evaluate
-from auvid_cli.identification.identify import count_events, identify
+from auvid_cli.identification.identify import identify
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
@@ -214,8 +214,8 @@ def test_each_sensors_innovations_stand_at_its_own_times(short_run, short_estima
 
 def test_progress_counts_to_the_number_of_events(short_run):
     told = []
-    identify(short_run, FilterName.TUKF, told.append)
-    assert told[-1] == count_events(short_run)
+    estimate = identify(short_run, FilterName.TUKF, lambda done, total: told.append((done, total)))
+    assert told[-1] == (estimate.time.size, estimate.time.size)
 
 
 def test_a_filter_that_fails_at_its_first_event_leaves_the_prior(short_run, filter_name, monkeypatch):

@@ -22,7 +22,8 @@ clock = st.lists(st.integers(0, 3_000_000), min_size=2, max_size=30, unique=True
 
 
 def a_dataset(experiment, inputs_at, **sensors):
-    """Inputs that are their own row number; sensor values that are their own row number."""
+    """Inputs that are their own row number, up to the last reading; sensor values that are their own row number."""
+    inputs_at = np.union1d(inputs_at, max(time[-1] for time in sensors.values()))
     values = np.arange(4 * len(inputs_at), dtype=float).reshape(-1, 4)
     records = {
         name: SensorRecord(np.asarray(time), np.arange(3.0 * len(time)).reshape(-1, 3), np.array([0.1, 0.2, 0.3]))
@@ -54,7 +55,7 @@ def test_pieces_fill_the_gaps_between_events_with_the_input_that_holds(
         assert durations.sum() == pytest.approx(gap, abs=1e-12)
         middles = timeline.time[event - 1] + np.cumsum(durations) - 0.5 * durations
         for middle, row in zip(middles, timeline.piece_input[pieces], strict=True):
-            assert row == np.flatnonzero(inputs_at <= middle)[-1]
+            assert row == np.flatnonzero(dataset.inputs.time <= middle)[-1]
     assert timeline.piece_offset[-1] == timeline.piece_duration.size == timeline.piece_input.size
 
 
@@ -90,6 +91,19 @@ def test_clocks_that_differ_by_rounding_share_an_event(experiment_with):
     assert np.any(tenths != summed)
     dataset = a_dataset(experiment_with(), [0.0], dvl=tenths, gyroscope=summed)
     assert build_timeline(dataset, measuring_sensors(dataset), 0.0, 1.0).time.size == 50
+
+
+@pytest.mark.parametrize(("last_input", "covers"), [(4.0, True), (5.0, True), (2.9, False)])
+def test_inputs_that_end_long_before_the_readings_are_refused(last_input, covers, experiment_with):
+    """They hold until the next one: here for as long as the longest pause among them, 2 s."""
+    dataset = a_dataset(experiment_with(), [0.0, 2.0, 2.5], dvl=[0.0, 5.0])
+    inputs = InputRecord(np.array([0.0, 2.0, last_input]), dataset.inputs.values[:3])
+    dataset = Dataset(inputs, dataset.sensors, dataset.experiment)
+    if covers:
+        build_timeline(dataset, measuring_sensors(dataset), 0.0, 1.0)
+    else:
+        with pytest.raises(DataError, match=r"inputs end at t = 2.9 s, the readings go on to 5 s"):
+            build_timeline(dataset, measuring_sensors(dataset), 0.0, 1.0)
 
 
 def test_a_filter_starts_when_every_sensor_has_spoken_at_what_each_said_last(experiment_with):

@@ -63,7 +63,7 @@ def make_estimate(name: str, symbols=tuple(TRUE), offset=0.01) -> Estimate:
         standard_deviation=np.full_like(mean, 0.25),
         covariance=np.eye(mean.shape[1]),
         innovations={
-            key: Innovations(TIME, values, variance, (values**2 / variance).sum(axis=1))
+            key: Innovations(TIME, values, variance, (values**2 / variance).sum(axis=1), np.sqrt(variance[0]))
             for key, values in innovation.items()
         },
         held={symbol: TRUE[symbol] for symbol in TRUE if symbol not in symbols},
@@ -81,8 +81,12 @@ def diverged(estimate: Estimate, samples: int) -> Estimate:
         mean=estimate.mean[:samples],
         standard_deviation=estimate.standard_deviation[:samples],
         innovations={
-            name: Innovations(
-                i.time[:samples], i.innovation[:samples] * np.nan, i.variance[:samples], i.nis[:samples] * np.nan
+            name: replace(
+                i,
+                time=i.time[:samples],
+                innovation=i.innovation[:samples] * np.nan,
+                variance=i.variance[:samples],
+                nis=i.nis[:samples] * np.nan,
             )
             for name, i in estimate.innovations.items()
         },

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvid_cli.simulation.motion import Truth, simulate_motion
+from auvid_cli.simulation.motion import LONGEST_STEP, Truth, simulate_motion
 from auvid_cli.simulation.plan import make_plan
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import vehicle_constants
@@ -13,11 +13,11 @@ from auvid_cli.vehicle.dynamics import vehicle_constants
 def fly(experiment_with):
     """Function: true motion of the default vehicle in a manoeuvre given as YAML, with more overrides."""
 
-    def run(manoeuvre: str | None = None, *overrides: str, substeps: int = 4) -> Truth:
+    def run(manoeuvre: str | None = None, *overrides: str, longest_step: float = LONGEST_STEP) -> Truth:
         whole = (f"manoeuvre={manoeuvre}", *overrides) if manoeuvre else overrides
         experiment = experiment_with(*whole)
         plan = make_plan(experiment.manoeuvre)
-        return simulate_motion(experiment.vehicle, experiment.manoeuvre, plan, substeps)
+        return simulate_motion(experiment.vehicle, experiment.manoeuvre, plan, longest_step)
 
     return run
 

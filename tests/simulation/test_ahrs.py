@@ -104,7 +104,7 @@ def test_a_gyro_bias_is_learned_where_one_is_expected(experiment_with):
     late = slice(6000, None)
     errors = {}
     for expected in ("0", "0.5 deg/s"):
-        dataset = simulate(experiment_with(*biased, f"sensors.attitude.gyro_bias={expected}"))
+        dataset = simulate(experiment_with(*biased, f"sensors.attitude.ahrs.gyro_bias={expected}"))
         errors[expected] = rms(error_in_degrees(dataset.sensors["attitude"], dataset.truth)[late])
     assert np.all(errors["0.5 deg/s"] < 0.35)
     assert errors["0"].max() > 3.0 * errors["0.5 deg/s"].max()

@@ -32,7 +32,7 @@ def slope(time, state, truth, inputs):
 
 
 def test_motion_and_position_are_those_of_an_independent_integrator(fly):
-    truth = fly(None, "manoeuvre.duration=30 s", "manoeuvre.input_rate=10 Hz", substeps=16)
+    truth = fly(None, "manoeuvre.duration=30 s", "manoeuvre.input_rate=10 Hz", longest_step=0.00625)
     state = np.concatenate([truth.motion[0], truth.position[0]])
     for tick in range(truth.time.size - 1):
         span = truth.time[tick], truth.time[tick + 1]
@@ -43,9 +43,9 @@ def test_motion_and_position_are_those_of_an_independent_integrator(fly):
     assert_allclose(truth.position[-1], state[9:], rtol=1e-7)
 
 
-def test_halving_the_substeps_changes_nothing_that_matters(fly):
+def test_halving_the_step_changes_nothing_that_matters(fly):
     default = fly(None, "manoeuvre.duration=60 s")
-    halved = fly(None, "manoeuvre.duration=60 s", substeps=8)
+    halved = fly(None, "manoeuvre.duration=60 s", longest_step=0.00125)
     assert_allclose(default.motion, halved.motion, atol=1e-9)
     assert_allclose(default.position, halved.position, atol=1e-8)
 
