@@ -1,4 +1,5 @@
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -72,6 +73,59 @@ def test_a_dataset_from_elsewhere_is_identified_with_its_own_settings(results, t
     assert auvid("identify", "mission.h5", "-f", "ukf", cwd=tmp_path).returncode == 0
     assert (tmp_path / "results/mission/dataset.h5").is_file()
     assert auvid("report", "results/mission", cwd=tmp_path).returncode == 0
+
+
+def test_a_file_without_truth_gives_the_same_estimates_bit_by_bit(results, tmp_path):
+    folder, _ = results
+    path = tmp_path / "mission.h5"
+    path.write_bytes((folder / "results/spiral/dataset.h5").read_bytes())
+    with h5py.File(path, "a") as file:
+        del file["truth"]
+    assert auvid("identify", "mission.h5", "-f", "tukf", "-o", "out", cwd=tmp_path).returncode == 0
+    with (
+        h5py.File(folder / "results/spiral/estimates/tukf.h5") as one,
+        h5py.File(tmp_path / "out/estimates/tukf.h5") as other,
+    ):
+        for name in ("time", "mean", "standard_deviation", "covariance", "innovations/dvl/innovation"):
+            assert one[name][...].tobytes() == other[name][...].tobytes()
+
+
+@pytest.mark.parametrize("manoeuvre", ["zigzag_10_10", "doublets", "multisine", "turning_circle"])
+def test_another_manoeuvre_is_a_matter_of_one_setting(manoeuvre, tmp_path):
+    result = auvid("simulate", *SHORT, "--set", f"manoeuvre=manoeuvres/{manoeuvre}.yaml", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    with h5py.File(tmp_path / "results/spiral/dataset.h5") as file:
+        assert file["inputs/time"][-1] >= 11.9
+
+
+def test_verbose_says_how_long_each_part_took(tmp_path):
+    result = auvid("simulate", *SHORT, "--verbose", cwd=tmp_path)
+    assert "simulate: " in result.stdout + result.stderr
+
+
+@pytest.mark.parametrize("no_color", [False, True])
+def test_progress_bars_stand_on_a_terminal_in_colour_or_without(no_color, results, tmp_path):
+    pty = pytest.importorskip("pty")
+    (tmp_path / "mission.h5").write_bytes((results[0] / "results/spiral/dataset.h5").read_bytes())
+    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100"} | ({"NO_COLOR": "1"} if no_color else {})
+    here, there = pty.openpty()
+    command = [sys.executable, "-m", "auvid_cli", "identify", "mission.h5", "-f", "ckf"]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=there, stderr=there, env=environment) as process:
+        os.close(there)
+        shown = b""
+        while True:
+            try:
+                part = os.read(here, 4096)
+            except OSError:  # Linux says that the other end has closed.
+                break
+            if not part:
+                break
+            shown += part
+        os.close(here)
+    assert process.returncode == 0
+    assert b"ckf" in shown
+    assert re.search(rb"([0-9]+)/\1 ", re.sub(rb"\x1b\[[0-9;]*m", b"", shown)), "a bar that reached its end"
+    assert (re.search(rb"\x1b\[[0-9;]*3[0-9]", shown) is None) == no_color
 
 
 def test_quiet_prints_nothing(tmp_path):

@@ -34,6 +34,18 @@ def relative_errors(estimate, truth):
     return np.array([abs(final[symbol] / truth.coefficients[symbol] - 1.0) for symbol in SYMBOLS])
 
 
+def distance_in_deviations(estimate, truth):
+    """Largest distance of a coefficient from the truth at the end, in its own standard deviations."""
+    true = np.array([truth.coefficients[symbol] for symbol in SYMBOLS])
+    return np.abs((estimate.mean[-1, :22] - true) / estimate.standard_deviation[-1, :22]).max()
+
+
+@pytest.fixture(scope="module")
+def default_run(simulated_with):
+    """The whole default spiral, 300 s."""
+    return simulated_with()
+
+
 def assert_same(a, b):
     assert np.array_equal(a.mean, b.mean)
     assert np.array_equal(a.covariance, b.covariance)
@@ -49,10 +61,7 @@ def test_estimates_find_the_coefficients(short_run, short_estimates, filter_name
 
 
 def test_estimates_are_as_far_off_as_they_say(short_run, short_estimates, filter_name):
-    estimate = short_estimates[filter_name]
-    true = np.array([short_run.truth.coefficients[symbol] for symbol in SYMBOLS])
-    normal = (estimate.mean[-1, :22] - true) / estimate.standard_deviation[-1, :22]
-    assert np.abs(normal).max() < 5.0
+    assert distance_in_deviations(short_estimates[filter_name], short_run.truth) < 5.0
 
 
 def test_estimates_start_at_zero_with_the_prior(short_estimates, filter_name):
@@ -108,21 +117,18 @@ def test_holding_a_coefficient_without_a_value_is_refused(short_run, with_settin
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("factor", [1, 10, 30])
-def test_filters_complete_with_wide_priors(short_run, filter_name, factor, with_settings):
-    estimate = identify(with_settings(short_run, f"identification.prior.factor={factor}"), filter_name)
-    assert is_sound(estimate), estimate.status
-
-
-@pytest.mark.parametrize("factor", [100, 300])
-def test_with_priors_too_wide_a_filter_completes_or_says_what_went_wrong(short_run, filter_name, factor, with_settings):
-    estimate = identify(with_settings(short_run, f"identification.prior.factor={factor}"), filter_name)
+@pytest.mark.parametrize("factor", [1, 10, 30, 100, 300])
+def test_with_wide_priors_a_filter_is_right_or_says_what_went_wrong(default_run, filter_name, factor, with_settings):
+    estimate = identify(with_settings(default_run, f"identification.prior.factor={factor}"), filter_name)
+    if factor <= 30:
+        assert is_sound(estimate), estimate.status
     assert np.isfinite(estimate.mean).all()
     assert estimate.time.size > 0
     said = verdict(estimate)
     assert "\n" not in said
     if said == "completed":
-        assert np.median(relative_errors(estimate, short_run.truth)) < 0.05
+        assert np.median(relative_errors(estimate, default_run.truth)) < 0.01
+        assert distance_in_deviations(estimate, default_run.truth) < 5.0
     else:
         assert said.startswith(("diverged", "inconsistent"))
 

@@ -1,0 +1,64 @@
+"""Transition matrices of the EKF against differences of the flow itself."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from auvid_cli.config.experiment import ProcessNoise
+from auvid_cli.identification.process import vehicle_process
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.dynamics import vehicle_constants
+
+SCALE = np.linspace(0.5, 2.0, N_COEFFICIENTS)
+INPUTS = np.array([[0.1, -0.05, 30.0, 1.0], [-0.1, 0.07, 35.0, -1.0]])
+MOTION = np.array([2.0, 0.1, -0.1, 0.02, 0.03, -0.05, 0.1, -0.2, 0.3])
+
+
+@pytest.fixture
+def state_and_flow(experiment_with):
+    """A state, and a function from it, a duration and a kind of transition to the next state and the matrix."""
+    vehicle = experiment_with().vehicle
+    true = vehicle.all_coefficients()
+    constants = vehicle_constants(vehicle.known_parameters())
+    noise = ProcessNoise()
+
+    def flow(state, duration, exact=True, inputs=INPUTS):
+        process = vehicle_process(constants, np.zeros(N_COEFFICIENTS), np.arange(N_COEFFICIENTS), SCALE, noise, exact)
+        moved, matrix = state.copy(), np.eye(state.size)
+        pieces = np.array([0, 1]), np.array([0.25, 0.75]) * duration
+        process.transition(moved, inputs, *pieces, matrix)
+        return moved, matrix
+
+    state = np.concatenate([np.array([true[symbol] for symbol in SYMBOLS]) / SCALE, MOTION])
+    return state, flow
+
+
+def test_the_exact_transition_is_the_derivative_of_the_flow(state_and_flow):
+    state, flow = state_and_flow
+    _, matrix = flow(state, 0.04)
+    for j in range(state.size):
+        step = np.zeros(state.size)
+        step[j] = 1e-5 * max(1.0, abs(state[j]))
+        difference = (flow(state + step, 0.04)[0] - flow(state - step, 0.04)[0]) / (2.0 * step[j])
+        assert_allclose(matrix[:, j], difference, rtol=1e-6, atol=1e-9)
+
+
+def test_the_first_order_transition_is_the_identity_plus_the_jacobian_times_the_interval(state_and_flow):
+    """Linear in the interval, and the slope of the exact one: its error falls with the square of the interval."""
+    state, flow = state_and_flow
+    identity = np.eye(state.size)
+    whole, half = (flow(state, duration, exact=False)[1] for duration in (0.01, 0.005))
+    assert_allclose(whole - identity, 2.0 * (half - identity), rtol=1e-12, atol=1e-15)
+    held = np.repeat(INPUTS[:1], 2, axis=0)
+    errors = [
+        np.abs(flow(state, d, exact=False, inputs=held)[1] - flow(state, d, inputs=held)[1]).max()
+        for d in (4e-3, 2e-3, 1e-3)
+    ]
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
+    assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.05)
+
+
+def test_both_transitions_move_the_mean_alike(state_and_flow):
+    """In as small steps as the integrator's error allows: the covariance is what differs."""
+    state, flow = state_and_flow
+    assert_allclose(flow(state, 0.04, exact=False)[0], flow(state, 0.04)[0], rtol=1e-12)
