@@ -1,7 +1,9 @@
 """The steps of the main job, as the commands string them together."""
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from auvid_cli.cli.terminal import DONE, VERDICT_FAILED, Terminal
 from auvid_cli.config.experiment import Experiment
@@ -9,10 +11,13 @@ from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import dump_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
-from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.estimate_file import read_estimate, write_estimate
+from auvid_cli.data.estimate import Estimate, EstimatePart
+from auvid_cli.data.estimate_file import new_estimate, read_estimate
 from auvid_cli.data.files import replacing
 from auvid_cli.errors import ConfigError, FileError
+
+if TYPE_CHECKING:
+    from auvid_cli.identification.identify import FilterRun
 
 
 def results_folder(experiment: Experiment, output: Path | None) -> Path:
@@ -44,17 +49,28 @@ def identify_to(folder: Path, dataset: Dataset, filters: tuple[FilterName, ...],
     """Run filters on a dataset, writing each estimate as soon as it is there."""
     with terminal.compiling():
         from auvid_cli.evaluation.consistency import verdict
-        from auvid_cli.identification.identify import identify
+        from auvid_cli.identification.identify import set_up_filter
 
     estimates = []
     for name in dict.fromkeys(filters):
-        with terminal.progress(name.value) as progress:
-            estimate = identify(dataset, name, progress)
         path = folder / "estimates" / f"{name.value}.h5"
-        write_estimate(path, estimate)
+        with terminal.progress(name.value) as progress:
+            estimate = _run_filter(set_up_filter(dataset, name), path, progress)
         terminal.say(f"{path}: {verdict(estimate)}; {estimate.cpu_time:.2f} s of processor time")
         estimates.append(estimate)
     return estimates
+
+
+def _run_filter(filter_run: "FilterRun", path: Path, progress: Callable[[int, int], None]) -> Estimate:
+    """Run a filter, write what it finds as it comes, and read it back, as any later step would."""
+    with new_estimate(path, filter_run.header) as writer:
+
+        def receive(part: EstimatePart, done: int) -> None:
+            writer.append(part)
+            progress(done, filter_run.n_events)
+
+        writer.finish(filter_run.run(receive))
+    return read_estimate(path)
 
 
 def report_to(folder: Path, dataset: Dataset, estimates: list[Estimate], terminal: Terminal) -> int:

@@ -93,6 +93,9 @@ class Identification(Settings):
     integration_step: Annotated[
         float, Unit("s"), Field(gt=0, description="longest step of the filter's integration")
     ] = 0.02
+    keep_every: Annotated[
+        int, Field(ge=1, strict=True, description="of the states, every so many is written; innovations all are")
+    ] = 1
     ekf: EkfSettings = EkfSettings()
     ukf: UkfSettings = UkfSettings()
 

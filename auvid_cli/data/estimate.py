@@ -1,5 +1,6 @@
-"""What a filter found: the value object between identification and evaluation."""
+"""What a filter found: the value objects between identification and evaluation."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,51 +34,100 @@ class Innovations:
     standard_deviation: Array
 
 
+_OVER_TIME = ("time", "innovation", "variance", "nis")
+
+
 @dataclass(frozen=True)
-class Estimate:
-    """Augmented state over time, of one filter.
+class EstimateHeader:
+    """What is known of an estimate before its filter runs.
 
     Attributes
     ----------
     filter : str
         "ekf", "ckf", "tukf" or "ukf".
     experiment : Experiment
-        Settings it was made with.
+        Settings it is made with.
     state : tuple of str
         Symbols: the estimated coefficients, then the nine motion states.
     unit : tuple of str
-    time : ndarray, shape (n,)
-        s, after each event; ends early where the filter diverged.
-    mean, standard_deviation : ndarray, shape (n, len(state))
-        SI.
-    covariance : ndarray, shape (len(state), len(state))
-        At the last time.
-    innovations : dict of Innovations
-        By sensor.
     held : dict
-        Coefficients that were not estimated, SI.
-    status : str
-        "completed", or "diverged at t = ...: why".
-    cpu_time, wall_time : float
-        Of the filter alone, s.
+        Coefficients that are not estimated, SI.
     dataset_sha256 : str
-        Of the dataset it came from.
+        Of the dataset it comes from.
     """
 
     filter: str
     experiment: Experiment
     state: tuple[str, ...]
     unit: tuple[str, ...]
+    held: dict[str, float]
+    dataset_sha256: str
+
+
+@dataclass(frozen=True)
+class EstimatePart:
+    """Consecutive events of a filter's run, SI.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        s, after each event.
+    mean, standard_deviation : ndarray, shape (n, len(state))
+    innovations : dict of Innovations
+        By sensor; every part has every sensor.
+    """
+
     time: Array
     mean: Array
     standard_deviation: Array
-    covariance: Array
     innovations: dict[str, Innovations]
-    held: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What is known of an estimate after its filter has run.
+
+    Attributes
+    ----------
+    status : str
+        "completed", or "diverged at t = ...: why".
+    covariance : ndarray, shape (len(state), len(state))
+        At the last time, SI.
+    steps : int
+        Events that went well.
+    cpu_time, wall_time : float
+        Of the filter alone, s.
+    """
+
     status: str
+    covariance: Array
+    steps: int
     cpu_time: float
     wall_time: float
-    dataset_sha256: str = ""
+
+
+@dataclass(frozen=True)
+class Estimate(EstimateHeader, EstimatePart, Outcome):
+    """Augmented state over time, of one filter; ends early where it diverged."""
+
+    @classmethod
+    def of(cls, header: EstimateHeader, parts: Sequence[EstimatePart], outcome: Outcome) -> "Estimate":
+        """Join the parts of a run."""
+        innovations = {
+            sensor: Innovations(
+                *(np.concatenate([getattr(part.innovations[sensor], name) for part in parts]) for name in _OVER_TIME),
+                first.standard_deviation,
+            )
+            for sensor, first in parts[0].innovations.items()
+        }
+        return cls(
+            **vars(outcome),
+            time=np.concatenate([part.time for part in parts]),
+            mean=np.concatenate([part.mean for part in parts]),
+            standard_deviation=np.concatenate([part.standard_deviation for part in parts]),
+            innovations=innovations,
+            **vars(header),
+        )
 
     @property
     def completed(self) -> bool:

@@ -1,14 +1,19 @@
 """estimates/<filter>.h5: reading and writing an Estimate."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from auvid_cli.config.load import dump_experiment, parse_experiment
 from auvid_cli.data.dataset import SENSORS
-from auvid_cli.data.estimate import Estimate, Innovations
+from auvid_cli.data.estimate import Estimate, EstimateHeader, EstimatePart, Innovations, Outcome
 from auvid_cli.data.netcdf import (
+    append,
+    count_rows,
     new_file,
     open_file,
     read_array,
@@ -16,58 +21,84 @@ from auvid_cli.data.netcdf import (
     read_names,
     subgroups,
     write_dimension,
+    write_growing,
     write_variable,
 )
 
+# Of more than so many events or readings, every so many are read: evenly spaced, they say the same.
+_MOST_STATES, _MOST_READINGS = 100_000, 400_000
 
-def write_estimate(path: Path, estimate: Estimate) -> None:
-    """Write an estimate whole or not at all.
+
+class EstimateWriter:
+    """Writes an estimate part by part; see `new_estimate`."""
+
+    def __init__(self, file: h5py.File) -> None:
+        self._file = file
+
+    def append(self, part: EstimatePart) -> None:
+        """More of the run."""
+        for name in ("time", "mean", "standard_deviation"):
+            append(self._file, name, getattr(part, name))
+        for sensor, innovations in part.innovations.items():
+            group = self._file.require_group(f"innovations/{sensor}")
+            if "time" not in group:
+                _prepare_innovations(group, sensor, innovations.standard_deviation)
+            for name in ("time", "innovation", "variance", "nis"):
+                append(group, name, getattr(innovations, name))
+
+    def finish(self, outcome: Outcome) -> None:
+        """What is known at the end."""
+        square = ("state", "state_of_column")
+        write_variable(self._file, "covariance", outcome.covariance, square, "posterior covariance at the last time")
+        self._file.attrs.update(
+            {
+                "status": outcome.status,
+                "steps": outcome.steps,
+                "cpu_time_s": outcome.cpu_time,
+                "wall_time_s": outcome.wall_time,
+            }
+        )
+
+
+@contextmanager
+def new_estimate(path: Path, header: EstimateHeader) -> Iterator[EstimateWriter]:
+    """A new file for an estimate; it gets its name when the block ends well, with the outcome written.
 
     Raises
     ------
     FileError
         If the file cannot be written.
     """
-    experiment = estimate.experiment
-    attributes = {
-        "filter": estimate.filter,
-        "status": estimate.status,
-        "cpu_time_s": estimate.cpu_time,
-        "wall_time_s": estimate.wall_time,
-        "dataset_sha256": estimate.dataset_sha256,
-    }
+    experiment = header.experiment
+    attributes = {"filter": header.filter, "dataset_sha256": header.dataset_sha256}
     with new_file(path, "estimate", dump_experiment(experiment), experiment.seed, **attributes) as file:
-        write_dimension(file, "time", estimate.time, "time after each event", "s")
-        write_dimension(file, "state", np.array(estimate.state), "component of the augmented state")
-        write_dimension(file, "state_of_column", np.array(estimate.state), "the same, for the covariance")
-        write_variable(file, "unit", np.array(estimate.unit), ("state",), "unit of each component of the state")
-        both = ("time", "state")
-        write_variable(file, "mean", estimate.mean, both, "posterior mean; units in `unit`")
-        write_variable(file, "standard_deviation", estimate.standard_deviation, both, "posterior standard deviation")
-        square = ("state", "state_of_column")
-        write_variable(file, "covariance", estimate.covariance, square, "posterior covariance at the last time")
-        write_dimension(file, "held", np.array(list(estimate.held), dtype=object), "coefficients not estimated")
-        held = np.array(list(estimate.held.values()), dtype=np.float64)
+        write_dimension(file, "state", np.array(header.state), "component of the augmented state")
+        write_dimension(file, "state_of_column", np.array(header.state), "the same, for the covariance")
+        write_variable(file, "unit", np.array(header.unit), ("state",), "unit of each component of the state")
+        write_dimension(file, "held", np.array(list(header.held), dtype=object), "coefficients not estimated")
+        held = np.array(list(header.held.values()), dtype=np.float64)
         write_variable(file, "held_value", held, ("held",), "value at which each was held, SI")
-        for name, innovations in estimate.innovations.items():
-            _write_innovations(file.create_group(f"innovations/{name}"), name, innovations)
+        n, both = len(header.state), ("time", "state")
+        write_growing(file, "time", (), ("time",), "time after each event", "s")
+        write_growing(file, "mean", (n,), both, "posterior mean; units in `unit`")
+        write_growing(file, "standard_deviation", (n,), both, "posterior standard deviation")
+        yield EstimateWriter(file)
 
 
-def _write_innovations(group: h5py.Group, name: str, innovations: Innovations) -> None:
-    unit = SENSORS[name][0].unit
-    symbols = np.array([quantity.symbol for quantity in SENSORS[name]])
-    write_dimension(group, "time", innovations.time, "time of measurement", "s")
-    write_dimension(group, "component", symbols, "measured component")
-    both = ("time", "component")
-    write_variable(group, "innovation", innovations.innovation, both, "measured less predicted", unit)
-    write_variable(group, "variance", innovations.variance, both, "variance of the innovation", f"({unit})^2")
+def _prepare_innovations(group: h5py.Group, sensor: str, standard_deviation: NDArray[np.float64]) -> None:
+    unit, symbols = SENSORS[sensor][0].unit, [quantity.symbol for quantity in SENSORS[sensor]]
+    write_dimension(group, "component", np.array(symbols), "measured component")
     stated = "stated standard deviation of the noise"
-    write_variable(group, "standard_deviation", innovations.standard_deviation, ("component",), stated, unit)
-    write_variable(group, "nis", innovations.nis, ("time",), "normalised innovation squared", "1")
+    write_variable(group, "standard_deviation", standard_deviation, ("component",), stated, unit)
+    n, both = len(symbols), ("time", "component")
+    write_growing(group, "time", (), ("time",), "time of measurement", "s")
+    write_growing(group, "innovation", (n,), both, "measured less predicted", unit)
+    write_growing(group, "variance", (n,), both, "variance of the innovation", f"({unit})^2")
+    write_growing(group, "nis", (), ("time",), "normalised innovation squared", "1")
 
 
 def read_estimate(path: Path) -> Estimate:
-    """Read an estimate.
+    """Read an estimate; of a very long one every k-th event and reading, as many as an evaluation needs.
 
     Raises
     ------
@@ -75,18 +106,20 @@ def read_estimate(path: Path) -> Estimate:
         If it is missing, damaged, foreign or of a newer schema.
     """
     with open_file(path, "estimate") as file:
+        every = 1 + count_rows(file, "time") // _MOST_STATES
         return Estimate(
             filter=read_attribute(file, "filter"),
             experiment=parse_experiment(read_attribute(file, "settings"), f"{path} (settings)"),
             state=read_names(file, "state"),
             unit=read_names(file, "unit"),
-            time=read_array(file, "time"),
-            mean=read_array(file, "mean"),
-            standard_deviation=read_array(file, "standard_deviation"),
+            time=read_array(file, "time", every),
+            mean=read_array(file, "mean", every),
+            standard_deviation=read_array(file, "standard_deviation", every),
             covariance=read_array(file, "covariance"),
             innovations={name: _read_innovations(group) for name, group in subgroups(file, "innovations").items()},
             held=dict(zip(read_names(file, "held"), read_array(file, "held_value").tolist(), strict=True)),
             status=read_attribute(file, "status"),
+            steps=int(read_attribute(file, "steps")),
             cpu_time=float(read_attribute(file, "cpu_time_s")),
             wall_time=float(read_attribute(file, "wall_time_s")),
             dataset_sha256=read_attribute(file, "dataset_sha256"),
@@ -94,10 +127,6 @@ def read_estimate(path: Path) -> Estimate:
 
 
 def _read_innovations(group: h5py.Group) -> Innovations:
-    return Innovations(
-        read_array(group, "time"),
-        read_array(group, "innovation"),
-        read_array(group, "variance"),
-        read_array(group, "nis"),
-        read_array(group, "standard_deviation"),
-    )
+    every = 1 + count_rows(group, "time") // _MOST_READINGS
+    over_time = (read_array(group, name, every) for name in ("time", "innovation", "variance", "nis"))
+    return Innovations(*over_time, read_array(group, "standard_deviation"))

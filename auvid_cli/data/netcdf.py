@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import h5py
 import numpy as np
@@ -19,6 +19,7 @@ from auvid_cli.data.files import replacing
 from auvid_cli.errors import FileError
 
 SCHEMA_VERSION = 1
+_CHUNK_ROWS = 4096
 _LIBRARIES = ("numpy", "scipy", "numba", "filterpy", "h5py", "pydantic", "pint", "matplotlib")
 
 
@@ -37,27 +38,62 @@ def new_file(path: Path, kind: str, settings: str, seed: int, **attributes: Any)
     **attributes
         More root attributes.
     """
-    # Made in memory and written as bytes: on a full disk HDF5 prints pages of its own, or crashes.
-    with h5py.File(path.name, "w", driver="core", backing_store=False) as file:
-        file.attrs.update(
-            {
-                "Conventions": "CF-1.11",
-                "kind": f"auvid {kind}",
-                "schema_version": SCHEMA_VERSION,
-                "settings": settings,
-                "seed": seed,
-                "auvid_version": __version__,
-                "library_versions": ", ".join(f"{name} {version(name)}" for name in _LIBRARIES),
-                "platform": f"{platform.platform()}, Python {sys.version.split()[0]}",
-                "created": datetime.now(UTC).isoformat(timespec="seconds"),
-                **attributes,
-            }
-        )
-        yield file
-        file.flush()
-        image = file.id.get_file_image()
-    with replacing(path) as temporary:
-        temporary.write_bytes(image)
+    with replacing(path) as temporary, temporary.open("w+b", buffering=0) as raw:
+        disk = _Disk(raw)
+        with h5py.File(disk, "w") as file:
+            file.attrs.update(
+                {
+                    "Conventions": "CF-1.11",
+                    "kind": f"auvid {kind}",
+                    "schema_version": SCHEMA_VERSION,
+                    "settings": settings,
+                    "seed": seed,
+                    "auvid_version": __version__,
+                    "library_versions": ", ".join(f"{name} {version(name)}" for name in _LIBRARIES),
+                    "platform": f"{platform.platform()}, Python {sys.version.split()[0]}",
+                    "created": datetime.now(UTC).isoformat(timespec="seconds"),
+                    **attributes,
+                }
+            )
+            yield file
+        disk.raise_failure()
+
+
+class _Disk:
+    """The file object that HDF5 writes to: it keeps the first failure to itself.
+
+    On a full disk HDF5 prints pages of its own, or crashes when it closes what it could not write. So it is
+    told that all is well, and whoever writes asks for the failure.
+    """
+
+    def __init__(self, raw: BinaryIO) -> None:
+        self._raw = raw
+        self._failure: OSError | None = None
+        self.seek, self.tell, self.readinto = raw.seek, raw.tell, raw.readinto
+
+    def write(self, data: memoryview) -> int:
+        try:
+            if self._failure is None:
+                rest = memoryview(data)
+                while rest.nbytes:
+                    rest = rest[self._raw.write(rest) :]
+        except OSError as error:
+            self._failure = error
+        return len(data)
+
+    def truncate(self, size: int) -> int:
+        try:
+            return self._raw.truncate(size)
+        except OSError as error:
+            self._failure = self._failure or error
+            return size
+
+    def flush(self) -> None:
+        """Nothing is buffered."""
+
+    def raise_failure(self) -> None:
+        if self._failure is not None:
+            raise self._failure
 
 
 @contextmanager
@@ -99,24 +135,58 @@ def _create(group: h5py.Group, name: str, values: NDArray, long_name: str, unit:
         data = group.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype())
     else:
         data = group.create_dataset(name, data=values)
+    _describe(data, long_name, unit)
+    return data
+
+
+def _describe(data: h5py.Dataset, long_name: str, unit: str) -> None:
     data.attrs["long_name"] = long_name
     if unit:
         data.attrs["units"] = unit
-    return data
+
+
+def _attach(data: h5py.Dataset, group: h5py.Group, dimensions: tuple[str, ...]) -> None:
+    for axis, dimension in enumerate(dimensions):
+        data.dims[axis].attach_scale(group[dimension])
 
 
 def write_variable(
     group: h5py.Group, name: str, values: NDArray, dimensions: tuple[str, ...], long_name: str, unit: str = ""
 ) -> None:
     """A variable on dimensions already written in the group."""
-    data = _create(group, name, values, long_name, unit)
-    for axis, dimension in enumerate(dimensions):
-        data.dims[axis].attach_scale(group[dimension])
+    _attach(_create(group, name, values, long_name, unit), group, dimensions)
 
 
-def read_array(group: h5py.Group, name: str) -> NDArray[np.float64]:
-    """A numeric variable as doubles."""
-    return np.asarray(_variable(group, name)[...], dtype=np.float64)
+def write_growing(
+    group: h5py.Group, name: str, shape: tuple[int, ...], dimensions: tuple[str, ...], long_name: str, unit: str = ""
+) -> None:
+    """A variable of doubles without rows yet; `shape` is that of a row. Named as its dimension, it is its scale."""
+    data = group.create_dataset(name, (0, *shape), np.float64, maxshape=(None, *shape), chunks=(_CHUNK_ROWS, *shape))
+    _describe(data, long_name, unit)
+    if dimensions == (name,):
+        data.make_scale(name)
+    else:
+        _attach(data, group, dimensions)
+
+
+def append(group: h5py.Group, name: str, rows: NDArray[np.float64]) -> None:
+    """More rows of a growing variable."""
+    data = _variable(group, name)
+    before = data.shape[0]
+    data.resize(before + len(rows), axis=0)
+    data[before:] = rows
+
+
+def read_array(group: h5py.Group, name: str, every: int = 1) -> NDArray[np.float64]:
+    """A numeric variable as doubles; of its rows every so many, and the last."""
+    data = _variable(group, name)
+    rows = data[(data.shape[0] - 1) % every :: every] if every > 1 else data[...]
+    return np.asarray(rows, dtype=np.float64)
+
+
+def count_rows(group: h5py.Group, name: str) -> int:
+    """How many rows a variable has."""
+    return _variable(group, name).shape[0]
 
 
 def read_names(group: h5py.Group, name: str) -> tuple[str, ...]:

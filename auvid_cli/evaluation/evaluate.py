@@ -41,7 +41,7 @@ def evaluate(dataset: Dataset, estimates: list[Estimate]) -> Evaluation:
     for estimate in estimates:
         results = coefficient_results(estimate, dataset.truth)
         run = free_run(dataset, estimate)
-        steps = estimate.time.size
+        steps = max(estimate.steps, 1)
         evaluation.coefficients.extend(results)
         evaluation.summary.append(
             FilterSummary(

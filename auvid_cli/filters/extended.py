@@ -1,7 +1,6 @@
 """Extended Kalman filter on filterpy."""
 
 import warnings
-from collections.abc import Callable
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
@@ -12,18 +11,20 @@ from auvid_cli.filters.problem import (
     OK,
     PREDICTION,
     Belief,
-    History,
+    Ending,
     Process,
+    Receiver,
     Records,
     Sensors,
     Timeline,
     empty_records,
+    good_part,
 )
 
 Array = NDArray[np.float64]
 
-# Events between two reports of progress, and between two checks that the covariance is positive definite.
-_CHUNK, _CHECK = 500, 10
+# Events handed over at a time, and between two checks that the covariance is positive definite: these divide those.
+CHUNK, _CHECK = 500, 10
 
 
 class _ProcessEkf(ExtendedKalmanFilter):
@@ -50,14 +51,35 @@ class _ProcessEkf(ExtendedKalmanFilter):
         self.Q[self._moving, self._moving] = self._density * piece_duration.sum()
         self.predict()
 
+    def hear(self, sensors: Sensors, sensor: int, reading: Array, present: NDArray[np.int64]) -> None:
+        """Update with the present components of a reading."""
+        if sensors.nonlinear[sensor]:
+            predicted, matrix = self._process.linearise(self.x, sensor)
+            predicted, matrix = predicted[present], matrix[present]
+        else:
+            matrix = sensors.matrix[sensor, present]
+            predicted = matrix @ self.x
+        angular = sensors.angular[sensor, present]
+
+        def residual(a: Array, b: Array) -> Array:
+            return np.where(angular, (a - b + np.pi) % (2.0 * np.pi) - np.pi, a - b)
+
+        self.update(
+            reading,
+            HJacobian=lambda x: matrix,
+            Hx=lambda x: predicted,
+            R=np.diag(sensors.variance[sensor, present]),
+            residual=residual,
+        )
+
     def predict_x(self, u: float = 0) -> None:
         """Integrate the mean and set F to its transition matrix."""
         self._process.transition(self.x, *self._pieces, self.F)
 
 
 def run_extended_filter(
-    process: Process, sensors: Sensors, timeline: Timeline, prior: Belief, progress: Callable[[int, int], None]
-) -> History:
+    process: Process, sensors: Sensors, timeline: Timeline, prior: Belief, receive: Receiver
+) -> Ending:
     """Filter a timeline with the EKF; arguments and result as of `run_square_root_filter`.
 
     Sabet et al. 2018, Table A1. A reading with missing components is shortened to the rest:
@@ -66,70 +88,58 @@ def run_extended_filter(
     with np.errstate(all="ignore"), warnings.catch_warnings():
         # What overflows or is nearly singular is judged after every step, and reported as divergence.
         warnings.simplefilter("ignore", LinAlgWarning)
-        return _run(_ProcessEkf(process, prior), sensors, timeline, progress)
+        return _run(_ProcessEkf(process, prior), sensors, timeline, receive)
 
 
-def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, progress: Callable[[int, int], None]) -> History:
-    records = empty_records(timeline, ekf.x.size)
+def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, receive: Receiver) -> Ending:
     n_events = timeline.time.size
     sound, covariance = 0, ekf.P
-    for event in range(n_events):
-        before = ekf.P
-        culprit = _step(ekf, sensors, timeline, event, records)
+    for start in range(0, n_events, CHUNK):
+        stop = min(start + CHUNK, n_events)
+        records = empty_records(timeline, start, stop, ekf.x.size)
+        culprit = OK
+        for event in range(start, stop):
+            before = ekf.P
+            culprit = _step(ekf, sensors, timeline, event, start, records)
+            if culprit != OK:
+                if _is_definite(before):
+                    sound, covariance = event, before
+                break
+            records.mean[event - start] = ekf.x
+            records.standard_deviation[event - start] = np.sqrt(np.diagonal(ekf.P))
+            if event % _CHECK == _CHECK - 1 or event == stop - 1:
+                if not _is_definite(ekf.P):
+                    culprit = PREDICTION
+                    break
+                sound, covariance = event + 1, ekf.P
+        receive(start, good_part(records, sound - start))
         if culprit != OK:
-            if _is_definite(before):
-                sound, covariance = event, before
-            return _ended(records, covariance, sound, culprit)
-        records.mean[event] = ekf.x
-        records.standard_deviation[event] = np.sqrt(np.diagonal(ekf.P))
-        if event % _CHECK == 0 or event == n_events - 1:
-            if not _is_definite(ekf.P):
-                return _ended(records, covariance, sound, PREDICTION)
-            sound, covariance = event + 1, ekf.P
-        if event % _CHUNK == 0:
-            progress(event, n_events)
-    progress(n_events, n_events)
-    return History(records, covariance, n_events, OK)
+            return Ending(covariance, sound, culprit)
+    return Ending(covariance, n_events, OK)
 
 
-def _ended(records: Records, covariance: Array, n_good: int, culprit: int) -> History:
-    records.mean[n_good:] = np.nan
-    records.standard_deviation[n_good:] = np.nan
-    return History(records, covariance, n_good, culprit)
-
-
-def _step(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, event: int, records: Records) -> int:
+def _step(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, event: int, start: int, records: Records) -> int:
     """Predict to an event and update with its readings; what failed, or `OK`."""
     pieces = slice(timeline.piece_offset[event], timeline.piece_offset[event + 1])
     if pieces.stop > pieces.start:
         ekf.move(timeline.inputs, timeline.piece_input[pieces], timeline.piece_duration[pieces])
         if not _is_sound(ekf):
             return PREDICTION
+    first_reading = timeline.reading_offset[start]
     for k in range(timeline.reading_offset[event], timeline.reading_offset[event + 1]):
-        sensor = int(timeline.reading_sensor[k])
+        sensor, row = int(timeline.reading_sensor[k]), k - first_reading
         present = np.flatnonzero(~np.isnan(timeline.reading[k]))
         if present.size == 0:
+            records.nis[row] = 0.0
             continue
-        matrix = sensors.matrix[sensor, present]
-        angular = sensors.angular[sensor, present]
-
-        def residual(a: Array, b: Array, angular: NDArray[np.bool_] = angular) -> Array:
-            return np.where(angular, (a - b + np.pi) % (2.0 * np.pi) - np.pi, a - b)
-
         try:
-            ekf.update(
-                timeline.reading[k, present],
-                HJacobian=lambda x, matrix=matrix: matrix,
-                Hx=lambda x, matrix=matrix: matrix @ x,
-                R=np.diag(sensors.variance[sensor, present]),
-                residual=residual,
-            )
+            ekf.hear(sensors, sensor, timeline.reading[k, present], present)
         except np.linalg.LinAlgError:
             return sensor
-        records.innovation[k, present] = ekf.y
-        records.innovation_variance[k, present] = np.diagonal(ekf.S)
-        records.nis[k] = ekf.y @ ekf.SI @ ekf.y
-        if not (_is_sound(ekf) and records.nis[k] >= 0.0):
+        records.innovation[row, present] = ekf.y
+        records.innovation_variance[row, present] = np.diagonal(ekf.S)
+        records.nis[row] = ekf.y @ ekf.SI @ ekf.y
+        if not (_is_sound(ekf) and records.nis[row] >= 0.0):
             return sensor
     return OK
 

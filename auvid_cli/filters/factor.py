@@ -8,18 +8,20 @@ from numba import types
 
 from auvid_cli.compilation import compiled
 
+# Rows of a factor are padded with zeros to whole tiles, and worked on from a tile's edge on.
+TILE = 16
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
 
 @compiled(types.boolean(_matrix, types.int64, _matrix), reassociate=True)
-def triangularise(rows, n_columns, lower):
-    """Lower-triangular L with ``L L' = rows rows'``, by modified Gram-Schmidt; overwrites `rows`.
+def triangularise(rows, n, lower):
+    """Lower-triangular L with ``L L' = rows rows'`` for the first n rows, by modified Gram-Schmidt.
 
-    The triangular factor of modified Gram-Schmidt is as accurate as Householder's (Bjorck 1967).
-    False if a row vanishes or is not finite.
+    The triangular factor of modified Gram-Schmidt is as accurate as Householder's (Bjorck 1967). Overwrites
+    `rows`. False if a row vanishes or is not finite.
     """
-    n = rows.shape[0]
+    n_columns = rows.shape[1]
     for i in range(n):
         row = rows[i]
         square = 0.0
@@ -29,35 +31,37 @@ def triangularise(rows, n_columns, lower):
             return False
         norm = np.sqrt(square)
         lower[i, i] = norm
-        for k in range(n_columns):
-            row[k] /= norm
         for j in range(i + 1, n):
             other = rows[j]
             dot = 0.0
             for k in range(n_columns):
                 dot += other[k] * row[k]
-            lower[j, i] = dot
             lower[i, j] = 0.0
+            lower[j, i] = dot / norm
+            share = dot / square
             for k in range(n_columns):
-                other[k] -= dot * row[k]
+                other[k] -= share * row[k]
     return True
 
 
-@compiled(types.float64(_matrix, _vector, types.float64, _vector, _vector), reassociate=True)
-def carlson_update(columns, projection, variance, gain, scratch):
-    """Condition the factor on one scalar measurement.
+@compiled(types.float64(_matrix, types.int64, types.int64, types.float64, _vector, _vector, _vector), reassociate=True)
+def carlson_update(columns, n, measured, variance, gain, ratio, share):
+    """Condition a factor, and whatever rides along with it, on one of its rows measured with noise.
 
     Parameters
     ----------
-    columns : ndarray, shape (n, n)
-        Row j holds column j of the lower-triangular factor S. Updated in place.
-    projection : ndarray, shape (n,)
-        ``S' h`` of the measurement row h.
+    columns : ndarray, shape (at least n rounded up to even, width)
+        Row j holds column j of the lower-triangular factor S, then, from n on, entry j of further rows that
+        depend on the state linearly. Zero elsewhere; width is a multiple of `TILE`. Updated in place.
+    n : int
+        Dimension of the state.
+    measured : int
+        Which row of the factor, as an index along `width`.
     variance : float
         Of the measurement noise.
-    gain : ndarray, shape (n,)
-        Filled with ``S S' h``; divide by the returned value for the Kalman gain.
-    scratch : ndarray, shape (n,)
+    gain : ndarray, shape (width,)
+        Filled with the covariance of every row with the measured one; divide by the returned value.
+    ratio, share : ndarray, shape (at least n rounded up to even, )
         Overwritten.
 
     Returns
@@ -67,27 +71,42 @@ def carlson_update(columns, projection, variance, gain, scratch):
 
     Notes
     -----
-    ``I - f f' / (variance + f' f)`` has the lower-triangular root L with, for ``a_j = variance +
-    sum_{k >= j} f_k^2``, ``L_jj = sqrt(a_{j+1} / a_j)`` and ``L_ij = -f_i f_j / sqrt(a_j a_{j+1})``;
-    S L is built column by column from the last (Carlson, AIAA J. 11(9), 1973).
+    With f the measured row, ``I - f f' / (variance + f' f)`` has the lower-triangular root L with, for
+    ``a_j = variance + sum_{k >= j} f_k^2``, ``L_jj = sqrt(a_{j+1} / a_j)`` and ``L_ij = -f_i f_j / sqrt(a_j
+    a_{j+1})``; S L is built column by column from the last (Carlson, AIAA J. 11(9), 1973). Two columns at a
+    time load and store the gain half as often; a padding column of zeros makes their number even.
     """
-    n = projection.size
+    width = columns.shape[1]
+    n_even = n + n % 2
     total = variance
-    for i in range(n):
+    for j in range(n_even):
+        share[j] = columns[j, measured]
+    for step in range(n_even):
+        j = n_even - 1 - step
+        total += share[j] * share[j]
+        ratio[j] = total
+    for j in range(n_even):
+        ratio[j] = np.sqrt(ratio[j])
+    last = np.sqrt(variance)
+    share[n_even - 1] /= ratio[n_even - 1] * last
+    for j in range(n_even - 1):
+        share[j] /= ratio[j] * ratio[j + 1]
+    for j in range(n_even - 1):
+        ratio[j] = ratio[j + 1] / ratio[j]
+    ratio[n_even - 1] = last / ratio[n_even - 1]
+
+    for i in range(width):
         gain[i] = 0.0
-    for step in range(n):
-        j = n - 1 - step
-        f = projection[j]
-        if f == 0.0:
-            continue
-        below = total
-        total += f * f
-        ratio = np.sqrt(below / total)
-        share = f / (total * ratio)
-        column = columns[j]
-        for i in range(j, n):
-            scratch[i] = column[i]
-        for i in range(j, n):
-            column[i] = ratio * scratch[i] - share * gain[i]
-            gain[i] += f * scratch[i]
+    for step in range(0, n_even, 2):
+        j = n_even - 1 - step
+        f0, keep0, give0 = columns[j, measured], ratio[j], share[j]
+        f1, keep1, give1 = columns[j - 1, measured], ratio[j - 1], share[j - 1]
+        edge = (j - 1) // TILE * TILE
+        column0, column1, covariance = columns[j][edge:], columns[j - 1][edge:], gain[edge:]
+        for i in range(width - edge):
+            old0, old1, g = column0[i], column1[i], covariance[i]
+            column0[i] = keep0 * old0 - give0 * g
+            g += f0 * old0
+            column1[i] = keep1 * old1 - give1 * g
+            covariance[i] = g + f1 * old1
     return total

@@ -1,14 +1,17 @@
 """What a filter is given and what it gives back: plain value types.
 
 The state is split in two blocks: constant parameters first, then the moving states that the process
-advances. Measurements are linear in the state and have independent noise.
+advances. Measurements are linear in the state, or what a compiled function makes of it; their noise is independent.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
 from numpy.typing import NDArray
+
+from auvid_cli.compilation import compiled
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -19,10 +22,17 @@ _vector = types.float64[::1]
 # A compiled process has exactly this signature, explicit so that numba finds the filters in its
 # cache again in another interpreter session.
 PROCESS_SIGNATURE = types.void(_vector, _vector, _vector, _vector, types.int64[::1], types.uint64, types.float64)
+# observe(moving, parameters, sensor, constants, selection, n_lanes, seen): rows of `seen` are filled.
+OBSERVATION_SIGNATURE = types.void(_vector, _vector, types.int64, _vector, types.int64[::1], types.uint64, _vector)
+
+
+@compiled(OBSERVATION_SIGNATURE)
+def nothing_nonlinear(moving, parameters, sensor, constants, selection, n_lanes, seen):
+    """Observation of a problem without nonlinear sensors; never called."""
 
 
 class Process(NamedTuple):
-    """How the moving states advance.
+    """How the moving states advance, and what nonlinear sensors see of the state.
 
     Attributes
     ----------
@@ -32,9 +42,14 @@ class Process(NamedTuple):
         ``transition(mean, inputs, piece_input, piece_duration, matrix)``: one state moved in place
         over consecutive pieces, and its transition matrix, shape (n, n), filled in.
     constants, selection : ndarray
-        Handed to `advance` as they are.
+        Handed to `advance` and `observe` as they are.
     noise_density : ndarray, shape (n_moving,)
         Square root of the power spectral density that drives each moving state.
+    observe : compiled function of `OBSERVATION_SIGNATURE`
+        What a nonlinear sensor sees of a block of states.
+    linearise : callable
+        ``linearise(mean, sensor)`` for a nonlinear sensor: what it sees, shape (c,), and the derivative,
+        shape (c, n).
     """
 
     advance: Any
@@ -42,24 +57,29 @@ class Process(NamedTuple):
     constants: Array
     selection: Indices
     noise_density: Array
+    observe: Any = nothing_nonlinear
+    linearise: Callable[[Array, int], tuple[Array, Array]] | None = None
 
 
 class Sensors(NamedTuple):
-    """Linear measurements, row by row.
+    """Measurements, component by component.
 
     Attributes
     ----------
     matrix : ndarray, shape (n_sensors, c, n)
-        Measurement matrix of each sensor, zero rows where it has fewer than c components.
+        Measurement matrix of each linear sensor, zero rows where it has fewer than c components.
     variance : ndarray, shape (n_sensors, c)
         Of the noise; positive.
     angular : ndarray of bool, shape (n_sensors, c)
         Whether an innovation is wrapped to [-pi, pi).
+    nonlinear : ndarray of bool, shape (n_sensors,)
+        Whether `Process.observe` says what a sensor sees, instead of its matrix.
     """
 
     matrix: Array
     variance: Array
     angular: NDArray[np.bool_]
+    nonlinear: NDArray[np.bool_]
 
 
 class Timeline(NamedTuple):
@@ -109,15 +129,15 @@ class Belief(NamedTuple):
 
 
 class Records(NamedTuple):
-    """What a filter writes down as it goes.
+    """What a filter writes down of consecutive events and of their readings.
 
     Attributes
     ----------
-    mean, standard_deviation : ndarray, shape (n_events, n)
-        After each event; NaN from the first that failed.
-    innovation, innovation_variance : ndarray, shape (n_readings, c)
+    mean, standard_deviation : ndarray, shape (events, n)
+        After each event.
+    innovation, innovation_variance : ndarray, shape (readings, c)
         NaN where missing.
-    nis : ndarray, shape (n_readings,)
+    nis : ndarray, shape (readings,)
         Normalised innovation squared; its expectation is the number of components present.
     """
 
@@ -128,16 +148,36 @@ class Records(NamedTuple):
     nis: Array
 
 
+def empty_records(timeline: Timeline, start: int, stop: int, n: int) -> Records:
+    """Records of the events `start` to `stop`, to be filled in."""
+    n_readings = timeline.reading_offset[stop] - timeline.reading_offset[start]
+    components = timeline.reading.shape[1]
+    return Records(
+        np.full((stop - start, n), np.nan),
+        np.full((stop - start, n), np.nan),
+        np.full((n_readings, components), np.nan),
+        np.full((n_readings, components), np.nan),
+        np.full(n_readings, np.nan),
+    )
+
+
+def good_part(records: Records, n_good: int) -> Records:
+    """Records of which only the first events went well; the readings of the one that failed stay."""
+    return records._replace(mean=records.mean[:n_good], standard_deviation=records.standard_deviation[:n_good])
+
+
+# Told the number of an event, and the records of it and of those after it.
+Receiver = Callable[[int, Records], None]
+
 # What ended a run: a sensor's row in `Sensors`, or one of these.
 OK, PREDICTION = -1, -2
 
 
-class History(NamedTuple):
-    """A run of a filter.
+class Ending(NamedTuple):
+    """How a run of a filter ended.
 
     Attributes
     ----------
-    records : Records
     covariance : ndarray, shape (n, n)
         After the last good event.
     n_good : int
@@ -147,19 +187,6 @@ class History(NamedTuple):
         reading it was.
     """
 
-    records: Records
     covariance: Array
     n_good: int
     culprit: int
-
-
-def empty_records(timeline: Timeline, n: int) -> Records:
-    """Records to be filled in."""
-    n_events, (n_readings, components) = timeline.time.size, timeline.reading.shape
-    return Records(
-        np.full((n_events, n), np.nan),
-        np.full((n_events, n), np.nan),
-        np.full((n_readings, components), np.nan),
-        np.full((n_readings, components), np.nan),
-        np.full(n_readings, np.nan),
-    )

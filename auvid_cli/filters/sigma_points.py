@@ -1,156 +1,187 @@
-"""Prediction with antipodal sigma points: draw them, move them, collect mean and factor.
+"""Antipodal sigma points: draw them from the factor, map them, and collect what a map does to the belief.
 
-What a process does to a pair of points ``+delta, -delta`` splits into an odd part (what a linear map
-does) and an even part (curvature). In the basis of the factor S the odd part is the matrix ``O = 2 w sum
-o_k delta_k'``; because the directions are an orthogonal basis, ``O O'`` is all of the odd covariance.
-
-Parameters are constant. Their mean and their rows of S stay as they are; the columns of O that belong
-to them are the new cross block of S, and only the few moving rows are triangularised.
+What a map does to a pair of points ``+delta, -delta`` splits into an odd part (what a linear map does) and an
+even part (curvature). In the basis of the factor S the odd part is the matrix ``O = 2 w sum o_k delta_k'``;
+because the directions are an orthogonal basis, ``O O'`` is all of the odd covariance. O says how the result
+moves with each column of S, so it is a set of further rows of the factor; the even part is what those
+columns do not explain. The process and nonlinear measurements are both collected so.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import types
+from numpy.typing import NDArray
 
 from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.factor import triangularise
 from auvid_cli.filters.point_sets import PointSet
-from auvid_cli.filters.problem import PROCESS_SIGNATURE
 
-_HALF = LANES // 2
+Array = NDArray[np.float64]
+
+# A block of lanes holds this many pairs.
+PAIRS = LANES // 2
+_ROW = np.uint64(PAIRS)
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-_indices = types.int64[::1]
-POINT_SET = types.NamedTuple((_matrix, types.float64, types.boolean, types.float64), PointSet)
 
 
-@compiled(types.void(_vector, _matrix, _matrix, types.int64, types.int64, types.int64, _vector), reassociate=True)
-def draw_points(mean, columns, directions, first, count, n_moving, block):
-    """Fill one block with the points ``mean +- S delta_k`` for k from `first` on.
+class Basis(NamedTuple):
+    """A point set laid out for the compiled loops, which work on whole tiles of `PAIRS` pairs.
 
-    +delta lies in the lower half of the lanes and -delta in the upper; lanes without a direction
-    hold the mean. Moving rows come first in a block, then the parameters.
+    Attributes
+    ----------
+    directions : ndarray, shape (n_tiles, m * PAIRS)
+        Tile t holds, for every coordinate j, that of the pairs from ``t * PAIRS`` on, at ``j * PAIRS``. The
+        dimension m is n, padded with zeros to whole tiles.
+    transposed : ndarray, shape (n_tiles, m * PAIRS)
+        Tile t holds, for every pair k, its coordinates from ``t * PAIRS`` on, at ``k * PAIRS``.
+    present : ndarray, shape (m,)
+        One for each pair, zero for padding.
+    weight, centred, curvature
+        As in `PointSet`.
     """
-    n = mean.size
-    n_parameters = n - n_moving
+
+    directions: Array
+    transposed: Array
+    present: Array
+    weight: float
+    centred: bool
+    curvature: float
+
+
+BASIS = types.NamedTuple((_matrix, _matrix, _vector, types.float64, types.boolean, types.float64), Basis)
+
+
+def basis_of(point_set: PointSet) -> Basis:
+    """Lay out a point set."""
+    n = point_set.directions.shape[0]
+    n_tiles = -(-n // PAIRS)
+    padded = np.zeros((n_tiles * PAIRS, n_tiles * PAIRS))
+    padded[:n, :n] = point_set.directions
+
+    def in_tiles(matrix: Array) -> Array:
+        return np.ascontiguousarray(matrix.reshape(-1, n_tiles, PAIRS).swapaxes(0, 1)).reshape(n_tiles, -1)
+
+    present = (np.arange(n_tiles * PAIRS) < n).astype(float)
+    return Basis(
+        in_tiles(padded), in_tiles(padded.T), present, point_set.weight, point_set.centred, point_set.curvature
+    )
+
+
+@compiled(types.void(_vector, types.int64, types.int64, types.int64, types.int64, _vector, _vector), reassociate=True)
+def two_products(left, first, second, stride, n_terms, right, out):
+    """Fill `out` with two rows of a matrix product, each `PAIRS` long: ``sum_j left_j right_j``.
+
+    Two rows and four terms at a time load and store half as often as one by one; `n_terms` is rounded up to a
+    multiple of four. The rows of `left` begin at `first` and `second`, their terms lie `stride` apart.
+    """
+    for k in range(2 * PAIRS):
+        out[k] = 0.0
+    for j in range(0, n_terms, 4):
+        a, b = first + j * stride, second + j * stride
+        a0, a1, a2, a3 = left[a], left[a + stride], left[a + 2 * stride], left[a + 3 * stride]
+        b0, b1, b2, b3 = left[b], left[b + stride], left[b + 2 * stride], left[b + 3 * stride]
+        terms = right[j * PAIRS : (j + 4) * PAIRS]
+        for k in range(_ROW):
+            t0, t1, t2, t3 = terms[k], terms[k + _ROW], terms[k + 2 * _ROW], terms[k + 3 * _ROW]
+            out[k] += a0 * t0 + a1 * t1 + a2 * t2 + a3 * t3
+            out[k + _ROW] += b0 * t0 + b1 * t1 + b2 * t2 + b3 * t3
+
+
+@compiled(types.void(BASIS, _vector, _matrix, types.int64, types.int64, _vector, _matrix), reassociate=True)
+def draw_points(basis, mean, columns, n, n_moving, scratch, points):
+    """Fill blocks with the points ``mean +- S delta_k``, one block to a tile, and the centre behind them.
+
+    +delta lies in the lower half of the lanes and -delta in the upper; lanes without a direction hold the
+    mean. Moving rows come first in a block, then the parameters. `scratch` has the shape (2 * PAIRS,).
+    """
+    n_parameters, n_tiles = n - n_moving, basis.directions.shape[0]
+    width = columns.shape[1]
+    factor = columns.reshape(-1)
     for i in range(n):
-        lane = i - n_parameters if i >= n_parameters else i + n_moving
-        row = block[lane * LANES : (lane + 1) * LANES]
-        plus, minus = row[:_HALF], row[_HALF:]
-        for k in range(_HALF):
-            plus[k] = 0.0
-        for j in range(i + 1):
-            entry = columns[j, i]
-            direction = directions[j, first : first + count]
-            for k in range(count):
-                plus[k] += entry * direction[k]
-        for k in range(_HALF):
-            minus[k] = mean[i] - plus[k]
-            plus[k] = mean[i] + plus[k]
+        points[n_tiles, (i - n_parameters if i >= n_parameters else i + n_moving) * LANES] = mean[i]
+    for tile in range(n_tiles):
+        for i in range(0, n, 2):
+            two_products(factor, i, i + 1, width, i + 2, basis.directions[tile], scratch)
+            for r in range(min(2, n - i)):
+                lane = i + r - n_parameters if i + r >= n_parameters else i + r + n_moving
+                row = points[tile, lane * LANES : (lane + 1) * LANES]
+                deviation = scratch[r * PAIRS : (r + 1) * PAIRS]
+                centre = mean[i + r]
+                for k in range(_ROW):
+                    row[k] = centre + deviation[k]
+                    row[k + _ROW] = centre - deviation[k]
+
+
+@compiled(types.UniTuple(types.int64, 2)(BASIS))
+def blocks_and_lanes(basis):
+    """How many blocks of points a map has to work on, and how many lanes of the last: the centre needs one."""
+    n_tiles = basis.directions.shape[0]
+    return (n_tiles, LANES) if basis.centred else (n_tiles + 1, 1)
 
 
 @compiled(
-    types.void(_matrix, POINT_SET, types.int64, _vector, types.float64, _vector, _matrix, _matrix), reassociate=True
+    types.void(_matrix, BASIS, types.int64, types.int64, _vector, _matrix, _matrix, _matrix, _vector),
+    reassociate=True,
 )
-def collect_points(blocks, point_set, n_moving, noise_density, elapsed, mean, columns, spread):
-    """Mean, cross block and covariance rows of the moving states from their propagated points.
+def collect_points(images, basis, n_images, first_even, image_mean, odd, regression, spread, scratch):
+    """Mean, odd and even part of what a map made of the points.
 
     Parameters
     ----------
-    blocks : ndarray, shape (n_blocks + 1, n * LANES)
-        As drawn and advanced; the last one holds the centre.
-    mean, columns : ndarray
-        Moving entries of the mean and the cross block of the factor are written.
-    spread : ndarray, shape (n_moving, 2 n_moving + n + 1)
-        Filled with rows whose Gram matrix is the covariance of the moving states given the
-        parameters: odd part by moving directions, even part, shift of the mean, process noise.
+    images : ndarray, shape (n_tiles + 1, at least n_images * LANES)
+        Mapped points, block by block; the first lane of the last block is the centre's.
+    basis : Basis
+    n_images : int
+        Number of rows that the map yields.
+    first_even : int
+        Where in `spread` to begin.
+    image_mean : ndarray, shape (n_images,)
+        Filled in.
+    odd : ndarray, shape (n_images rounded up to even, m)
+        Overwritten.
+    regression : ndarray, shape (n_images rounded up to even, m)
+        Filled with the odd part in the basis of the factor: row i of the result moves by entry j with
+        column j of S.
+    spread : ndarray, shape (n_images, at least first_even + m + 1)
+        Filled, from `first_even` on, with rows whose Gram matrix is the covariance left to the even part.
+    scratch : ndarray, shape (2 * PAIRS,)
+        Overwritten.
     """
-    n = mean.size
-    n_parameters = n - n_moving
-    weight, directions = point_set.weight, point_set.directions
-    spread[:] = 0.0
-    odd = np.zeros(_HALF)
-    for i in range(n_moving):
-        row = spread[i]
-        for j in range(n_parameters):
-            columns[j, n_parameters + i] = 0.0
-        centre = blocks[blocks.shape[0] - 1, i * LANES]
-        if point_set.centred:
-            total = 0.0
-            for first in range(0, n, _HALF):
-                points = blocks[first // _HALF, i * LANES : (i + 1) * LANES]
-                for k in range(min(_HALF, n - first)):
-                    total += points[k] + points[_HALF + k]
-            centre = weight * total
+    n_tiles, m = basis.directions.shape[0], basis.present.size
+    root = np.sqrt(2.0 * basis.weight)
+    for i in range(n_images):
+        centre = images[n_tiles, i * LANES]
+        if basis.centred:
+            centre = 0.0
+            for tile in range(n_tiles):
+                points = images[tile, i * LANES : (i + 1) * LANES]
+                present = basis.present[tile * PAIRS : (tile + 1) * PAIRS]
+                for k in range(_ROW):
+                    centre += (points[k] + points[k + _ROW]) * present[k]
+            centre *= basis.weight
         shift = 0.0
-        for first in range(0, n, _HALF):
-            count = min(_HALF, n - first)
-            points = blocks[first // _HALF, i * LANES : (i + 1) * LANES]
-            even = row[n_moving + first : n_moving + first + count]
-            for k in range(count):
-                odd[k] = weight * (points[k] - points[_HALF + k])
-                even[k] = 0.5 * (points[k] + points[_HALF + k]) - centre
-                shift += even[k]
-                even[k] *= np.sqrt(2.0 * weight)
-            for j in range(n):
-                direction = directions[j, first : first + count]
-                dot = 0.0
-                for k in range(count):
-                    dot += odd[k] * direction[k]
-                if j < n_parameters:
-                    columns[j, n_parameters + i] += dot
-                else:
-                    row[j - n_parameters] += dot
-        shift *= 2.0 * weight
-        if point_set.centred:
-            mean[n_parameters + i] = centre
-        else:
-            mean[n_parameters + i] = centre + shift
-            row[n_moving + n] = np.sqrt(point_set.curvature) * shift
-        row[n_moving + n + 1 + i] = noise_density[i] * np.sqrt(elapsed)
-
-
-@compiled(
-    types.boolean(
-        types.FunctionType(PROCESS_SIGNATURE),
-        *(_vector, _indices, _vector, POINT_SET),
-        *(_matrix, _indices, _vector, _vector, _matrix),
-    ),
-    reassociate=True,
-)
-def predict(
-    advance, constants, selection, noise_density, point_set, inputs, piece_input, piece_duration, mean, columns
-):
-    """Move mean and factor over consecutive pieces of constant input, in place.
-
-    Returns
-    -------
-    bool
-        False if the result is not finite or not positive definite.
-    """
-    n, n_moving = mean.size, noise_density.size
-    n_parameters = n - n_moving
-    n_blocks = (n + _HALF - 1) // _HALF
-    blocks = np.empty((n_blocks + 1, n * LANES))
-    for b in range(n_blocks + 1):
-        if b == n_blocks and point_set.centred:
-            break
-        block = blocks[b]
-        first = b * _HALF
-        count = max(min(_HALF, n - first), 0)
-        draw_points(mean, columns, point_set.directions, min(first, n), count, n_moving, block)
-        moving, parameters = block[: n_moving * LANES], block[n_moving * LANES :]
-        n_lanes = np.uint64(LANES if count > 0 else 1)
-        for piece in range(piece_duration.size):
-            held = inputs[piece_input[piece]]
-            advance(moving, parameters, held, constants, selection, n_lanes, piece_duration[piece])
-
-    spread = np.empty((n_moving, 2 * n_moving + n + 1))
-    collect_points(blocks, point_set, n_moving, noise_density, piece_duration.sum(), mean, columns, spread)
-    lower = np.empty((n_moving, n_moving))
-    if not np.isfinite(mean.sum()) or not triangularise(spread, spread.shape[1], lower):
-        return False
-    for j in range(n_moving):
-        for i in range(j, n_moving):
-            columns[n_parameters + j, n_parameters + i] = lower[i, j]
-    return True
+        for tile in range(n_tiles):
+            points = images[tile, i * LANES : (i + 1) * LANES]
+            present = basis.present[tile * PAIRS : (tile + 1) * PAIRS]
+            even = spread[i, first_even + tile * PAIRS : first_even + (tile + 1) * PAIRS]
+            difference = odd[i, tile * PAIRS : (tile + 1) * PAIRS]
+            for k in range(_ROW):
+                value = (0.5 * (points[k] + points[k + _ROW]) - centre) * present[k]
+                shift += value
+                even[k] = root * value
+            for k in range(_ROW):
+                difference[k] = basis.weight * (points[k] - points[k + _ROW])
+        shift *= 2.0 * basis.weight
+        image_mean[i] = centre if basis.centred else centre + shift
+        spread[i, first_even + m] = 0.0 if basis.centred else np.sqrt(basis.curvature) * shift
+    differences = odd.reshape(-1)
+    for i in range(0, n_images, 2):
+        for tile in range(n_tiles):
+            two_products(differences, i * m, (i + 1) * m, 1, m, basis.transposed[tile], scratch)
+            for r in range(2):
+                target = regression[i + r, tile * PAIRS : (tile + 1) * PAIRS]
+                source = scratch[r * PAIRS : (r + 1) * PAIRS]
+                for k in range(_ROW):
+                    target[k] = source[k]

@@ -1,6 +1,7 @@
 """Dataset -> Estimate: the augmented state, its prior, and the filter that is asked for."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from time import perf_counter, thread_time
 
@@ -10,11 +11,11 @@ from numpy.typing import NDArray
 from auvid_cli.config.experiment import Experiment, Identification
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
-from auvid_cli.data.estimate import Estimate, Innovations
+from auvid_cli.data.estimate import Estimate, EstimateHeader, EstimatePart, Innovations, Outcome
 from auvid_cli.errors import ConfigError
 from auvid_cli.filters.extended import run_extended_filter
 from auvid_cli.filters.point_sets import cubature, transformed, unscented
-from auvid_cli.filters.problem import OK, PREDICTION, Belief, History, Timeline
+from auvid_cli.filters.problem import OK, PREDICTION, Belief, Ending, Receiver, Records, Timeline
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.prior import prior_standard_deviations
 from auvid_cli.identification.process import vehicle_process
@@ -31,24 +32,104 @@ from auvid_cli.vehicle.parameters import MOTION
 Array = NDArray[np.float64]
 
 
-def identify(
-    dataset: Dataset,
-    filter_name: FilterName,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> Estimate:
-    """Estimate coefficients and motion from a dataset; its truth, if any, is not looked at.
+@dataclass(frozen=True)
+class FilterRun:
+    """A filter set up on a dataset, ready to run.
 
-    Parameters
+    Attributes
     ----------
-    dataset : Dataset
-    filter_name : FilterName
-    progress : callable
-        Told how many events are done, and of how many, now and then.
+    header : EstimateHeader
+    n_events : int
+    filter : callable
+        Runs it in scaled units: coefficients as multiples of their priors.
+    """
 
-    Returns
-    -------
-    Estimate
-        In SI units. A filter that diverges yields the part before, with the reason as its status.
+    header: EstimateHeader
+    n_events: int
+    filter: Callable[[Receiver], Ending]
+    _timeline: Timeline
+    _prior: Belief
+    _to_si: Array
+    _measuring: dict[str, SensorRecord]
+
+    def run(self, receive: Callable[[EstimatePart, int], None]) -> Outcome:
+        """Filter the dataset.
+
+        Parameters
+        ----------
+        receive : callable
+            Told every part as it comes, and how many events are done. Of the states every
+            ``identification.keep_every``-th is handed over, and the last; of the innovations all.
+
+        Returns
+        -------
+        Outcome
+            Of a filter that diverged: with the reason as its status.
+        """
+        timeline, every = self._timeline, self.header.experiment.identification.keep_every
+
+        def pass_on(start: int, records: Records) -> None:
+            stop = start + len(records.mean)
+            kept = np.arange(start, stop)
+            kept = kept[(kept % every == 0) | (kept == stop - 1) & (stop == self.n_events)]
+            part = EstimatePart(
+                timeline.time[kept],
+                records.mean[kept - start] * self._to_si,
+                records.standard_deviation[kept - start] * self._to_si,
+                self._by_sensor(start, records),
+            )
+            receive(part, stop)
+
+        cpu_start, wall_start = thread_time(), perf_counter()
+        ending = self.filter(pass_on)
+        cpu_time, wall_time = thread_time() - cpu_start, perf_counter() - wall_start
+        if ending.n_good == 0:
+            # Failed at once: the last good state is the prior.
+            mean, deviation = self._prior.mean * self._to_si, np.diag(self._prior.factor) * self._to_si
+            none = {name: _no_innovations(record) for name, record in self._measuring.items()}
+            receive(EstimatePart(timeline.time[:1], mean[None, :], deviation[None, :], none), 0)
+        covariance = ending.covariance * np.outer(self._to_si, self._to_si)
+        return Outcome(self._status(ending), covariance, ending.n_good, cpu_time, wall_time)
+
+    def _by_sensor(self, start: int, records: Records) -> dict[str, Innovations]:
+        timeline = self._timeline
+        rows = slice(first := timeline.reading_offset[start], first + len(records.nis))
+        time = timeline.time[np.searchsorted(timeline.reading_offset, np.arange(rows.start, rows.stop), "right") - 1]
+        by_sensor = {}
+        for sensor, (name, record) in enumerate(self._measuring.items()):
+            own = (timeline.reading_sensor[rows] == sensor) & ~np.isnan(records.nis)
+            width = len(SENSORS[name])
+            by_sensor[name] = Innovations(
+                time[own],
+                records.innovation[own, :width],
+                records.innovation_variance[own, :width],
+                records.nis[own],
+                record.standard_deviation,
+            )
+        return by_sensor
+
+    def _status(self, ending: Ending) -> str:
+        if ending.culprit == OK:
+            return "completed"
+        names, event = tuple(self._measuring), min(ending.n_good, self.n_events - 1)
+        time = self._timeline.time[event]
+        if ending.culprit == PREDICTION:
+            last = self._timeline.reading_offset[event] - 1
+            sensor = names[self._timeline.reading_sensor[max(last, 0)]]
+            return (
+                f"diverged at t = {time:.3f} s: after a reading of {sensor} the state or its covariance could not be "
+                "propagated to this time"
+            )
+        return f"diverged at t = {time:.3f} s: the state was not finite after a reading of {names[ending.culprit]}"
+
+
+def _no_innovations(record: SensorRecord) -> Innovations:
+    nothing = np.zeros((0, record.values.shape[1]))
+    return Innovations(np.zeros(0), nothing, nothing, np.zeros(0), record.standard_deviation)
+
+
+def set_up_filter(dataset: Dataset, filter_name: FilterName) -> FilterRun:
+    """Augmented state, prior and timeline of a dataset, and the filter that is asked for; no truth is looked at.
 
     Raises
     ------
@@ -62,10 +143,10 @@ def identify(
     estimated = settings.estimated()
     selection = np.array([SYMBOLS.index(symbol) for symbol in estimated])
     held = held_coefficients(experiment)
-    deviations = prior_standard_deviations(
+    priors = prior_standard_deviations(
         experiment.vehicle.size, settings.prior.factor, settings.prior.standard_deviation
     )
-    scale = np.array([deviations[symbol] for symbol in estimated])
+    scale = np.array([priors[symbol] for symbol in estimated])
 
     measuring = measuring_sensors(dataset)
     sensors = measurement_model(measuring, len(estimated))
@@ -84,38 +165,33 @@ def identify(
         np.concatenate([np.zeros(len(estimated)), motion]),
         np.diag([*np.ones(len(estimated)), *np.repeat([spread.velocity, spread.rate, spread.attitude], 3)]),
     )
-
-    run = _chosen_filter(filter_name, settings, prior.mean.size)
-    cpu_start, wall_start = thread_time(), perf_counter()
-    history = run(process, sensors, timeline, prior, progress)
-    cpu_time, wall_time = thread_time() - cpu_start, perf_counter() - wall_start
-
     units = {c.symbol: c.unit for c in COEFFICIENTS}
-    to_si = np.concatenate([scale, np.ones(len(MOTION))])
-    good = history.n_good
-    time, mean, deviation = timeline.time[:good], history.records.mean[:good], history.records.standard_deviation[:good]
-    if good == 0:
-        # Failed at once: the last good state is the prior.
-        time, mean, deviation = timeline.time[:1], prior.mean[None, :], np.diag(prior.factor)[None, :]
-    return Estimate(
-        filter=filter_name.value,
-        experiment=experiment,
-        state=(*estimated, *(quantity.symbol for quantity in MOTION)),
-        unit=(*(units[symbol] for symbol in estimated), *(quantity.unit for quantity in MOTION)),
-        time=time,
-        mean=mean * to_si,
-        standard_deviation=deviation * to_si,
-        covariance=history.covariance * np.outer(to_si, to_si),
-        innovations=_by_sensor(history, timeline, measuring),
-        held=held,
-        status=_status(history, timeline, tuple(measuring)),
-        cpu_time=cpu_time,
-        wall_time=wall_time,
-        dataset_sha256=dataset.sha256,
+    return FilterRun(
+        EstimateHeader(
+            filter=filter_name.value,
+            experiment=experiment,
+            state=(*estimated, *(quantity.symbol for quantity in MOTION)),
+            unit=(*(units[symbol] for symbol in estimated), *(quantity.unit for quantity in MOTION)),
+            held=held,
+            dataset_sha256=dataset.sha256,
+        ),
+        timeline.time.size,
+        partial(_chosen_filter(filter_name, settings, prior.mean.size), process, sensors, timeline, prior),
+        timeline,
+        prior,
+        np.concatenate([scale, np.ones(len(MOTION))]),
+        measuring,
     )
 
 
-def _chosen_filter(name: FilterName, settings: Identification, n: int) -> Callable[..., History]:
+def identify(dataset: Dataset, filter_name: FilterName) -> Estimate:
+    """Estimate coefficients and motion from a dataset, all in memory; see `set_up_filter` and `FilterRun`."""
+    prepared, parts = set_up_filter(dataset, filter_name), []
+    outcome = prepared.run(lambda part, done: parts.append(part))
+    return Estimate.of(prepared.header, parts, outcome)
+
+
+def _chosen_filter(name: FilterName, settings: Identification, n: int) -> Callable[..., Ending]:
     if name is FilterName.EKF:
         return run_extended_filter
     match name:
@@ -145,33 +221,3 @@ def held_coefficients(experiment: Experiment) -> dict[str, float]:
             "a value at which to hold each of them"
         )
     return {symbol: given[symbol] for symbol in SYMBOLS if symbol not in estimated}
-
-
-def _by_sensor(history: History, timeline: Timeline, measuring: dict[str, SensorRecord]) -> dict[str, Innovations]:
-    event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.reading_offset))
-    by_sensor = {}
-    for sensor, (name, record) in enumerate(measuring.items()):
-        rows = (timeline.reading_sensor == sensor) & (event <= history.n_good)
-        width = len(SENSORS[name])
-        by_sensor[name] = Innovations(
-            timeline.time[event[rows]],
-            history.records.innovation[rows, :width],
-            history.records.innovation_variance[rows, :width],
-            history.records.nis[rows],
-            record.standard_deviation,
-        )
-    return by_sensor
-
-
-def _status(history: History, timeline: Timeline, names: tuple[str, ...]) -> str:
-    if history.culprit == OK:
-        return "completed"
-    time = timeline.time[min(history.n_good, timeline.time.size - 1)]
-    if history.culprit == PREDICTION:
-        last = timeline.reading_offset[min(history.n_good, timeline.time.size - 1)] - 1
-        sensor = names[timeline.reading_sensor[max(last, 0)]]
-        return (
-            f"diverged at t = {time:.3f} s: after a reading of {sensor} the state or its covariance could not be "
-            "propagated to this time"
-        )
-    return f"diverged at t = {time:.3f} s: the state was not finite after a reading of {names[history.culprit]}"

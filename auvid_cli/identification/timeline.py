@@ -46,7 +46,7 @@ def measurement_model(measuring: dict[str, SensorRecord], n_parameters: int) -> 
             matrix[sensor, component, n_parameters + MOTION_SYMBOLS.index(quantity.symbol)] = 1.0
             variance[sensor, component] = record.standard_deviation[component] ** 2
             angular[sensor, component] = quantity.symbol in _ANGULAR
-    return Sensors(matrix, variance, angular)
+    return Sensors(matrix, variance, angular, np.zeros(len(measuring), dtype=np.bool_))
 
 
 def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tuple[float, Array]:

@@ -7,7 +7,7 @@ import pytest
 from auvid_cli.config.experiment import FilterName
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import write_dataset
-from auvid_cli.data.estimate_file import write_estimate
+from auvid_cli.data.estimate_file import new_estimate
 from auvid_cli.identification.identify import identify
 
 
@@ -26,7 +26,19 @@ def estimate(dataset):
 
 
 @pytest.fixture(scope="session")
-def written(dataset, estimate, tmp_path_factory):
+def write_estimate():
+    """Function: write an estimate all in one part."""
+
+    def write(path, estimate):
+        with new_estimate(path, estimate) as writer:
+            writer.append(estimate)
+            writer.finish(estimate)
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def written(dataset, estimate, write_estimate, tmp_path_factory):
     """Both files by kind."""
     folder = tmp_path_factory.mktemp("written")
     write_dataset(folder / "dataset.h5", dataset)

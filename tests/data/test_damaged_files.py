@@ -10,7 +10,7 @@ import pytest
 
 from auvid_cli.data import dataset_file
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
-from auvid_cli.data.estimate_file import read_estimate, write_estimate
+from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.data.files import replacing, write_text
 from auvid_cli.data.netcdf import SCHEMA_VERSION
 from auvid_cli.errors import FileError
@@ -197,7 +197,7 @@ def test_a_full_disk_keeps_the_file_that_was_there(dataset, tmp_path, small_file
     assert capfd.readouterr() == ("", ""), "HDF5 has pages of its own to print"
 
 
-def test_a_write_into_a_file_as_folder_is_refused(dataset, estimate, tmp_path):
+def test_a_write_into_a_file_as_folder_is_refused(dataset, estimate, write_estimate, tmp_path):
     (tmp_path / "results").write_text("a file, not a folder")
     for write, content in ((write_dataset, dataset), (write_estimate, estimate)):
         with pytest.raises(FileError) as caught:

@@ -10,7 +10,7 @@ import xarray
 from auvid_cli import __version__
 from auvid_cli.data.dataset import SENSORS
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
-from auvid_cli.data.estimate_file import read_estimate, write_estimate
+from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
@@ -73,7 +73,7 @@ def test_an_estimate_comes_back_as_it_was(estimate, written):
 
 
 @pytest.mark.parametrize("held", [{}, {"Y_url": 1.5}])
-def test_an_estimate_with_few_or_no_held_coefficients_comes_back(held, estimate, tmp_path):
+def test_an_estimate_with_few_or_no_held_coefficients_comes_back(held, estimate, write_estimate, tmp_path):
     changed = replace(estimate, held=held, status="diverged at t = 1.000 s: why")
     write_estimate(tmp_path / "estimate.h5", changed)
     back = read_estimate(tmp_path / "estimate.h5")

@@ -7,7 +7,7 @@ import pytest
 from numba import njit
 
 from auvid_cli.blocks import LANES
-from auvid_cli.filters.problem import PROCESS_SIGNATURE, Belief, Process, Sensors, Timeline
+from auvid_cli.filters.problem import PROCESS_SIGNATURE, Belief, Process, Sensors, Timeline, empty_records
 
 N_AXES = 2
 
@@ -38,6 +38,29 @@ def _step_matrices(mixing, duration):
     push[position] = 0.5 * duration**2 * np.eye(N_AXES)
     push[velocity] = duration * np.eye(N_AXES)
     return step, push
+
+
+@pytest.fixture(scope="session")
+def run_whole():
+    """Function: run a filter on a problem; records over all events and readings, NaN where there are none."""
+
+    def run(run_filter, problem, told=None):
+        t, n = problem.timeline, problem.prior.mean.size
+        whole = empty_records(t, 0, t.time.size, n)
+
+        def receive(start, part):
+            first = t.reading_offset[start]
+            for name in ("mean", "standard_deviation"):
+                getattr(whole, name)[start : start + len(part.mean)] = getattr(part, name)
+            for name in ("innovation", "innovation_variance", "nis"):
+                getattr(whole, name)[first : first + len(part.nis)] = getattr(part, name)
+            if told is not None:
+                told.append((start, start + len(part.mean)))
+
+        ending = run_filter(problem.process, problem.sensors, t, problem.prior, receive)
+        return SimpleNamespace(records=whole, **ending._asdict())
+
+    return run
 
 
 @pytest.fixture(params=[1, 2, 7, 40], ids=lambda n: f"{n} parameters")
@@ -80,7 +103,8 @@ def linear_problem(request):
     matrix = rng.standard_normal((2, width, n))
     # One sensor sees motion only, as those of a vehicle do.
     matrix[1, :, :n_parameters] = 0.0
-    sensors = Sensors(matrix, rng.uniform(0.01, 1.0, (2, width)), np.zeros((2, width), dtype=np.bool_))
+    nothing = np.zeros((2, width), dtype=np.bool_)
+    sensors = Sensors(matrix, rng.uniform(0.01, 1.0, (2, width)), nothing, nothing[:, 0].copy())
     factor = np.tril(rng.standard_normal((n, n)))
     factor[np.diag_indices(n)] = rng.uniform(0.5, 2.0, n)
     prior = Belief(rng.standard_normal(n), factor)

@@ -1,10 +1,12 @@
 """On a linear problem every filter is the Kalman filter."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters import square_root
+from auvid_cli.filters import extended, square_root
 from auvid_cli.filters.extended import run_extended_filter
 from auvid_cli.filters.point_sets import cubature, transformed, unscented
 from auvid_cli.filters.problem import OK, PREDICTION, Belief
@@ -18,11 +20,16 @@ POINT_SETS = {
 }
 
 
-def run(name, problem, progress=lambda done, total: None):
-    arguments = problem.process, problem.sensors, problem.timeline, problem.prior, progress
-    if name == "ekf":
-        return run_extended_filter(*arguments)
-    return run_square_root_filter(POINT_SETS[name](problem.prior.mean.size), *arguments)
+@pytest.fixture
+def run(run_whole):
+    """Function: run a filter by name."""
+
+    def with_name(name, problem, told=None):
+        if name == "ekf":
+            return run_whole(run_extended_filter, problem, told)
+        return run_whole(partial(run_square_root_filter, POINT_SETS[name](problem.prior.mean.size)), problem, told)
+
+    return with_name
 
 
 @pytest.fixture(params=["ekf", *POINT_SETS])
@@ -30,7 +37,7 @@ def filter_kind(request):
     return request.param
 
 
-def test_every_filter_is_the_textbook_kalman_filter(filter_kind, linear_problem, textbook):
+def test_every_filter_is_the_textbook_kalman_filter(filter_kind, linear_problem, textbook, run):
     history = run(filter_kind, linear_problem)
     assert history.culprit == OK
     assert history.n_good == linear_problem.timeline.time.size
@@ -41,7 +48,7 @@ def test_every_filter_is_the_textbook_kalman_filter(filter_kind, linear_problem,
     assert_allclose(history.records.innovation_variance, textbook.innovation_variance, rtol=1e-9, atol=1e-9)
 
 
-def test_normalised_innovations_are_those_of_the_textbook(filter_kind, linear_problem, textbook):
+def test_normalised_innovations_are_those_of_the_textbook(filter_kind, linear_problem, textbook, run):
     nis = run(filter_kind, linear_problem).records.nis
     heard = ~np.isnan(linear_problem.timeline.reading).all(axis=1)
     assert not heard.all(), "the problem should have readings that are missing altogether"
@@ -49,7 +56,7 @@ def test_normalised_innovations_are_those_of_the_textbook(filter_kind, linear_pr
     assert np.all(np.nan_to_num(nis[~heard]) == 0.0)
 
 
-def test_the_prior_and_the_timeline_are_left_as_they_were(filter_kind, linear_problem):
+def test_the_prior_and_the_timeline_are_left_as_they_were(filter_kind, linear_problem, run):
     prior, timeline = linear_problem.prior, linear_problem.timeline
     before = prior.mean.copy(), prior.factor.copy(), timeline.reading.copy()
     run(filter_kind, linear_problem)
@@ -58,19 +65,20 @@ def test_the_prior_and_the_timeline_are_left_as_they_were(filter_kind, linear_pr
     assert np.array_equal(timeline.reading, before[2], equal_nan=True)
 
 
-def test_progress_ends_at_the_number_of_events(filter_kind, linear_problem):
+def test_parts_follow_each_other_to_the_last_event(filter_kind, linear_problem, run, monkeypatch):
+    for module, name in ((square_root, "CHUNK"), (extended, "CHUNK")):
+        monkeypatch.setattr(module, name, 10)
     told = []
-    run(filter_kind, linear_problem, lambda done, total: told.append((done, total)))
-    assert told[-1] == (linear_problem.timeline.time.size,) * 2
-    assert told == sorted(told)
+    run(filter_kind, linear_problem, told)
+    assert told == [(0, 10), (10, 20), (20, 30)]
 
 
 @pytest.mark.parametrize("kind", POINT_SETS)
-def test_working_in_chunks_changes_nothing(kind, linear_problem, monkeypatch):
+def test_working_in_chunks_changes_nothing(kind, linear_problem, monkeypatch, run):
     whole = run(kind, linear_problem)
     monkeypatch.setattr(square_root, "CHUNK", 7)
     told = []
-    parts = run(kind, linear_problem, lambda done, total: told.append(done))
+    parts = run(kind, linear_problem, told)
     assert len(told) == 5
     for a, b in zip(whole.records, parts.records, strict=True):
         assert np.array_equal(a, b, equal_nan=True)
@@ -93,7 +101,7 @@ def until(problem, stop):
 
 
 @pytest.mark.parametrize("event", [5, 29])
-def test_a_failed_prediction_is_reported_and_leaves_the_last_good_state(filter_kind, event, linear_problem):
+def test_a_failed_prediction_is_reported_and_leaves_the_last_good_state(filter_kind, event, linear_problem, run):
     t = linear_problem.timeline
     inputs = np.vstack([t.inputs, np.full((1, t.inputs.shape[1]), np.nan)])
     piece_input = t.piece_input.copy()
@@ -106,7 +114,7 @@ def test_a_failed_prediction_is_reported_and_leaves_the_last_good_state(filter_k
     assert_allclose(history.covariance, run(filter_kind, until(linear_problem, event)).covariance, rtol=1e-12)
 
 
-def test_a_reading_that_breaks_the_state_is_reported_with_its_sensor(filter_kind, linear_problem):
+def test_a_reading_that_breaks_the_state_is_reported_with_its_sensor(filter_kind, linear_problem, run):
     t = linear_problem.timeline
     event = next(k for k in range(8, 30) if t.reading_offset[k + 1] > t.reading_offset[k])
     first = t.reading_offset[event]
@@ -121,7 +129,7 @@ def test_a_reading_that_breaks_the_state_is_reported_with_its_sensor(filter_kind
 
 
 @pytest.mark.parametrize("turns", [-3, 1, 2])
-def test_an_angle_is_known_only_modulo_a_turn(filter_kind, turns, linear_problem):
+def test_an_angle_is_known_only_modulo_a_turn(filter_kind, turns, linear_problem, run):
     problem = linear_problem
     wrapping = problem.sensors._replace(angular=np.ones_like(problem.sensors.angular))
     # Small errors only: no innovation near half a turn, where the wrap itself would jump.

@@ -1,38 +1,36 @@
 """The square-root filters on the 31 states of the vehicle against plain covariance filters in NumPy."""
 
+from functools import partial
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.blocks import LANES
 from auvid_cli.config.experiment import FilterName
-from auvid_cli.filters import square_root
-from auvid_cli.identification.identify import identify
+from auvid_cli.filters.square_root import run_square_root_filter
+from auvid_cli.identification.identify import set_up_filter
 
 N_MOVING = 9
 
 
 @pytest.fixture(scope="module")
-def problem_of(simulated_with):
-    """Function: what `identify` hands to the square-root filter, and what came back."""
+def problem_of(simulated_with, run_whole):
+    """Function: what is handed to the square-root filter, and what came back."""
     dataset = simulated_with(
         "manoeuvre.duration=1.5 s", "manoeuvre.initial_speed=2 m/s", "manoeuvre.excitation.fade_in=0 s",
         "identification.prior.factor=0.3",
     )  # fmt: skip
-    original = square_root.run_square_root_filter
 
     def capture(name):
-        captured = {}
-
-        def spy(point_set, *arguments):
-            captured["arguments"] = arguments
-            captured["history"] = original(point_set, *arguments)
-            return captured["history"]
-
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("auvid_cli.identification.identify.run_square_root_filter", spy)
-            identify(dataset, name)
-        return dataset, *captured["arguments"][:4], captured["history"]
+            patch.setattr("auvid_cli.identification.identify.run_square_root_filter", lambda *arguments: arguments)
+            run = set_up_filter(dataset, name)
+        point_set, process, sensors, timeline, prior, _ = run.filter(None)
+        problem = SimpleNamespace(process=process, sensors=sensors, timeline=timeline, prior=prior)
+        history = run_whole(partial(run_square_root_filter, point_set), problem)
+        return dataset, process, sensors, timeline, prior, history
 
     return capture
 

@@ -1,0 +1,71 @@
+"""Time update of the square-root filter.
+
+Parameters are constant. Their mean and their rows of S stay as they are; the odd part by their columns is
+the new cross block of S, and only the few moving rows are triangularised.
+"""
+
+import numpy as np
+from numba import types
+
+from auvid_cli.blocks import LANES
+from auvid_cli.compilation import compiled
+from auvid_cli.filters.factor import triangularise
+from auvid_cli.filters.problem import PROCESS_SIGNATURE
+from auvid_cli.filters.sigma_points import BASIS, blocks_and_lanes, collect_points, draw_points
+from auvid_cli.filters.workspace import WORKSPACE
+
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+_indices = types.int64[::1]
+
+
+@compiled(
+    types.boolean(
+        types.FunctionType(PROCESS_SIGNATURE),
+        *(_vector, _indices, _vector, BASIS),
+        *(_matrix, _indices, _vector, types.int64, _vector, _matrix, WORKSPACE),
+    ),
+    reassociate=True,
+)
+def predict(
+    advance, constants, selection, noise_density, basis, inputs, piece_input, piece_duration, n, mean, columns, work
+):
+    """Move mean and factor over consecutive pieces of constant input, in place.
+
+    Returns
+    -------
+    bool
+        False if the result is not finite or not positive definite.
+    """
+    n_moving = noise_density.size
+    n_parameters = n - n_moving
+    m = basis.present.size
+    elapsed = 0.0
+    for piece in range(piece_duration.size):
+        elapsed += piece_duration[piece]
+    draw_points(basis, mean, columns, n, n_moving, work.product, work.points)
+    n_blocks, last_lanes = blocks_and_lanes(basis)
+    for b in range(n_blocks):
+        moving, parameters = work.points[b, : n_moving * LANES], work.points[b, n_moving * LANES :]
+        n_lanes = np.uint64(last_lanes if b == n_blocks - 1 else LANES)
+        for piece in range(piece_duration.size):
+            held = inputs[piece_input[piece]]
+            advance(moving, parameters, held, constants, selection, n_lanes, piece_duration[piece])
+
+    spread = work.spread
+    spread[:] = 0.0
+    collect_points(
+        work.points, basis, n_moving, n_moving, mean[n_parameters:n], work.odd, work.regression, spread, work.product
+    )
+    for i in range(n_moving):
+        for j in range(n_parameters):
+            columns[j, n_parameters + i] = work.regression[i, j]
+        for j in range(n_moving):
+            spread[i, j] = work.regression[i, n_parameters + j]
+        spread[i, n_moving + m + 1 + i] = noise_density[i] * np.sqrt(elapsed)
+    if not np.isfinite(mean[:n].sum()) or not triangularise(spread, n_moving, work.lower):
+        return False
+    for j in range(n_moving):
+        for i in range(j, n_moving):
+            columns[n_parameters + j, n_parameters + i] = work.lower[i, j]
+    return True

@@ -1,0 +1,78 @@
+"""Scratch of the square-root filter, made once: the loops allocate nothing."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.blocks import LANES
+from auvid_cli.filters.factor import TILE
+from auvid_cli.filters.sigma_points import PAIRS, Basis
+
+Array = NDArray[np.float64]
+
+
+class Workspace(NamedTuple):
+    """Arrays that hold nothing from one use to the next.
+
+    Attributes
+    ----------
+    points : ndarray, shape (n_tiles + 1, n * LANES)
+        Drawn points; the last block is the centre's.
+    images : ndarray, shape (n_tiles + 1, c * LANES)
+        What a sensor sees of them.
+    odd, regression : ndarray, shape (r, m)
+        With r at least the number of moving states and of components of a sensor.
+    spread : ndarray, shape (r, whole tiles)
+    lower : ndarray, shape (r, r)
+    product : ndarray, shape (2 * PAIRS,)
+    gain : ndarray, shape (width of the factor,)
+    ratio, share : ndarray, shape (m,)
+    noise, error : ndarray, shape (c,)
+        Variance of the noise and innovation of what is seen.
+    """
+
+    points: Array
+    images: Array
+    odd: Array
+    regression: Array
+    spread: Array
+    lower: Array
+    product: Array
+    gain: Array
+    ratio: Array
+    share: Array
+    noise: Array
+    error: Array
+
+
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+WORKSPACE = types.NamedTuple((*[_matrix] * 6, *[_vector] * 6), Workspace)
+
+
+def padded(size: int) -> int:
+    """Round up to whole tiles."""
+    return -(-size // TILE) * TILE
+
+
+def new_workspace(basis: Basis, n: int, n_moving: int, n_components: int, width: int) -> Workspace:
+    """Scratch for a state of n entries, the last `n_moving` of which move, and sensors of up to `n_components`."""
+    n_tiles, m = basis.directions.shape[0], basis.present.size
+    rows = max(n_moving, n_components)
+    rows += rows % 2
+    return Workspace(
+        points=np.zeros((n_tiles + 1, n * LANES)),
+        images=np.zeros((n_tiles + 1, n_components * LANES)),
+        odd=np.zeros((rows, m)),
+        regression=np.zeros((rows, m)),
+        spread=np.zeros((rows, padded(2 * rows + m + 1))),
+        lower=np.zeros((rows, rows)),
+        product=np.zeros(2 * PAIRS),
+        gain=np.zeros(width),
+        ratio=np.zeros(m),
+        share=np.zeros(m),
+        noise=np.zeros(n_components),
+        error=np.zeros(n_components),
+    )
