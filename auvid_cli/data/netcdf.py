@@ -69,7 +69,7 @@ class _Disk:
     def __init__(self, raw: BinaryIO) -> None:
         self._raw = raw
         self._failure: OSError | None = None
-        self.seek, self.tell, self.readinto = raw.seek, raw.tell, raw.readinto
+        self.read, self.readinto, self.seek, self.tell = raw.read, raw.readinto, raw.seek, raw.tell
 
     def write(self, data: memoryview) -> int:
         try:

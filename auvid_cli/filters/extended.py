@@ -18,7 +18,7 @@ from auvid_cli.filters.problem import (
     Sensors,
     Timeline,
     empty_records,
-    good_part,
+    part_of,
 )
 
 Array = NDArray[np.float64]
@@ -94,10 +94,12 @@ def run_extended_filter(
 def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, receive: Receiver) -> Ending:
     n_events = timeline.time.size
     sound, covariance = 0, ekf.P
+    records = empty_records(timeline, min(CHUNK, n_events), ekf.x.size)
     for start in range(0, n_events, CHUNK):
         stop = min(start + CHUNK, n_events)
-        records = empty_records(timeline, start, stop, ekf.x.size)
-        culprit = OK
+        for rows in records:
+            rows.fill(np.nan)
+        culprit, event = OK, start
         for event in range(start, stop):
             before = ekf.P
             culprit = _step(ekf, sensors, timeline, event, start, records)
@@ -112,7 +114,8 @@ def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, receive: Receiv
                     culprit = PREDICTION
                     break
                 sound, covariance = event + 1, ekf.P
-        receive(start, good_part(records, sound - start))
+        n_readings = timeline.reading_offset[min(event + 1, stop)] - timeline.reading_offset[start]
+        receive(start, part_of(records, sound - start, n_readings))
         if culprit != OK:
             return Ending(covariance, sound, culprit)
     return Ending(covariance, n_events, OK)

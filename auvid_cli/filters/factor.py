@@ -14,7 +14,7 @@ _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
 
-@compiled(types.boolean(_matrix, types.int64, _matrix), reassociate=True)
+@compiled(types.boolean(_matrix, types.int64, _matrix), reassociate=True, views_only=True)
 def triangularise(rows, n, lower):
     """Lower-triangular L with ``L L' = rows rows'`` for the first n rows, by modified Gram-Schmidt.
 
@@ -31,20 +31,26 @@ def triangularise(rows, n, lower):
             return False
         norm = np.sqrt(square)
         lower[i, i] = norm
-        for j in range(i + 1, n):
-            other = rows[j]
-            dot = 0.0
+        for j in range(i + 1, n, 2):
+            other0, other1 = rows[j], rows[j + 1]
+            dot0, dot1 = 0.0, 0.0
             for k in range(n_columns):
-                dot += other[k] * row[k]
-            lower[i, j] = 0.0
-            lower[j, i] = dot / norm
-            share = dot / square
+                dot0 += other0[k] * row[k]
+                dot1 += other1[k] * row[k]
+            lower[i, j], lower[i, j + 1] = 0.0, 0.0
+            lower[j, i], lower[j + 1, i] = dot0 / norm, dot1 / norm
+            share0, share1 = dot0 / square, dot1 / square
             for k in range(n_columns):
-                other[k] -= share * row[k]
+                other0[k] -= share0 * row[k]
+                other1[k] -= share1 * row[k]
     return True
 
 
-@compiled(types.float64(_matrix, types.int64, types.int64, types.float64, _vector, _vector, _vector), reassociate=True)
+@compiled(
+    types.float64(_matrix, types.int64, types.int64, types.float64, _vector, _vector, _vector),
+    reassociate=True,
+    views_only=True,
+)
 def carlson_update(columns, n, measured, variance, gain, ratio, share):
     """Condition a factor, and whatever rides along with it, on one of its rows measured with noise.
 

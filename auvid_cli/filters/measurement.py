@@ -34,7 +34,9 @@ def wrapped(difference, angular):
     return difference
 
 
-@compiled(types.void(_vector, types.int64, _vector, _matrix, types.int64), reassociate=True)
+@compiled(
+    types.void(_vector, types.int64, _vector, _matrix, types.int64), reassociate=True, inline=True, views_only=True
+)
 def see_linearly(row, n, mean, columns, place):
     """Put a combination of the state's rows at `place` of mean and factor."""
     predicted = 0.0
@@ -56,6 +58,8 @@ def see_linearly(row, n, mean, columns, place):
         *(_vector, _matrix, WORKSPACE),
     ),
     reassociate=True,
+    inline=True,
+    views_only=True,
 )
 def see_nonlinearly(observe, constants, selection, n_moving, basis, sensor, n_components, n, mean, columns, work):
     """Put a sensor's components behind the n-th place of mean and factor, and the even part in ``work.spread``."""
@@ -82,7 +86,7 @@ def see_nonlinearly(observe, constants, selection, n_moving, basis, sensor, n_co
             columns[j, n + c] = work.regression[c, j]
 
 
-@compiled(types.boolean(types.int64, types.int64, _matrix, WORKSPACE), reassociate=True)
+@compiled(types.boolean(types.int64, types.int64, _matrix, WORKSPACE), reassociate=True, inline=True, views_only=True)
 def decorrelate(n, n_present, columns, work):
     """Replace what is seen by combinations of it whose noise is independent; ``work.noise`` gets its variance.
 
@@ -109,6 +113,8 @@ def decorrelate(n, n_present, columns, work):
         *(_vector, _matrix, _vector, _vector, WORKSPACE),
     ),
     reassociate=True,
+    inline=True,
+    views_only=True,
 )
 def update(
     observe,

@@ -11,7 +11,7 @@ from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import triangularise
 from auvid_cli.filters.problem import PROCESS_SIGNATURE
-from auvid_cli.filters.sigma_points import BASIS, blocks_and_lanes, collect_points, draw_points
+from auvid_cli.filters.sigma_points import BASIS, all_finite, blocks_and_lanes, collect_points, draw_points
 from auvid_cli.filters.workspace import WORKSPACE
 
 _vector = types.float64[::1]
@@ -26,6 +26,8 @@ _indices = types.int64[::1]
         *(_matrix, _indices, _vector, types.int64, _vector, _matrix, WORKSPACE),
     ),
     reassociate=True,
+    inline=True,
+    views_only=True,
 )
 def predict(
     advance, constants, selection, noise_density, basis, inputs, piece_input, piece_duration, n, mean, columns, work
@@ -50,7 +52,7 @@ def predict(
         n_lanes = np.uint64(last_lanes if b == n_blocks - 1 else LANES)
         for piece in range(piece_duration.size):
             held = inputs[piece_input[piece]]
-            advance(moving, parameters, held, constants, selection, n_lanes, piece_duration[piece])
+            advance(moving, parameters, held, constants, selection, n_lanes, piece_duration[piece], work.process)
 
     spread = work.spread
     spread[:] = 0.0
@@ -63,7 +65,7 @@ def predict(
         for j in range(n_moving):
             spread[i, j] = work.regression[i, n_parameters + j]
         spread[i, n_moving + m + 1 + i] = noise_density[i] * np.sqrt(elapsed)
-    if not np.isfinite(mean[:n].sum()) or not triangularise(spread, n_moving, work.lower):
+    if not all_finite(n, mean) or not triangularise(spread, n_moving, work.lower):
         return False
     for j in range(n_moving):
         for i in range(j, n_moving):

@@ -17,11 +17,12 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _vector = types.float64[::1]
+_indices = types.int64[::1]
 
-# advance(moving, parameters, inputs, constants, selection, n_lanes, duration), in place on blocks.
+# advance(moving, parameters, inputs, constants, selection, n_lanes, duration, scratch), in place on blocks.
 # A compiled process has exactly this signature, explicit so that numba finds the filters in its
 # cache again in another interpreter session.
-PROCESS_SIGNATURE = types.void(_vector, _vector, _vector, _vector, types.int64[::1], types.uint64, types.float64)
+PROCESS_SIGNATURE = types.void(_vector, _vector, _vector, _vector, _indices, types.uint64, types.float64, _vector)
 # observe(moving, parameters, sensor, constants, selection, n_lanes, seen): rows of `seen` are filled.
 OBSERVATION_SIGNATURE = types.void(_vector, _vector, types.int64, _vector, types.int64[::1], types.uint64, _vector)
 
@@ -43,6 +44,8 @@ class Process(NamedTuple):
         over consecutive pieces, and its transition matrix, shape (n, n), filled in.
     constants, selection : ndarray
         Handed to `advance` and `observe` as they are.
+    scratch_size : int
+        How many doubles `advance` wants to work with.
     noise_density : ndarray, shape (n_moving,)
         Square root of the power spectral density that drives each moving state.
     observe : compiled function of `OBSERVATION_SIGNATURE`
@@ -57,6 +60,7 @@ class Process(NamedTuple):
     constants: Array
     selection: Indices
     noise_density: Array
+    scratch_size: int = 0
     observe: Any = nothing_nonlinear
     linearise: Callable[[Array, int], tuple[Array, Array]] | None = None
 
@@ -148,25 +152,20 @@ class Records(NamedTuple):
     nis: Array
 
 
-def empty_records(timeline: Timeline, start: int, stop: int, n: int) -> Records:
-    """Records of the events `start` to `stop`, to be filled in."""
-    n_readings = timeline.reading_offset[stop] - timeline.reading_offset[start]
-    components = timeline.reading.shape[1]
-    return Records(
-        np.full((stop - start, n), np.nan),
-        np.full((stop - start, n), np.nan),
-        np.full((n_readings, components), np.nan),
-        np.full((n_readings, components), np.nan),
-        np.full(n_readings, np.nan),
-    )
+def empty_records(timeline: Timeline, n_events: int, n: int) -> Records:
+    """Records for any so many consecutive events of a timeline, to be filled in."""
+    offset = timeline.reading_offset
+    n_readings = (offset[n_events:] - offset[: offset.size - n_events]).max()
+    rows = (n_events, n), (n_events, n), *[(n_readings, timeline.reading.shape[1])] * 2, n_readings
+    return Records(*(np.full(shape, np.nan) for shape in rows))
 
 
-def good_part(records: Records, n_good: int) -> Records:
-    """Records of which only the first events went well; the readings of the one that failed stay."""
-    return records._replace(mean=records.mean[:n_good], standard_deviation=records.standard_deviation[:n_good])
+def part_of(records: Records, n_events: int, n_readings: int) -> Records:
+    """The first rows of records."""
+    return Records(*(a[:n_events] for a in records[:2]), *(a[:n_readings] for a in records[2:]))
 
 
-# Told the number of an event, and the records of it and of those after it.
+# Told the number of an event, and the records of it and of those after it, which hold until it returns.
 Receiver = Callable[[int, Records], None]
 
 # What ended a run: a sensor's row in `Sensors`, or one of these.

@@ -69,7 +69,12 @@ def basis_of(point_set: PointSet) -> Basis:
     )
 
 
-@compiled(types.void(_vector, types.int64, types.int64, types.int64, types.int64, _vector, _vector), reassociate=True)
+@compiled(
+    types.void(_vector, types.int64, types.int64, types.int64, types.int64, _vector, _vector),
+    reassociate=True,
+    inline=True,
+    views_only=True,
+)
 def two_products(left, first, second, stride, n_terms, right, out):
     """Fill `out` with two rows of a matrix product, each `PAIRS` long: ``sum_j left_j right_j``.
 
@@ -89,7 +94,12 @@ def two_products(left, first, second, stride, n_terms, right, out):
             out[k + _ROW] += b0 * t0 + b1 * t1 + b2 * t2 + b3 * t3
 
 
-@compiled(types.void(BASIS, _vector, _matrix, types.int64, types.int64, _vector, _matrix), reassociate=True)
+@compiled(
+    types.void(BASIS, _vector, _matrix, types.int64, types.int64, _vector, _matrix),
+    reassociate=True,
+    inline=True,
+    views_only=True,
+)
 def draw_points(basis, mean, columns, n, n_moving, scratch, points):
     """Fill blocks with the points ``mean +- S delta_k``, one block to a tile, and the centre behind them.
 
@@ -114,6 +124,15 @@ def draw_points(basis, mean, columns, n, n_moving, scratch, points):
                     row[k + _ROW] = centre - deviation[k]
 
 
+@compiled(types.boolean(types.int64, _vector), reassociate=True, inline=True, views_only=True)
+def all_finite(n, values):
+    """Whether the first n values are; a sum is one branch instead of n."""
+    total = 0.0
+    for i in range(n):
+        total += values[i]
+    return np.isfinite(total)
+
+
 @compiled(types.UniTuple(types.int64, 2)(BASIS))
 def blocks_and_lanes(basis):
     """How many blocks of points a map has to work on, and how many lanes of the last: the centre needs one."""
@@ -124,6 +143,8 @@ def blocks_and_lanes(basis):
 @compiled(
     types.void(_matrix, BASIS, types.int64, types.int64, _vector, _matrix, _matrix, _matrix, _vector),
     reassociate=True,
+    inline=True,
+    views_only=True,
 )
 def collect_points(images, basis, n_images, first_even, image_mean, odd, regression, spread, scratch):
     """Mean, odd and even part of what a map made of the points.
@@ -150,29 +171,23 @@ def collect_points(images, basis, n_images, first_even, image_mean, odd, regress
         Overwritten.
     """
     n_tiles, m = basis.directions.shape[0], basis.present.size
-    root = np.sqrt(2.0 * basis.weight)
+    root, present = np.sqrt(2.0 * basis.weight), basis.present
     for i in range(n_images):
-        centre = images[n_tiles, i * LANES]
-        if basis.centred:
-            centre = 0.0
-            for tile in range(n_tiles):
-                points = images[tile, i * LANES : (i + 1) * LANES]
-                present = basis.present[tile * PAIRS : (tile + 1) * PAIRS]
-                for k in range(_ROW):
-                    centre += (points[k] + points[k + _ROW]) * present[k]
-            centre *= basis.weight
-        shift = 0.0
+        middle, difference = spread[i, first_even : first_even + m], odd[i]
+        total = 0.0
         for tile in range(n_tiles):
             points = images[tile, i * LANES : (i + 1) * LANES]
-            present = basis.present[tile * PAIRS : (tile + 1) * PAIRS]
-            even = spread[i, first_even + tile * PAIRS : first_even + (tile + 1) * PAIRS]
-            difference = odd[i, tile * PAIRS : (tile + 1) * PAIRS]
+            first = np.uint64(tile * PAIRS)
             for k in range(_ROW):
-                value = (0.5 * (points[k] + points[k + _ROW]) - centre) * present[k]
-                shift += value
-                even[k] = root * value
-            for k in range(_ROW):
-                difference[k] = basis.weight * (points[k] - points[k + _ROW])
+                middle[first + k] = 0.5 * (points[k] + points[k + _ROW])
+                difference[first + k] = basis.weight * (points[k] - points[k + _ROW])
+                total += middle[first + k] * present[first + k]
+        centre = 2.0 * basis.weight * total if basis.centred else images[n_tiles, i * LANES]
+        shift = 0.0
+        for k in range(m):
+            value = (middle[k] - centre) * present[k]
+            shift += value
+            middle[k] = root * value
         shift *= 2.0 * basis.weight
         image_mean[i] = centre if basis.centred else centre + shift
         spread[i, first_even + m] = 0.0 if basis.centred else np.sqrt(basis.curvature) * shift

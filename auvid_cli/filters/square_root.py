@@ -24,9 +24,9 @@ from auvid_cli.filters.problem import (
     Sensors,
     Timeline,
     empty_records,
-    good_part,
+    part_of,
 )
-from auvid_cli.filters.sigma_points import BASIS, basis_of
+from auvid_cli.filters.sigma_points import BASIS, all_finite, basis_of
 from auvid_cli.filters.workspace import WORKSPACE, new_workspace, padded
 
 _vector = types.float64[::1]
@@ -39,7 +39,7 @@ _RECORDS = types.NamedTuple((_matrix, _matrix, _matrix, _matrix, _vector), Recor
 CHUNK = 2000
 
 
-@compiled(types.void(_matrix, types.int64, _vector, _vector), reassociate=True)
+@compiled(types.void(_matrix, types.int64, _vector, _vector), reassociate=True, views_only=True)
 def deviations(columns, n, squares, result):
     """Standard deviations of the state: row norms of the factor. `squares` is overwritten."""
     width = columns.shape[1]
@@ -61,6 +61,7 @@ def deviations(columns, n, squares, result):
         *(types.int64, types.int64, types.int64, _vector, _matrix, _RECORDS, WORKSPACE),
     ),
     reassociate=True,
+    views_only=True,
 )
 def _run(
     advance,
@@ -117,7 +118,7 @@ def _run(
                 work,
             )
             records.nis[row] = nis
-            if not (np.isfinite(mean[:n].sum()) and nis >= 0.0):
+            if not (all_finite(n, mean) and nis >= 0.0):
                 return event, sensor
         for i in range(n):
             records.mean[event - start, i] = mean[i]
@@ -147,20 +148,22 @@ def run_square_root_filter(
     n, n_components, n_events = prior.mean.size, timeline.reading.shape[1], timeline.time.size
     width = padded(n + n_components)
     basis = basis_of(point_set)
-    work = new_workspace(basis, n, process.noise_density.size, n_components, width)
+    work = new_workspace(basis, process, n, n_components, width)
     mean, columns = np.zeros(width), np.zeros((basis.present.size, width))
     mean[:n], columns[:n, :n] = prior.mean, prior.factor.T
 
-    def run(start: int, stop: int) -> tuple[int, int, Records]:
-        records = empty_records(timeline, start, stop, n)
+    def run(start: int, stop: int) -> tuple[int, int]:
         model = process.advance, process.observe, process.constants, process.selection, process.noise_density
-        return *_run(*model, basis, sensors, timeline, start, stop, n, mean, columns, records, work), records
+        return _run(*model, basis, sensors, timeline, start, stop, n, mean, columns, records, work)
 
+    records = empty_records(timeline, min(CHUNK, n_events), n)
     done, culprit = 0, OK
     while done < n_events and culprit == OK:
-        start, before = done, (mean.copy(), columns.copy())
-        done, culprit, records = run(start, min(start + CHUNK, n_events))
-        receive(start, good_part(records, done - start))
+        start, stop, before = done, min(done + CHUNK, n_events), (mean.copy(), columns.copy())
+        records.nis.fill(np.nan)
+        done, culprit = run(start, stop)
+        n_readings = timeline.reading_offset[min(done + 1, stop)] - timeline.reading_offset[start]
+        receive(start, part_of(records, done - start, n_readings))
         if culprit != OK:
             # Once more from before the chunk, to stop at the last good state.
             mean[:], columns[:] = before

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.blocks import LANES
 from auvid_cli.filters.factor import TILE
+from auvid_cli.filters.problem import Process
 from auvid_cli.filters.sigma_points import PAIRS, Basis
 
 Array = NDArray[np.float64]
@@ -27,6 +28,8 @@ class Workspace(NamedTuple):
     spread : ndarray, shape (r, whole tiles)
     lower : ndarray, shape (r, r)
     product : ndarray, shape (2 * PAIRS,)
+    process : ndarray
+        For the process itself.
     gain : ndarray, shape (width of the factor,)
     ratio, share : ndarray, shape (m,)
     noise, error : ndarray, shape (c,)
@@ -40,6 +43,7 @@ class Workspace(NamedTuple):
     spread: Array
     lower: Array
     product: Array
+    process: Array
     gain: Array
     ratio: Array
     share: Array
@@ -49,7 +53,7 @@ class Workspace(NamedTuple):
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-WORKSPACE = types.NamedTuple((*[_matrix] * 6, *[_vector] * 6), Workspace)
+WORKSPACE = types.NamedTuple((*[_matrix] * 6, *[_vector] * 7), Workspace)
 
 
 def padded(size: int) -> int:
@@ -57,10 +61,11 @@ def padded(size: int) -> int:
     return -(-size // TILE) * TILE
 
 
-def new_workspace(basis: Basis, n: int, n_moving: int, n_components: int, width: int) -> Workspace:
-    """Scratch for a state of n entries, the last `n_moving` of which move, and sensors of up to `n_components`."""
+def new_workspace(basis: Basis, process: Process, n: int, n_components: int, width: int) -> Workspace:
+    """Scratch for a state of n entries, and sensors of up to `n_components`."""
     n_tiles, m = basis.directions.shape[0], basis.present.size
-    rows = max(n_moving, n_components)
+    n_moving = process.noise_density.size
+    rows = max(n_moving, n_components) + 1
     rows += rows % 2
     return Workspace(
         points=np.zeros((n_tiles + 1, n * LANES)),
@@ -70,6 +75,7 @@ def new_workspace(basis: Basis, n: int, n_moving: int, n_components: int, width:
         spread=np.zeros((rows, padded(2 * rows + m + 1))),
         lower=np.zeros((rows, rows)),
         product=np.zeros(2 * PAIRS),
+        process=np.zeros(process.scratch_size),
         gain=np.zeros(width),
         ratio=np.zeros(m),
         share=np.zeros(m),

@@ -67,8 +67,11 @@ class FilterRun:
             Of a filter that diverged: with the reason as its status.
         """
         timeline, every = self._timeline, self.header.experiment.identification.keep_every
+        # Time of the filter alone, without that of whoever receives.
+        filtering = np.zeros(2)
 
         def pass_on(start: int, records: Records) -> None:
+            filtering[:] += _clocks()
             stop = start + len(records.mean)
             kept = np.arange(start, stop)
             kept = kept[(kept % every == 0) | (kept == stop - 1) & (stop == self.n_events)]
@@ -79,10 +82,11 @@ class FilterRun:
                 self._by_sensor(start, records),
             )
             receive(part, stop)
+            filtering[:] -= _clocks()
 
-        cpu_start, wall_start = thread_time(), perf_counter()
+        filtering -= _clocks()
         ending = self.filter(pass_on)
-        cpu_time, wall_time = thread_time() - cpu_start, perf_counter() - wall_start
+        cpu_time, wall_time = (filtering + _clocks()).tolist()
         if ending.n_good == 0:
             # Failed at once: the last good state is the prior.
             mean, deviation = self._prior.mean * self._to_si, np.diag(self._prior.factor) * self._to_si
@@ -121,6 +125,11 @@ class FilterRun:
                 "propagated to this time"
             )
         return f"diverged at t = {time:.3f} s: the state was not finite after a reading of {names[ending.culprit]}"
+
+
+def _clocks() -> Array:
+    """Processor time of this thread and wall time, s."""
+    return np.array([thread_time(), perf_counter()])
 
 
 def _no_innovations(record: SensorRecord) -> Innovations:

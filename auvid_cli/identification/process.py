@@ -30,18 +30,19 @@ _HELD = N_CONSTANTS
 _SCALE = N_CONSTANTS + N_COEFFICIENTS
 
 
-@compiled(PROCESS_SIGNATURE)
-def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration):
-    coefficients = np.empty(N_COEFFICIENT_BLOCK)
+@compiled(PROCESS_SIGNATURE, views_only=True)
+def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration, scratch):
+    coefficients, work = scratch[:N_COEFFICIENT_BLOCK], scratch[N_COEFFICIENT_BLOCK:]
+    j = 0
     for m in range(N_COEFFICIENTS):
         row = coefficients[m * LANES : (m + 1) * LANES]
-        row[:] = constants[_HELD + m]
-    for j in range(selection.size):
-        row = coefficients[selection[j] * LANES : (selection[j] + 1) * LANES]
-        scaled = parameters[j * LANES : (j + 1) * LANES]
-        for k in range(LANES):
-            row[k] = constants[_SCALE + j] * scaled[k]
-    work = np.empty(N_WORK)
+        if j < selection.size and selection[j] == m:
+            scale, scaled = constants[_SCALE + j], parameters[j * LANES : (j + 1) * LANES]
+            for k in range(LANES):
+                row[k] = scale * scaled[k]
+            j += 1
+        else:
+            row[:] = constants[_HELD + m]
     runge_kutta_step(motion, coefficients, inputs, constants[:N_CONSTANTS], n_lanes, duration, work)
 
 
@@ -98,7 +99,7 @@ def vehicle_process(
     held : ndarray, shape (22,)
         Values of the coefficients that are not estimated.
     selection : ndarray of int, shape (p,)
-        Which of the 22 are estimated.
+        Which of the 22 are estimated, in ascending order.
     scale : ndarray, shape (p,)
         Coefficients span 1e-3 to 1e3: a parameter is a coefficient divided by its scale.
     noise : ProcessNoise
@@ -116,4 +117,5 @@ def vehicle_process(
         constants=constants,
         selection=selection,
         noise_density=np.repeat([noise.velocity, noise.rate, noise.attitude], 3),
+        scratch_size=N_COEFFICIENT_BLOCK + N_WORK,
     )

@@ -8,6 +8,7 @@ import pytest
 import xarray
 
 from auvid_cli import __version__
+from auvid_cli.data import estimate_file
 from auvid_cli.data.dataset import SENSORS
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import read_estimate
@@ -121,3 +122,21 @@ def test_files_tell_where_they_come_from(kind, written):
         assert opened.attrs["auvid_version"] == __version__
         assert opened.attrs["seed"] == 1
         assert "numpy" in opened.attrs["library_versions"]
+
+
+def test_of_a_very_long_estimate_evenly_spaced_rows_are_read_and_the_last(
+    estimate, write_estimate, tmp_path, monkeypatch
+):
+    write_estimate(tmp_path / "estimate.h5", estimate)
+    monkeypatch.setattr(estimate_file, "_MOST_STATES", 50)
+    monkeypatch.setattr(estimate_file, "_MOST_READINGS", 30)
+    thin = read_estimate(tmp_path / "estimate.h5")
+    for got, whole, most in (
+        (thin.time, estimate.time, 50),
+        (thin.mean, estimate.mean, 50),
+        (thin.innovations["gyroscope"].nis, estimate.innovations["gyroscope"].nis, 30),
+    ):
+        every = 1 + len(whole) // most
+        assert every > 1
+        assert np.array_equal(got, whole[::-1][::every][::-1])
+    assert np.array_equal(thin.innovations["dvl"].time, estimate.innovations["dvl"].time)

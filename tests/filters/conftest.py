@@ -13,7 +13,7 @@ N_AXES = 2
 
 
 @njit(PROCESS_SIGNATURE)
-def _advance(moving, parameters, inputs, constants, selection, n_lanes, duration):
+def _advance(moving, parameters, inputs, constants, selection, n_lanes, duration, scratch):
     """Two carts: positions, then velocities; acceleration = mixing @ parameters + input, constant in a piece."""
     n_parameters = constants.size // N_AXES
     for k in range(n_lanes):
@@ -46,7 +46,7 @@ def run_whole():
 
     def run(run_filter, problem, told=None):
         t, n = problem.timeline, problem.prior.mean.size
-        whole = empty_records(t, 0, t.time.size, n)
+        whole = empty_records(t, t.time.size, n)
 
         def receive(start, part):
             first = t.reading_offset[start]
@@ -104,7 +104,7 @@ def linear_problem(request):
     # One sensor sees motion only, as those of a vehicle do.
     matrix[1, :, :n_parameters] = 0.0
     nothing = np.zeros((2, width), dtype=np.bool_)
-    sensors = Sensors(matrix, rng.uniform(0.01, 1.0, (2, width)), nothing, nothing[:, 0].copy())
+    sensors = Sensors(matrix, rng.uniform(0.01, 1.0, (2, width)), nothing, np.zeros(2, dtype=np.bool_))
     factor = np.tril(rng.standard_normal((n, n)))
     factor[np.diag_indices(n)] = rng.uniform(0.5, 2.0, n)
     prior = Belief(rng.standard_normal(n), factor)

@@ -77,6 +77,7 @@ def propagate(process, points, timeline, pieces):
                 process.selection,
                 len(rows),
                 timeline.piece_duration[piece],
+                np.zeros(process.scratch_size),
             )
         result[first : first + LANES, n_parameters:] = moving.reshape(N_MOVING, LANES)[:, : len(rows)].T
     return result

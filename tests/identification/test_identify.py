@@ -7,10 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.config.experiment import FilterName
+from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.evaluation.evaluate import evaluate
-from auvid_cli.identification.identify import identify
+from auvid_cli.identification.identify import identify, set_up_filter
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
@@ -218,10 +219,29 @@ def test_each_sensors_innovations_stand_at_its_own_times(short_run, short_estima
         assert np.all(innovations.variance >= record.standard_deviation**2)
 
 
-def test_progress_counts_to_the_number_of_events(short_run):
-    told = []
-    estimate = identify(short_run, FilterName.TUKF, lambda done, total: told.append((done, total)))
-    assert told[-1] == (estimate.time.size, estimate.time.size)
+def test_parts_follow_each_other_and_make_the_whole(short_run, short_estimates, filter_name):
+    run, parts, done = set_up_filter(short_run, filter_name), [], []
+
+    def receive(part, so_far):
+        parts.append(part)
+        done.append(so_far)
+
+    outcome = run.run(receive)
+    assert len(parts) > 1
+    assert done == sorted(done)
+    assert done[-1] == run.n_events == outcome.steps
+    assert_same(Estimate.of(run.header, parts, outcome), short_estimates[filter_name])
+
+
+def test_every_so_many_states_are_kept_and_the_last_and_all_innovations(short_run, short_estimates, with_settings):
+    thin = identify(with_settings(short_run, "identification.keep_every=700"), FilterName.TUKF)
+    whole = short_estimates[FilterName.TUKF]
+    rows = [*range(0, whole.time.size, 700), whole.time.size - 1]
+    assert np.array_equal(thin.time, whole.time[rows])
+    assert np.array_equal(thin.mean, whole.mean[rows])
+    assert np.array_equal(thin.standard_deviation, whole.standard_deviation[rows])
+    assert thin.steps == whole.steps == whole.time.size
+    assert np.array_equal(thin.innovations["dvl"].nis, whole.innovations["dvl"].nis)
 
 
 def test_a_filter_that_fails_at_its_first_event_leaves_the_prior(short_run, filter_name, monkeypatch):

@@ -68,8 +68,10 @@ def make_estimate(name: str, symbols=tuple(TRUE), offset=0.01) -> Estimate:
         },
         held={symbol: TRUE[symbol] for symbol in TRUE if symbol not in symbols},
         status="completed",
+        steps=TIME.size,
         cpu_time=0.125,
         wall_time=0.125,
+        dataset_sha256="",
     )
 
 

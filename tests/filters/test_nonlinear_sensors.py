@@ -1,0 +1,172 @@
+"""Nonlinear measurements against plain covariance filters in NumPy, side by side with a linear sensor."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from numba import njit
+from numpy.testing import assert_allclose
+
+from auvid_cli.blocks import LANES
+from auvid_cli.filters.extended import run_extended_filter
+from auvid_cli.filters.point_sets import cubature, transformed, unscented
+from auvid_cli.filters.problem import OBSERVATION_SIGNATURE, OK, Belief
+from auvid_cli.filters.square_root import run_square_root_filter
+
+N_MOVING, N_SEEN, ALPHA = 4, 3, 0.5
+
+
+@njit(OBSERVATION_SIGNATURE)
+def _observe(moving, parameters, sensor, constants, selection, n_lanes, seen):
+    """A distance, a rate with an unknown scale, and a product of states; of sensor 0."""
+    for k in range(n_lanes):
+        x, y, u, v = moving[k], moving[LANES + k], moving[2 * LANES + k], moving[3 * LANES + k]
+        seen[k] = np.sqrt(4.0 + x * x + y * y)
+        seen[LANES + k] = (1.0 + 0.3 * parameters[k]) * u + sensor
+        seen[2 * LANES + k] = np.sin(y) + 0.2 * u * v
+
+
+def plain_observe(state):
+    parameter, (x, y, u, v) = state[0], state[-N_MOVING:]
+    return np.array([np.sqrt(4.0 + x * x + y * y), (1.0 + 0.3 * parameter) * u, np.sin(y) + 0.2 * u * v])
+
+
+def jacobian(state):
+    parameter, (x, y, u, v) = state[0], state[-N_MOVING:]
+    matrix = np.zeros((N_SEEN, state.size))
+    distance = np.sqrt(4.0 + x * x + y * y)
+    matrix[0, -4], matrix[0, -3] = x / distance, y / distance
+    matrix[1, 0], matrix[1, -2] = 0.3 * u, 1.0 + 0.3 * parameter
+    matrix[2, -3], matrix[2, -2], matrix[2, -1] = np.cos(y), 0.2 * v, 0.2 * u
+    return matrix
+
+
+@pytest.fixture
+def problem(linear_problem):
+    """The carts, seen by a nonlinear sensor and a linear one."""
+    p = linear_problem
+    p.process = p.process._replace(
+        observe=_observe, linearise=lambda mean, sensor: (plain_observe(mean), jacobian(mean))
+    )
+    p.sensors = p.sensors._replace(nonlinear=np.array([True, False]))
+    p.prior = Belief(0.2 * p.prior.mean, 0.2 * p.prior.factor)
+    return p
+
+
+def covariance_filter(problem, predict, see):
+    """Joint updates with full covariances; `predict` moves a belief, `see` is the view of a sensor."""
+    t, n = problem.timeline, problem.prior.mean.size
+    mean, covariance = problem.prior.mean, problem.prior.factor @ problem.prior.factor.T
+    means, innovations, variances = [], np.full(t.reading.shape, np.nan), np.full(t.reading.shape, np.nan)
+    nis = np.zeros(len(t.reading))
+    noise = np.diag([*np.zeros(n - N_MOVING), *problem.process.noise_density**2])
+    for event in range(t.time.size):
+        pieces = slice(t.piece_offset[event], t.piece_offset[event + 1])
+        mean, covariance = predict(mean, covariance, t.piece_input[pieces], t.piece_duration[pieces])
+        covariance = covariance + noise * t.piece_duration[pieces].sum()
+        for k in range(t.reading_offset[event], t.reading_offset[event + 1]):
+            sensor, present = t.reading_sensor[k], ~np.isnan(t.reading[k])
+            predicted, seen_covariance, cross = see(mean, covariance, sensor)
+            innovation = (t.reading[k] - predicted)[present]
+            s = (seen_covariance + np.diag(problem.sensors.variance[sensor]))[np.ix_(present, present)]
+            gain = cross[:, present] @ np.linalg.inv(s)
+            mean, covariance = mean + gain @ innovation, covariance - gain @ s @ gain.T
+            innovations[k, present], variances[k, present] = innovation, np.diag(s)
+            nis[k] = innovation @ np.linalg.solve(s, innovation)
+        means.append(mean)
+    return np.array(means), covariance, innovations, variances, nis
+
+
+def linear_predict(problem):
+    """The process is linear, and every filter moves it exactly."""
+
+    def predict(mean, covariance, piece_input, piece_duration):
+        moved, matrix = mean.copy(), np.eye(mean.size)
+        if piece_duration.size:
+            problem.process.transition(moved, problem.timeline.inputs, piece_input, piece_duration, matrix)
+        return moved, matrix @ covariance @ matrix.T
+
+    return predict
+
+
+def sigma_view(problem, directions, for_mean, for_covariance):
+    def see(mean, covariance, sensor):
+        points = mean + directions @ np.linalg.cholesky(covariance).T
+        view = plain_observe if sensor == 0 else lambda x: problem.sensors.matrix[sensor] @ x
+        seen = np.array([view(point) for point in points])
+        predicted = for_mean @ seen
+        centre = for_mean @ points
+        weighted = ((seen - predicted).T * for_covariance) @ (seen - predicted)
+        return predicted, weighted, ((points - centre).T * for_covariance) @ (seen - predicted)
+
+    return see
+
+
+def both_ways(directions):
+    return np.vstack([directions.T, -directions.T])
+
+
+def point_sets(n):
+    """The filter's own point set, and all points with weights as a textbook has them."""
+    equal = np.full(2 * n, 0.5 / n)
+    cross = np.sqrt(n) * np.vstack([np.eye(n), -np.eye(n)])
+    yield "ckf", cubature(n), cross, equal, equal
+    # The points themselves are tested against the paper's formula elsewhere.
+    yield "tukf", transformed(n), both_ways(transformed(n).directions), equal, equal
+    scaled = ALPHA**2 * n - n
+    spread = np.sqrt(n + scaled) * np.vstack([np.zeros(n), np.eye(n), -np.eye(n)])
+    for_mean = np.full(2 * n + 1, 0.5 / (n + scaled))
+    for_mean[0] = scaled / (n + scaled)
+    for_covariance = for_mean.copy()
+    for_covariance[0] += 1.0 - ALPHA**2 + 2.0
+    yield "ukf", unscented(n, ALPHA, 2.0, 0.0), spread, for_mean, for_covariance
+
+
+def assert_equal(history, expected, n):
+    mean, covariance, innovation, variance, nis = expected
+    assert history.culprit == OK
+    assert np.isfinite(mean).all()
+    assert_allclose(history.records.innovation, innovation, rtol=1e-7, atol=1e-7)
+    assert_allclose(history.records.innovation_variance, variance, rtol=1e-7)
+    assert_allclose(history.records.nis, nis, rtol=1e-7, atol=1e-12)
+    assert_allclose(history.records.mean, mean, rtol=1e-7, atol=1e-7)
+    assert_allclose(history.covariance, covariance, rtol=1e-8, atol=1e-8 * np.abs(covariance).max())
+
+
+@pytest.mark.parametrize("which", [0, 1, 2], ids=["ckf", "tukf", "ukf"])
+def test_sigma_point_filters_are_the_covariance_form(which, problem, run_whole):
+    n = problem.prior.mean.size
+    _, point_set, directions, for_mean, for_covariance = list(point_sets(n))[which]
+    history = run_whole(partial(run_square_root_filter, point_set), problem)
+    see = sigma_view(problem, directions, for_mean, for_covariance)
+    assert_equal(history, covariance_filter(problem, linear_predict(problem), see), n)
+
+
+def test_the_extended_filter_is_the_textbooks(problem, run_whole):
+    def see(mean, covariance, sensor):
+        matrix = jacobian(mean) if sensor == 0 else problem.sensors.matrix[sensor]
+        predicted = plain_observe(mean) if sensor == 0 else matrix @ mean
+        return predicted, matrix @ covariance @ matrix.T, covariance @ matrix.T
+
+    history = run_whole(run_extended_filter, problem)
+    assert_equal(history, covariance_filter(problem, linear_predict(problem), see), problem.prior.mean.size)
+
+
+def test_the_sensor_is_far_from_linear(problem, run_whole):
+    """Else the comparisons above could not tell the filters apart."""
+    n = problem.prior.mean.size
+    ekf = run_whole(run_extended_filter, problem)
+    ckf = run_whole(partial(run_square_root_filter, cubature(n)), problem)
+    assert np.abs(ekf.records.mean - ckf.records.mean).max() > 1e-3
+
+
+def test_an_angle_that_is_seen_nonlinearly_is_known_modulo_a_turn(problem, run_whole):
+    run = partial(run_square_root_filter, cubature(problem.prior.mean.size))
+    t = problem.timeline
+    problem.timeline = t._replace(inputs=0.0 * t.inputs, reading=0.1 * t.reading)
+    plain = run_whole(run, problem)
+    angle = plain.records.innovation[t.reading_sensor == 0, 2]
+    assert 0.0 < np.nanmax(np.abs(angle)) < 3.0, "no innovation near half a turn, where the wrap itself would jump"
+    problem.sensors.angular[0, 2] = True
+    problem.timeline.reading[t.reading_sensor == 0, 2] += 4.0 * np.pi
+    assert_allclose(run_whole(run, problem).records.mean, plain.records.mean, rtol=1e-8, atol=1e-9)
