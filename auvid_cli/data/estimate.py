@@ -33,8 +33,16 @@ class Innovations:
     nis: Array
     standard_deviation: Array
 
-
-_OVER_TIME = ("time", "innovation", "variance", "nis")
+    @classmethod
+    def joined(cls, parts: Sequence["Innovations"]) -> "Innovations":
+        """Parts in time order as one."""
+        return cls(
+            time=np.concatenate([part.time for part in parts]),
+            innovation=np.concatenate([part.innovation for part in parts]),
+            variance=np.concatenate([part.variance for part in parts]),
+            nis=np.concatenate([part.nis for part in parts]),
+            standard_deviation=parts[0].standard_deviation,
+        )
 
 
 @dataclass(frozen=True)
@@ -114,11 +122,7 @@ class Estimate(EstimateHeader, EstimatePart, Outcome):
     def of(cls, header: EstimateHeader, parts: Sequence[EstimatePart], outcome: Outcome) -> "Estimate":
         """Join the parts of a run."""
         innovations = {
-            sensor: Innovations(
-                *(np.concatenate([getattr(part.innovations[sensor], name) for part in parts]) for name in _OVER_TIME),
-                first.standard_deviation,
-            )
-            for sensor, first in parts[0].innovations.items()
+            sensor: Innovations.joined([part.innovations[sensor] for part in parts]) for sensor in parts[0].innovations
         }
         return cls(
             **vars(outcome),

@@ -128,5 +128,10 @@ def read_estimate(path: Path) -> Estimate:
 
 def _read_innovations(group: h5py.Group) -> Innovations:
     every = 1 + count_rows(group, "time") // _MOST_READINGS
-    over_time = (read_array(group, name, every) for name in ("time", "innovation", "variance", "nis"))
-    return Innovations(*over_time, read_array(group, "standard_deviation"))
+    return Innovations(
+        time=read_array(group, "time", every),
+        innovation=read_array(group, "innovation", every),
+        variance=read_array(group, "variance", every),
+        nis=read_array(group, "nis", every),
+        standard_deviation=read_array(group, "standard_deviation"),
+    )

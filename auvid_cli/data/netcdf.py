@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
+from io import RawIOBase
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import h5py
 import numpy as np
@@ -66,7 +67,7 @@ class _Disk:
     told that all is well, and whoever writes asks for the failure.
     """
 
-    def __init__(self, raw: BinaryIO) -> None:
+    def __init__(self, raw: RawIOBase) -> None:
         self._raw = raw
         self._failure: OSError | None = None
         self.read, self.readinto, self.seek, self.tell = raw.read, raw.readinto, raw.seek, raw.tell

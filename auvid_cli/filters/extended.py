@@ -1,6 +1,7 @@
 """Extended Kalman filter on filterpy."""
 
 import warnings
+from math import isfinite
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
@@ -51,30 +52,41 @@ class _ProcessEkf(ExtendedKalmanFilter):
         self.Q[self._moving, self._moving] = self._density * piece_duration.sum()
         self.predict()
 
-    def hear(self, sensors: Sensors, sensor: int, reading: Array, present: NDArray[np.int64]) -> None:
+    def hear(self, view: "_View", reading: Array) -> None:
         """Update with the present components of a reading."""
-        if sensors.nonlinear[sensor]:
-            predicted, matrix = self._process.linearise(self.x, sensor)
-            predicted, matrix = predicted[present], matrix[present]
+        if view.nonlinear:
+            assert self._process.linearise is not None, "a nonlinear sensor needs `Process.linearise`"
+            predicted, matrix = self._process.linearise(self.x, view.sensor)
+            predicted, matrix = predicted[view.present], matrix[view.present]
         else:
-            matrix = sensors.matrix[sensor, present]
+            matrix = view.matrix
             predicted = matrix @ self.x
-        angular = sensors.angular[sensor, present]
-
-        def residual(a: Array, b: Array) -> Array:
-            return np.where(angular, (a - b + np.pi) % (2.0 * np.pi) - np.pi, a - b)
-
-        self.update(
-            reading,
-            HJacobian=lambda x: matrix,
-            Hx=lambda x: predicted,
-            R=np.diag(sensors.variance[sensor, present]),
-            residual=residual,
-        )
+        self.update(reading, HJacobian=lambda x: matrix, Hx=lambda x: predicted, R=view.noise, residual=view.residual)
 
     def predict_x(self, u: float = 0) -> None:
         """Integrate the mean and set F to its transition matrix."""
         self._process.transition(self.x, *self._pieces, self.F)
+
+
+class _View:
+    """What does not change between readings of a sensor with the same components present."""
+
+    def __init__(self, sensors: Sensors, sensor: int, missing: NDArray[np.bool_]) -> None:
+        self.sensor = sensor
+        self.present = np.flatnonzero(~missing)
+        self.nonlinear = bool(sensors.nonlinear[sensor])
+        self.matrix = sensors.matrix[sensor, self.present]
+        self.noise = np.diag(sensors.variance[sensor, self.present])
+        angular = sensors.angular[sensor, self.present]
+
+        def wrapped_residual(a: Array, b: Array) -> Array:
+            return np.where(angular, (a - b + np.pi) % (2.0 * np.pi) - np.pi, a - b)
+
+        self.residual = wrapped_residual if angular.any() else np.subtract
+
+
+# By sensor and by which components are missing.
+_Views = dict[tuple[int, bytes], _View]
 
 
 def run_extended_filter(
@@ -94,6 +106,7 @@ def run_extended_filter(
 def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, receive: Receiver) -> Ending:
     n_events = timeline.time.size
     sound, covariance = 0, ekf.P
+    views: _Views = {}
     records = empty_records(timeline, min(CHUNK, n_events), ekf.x.size)
     for start in range(0, n_events, CHUNK):
         stop = min(start + CHUNK, n_events)
@@ -102,13 +115,13 @@ def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, receive: Receiv
         culprit, event = OK, start
         for event in range(start, stop):
             before = ekf.P
-            culprit = _step(ekf, sensors, timeline, event, start, records)
+            culprit = _step(ekf, sensors, timeline, views, event, start, records)
             if culprit != OK:
                 if _is_definite(before):
                     sound, covariance = event, before
                 break
             records.mean[event - start] = ekf.x
-            records.standard_deviation[event - start] = np.sqrt(np.diagonal(ekf.P))
+            records.standard_deviation[event - start] = np.sqrt(ekf.P.diagonal())
             if event % _CHECK == _CHECK - 1 or event == stop - 1:
                 if not _is_definite(ekf.P):
                     culprit = PREDICTION
@@ -121,36 +134,44 @@ def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, receive: Receiv
     return Ending(covariance, n_events, OK)
 
 
-def _step(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, event: int, start: int, records: Records) -> int:
+def _step(
+    ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, views: _Views, event: int, start: int, records: Records
+) -> int:
     """Predict to an event and update with its readings; what failed, or `OK`."""
     pieces = slice(timeline.piece_offset[event], timeline.piece_offset[event + 1])
     if pieces.stop > pieces.start:
         ekf.move(timeline.inputs, timeline.piece_input[pieces], timeline.piece_duration[pieces])
-        if not _is_sound(ekf):
+        if not isfinite(ekf.x.sum() + ekf.P.diagonal().sum()):
             return PREDICTION
     first_reading = timeline.reading_offset[start]
+    last_heard = PREDICTION
     for k in range(timeline.reading_offset[event], timeline.reading_offset[event + 1]):
         sensor, row = int(timeline.reading_sensor[k]), k - first_reading
-        present = np.flatnonzero(~np.isnan(timeline.reading[k]))
-        if present.size == 0:
-            records.nis[row] = 0.0
+        missing = np.isnan(timeline.reading[k])
+        view = views.get(key := (sensor, missing.tobytes()))
+        if view is None:
+            view = views[key] = _View(sensors, sensor, missing)
+        records.nis[row] = 0.0
+        if view.present.size == 0:
             continue
         try:
-            ekf.hear(sensors, sensor, timeline.reading[k, present], present)
+            ekf.hear(view, timeline.reading[k, view.present])
         except np.linalg.LinAlgError:
+            records.nis[row] = np.nan
             return sensor
-        records.innovation[row, present] = ekf.y
-        records.innovation_variance[row, present] = np.diagonal(ekf.S)
-        records.nis[row] = ekf.y @ ekf.SI @ ekf.y
-        if not (_is_sound(ekf) and records.nis[row] >= 0.0):
+        records.innovation[row, view.present] = ekf.y
+        records.innovation_variance[row, view.present] = ekf.S.diagonal()
+        records.nis[row] = nis = float(ekf.y @ ekf.SI @ ekf.y)
+        if not 0.0 <= nis < np.inf:
             return sensor
-    return OK
+        last_heard = sensor
+    return OK if _is_sound(ekf) else last_heard
 
 
 def _is_sound(ekf: _ProcessEkf) -> bool:
     """Finite state and positive, finite variances."""
-    variances = np.diagonal(ekf.P)
-    return bool(np.isfinite(ekf.x).all() and np.isfinite(variances).all() and variances.min() > 0.0)
+    variances = ekf.P.diagonal()
+    return isfinite(ekf.x.sum() + variances.sum()) and variances.min() > 0.0
 
 
 def _is_definite(covariance: Array) -> bool:
