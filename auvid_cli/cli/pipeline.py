@@ -1,8 +1,12 @@
 """The steps of the main job, as the commands string them together."""
 
+import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
 from pathlib import Path
+from threading import Event
 from typing import TYPE_CHECKING
 
 from auvid_cli.cli.terminal import DONE, VERDICT_FAILED, Terminal
@@ -18,6 +22,7 @@ from auvid_cli.errors import ConfigError, FileError
 
 if TYPE_CHECKING:
     from auvid_cli.identification.identify import FilterRun
+    from auvid_cli.report.figures.draw import FigureQueue
 
 
 def results_folder(experiment: Experiment, output: Path | None) -> Path:
@@ -45,27 +50,51 @@ def simulate_to(folder: Path, experiment: Experiment, terminal: Terminal) -> Dat
     return dataset
 
 
-def identify_to(folder: Path, dataset: Dataset, filters: tuple[FilterName, ...], terminal: Terminal) -> list[Estimate]:
-    """Run filters on a dataset, writing each estimate as soon as it is there."""
+def identify_to(
+    folder: Path,
+    dataset: Dataset,
+    filters: tuple[FilterName, ...],
+    terminal: Terminal,
+    look_at: Callable[[Estimate], None] = lambda estimate: None,
+) -> list[Estimate]:
+    """Run filters on a dataset side by side, each writing its estimate as it goes; `look_at` each when it is there."""
     with terminal.compiling():
         from auvid_cli.evaluation.consistency import verdict
         from auvid_cli.identification.identify import set_up_filter
 
-    estimates = []
-    for name in dict.fromkeys(filters):
-        path = folder / "estimates" / f"{name.value}.h5"
-        with terminal.progress(name.value) as progress:
-            estimate = _run_filter(set_up_filter(dataset, name), path, progress)
+    names = list(dict.fromkeys(filters))
+    paths = [folder / "estimates" / f"{name.value}.h5" for name in names]
+    runs = [set_up_filter(dataset, name) for name in names]
+    stopping = Event()
+    with (
+        terminal.progress(*(name.value for name in names)) as bars,
+        ThreadPoolExecutor(os.cpu_count()) as threads,
+    ):
+        try:
+            jobs = zip(runs, paths, bars, strict=True)
+            futures = [threads.submit(_run_filter, *job, stopping) for job in jobs]
+            for future in as_completed(futures):
+                look_at(future.result())
+        finally:
+            # Whatever went wrong, an interrupt included, ends the others at their next part.
+            stopping.set()
+    estimates = [future.result() for future in futures]
+    for path, estimate in zip(paths, estimates, strict=True):
         terminal.say(f"{path}: {verdict(estimate)}; {estimate.cpu_time:.2f} s of processor time")
-        estimates.append(estimate)
     return estimates
 
 
-def _run_filter(filter_run: "FilterRun", path: Path, progress: Callable[[int, int], None]) -> Estimate:
+class _StoppedError(Exception):
+    """Another filter failed, or the user has had enough."""
+
+
+def _run_filter(filter_run: "FilterRun", path: Path, progress: Callable[[int, int], None], stopping: Event) -> Estimate:
     """Run a filter, write what it finds as it comes, and read it back, as any later step would."""
     with new_estimate(path, filter_run.header) as writer:
 
         def receive(part: EstimatePart, done: int) -> None:
+            if stopping.is_set():
+                raise _StoppedError
             writer.append(part)
             progress(done, filter_run.n_events)
 
@@ -73,19 +102,33 @@ def _run_filter(filter_run: "FilterRun", path: Path, progress: Callable[[int, in
     return read_estimate(path)
 
 
-def report_to(folder: Path, dataset: Dataset, estimates: list[Estimate], terminal: Terminal) -> int:
+def report_to(
+    folder: Path, dataset: Dataset, estimates: list[Estimate], terminal: Terminal, figures: "FigureQueue"
+) -> int:
     """Write tables and figures, print the summary; the exit code says whether a verdict failed."""
     with terminal.compiling():
         from auvid_cli.evaluation.evaluate import evaluate
         from auvid_cli.report.screen import print_summary
-        from auvid_cli.report.write import write_report
+        from auvid_cli.report.write import write_tables
     with terminal.stage("evaluate"):
         evaluation = evaluate(dataset, estimates)
-    with terminal.progress("figures") as progress:
-        paths = write_report(dataset, estimates, evaluation, folder, progress)
+    figures.add_others(dataset, estimates, evaluation)
+    paths = write_tables(evaluation, folder / "tables")
+    with terminal.progress("figures") as (progress,):
+        paths += figures.finish(progress)
     print_summary(terminal.out, evaluation, paths)
     sound = all(row.status == "completed" for row in evaluation.summary)
     return DONE if sound else VERDICT_FAILED
+
+
+@contextmanager
+def drawing(folder: Path) -> Iterator["FigureQueue"]:
+    """Where to put the figures of a results folder, with workers that draw them."""
+    from auvid_cli.report.figures.draw import FigureQueue
+    from auvid_cli.report.figures.workers import figure_workers
+
+    with figure_workers() as workers:
+        yield FigureQueue(folder / "figures", workers)
 
 
 def exit_code(estimates: list[Estimate]) -> int:

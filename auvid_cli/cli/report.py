@@ -23,4 +23,7 @@ def report(
 
         terminal = Terminal(quiet, verbose)
         dataset, estimates = pipeline.read_results(results)
-        raise typer.Exit(pipeline.report_to(results, dataset, estimates, terminal))
+        with pipeline.drawing(results) as figures:
+            for estimate in estimates:
+                figures.add_innovations(estimate)
+            raise typer.Exit(pipeline.report_to(results, dataset, estimates, terminal, figures))

@@ -39,5 +39,6 @@ def run(
         folder = pipeline.results_folder(loaded, output)
         dataset = pipeline.simulate_to(folder, loaded, terminal)
         chosen = tuple(filters or loaded.identification.filters)
-        estimates = pipeline.identify_to(folder, dataset, chosen, terminal)
-        raise typer.Exit(pipeline.report_to(folder, dataset, estimates, terminal))
+        with pipeline.drawing(folder) as figures:
+            estimates = pipeline.identify_to(folder, dataset, chosen, terminal, figures.add_innovations)
+            raise typer.Exit(pipeline.report_to(folder, dataset, estimates, terminal, figures))

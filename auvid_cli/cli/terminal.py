@@ -88,8 +88,8 @@ class Terminal:
             signal.signal(signal.SIGINT, before)
 
     @contextmanager
-    def progress(self, label: str) -> Iterator[Callable[[int, int], None]]:
-        """Show a bar with rate and time left; yields the function that moves it to so many of so many."""
+    def progress(self, *labels: str) -> Iterator[list[Callable[[int, int], None]]]:
+        """Show bars with rate and time left; yields, for each, the function that moves it to so many of so many."""
         from rich.progress import (
             BarColumn,
             MofNCompleteColumn,
@@ -100,27 +100,32 @@ class Terminal:
             TimeRemainingColumn,
         )
 
-        start = perf_counter()
-        if not self._err.is_terminal or self.quiet:
-            yield lambda done, total: None
-        else:
-            columns = (
-                SpinnerColumn(),
-                TextColumn("{task.description:>10}"),
-                BarColumn(),
-                MofNCompleteColumn(),
-                TextColumn("{task.fields[rate]}"),
-                TimeElapsedColumn(),
-                TimeRemainingColumn(),
-            )
-            with Progress(*columns, console=self._err) as bars:
+        start, ended = perf_counter(), dict.fromkeys(labels, 0.0)
+        columns = (
+            SpinnerColumn(),
+            TextColumn("{task.description:>10}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[rate]}"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+        )
+        shown = self._err.is_terminal and not self.quiet
+        with Progress(*columns, console=self._err, disable=not shown) as bars:
+
+            def bar(label: str) -> Callable[[int, int], None]:
                 task = bars.add_task(label, total=None, rate="")
 
                 def advance(done: int, total: int) -> None:
-                    rate = done / max(perf_counter() - start, 1e-9)
-                    shown = f"{rate:,.3g}/s" if rate < 100 else f"{rate:,.0f}/s"
-                    bars.update(task, completed=done, total=total, rate=shown)
+                    ended[label] = perf_counter() - start
+                    rate = done / max(ended[label], 1e-9)
+                    bars.update(
+                        task, completed=done, total=total, rate=f"{rate:,.3g}/s" if rate < 100 else f"{rate:,.0f}/s"
+                    )
 
-                yield advance
+                return advance
+
+            yield [bar(label) for label in labels]
         if self.verbose:
-            self.say(f"{label}: {perf_counter() - start:.2f} s")
+            for label, seconds in ended.items():
+                self.say(f"{label}: {seconds:.2f} s")

@@ -92,6 +92,24 @@ class EstimatePart:
 
 
 @dataclass(frozen=True)
+class Course(EstimatePart):
+    """As much of an estimate as a figure shows; no more, because it may travel to another process.
+
+    Attributes
+    ----------
+    filter : str
+    state : tuple of str
+        Symbols of the components that are there.
+    completed : bool
+        Whether the filter reached the end of the data.
+    """
+
+    filter: str
+    state: tuple[str, ...]
+    completed: bool
+
+
+@dataclass(frozen=True)
 class Outcome:
     """What is known of an estimate after its filter has run.
 
@@ -137,6 +155,19 @@ class Estimate(EstimateHeader, EstimatePart, Outcome):
     def completed(self) -> bool:
         """Whether the filter reached the end of the data."""
         return self.status == "completed"
+
+    def course(self, symbols: Sequence[str], with_innovations: bool = False) -> "Course":
+        """Some components of the state over time, with or without the innovations."""
+        kept = [i for i, symbol in enumerate(self.state) if symbol in symbols]
+        return Course(
+            self.time,
+            self.mean[:, kept],
+            self.standard_deviation[:, kept],
+            self.innovations if with_innovations else {},
+            self.filter,
+            tuple(self.state[i] for i in kept),
+            self.completed,
+        )
 
     def final_coefficients(self) -> dict[str, float]:
         """The 22 coefficients at the last time, estimated or held, SI."""

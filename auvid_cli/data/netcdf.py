@@ -20,7 +20,7 @@ from auvid_cli.data.files import replacing
 from auvid_cli.errors import FileError
 
 SCHEMA_VERSION = 1
-_CHUNK_ROWS = 4096
+_CHUNK_ROWS = 8192
 _LIBRARIES = ("numpy", "scipy", "numba", "filterpy", "h5py", "pydantic", "pint", "matplotlib")
 
 

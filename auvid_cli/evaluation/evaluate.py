@@ -10,7 +10,8 @@ from auvid_cli.evaluation.accuracy import (
     coefficient_results,
 )
 from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor_consistency, verdict
-from auvid_cli.evaluation.free_run import FreeRun, VelocityError, free_run, velocity_errors
+from auvid_cli.evaluation.free_run import VelocityError, free_run, velocity_errors
+from auvid_cli.evaluation.motion import FreeRun
 
 
 class FilterSummary(NamedTuple):

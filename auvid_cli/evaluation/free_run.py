@@ -10,6 +10,7 @@ from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.data.dataset import SENSORS, Dataset
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation.motion import FreeRun
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.timeline import build_timeline, initial_motion, measuring_sensors
 from auvid_cli.vehicle.coefficients import SYMBOLS
@@ -27,20 +28,6 @@ Array = NDArray[np.float64]
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
-
-
-class FreeRun(NamedTuple):
-    """Motion predicted from the inputs alone.
-
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-    motion : ndarray, shape (n, 9)
-        Not finite from where the model blew up, if it did.
-    """
-
-    time: Array
-    motion: Array
 
 
 class VelocityError(NamedTuple):

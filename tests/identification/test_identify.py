@@ -11,6 +11,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.evaluation.evaluate import evaluate
+from auvid_cli.filters import extended, square_root
 from auvid_cli.identification.identify import identify, set_up_filter
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.vehicle.coefficients import SYMBOLS
@@ -219,7 +220,9 @@ def test_each_sensors_innovations_stand_at_its_own_times(short_run, short_estima
         assert np.all(innovations.variance >= record.standard_deviation**2)
 
 
-def test_parts_follow_each_other_and_make_the_whole(short_run, short_estimates, filter_name):
+def test_parts_follow_each_other_and_make_the_whole(short_run, short_estimates, filter_name, monkeypatch):
+    for module in (square_root, extended):
+        monkeypatch.setattr(module, "CHUNK", 1000)
     run, parts, done = set_up_filter(short_run, filter_name), [], []
 
     def receive(part, so_far):

@@ -1,3 +1,4 @@
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -6,14 +7,15 @@ import pytest
 from matplotlib.figure import Figure
 
 from auvid_cli.errors import FileError
-from auvid_cli.report.figures import canvas, draw_figures
+from auvid_cli.report.figures import canvas
 from auvid_cli.report.figures.coefficients import coefficient_figure
 from auvid_cli.report.figures.dead_reckoning import dead_reckoned
+from auvid_cli.report.figures.draw import FigureQueue
 from auvid_cli.report.figures.limits import around, padded, value_range, with_near_zero
 from auvid_cli.report.figures.motion import motion_figure
 from auvid_cli.report.figures.path import path_figure
 from auvid_cli.report.figures.series import spaced, thin, unwrapped
-from auvid_cli.report.write import write_report
+from auvid_cli.report.write import write_tables
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION
 
@@ -23,6 +25,21 @@ ALL = {
     *("path", "velocities", "attitude", "coefficients_damping", "coefficients_lift", "coefficients_control"),
     *("innovations_ekf", "innovations_ckf", "innovations_tukf"),
 }
+
+
+@pytest.fixture(scope="module")
+def draw_figures():
+    """Function: draw all figures in this process, where faults can be provoked."""
+    with ThreadPoolExecutor(1) as executor:
+
+        def draw(dataset, estimates, evaluation, folder):
+            figures = FigureQueue(folder, executor)
+            for estimate in estimates:
+                figures.add_innovations(estimate)
+            figures.add_others(dataset, estimates, evaluation)
+            return figures.finish()
+
+        yield draw
 
 
 def check(paths, folder, stems):
@@ -36,13 +53,12 @@ def check(paths, folder, stems):
         assert 3_000 < path.stat().st_size < 1_000_000
 
 
-def test_the_whole_report(tmp_path, dataset, estimates, evaluation):
-    paths = write_report(dataset, estimates, evaluation, tmp_path)
-    assert len({path.parent for path in paths}) == 2
-    check([path for path in paths if path.parent.name == "figures"], tmp_path / "figures", ALL)
+def test_the_whole_report(tmp_path, dataset, estimates, evaluation, draw_figures):
+    assert {path.parent for path in write_tables(evaluation, tmp_path / "tables")} == {tmp_path / "tables"}
+    check(draw_figures(dataset, estimates, evaluation, tmp_path / "figures"), tmp_path / "figures", ALL)
 
 
-def test_a_single_filter_with_a_few_coefficients_and_no_truth(tmp_path, dataset):
+def test_a_single_filter_with_a_few_coefficients_and_no_truth(tmp_path, dataset, draw_figures):
     estimate = make_estimate("ukf", symbols=("X_u|u|", "Y_uvl", "N_uvl"))
     dataset = dataset.without_truth()
     paths = draw_figures(dataset, [estimate], evaluation_of(dataset, [estimate]), tmp_path)
@@ -54,7 +70,7 @@ def test_a_single_filter_with_a_few_coefficients_and_no_truth(tmp_path, dataset)
 
 
 @pytest.mark.parametrize("samples", [1, 40])
-def test_diverged_filters_are_drawn_as_far_as_they_went(tmp_path, dataset, samples):
+def test_diverged_filters_are_drawn_as_far_as_they_went(tmp_path, dataset, samples, draw_figures):
     broken = diverged(make_estimate("ekf"), samples)
     broken.mean[-1] = np.nan
     estimates = [broken, make_estimate("ckf")]
@@ -63,13 +79,13 @@ def test_diverged_filters_are_drawn_as_far_as_they_went(tmp_path, dataset, sampl
     assert len(paths) == 2 * 8
 
 
-def test_only_diverged_filters(tmp_path, dataset):
+def test_only_diverged_filters(tmp_path, dataset, draw_figures):
     estimates = [diverged(make_estimate("ekf"), 1)]
     paths = draw_figures(dataset, estimates, evaluation_of(dataset, estimates, blown_up=("ekf",)), tmp_path)
     assert len(paths) == 2 * 7
 
 
-def test_missing_sensors_and_no_filter(tmp_path, dataset):
+def test_missing_sensors_and_no_filter(tmp_path, dataset, draw_figures):
     bare = replace(dataset, sensors={"gyroscope": dataset.sensors["gyroscope"]})
     assert {path.stem for path in draw_figures(bare, [], evaluation_of(bare, []), tmp_path)} == {
         *("path", "velocities", "attitude")

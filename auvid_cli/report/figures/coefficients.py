@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.estimate import Course
 from auvid_cli.report.figures.limits import padded, value_range, with_near_zero
 from auvid_cli.report.figures.series import spaced, thin
 from auvid_cli.report.figures.style import (
@@ -29,15 +29,13 @@ _LINE_POINTS = 500
 _BAND_POINTS = 160
 
 
-def coefficient_figure(
-    coefficients: Sequence[Coefficient], estimates: list[Estimate], true: dict[str, float]
-) -> Figure:
+def coefficient_figure(coefficients: Sequence[Coefficient], estimates: list[Course], true: dict[str, float]) -> Figure:
     """One panel for each coefficient: estimates with their bands of two standard deviations, and the truth.
 
     Parameters
     ----------
     coefficients : sequence of Coefficient
-    estimates : list of Estimate
+    estimates : list of Course
     true : dict
         By symbol, SI; empty without truth.
     """
@@ -61,7 +59,7 @@ def coefficient_figure(
     return figure
 
 
-def _draw_panel(axes: Axes, coefficient: Coefficient, estimates: list[Estimate], true: float | None) -> None:
+def _draw_panel(axes: Axes, coefficient: Coefficient, estimates: list[Course], true: float | None) -> None:
     tidy(axes)
     head(axes, symbol_math(coefficient.symbol))
     axes.set_ylabel(unit_text(coefficient.unit), fontsize=9)
@@ -78,7 +76,7 @@ def _draw_panel(axes: Axes, coefficient: Coefficient, estimates: list[Estimate],
     axes.set_xlim(*with_near_zero(begin, end if end > begin else begin + 1.0))
 
 
-def _draw_estimate(axes: Axes, estimate: Estimate, symbol: str, position: int) -> None:
+def _draw_estimate(axes: Axes, estimate: Course, symbol: str, position: int) -> None:
     style = FILTER_STYLES[estimate.filter]
     column = estimate.state.index(symbol)
     mean, deviation = estimate.mean[:, column], estimate.standard_deviation[:, column]
@@ -89,7 +87,7 @@ def _draw_estimate(axes: Axes, estimate: Estimate, symbol: str, position: int) -
     axes.plot(time, values, **style.marked_line(position, time.size), zorder=2.0 + 0.1 * position)
 
 
-def _limits(estimates: list[Estimate], symbol: str, true: float | None) -> tuple[float, float]:
+def _limits(estimates: list[Course], symbol: str, true: float | None) -> tuple[float, float]:
     """Room for the later half of the run, whose beginning may be orders of magnitude larger."""
     # A filter that diverged would squash the others, so it counts only where it is alone.
     counting = [estimate for estimate in estimates if estimate.completed] or estimates

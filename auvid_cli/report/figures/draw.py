@@ -1,75 +1,75 @@
 """Which figures a run gets."""
 
 from collections.abc import Callable
-from functools import partial
+from concurrent.futures import Executor, Future, as_completed
 from pathlib import Path
-
-from matplotlib.figure import Figure
+from typing import Any
 
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.report.figures.canvas import save
-from auvid_cli.report.figures.coefficients import coefficient_figure
-from auvid_cli.report.figures.innovations import innovation_figure
-from auvid_cli.report.figures.motion import motion_figure
-from auvid_cli.report.figures.path import path_figure
+from auvid_cli.report.figures.workers import draw_and_save
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.parameters import MOTION
+from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS
 
 
-def draw_figures(
-    dataset: Dataset,
-    estimates: list[Estimate],
-    evaluation: Evaluation,
-    folder: Path,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[Path]:
-    """Draw all figures, each as PNG (150 dpi) and SVG.
+class FigureQueue:
+    """Figures of a run, each as PNG (150 dpi) and SVG, drawn as soon as what they show is there.
 
     Parameters
     ----------
-    dataset : Dataset
-    estimates : list of Estimate
-    evaluation : Evaluation
-        Of these estimates; its free runs are drawn against the measurements.
     folder : pathlib.Path
         Made if it is missing.
-    progress : callable
-        Told how many figures are done, and of how many.
-
-    Returns
-    -------
-    list of pathlib.Path
-
-    Raises
-    ------
-    FileError
-        If a file cannot be written; it is then not there, or as it was before.
+    workers : Executor
+        Who draws. They are handed no more data than a figure needs: it may travel to another process.
     """
-    paths = []
-    figures = _figures(dataset, estimates, evaluation)
-    for done, (name, draw) in enumerate(figures.items(), 1):
-        paths += save(draw(), folder, name)
-        progress(done, len(figures))
-    return paths
 
+    def __init__(self, folder: Path, workers: Executor) -> None:
+        self._folder = folder
+        self._workers = workers
+        self._drawn: dict[str, Future[list[Path]]] = {}
 
-def _figures(dataset: Dataset, estimates: list[Estimate], evaluation: Evaluation) -> dict[str, Callable[[], Figure]]:
-    """What there is to draw, each drawn when called, so that only one is held in memory."""
-    figures: dict[str, Callable[[], Figure]] = {}
-    if dataset.truth is not None or estimates:
-        figures["path"] = partial(path_figure, dataset.truth, estimates)
-    state = {symbol for estimate in estimates for symbol in estimate.state}
-    for group in dict.fromkeys(c.group for c in COEFFICIENTS):
-        members = [c for c in COEFFICIENTS if c.group == group and c.symbol in state]
-        if members:
-            true = dataset.truth.coefficients if dataset.truth is not None else {}
-            figures[f"coefficients_{group}"] = partial(coefficient_figure, members, estimates, true)
-    if evaluation.free_runs or dataset.sensors:
-        figures["velocities"] = partial(motion_figure, MOTION[:6], dataset.sensors, evaluation.free_runs)
-        figures["attitude"] = partial(motion_figure, MOTION[6:], dataset.sensors, evaluation.free_runs)
-    for estimate in estimates:
+    def add_innovations(self, estimate: Estimate) -> None:
+        """What only one filter is needed for."""
         if estimate.innovations:
-            figures[f"innovations_{estimate.filter}"] = partial(innovation_figure, estimate)
-    return figures
+            self._add(f"innovations_{estimate.filter}", "innovations", estimate.course((), with_innovations=True))
+
+    def add_others(self, dataset: Dataset, estimates: list[Estimate], evaluation: Evaluation) -> None:
+        """What shows all filters together, those that take longest first; free runs against the measurements."""
+        state = {symbol for estimate in estimates for symbol in estimate.state}
+        true = dataset.truth.coefficients if dataset.truth is not None else {}
+        for group in dict.fromkeys(c.group for c in COEFFICIENTS):
+            members = [c for c in COEFFICIENTS if c.group == group and c.symbol in state]
+            if members:
+                courses = [estimate.course([c.symbol for c in members]) for estimate in estimates]
+                self._add(f"coefficients_{group}", "coefficients", members, courses, true)
+        if evaluation.free_runs or dataset.sensors:
+            self._add("velocities", "motion", MOTION[:6], dataset.sensors, evaluation.free_runs)
+            self._add("attitude", "motion", MOTION[6:], dataset.sensors, evaluation.free_runs)
+        if dataset.truth is not None or estimates:
+            courses = [estimate.course(MOTION_SYMBOLS) for estimate in estimates]
+            self._add("path", "path", dataset.truth, courses)
+
+    def finish(self, progress: Callable[[int, int], None] = lambda done, total: None) -> list[Path]:
+        """Wait until all are drawn.
+
+        Parameters
+        ----------
+        progress : callable
+            Told how many figures are done, and of how many.
+
+        Returns
+        -------
+        list of pathlib.Path
+
+        Raises
+        ------
+        FileError
+            If a file cannot be written; it is then not there, or as it was before.
+        """
+        for done, _ in enumerate(as_completed(self._drawn.values()), 1):
+            progress(done, len(self._drawn))
+        return [path for future in self._drawn.values() for path in future.result()]
+
+    def _add(self, name: str, kind: str, *arguments: Any) -> None:
+        self._drawn[name] = self._workers.submit(draw_and_save, kind, arguments, self._folder, name)

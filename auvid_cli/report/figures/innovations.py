@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SENSORS
-from auvid_cli.data.estimate import Estimate, Innovations
+from auvid_cli.data.estimate import Course, Innovations
 from auvid_cli.report.figures.limits import value_range, with_near_zero
 from auvid_cli.report.figures.series import spaced
 from auvid_cli.report.figures.style import head, legend_above, new_figure, say, tidy
@@ -26,7 +26,7 @@ _BOUND_POINTS = 400
 _HIGHEST = 3.0
 
 
-def innovation_figure(estimate: Estimate) -> Figure:
+def innovation_figure(estimate: Course) -> Figure:
     """One panel for each component of each sensor: innovations and their bounds of two standard deviations."""
     sensors = estimate.innovations
     columns = max(len(SENSORS[name]) for name in sensors)

@@ -11,7 +11,7 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import TruthRecord
-from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.estimate import Course
 from auvid_cli.report.figures.dead_reckoning import dead_reckoned
 from auvid_cli.report.figures.limits import padded, value_range
 from auvid_cli.report.figures.series import spaced
@@ -26,7 +26,7 @@ _SHADOW: dict[str, Any] = {"color": "#56B4E9", "linewidth": 0.8, "alpha": 0.8}
 _ENDS = (("start", "o", "white"), ("end", "s", "#0072B2"))
 
 
-def path_figure(truth: TruthRecord | None, estimates: list[Estimate]) -> Figure:
+def path_figure(truth: TruthRecord | None, estimates: list[Course]) -> Figure:
     """Draw the true path or, without truth, the dead reckoning of the first estimate."""
     label, position = _path(truth, estimates)
     figure = new_figure(11.0, 5.6)
@@ -47,7 +47,7 @@ def path_figure(truth: TruthRecord | None, estimates: list[Estimate]) -> Figure:
     return figure
 
 
-def _path(truth: TruthRecord | None, estimates: list[Estimate]) -> tuple[str, Array]:
+def _path(truth: TruthRecord | None, estimates: list[Course]) -> tuple[str, Array]:
     if truth is not None:
         known = np.isfinite(truth.position).all(axis=1)
         return "true path", truth.position[known]

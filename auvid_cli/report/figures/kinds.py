@@ -1,0 +1,17 @@
+"""The kinds of figures there are, by name: what a worker loads, and nobody else."""
+
+from collections.abc import Callable
+
+from matplotlib.figure import Figure
+
+from auvid_cli.report.figures.coefficients import coefficient_figure
+from auvid_cli.report.figures.innovations import innovation_figure
+from auvid_cli.report.figures.motion import motion_figure
+from auvid_cli.report.figures.path import path_figure
+
+KINDS: dict[str, Callable[..., Figure]] = {
+    "path": path_figure,
+    "coefficients": coefficient_figure,
+    "motion": motion_figure,
+    "innovations": innovation_figure,
+}

@@ -1,0 +1,58 @@
+"""Processes that draw figures while others work."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+# More than a few would wait for each other's memory, and there are only nine figures.
+_MOST = 4
+
+
+@contextmanager
+def figure_workers() -> Iterator[Executor]:
+    """Processes that get ready to draw at once; what they have not begun when the block ends is dropped."""
+    count = min(os.cpu_count() or 1, _MOST)
+    # Forking a process that has threads, of the linear algebra if of nothing else, can lock it up.
+    context = multiprocessing.get_context("spawn")
+    workers = ProcessPoolExecutor(count, mp_context=context, initializer=_prepare)
+    for _ in range(count):
+        workers.submit(_load)
+    try:
+        yield workers
+    finally:
+        workers.shutdown(cancel_futures=True)
+
+
+def _prepare() -> None:
+    # An interrupt is for the command to handle, which then ends its workers.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Filters go first; a figure has time until they are done.
+    if hasattr(os, "nice"):
+        os.nice(10)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """Nothing tells an idle worker that the command was killed."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+    os._exit(1)
+
+
+def _load() -> None:
+    import auvid_cli.report.figures.kinds  # noqa: F401
+
+
+def draw_and_save(kind: str, arguments: tuple[Any, ...], folder: Path, name: str) -> list[Path]:
+    """Draw a figure of a kind, see `kinds`, and write it. Only where this is called is matplotlib loaded."""
+    from auvid_cli.report.figures.canvas import save
+    from auvid_cli.report.figures.kinds import KINDS
+
+    return save(KINDS[kind](*arguments), folder, name)
