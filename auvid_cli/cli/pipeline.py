@@ -34,11 +34,11 @@ def simulate_to(folder: Path, experiment: Experiment, terminal: Terminal) -> Dat
     """Simulate an experiment into ``folder/dataset.h5`` and read it back, as any later step would."""
     with terminal.compiling():
         from auvid_cli.simulation.simulate import simulate
-    with terminal.stage("simulate"):
-        dataset = simulate(experiment)
     path = folder / "dataset.h5"
-    with terminal.stage("write the dataset"):
-        write_dataset(path, dataset)
+    with terminal.stage("simulate"):
+        # Nothing holds on to what was simulated: hours of it fill a good part of a machine's memory.
+        write_dataset(path, simulate(experiment))
+    with terminal.stage("read the dataset"):
         dataset = read_dataset(path)
     # What other filters made of the dataset that stood here before belongs to nothing any more.
     for name in FilterName:
@@ -60,11 +60,11 @@ def identify_to(
     """Run filters on a dataset side by side, each writing its estimate as it goes; `look_at` each when it is there."""
     with terminal.compiling():
         from auvid_cli.evaluation.consistency import verdict
-        from auvid_cli.identification.identify import set_up_filter
+        from auvid_cli.identification.identify import set_up_filters
 
     names = list(dict.fromkeys(filters))
     paths = [folder / "estimates" / f"{name.value}.h5" for name in names]
-    runs = [set_up_filter(dataset, name) for name in names]
+    runs = set_up_filters(dataset, names)
     stopping = Event()
     with (
         terminal.progress(*(name.value for name in names)) as bars,

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.config.load import dump_experiment, parse_experiment
 from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord, TruthRecord
 from auvid_cli.data.netcdf import (
+    count_rows,
     digest,
     new_file,
     open_file,
@@ -23,6 +24,9 @@ from auvid_cli.data.netcdf import (
 from auvid_cli.errors import FileError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import INPUTS, MOTION, POSITION
+
+# Of more than so many samples of the true motion, every so many are read: enough to compare and to draw.
+_MOST_TRUTH = 400_000
 
 
 def write_dataset(path: Path, dataset: Dataset) -> None:
@@ -117,9 +121,10 @@ def _increases(time: NDArray[np.float64]) -> bool:
 
 
 def _read_truth(group: h5py.Group) -> TruthRecord:
+    every = 1 + count_rows(group, "time") // _MOST_TRUTH
     return TruthRecord(
-        read_array(group, "time"),
-        np.stack([read_array(group, quantity.symbol) for quantity in MOTION], axis=1),
-        np.stack([read_array(group, quantity.symbol) for quantity in POSITION], axis=1),
+        read_array(group, "time", every),
+        np.stack([read_array(group, quantity.symbol, every) for quantity in MOTION], axis=1),
+        np.stack([read_array(group, quantity.symbol, every) for quantity in POSITION], axis=1),
         dict(zip(read_names(group, "coefficient"), read_array(group, "true_coefficient").tolist(), strict=True)),
     )

@@ -55,14 +55,14 @@ def verdict(estimate: Estimate) -> str:
         present = np.isfinite(innovations.innovation).sum(axis=1)
         if not present.any():
             continue
-        window = ((innovations.time - estimate.time[0]) // WINDOW).astype(int)
+        window = ((innovations.time - innovations.time[0]) // WINDOW).astype(int)
         squares = np.bincount(window, np.nan_to_num(innovations.nis))
         components = np.bincount(window, present)
         if (nis := squares.sum() / present.sum()) > LARGEST_NIS:
             return _belied(sensor, nis, "")
         for k in np.flatnonzero(components >= _FEWEST_COMPONENTS):
             if (nis := squares[k] / components[k]) > LARGEST_NIS_IN_WINDOW:
-                return _belied(sensor, nis, f" from t = {estimate.time[0] + k * WINDOW:.0f} s on for {WINDOW:.0f} s")
+                return _belied(sensor, nis, f" from t = {innovations.time[0] + k * WINDOW:.0f} s on for {WINDOW:.0f} s")
     return estimate.status
 
 

@@ -10,7 +10,7 @@ from auvid_cli.evaluation.accuracy import (
     coefficient_results,
 )
 from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor_consistency, verdict
-from auvid_cli.evaluation.free_run import VelocityError, free_run, velocity_errors
+from auvid_cli.evaluation.free_run import VelocityError, free_runs, velocity_errors
 from auvid_cli.evaluation.motion import FreeRun
 
 
@@ -36,12 +36,15 @@ class Evaluation(NamedTuple):
     free_runs: dict[str, FreeRun]
 
 
+# Samples of a free run that are kept to be drawn.
+_MOST_DRAWN = 400_000
+
+
 def evaluate(dataset: Dataset, estimates: list[Estimate]) -> Evaluation:
     """Evaluate estimates against the dataset they came from, and its truth where it has one."""
     evaluation = Evaluation([], [], [], [], {})
-    for estimate in estimates:
+    for estimate, run in zip(estimates, free_runs(dataset, estimates), strict=True):
         results = coefficient_results(estimate, dataset.truth)
-        run = free_run(dataset, estimate)
         steps = max(estimate.steps, 1)
         evaluation.coefficients.extend(results)
         evaluation.summary.append(
@@ -57,5 +60,5 @@ def evaluate(dataset: Dataset, estimates: list[Estimate]) -> Evaluation:
         )
         evaluation.velocity_errors.extend(velocity_errors(dataset, estimate, run))
         evaluation.consistency.extend(sensor_consistency(estimate))
-        evaluation.free_runs[estimate.filter] = run
+        evaluation.free_runs[estimate.filter] = run.thinned(_MOST_DRAWN)
     return evaluation

@@ -1,5 +1,6 @@
 """The identified model left to itself: predicted against measured velocities."""
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -52,13 +53,14 @@ def _run(motion, coefficients, constants, piece_offset, piece_duration, piece_in
         predicted[event] = block[::LANES]
 
 
-def free_run(dataset: Dataset, estimate: Estimate) -> FreeRun:
-    """Run the model with the final coefficients from where the filter started, without any correction."""
+def free_runs(dataset: Dataset, estimates: Sequence[Estimate]) -> Iterator[FreeRun]:
+    """Run the model with each estimate's final coefficients from where the filter started, without any correction."""
     settings = dataset.experiment.identification
     measuring = measuring_sensors(dataset)
     start, motion = initial_motion(dataset, measuring)
     timeline = build_timeline(dataset, measuring, start, settings.integration_step)
-    return FreeRun(timeline.time, _predict(dataset, estimate, timeline, motion))
+    for estimate in estimates:
+        yield FreeRun(timeline.time, _predict(dataset, estimate, timeline, motion))
 
 
 def _predict(dataset: Dataset, estimate: Estimate, timeline: Timeline, motion: Array) -> Array:

@@ -88,15 +88,16 @@ class _View:
         self.residual = wrapped_residual if angular.any() else np.subtract
 
 
-def _views(sensors: Sensors, timeline: Timeline) -> list[_View]:
-    """The view of each reading; those that are alike share one."""
-    missing = np.isnan(timeline.reading)
+def _views(sensors: Sensors, timeline: Timeline, start: int, stop: int) -> list[_View]:
+    """The view of each reading of some events; those that are alike share one."""
+    readings = slice(timeline.reading_offset[start], timeline.reading_offset[stop])
+    missing = np.isnan(timeline.reading[readings])
     patterns = (missing @ (1 << np.arange(missing.shape[1]))).tolist()
     views: dict[tuple[int, int], _View] = {}
     of_reading = []
-    for k, key in enumerate(zip(timeline.reading_sensor.tolist(), patterns, strict=True)):
+    for row, key in enumerate(zip(timeline.reading_sensor[readings].tolist(), patterns, strict=True)):
         if key not in views:
-            views[key] = _View(sensors, key[0], missing[k])
+            views[key] = _View(sensors, key[0], missing[row])
         of_reading.append(views[key])
     return of_reading
 
@@ -118,12 +119,12 @@ def run_extended_filter(
 def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, receive: Receiver) -> Ending:
     n_events = timeline.time.size
     sound, covariance = 0, ekf.P
-    views = _views(sensors, timeline)
     records = empty_records(timeline, min(CHUNK, n_events), ekf.x.size)
     for start in range(0, n_events, CHUNK):
         stop = min(start + CHUNK, n_events)
         for rows in records:
             rows.fill(np.nan)
+        views = _views(sensors, timeline, start, stop)
         culprit, event = OK, start
         for event in range(start, stop):
             before = ekf.P
@@ -154,7 +155,8 @@ def _step(ekf: _ProcessEkf, timeline: Timeline, views: list[_View], event: int, 
     first_reading = timeline.reading_offset[start]
     culprit = PREDICTION
     for k in range(timeline.reading_offset[event], timeline.reading_offset[event + 1]):
-        row, view = k - first_reading, views[k]
+        row = k - first_reading
+        view = views[row]
         records.nis[row] = 0.0
         if view.silent:
             continue

@@ -1,6 +1,6 @@
 """Dataset -> Estimate: the augmented state, its prior, and the filter that is asked for."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from time import perf_counter, thread_time
@@ -137,8 +137,8 @@ def _no_innovations(record: SensorRecord) -> Innovations:
     return Innovations(np.zeros(0), nothing, nothing, np.zeros(0), record.standard_deviation)
 
 
-def set_up_filter(dataset: Dataset, filter_name: FilterName) -> FilterRun:
-    """Augmented state, prior and timeline of a dataset, and the filter that is asked for; no truth is looked at.
+def set_up_filters(dataset: Dataset, filter_names: Sequence[FilterName]) -> list[FilterRun]:
+    """Augmented state, prior and timeline of a dataset, and filters that share them; no truth is looked at.
 
     Raises
     ------
@@ -175,29 +175,32 @@ def set_up_filter(dataset: Dataset, filter_name: FilterName) -> FilterRun:
         np.diag([*np.ones(len(estimated)), *np.repeat([spread.velocity, spread.rate, spread.attitude], 3)]),
     )
     units = {c.symbol: c.unit for c in COEFFICIENTS}
-    return FilterRun(
-        EstimateHeader(
-            filter=filter_name.value,
-            experiment=experiment,
-            state=(*estimated, *(quantity.symbol for quantity in MOTION)),
-            unit=(*(units[symbol] for symbol in estimated), *(quantity.unit for quantity in MOTION)),
-            held=held,
-            dataset_sha256=dataset.sha256,
-        ),
-        timeline.time.size,
-        partial(_chosen_filter(filter_name, settings, prior.mean.size), process, sensors, timeline, prior),
-        timeline,
-        prior,
-        np.concatenate([scale, np.ones(len(MOTION))]),
-        measuring,
-    )
+    return [
+        FilterRun(
+            EstimateHeader(
+                filter=name.value,
+                experiment=experiment,
+                state=(*estimated, *(quantity.symbol for quantity in MOTION)),
+                unit=(*(units[symbol] for symbol in estimated), *(quantity.unit for quantity in MOTION)),
+                held=held,
+                dataset_sha256=dataset.sha256,
+            ),
+            timeline.time.size,
+            partial(_chosen_filter(name, settings, prior.mean.size), process, sensors, timeline, prior),
+            timeline,
+            prior,
+            np.concatenate([scale, np.ones(len(MOTION))]),
+            measuring,
+        )
+        for name in filter_names
+    ]
 
 
 def identify(dataset: Dataset, filter_name: FilterName) -> Estimate:
-    """Estimate coefficients and motion from a dataset, all in memory; see `set_up_filter` and `FilterRun`."""
-    prepared, parts = set_up_filter(dataset, filter_name), []
-    outcome = prepared.run(lambda part, done: parts.append(part))
-    return Estimate.of(prepared.header, parts, outcome)
+    """Estimate coefficients and motion from a dataset, all in memory; see `set_up_filters` and `FilterRun`."""
+    (run,), parts = set_up_filters(dataset, [filter_name]), []
+    outcome = run.run(lambda part, done: parts.append(part))
+    return Estimate.of(run.header, parts, outcome)
 
 
 def _chosen_filter(name: FilterName, settings: Identification, n: int) -> Callable[..., Ending]:

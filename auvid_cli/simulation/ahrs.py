@@ -56,18 +56,20 @@ def attitude_reference(records: dict[str, SensorRecord], suite: SensorSuite, dur
         raise SimulationError("the AHRS needs at least one sample of gyroscope, accelerometer, magnetometer and DVL")
     times = [*(source.time for source in sources), output]
     time = np.concatenate(times)
-    kind = np.repeat(np.arange(5), [t.size for t in times])
-    index = np.concatenate([np.arange(t.size) for t in times])
+    kind = np.repeat(np.arange(5, dtype=np.int8), [t.size for t in times])
+    index = np.concatenate([np.arange(t.size, dtype=np.int32) for t in times])
     order = np.lexsort((kind, time))
+    time, kind, index = time[order], kind[order], index[order]
+    del order
     gyro_noise = np.array(suite.gyroscope.noise_standard_deviation()) / np.sqrt(suite.gyroscope.rate)
     force_variance = np.mean(np.square(suite.accelerometer.noise_standard_deviation()))
     force_variance += settings.ahrs.manoeuvre_acceleration**2 * suite.accelerometer.rate
     heading_variance = suite.magnetometer.noise_standard_deviation()[0] ** 2
     values = np.full((output.size, 3), np.nan)
     _run(
-        time[order],
-        kind[order],
-        index[order],
+        time,
+        kind,
+        index,
         gyroscope.values,
         dvl.values,
         accelerometer.values,
@@ -80,7 +82,6 @@ def attitude_reference(records: dict[str, SensorRecord], suite: SensorSuite, dur
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-_indices = types.int64[::1]
 
 
 @compiled(types.void(_vector, types.float64, _vector, _matrix))
@@ -130,7 +131,7 @@ def _level(force, heading, rotation):
     rotation[2, 0], rotation[2, 1], rotation[2, 2] = -s2, s1 * c2, c1 * c2
 
 
-@compiled(types.void(_vector, _indices, _indices, _matrix, _matrix, _matrix, _matrix, _vector, _matrix))
+@compiled(types.void(_vector, types.int8[::1], types.int32[::1], _matrix, _matrix, _matrix, _matrix, _vector, _matrix))
 def _run(time, kind, index, gyroscope, dvl, accelerometer, magnetometer, noise, output):
     rotation, turn, force, nav = np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3)
     rate, bias, velocity, row, error = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(6), np.zeros(6)

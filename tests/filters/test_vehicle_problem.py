@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from auvid_cli.blocks import LANES
 from auvid_cli.config.experiment import FilterName
 from auvid_cli.filters.square_root import run_square_root_filter
-from auvid_cli.identification.identify import set_up_filter
+from auvid_cli.identification.identify import set_up_filters
 
 N_MOVING = 9
 
@@ -26,7 +26,7 @@ def problem_of(simulated_with, run_whole):
     def capture(name):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("auvid_cli.identification.identify.run_square_root_filter", lambda *arguments: arguments)
-            run = set_up_filter(dataset, name)
+            (run,) = set_up_filters(dataset, [name])
         point_set, process, sensors, timeline, prior, _ = run.filter(None)
         problem = SimpleNamespace(process=process, sensors=sensors, timeline=timeline, prior=prior)
         history = run_whole(partial(run_square_root_filter, point_set), problem)

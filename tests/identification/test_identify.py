@@ -12,7 +12,7 @@ from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.filters import extended, square_root
-from auvid_cli.identification.identify import identify, set_up_filter
+from auvid_cli.identification.identify import identify, set_up_filters
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
@@ -223,7 +223,7 @@ def test_each_sensors_innovations_stand_at_its_own_times(short_run, short_estima
 def test_parts_follow_each_other_and_make_the_whole(short_run, short_estimates, filter_name, monkeypatch):
     for module in (square_root, extended):
         monkeypatch.setattr(module, "CHUNK", 1000)
-    run, parts, done = set_up_filter(short_run, filter_name), [], []
+    (run,), parts, done = set_up_filters(short_run, [filter_name]), [], []
 
     def receive(part, so_far):
         parts.append(part)
