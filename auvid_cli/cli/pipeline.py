@@ -67,7 +67,7 @@ def identify_to(
     runs = set_up_filters(dataset, names)
     stopping = Event()
     with (
-        terminal.progress(*(name.value for name in names)) as bars,
+        terminal.progress(*(name.value for name in names), unit=" s of data") as bars,
         ThreadPoolExecutor(os.cpu_count()) as threads,
     ):
         try:
@@ -88,15 +88,19 @@ class _StoppedError(Exception):
     """Another filter failed, or the user has had enough."""
 
 
-def _run_filter(filter_run: "FilterRun", path: Path, progress: Callable[[int, int], None], stopping: Event) -> Estimate:
+def _run_filter(
+    filter_run: "FilterRun", path: Path, progress: Callable[[float, float], None], stopping: Event
+) -> Estimate:
     """Run a filter, write what it finds as it comes, and read it back, as any later step would."""
     with new_estimate(path, filter_run.header) as writer:
+        begin, end = filter_run.span
 
-        def receive(part: EstimatePart, done: int) -> None:
+        def receive(part: EstimatePart) -> None:
             if stopping.is_set():
                 raise _StoppedError
             writer.append(part)
-            progress(done, filter_run.n_events)
+            if part.time.size:
+                progress(part.time[-1] - begin, end - begin)
 
         writer.finish(filter_run.run(receive))
     return read_estimate(path)

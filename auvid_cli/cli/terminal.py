@@ -88,8 +88,8 @@ class Terminal:
             signal.signal(signal.SIGINT, before)
 
     @contextmanager
-    def progress(self, *labels: str) -> Iterator[list[Callable[[int, int], None]]]:
-        """Show bars with rate and time left; yields, for each, the function that moves it to so many of so many."""
+    def progress(self, *labels: str, unit: str = "") -> Iterator[list[Callable[[float, float], None]]]:
+        """Show bars with rate and time left; yields, for each, the function that moves it to so much of so much."""
         from rich.progress import (
             BarColumn,
             MofNCompleteColumn,
@@ -113,15 +113,14 @@ class Terminal:
         shown = self._err.is_terminal and not self.quiet
         with Progress(*columns, console=self._err, disable=not shown) as bars:
 
-            def bar(label: str) -> Callable[[int, int], None]:
+            def bar(label: str) -> Callable[[float, float], None]:
                 task = bars.add_task(label, total=None, rate="")
 
-                def advance(done: int, total: int) -> None:
+                def advance(done: float, total: float) -> None:
                     ended[label] = perf_counter() - start
                     rate = done / max(ended[label], 1e-9)
-                    bars.update(
-                        task, completed=done, total=total, rate=f"{rate:,.3g}/s" if rate < 100 else f"{rate:,.0f}/s"
-                    )
+                    text = f"{rate:,.3g}" if rate < 100 else f"{rate:,.0f}"
+                    bars.update(task, completed=done, total=total, rate=f"{text}{unit}/s")
 
                 return advance
 

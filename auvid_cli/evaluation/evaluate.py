@@ -10,7 +10,7 @@ from auvid_cli.evaluation.accuracy import (
     coefficient_results,
 )
 from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor_consistency, verdict
-from auvid_cli.evaluation.free_run import VelocityError, free_runs, velocity_errors
+from auvid_cli.evaluation.free_run import VelocityError, free_run
 from auvid_cli.evaluation.motion import FreeRun
 
 
@@ -36,14 +36,11 @@ class Evaluation(NamedTuple):
     free_runs: dict[str, FreeRun]
 
 
-# Samples of a free run that are kept to be drawn.
-_MOST_DRAWN = 400_000
-
-
 def evaluate(dataset: Dataset, estimates: list[Estimate]) -> Evaluation:
     """Evaluate estimates against the dataset they came from, and its truth where it has one."""
     evaluation = Evaluation([], [], [], [], {})
-    for estimate, run in zip(estimates, free_runs(dataset, estimates), strict=True):
+    for estimate in estimates:
+        run, errors = free_run(dataset, estimate)
         results = coefficient_results(estimate, dataset.truth)
         steps = max(estimate.steps, 1)
         evaluation.coefficients.extend(results)
@@ -58,7 +55,7 @@ def evaluate(dataset: Dataset, estimates: list[Estimate]) -> Evaluation:
                 verdict(estimate),
             )
         )
-        evaluation.velocity_errors.extend(velocity_errors(dataset, estimate, run))
+        evaluation.velocity_errors.extend(errors)
         evaluation.consistency.extend(sensor_consistency(estimate))
-        evaluation.free_runs[estimate.filter] = run.thinned(_MOST_DRAWN)
+        evaluation.free_runs[estimate.filter] = run
     return evaluation

@@ -1,6 +1,6 @@
 """The identified model left to itself: predicted against measured velocities."""
 
-from collections.abc import Iterator, Sequence
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +12,8 @@ from auvid_cli.compilation import compiled
 from auvid_cli.data.dataset import SENSORS, Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.motion import FreeRun
-from auvid_cli.filters.problem import Timeline
-from auvid_cli.identification.timeline import build_timeline, initial_motion, measuring_sensors
+from auvid_cli.filters.problem import TIMELINE
+from auvid_cli.identification.timeline import Timelines, initial_motion, measuring_sensors
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
@@ -22,13 +22,15 @@ from auvid_cli.vehicle.dynamics import (
     runge_kutta_step,
     vehicle_constants,
 )
-from auvid_cli.vehicle.parameters import MOTION, N_MOTION
+from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-_indices = types.int64[::1]
+
+# Samples of a free run that are kept to be drawn.
+_MOST_KEPT = 400_000
 
 
 class VelocityError(NamedTuple):
@@ -40,58 +42,56 @@ class VelocityError(NamedTuple):
     mean_absolute_error: float | None
 
 
-@compiled(types.void(_vector, _vector, _vector, _indices, _vector, _indices, _matrix, _matrix))
-def _run(motion, coefficients, constants, piece_offset, piece_duration, piece_input, inputs, predicted):
+@compiled(types.void(_vector, _vector, _vector, TIMELINE, _matrix))
+def _run(motion, coefficients, constants, timeline, predicted):
+    """Fill in the motion at every event; `motion` is where it starts and, afterwards, where it ends."""
     block, work = np.zeros(N_BLOCK), np.empty(N_WORK)
     coefficient_block = np.zeros(N_COEFFICIENT_BLOCK)
     coefficient_block[::LANES] = coefficients
     block[::LANES] = motion
-    for event in range(piece_offset.size - 1):
-        for piece in range(piece_offset[event], piece_offset[event + 1]):
-            held = inputs[piece_input[piece]]
-            runge_kutta_step(block, coefficient_block, held, constants, 1, piece_duration[piece], work)
+    for event in range(timeline.time.size):
+        for piece in range(timeline.piece_offset[event], timeline.piece_offset[event + 1]):
+            held = timeline.inputs[timeline.piece_input[piece]]
+            runge_kutta_step(block, coefficient_block, held, constants, 1, timeline.piece_duration[piece], work)
         predicted[event] = block[::LANES]
+    motion[:] = block[::LANES]
 
 
-def free_runs(dataset: Dataset, estimates: Sequence[Estimate]) -> Iterator[FreeRun]:
-    """Run the model with each estimate's final coefficients from where the filter started, without any correction."""
-    settings = dataset.experiment.identification
+def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[VelocityError]]:
+    """Run the model with an estimate's final coefficients from where the filter started, without any correction.
+
+    Returns
+    -------
+    run : FreeRun
+        Of a long run evenly spaced samples, no more than are drawn.
+    errors : list of VelocityError
+        Mean absolute difference from every reading of a velocity or rate, as in the paper's Table V.
+    """
     measuring = measuring_sensors(dataset)
     start, motion = initial_motion(dataset, measuring)
-    timeline = build_timeline(dataset, measuring, start, settings.integration_step)
-    for estimate in estimates:
-        yield FreeRun(timeline.time, _predict(dataset, estimate, timeline, motion))
-
-
-def _predict(dataset: Dataset, estimate: Estimate, timeline: Timeline, motion: Array) -> Array:
-    coefficients = estimate.final_coefficients()
-    predicted = np.empty((timeline.time.size, N_MOTION))
-    _run(
-        motion,
-        np.array([coefficients[symbol] for symbol in SYMBOLS]),
-        vehicle_constants(dataset.experiment.vehicle.known_parameters()),
-        timeline.piece_offset,
-        timeline.piece_duration,
-        timeline.piece_input,
-        timeline.inputs,
-        predicted,
-    )
-    return predicted
-
-
-def velocity_errors(dataset: Dataset, estimate: Estimate, run: FreeRun) -> list[VelocityError]:
-    """Mean absolute difference of the free run from the measured velocities, as in the paper's Table V."""
+    constants = vehicle_constants(dataset.experiment.vehicle.known_parameters())
+    final = estimate.final_coefficients()
+    coefficients = np.array([final[symbol] for symbol in SYMBOLS])
+    every = 1 + sum(record.time.size for record in measuring.values()) // _MOST_KEPT
+    sums, counts = np.zeros(N_MOTION), np.zeros(N_MOTION)
+    runs, n_events = [], 0
+    for timeline in Timelines(dataset, measuring, start, dataset.experiment.identification.integration_step):
+        predicted = np.empty((timeline.time.size, N_MOTION))
+        _run(motion, coefficients, constants, timeline, predicted)
+        kept = slice(-n_events % every, None, every)
+        runs.append(FreeRun(timeline.time[kept], predicted[kept].copy()))
+        n_events += timeline.time.size
+        event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.reading_offset))
+        for sensor, name in enumerate(measuring):
+            own = timeline.reading_sensor == sensor
+            for component, quantity in enumerate(SENSORS[name]):
+                column = MOTION_SYMBOLS.index(quantity.symbol)
+                said = own & ~np.isnan(timeline.reading[:, component])
+                sums[column] += np.abs(predicted[event[said], column] - timeline.reading[said, component]).sum()
+                counts[column] += np.count_nonzero(said)
     errors = []
-    for row, quantity in enumerate(MOTION[:6]):
-        error = None
-        for name, record in dataset.sensors.items():
-            symbols = [q.symbol for q in SENSORS[name]]
-            if quantity.symbol in symbols:
-                column = symbols.index(quantity.symbol)
-                used = np.isfinite(record.values[:, column]) & (record.time >= run.time[0] - 1e-9)
-                event = np.searchsorted(run.time, record.time[used] - 1e-9)
-                difference = np.abs(run.motion[event, row] - record.values[used, column])
-                mean = float(difference.mean()) if difference.size else np.nan
-                error = mean if np.isfinite(mean) else None
+    for column, quantity in enumerate(MOTION[:6]):
+        known = counts[column] and isfinite(sums[column])
+        error = float(sums[column] / counts[column]) if known else None
         errors.append(VelocityError(estimate.filter, quantity.symbol, quantity.unit, error))
-    return errors
+    return FreeRun(*(np.concatenate(rows) for rows in zip(*runs, strict=True))), errors

@@ -20,8 +20,3 @@ class FreeRun(NamedTuple):
 
     time: Array
     motion: Array
-
-    def thinned(self, most: int) -> "FreeRun":
-        """Evenly spaced samples of a long run."""
-        every = 1 + self.time.size // most
-        return FreeRun(self.time[::every].copy(), self.motion[::every].copy()) if every > 1 else self

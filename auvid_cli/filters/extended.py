@@ -1,6 +1,7 @@
 """Extended Kalman filter on filterpy."""
 
 import warnings
+from collections.abc import Iterable
 from math import isfinite
 
 import numpy as np
@@ -19,13 +20,13 @@ from auvid_cli.filters.problem import (
     Sensors,
     Timeline,
     empty_records,
-    part_of,
+    until,
 )
 
 Array = NDArray[np.float64]
 
-# Events handed over at a time, and between two checks that the covariance is positive definite: these divide those.
-CHUNK, _CHECK = 4000, 10
+# Events between two checks that the covariance is positive definite.
+_CHECK = 10
 
 
 class _ProcessEkf(ExtendedKalmanFilter):
@@ -88,14 +89,13 @@ class _View:
         self.residual = wrapped_residual if angular.any() else np.subtract
 
 
-def _views(sensors: Sensors, timeline: Timeline, start: int, stop: int) -> list[_View]:
-    """The view of each reading of some events; those that are alike share one."""
-    readings = slice(timeline.reading_offset[start], timeline.reading_offset[stop])
-    missing = np.isnan(timeline.reading[readings])
+def _views(sensors: Sensors, timeline: Timeline) -> list[_View]:
+    """The view of each reading; those that are alike share one."""
+    missing = np.isnan(timeline.reading)
     patterns = (missing @ (1 << np.arange(missing.shape[1]))).tolist()
     views: dict[tuple[int, int], _View] = {}
     of_reading = []
-    for row, key in enumerate(zip(timeline.reading_sensor[readings].tolist(), patterns, strict=True)):
+    for row, key in enumerate(zip(timeline.reading_sensor.tolist(), patterns, strict=True)):
         if key not in views:
             views[key] = _View(sensors, key[0], missing[row])
         of_reading.append(views[key])
@@ -103,61 +103,60 @@ def _views(sensors: Sensors, timeline: Timeline, start: int, stop: int) -> list[
 
 
 def run_extended_filter(
-    process: Process, sensors: Sensors, timeline: Timeline, prior: Belief, receive: Receiver
+    process: Process, sensors: Sensors, timelines: Iterable[Timeline], prior: Belief, receive: Receiver
 ) -> Ending:
-    """Filter a timeline with the EKF; arguments and result as of `run_square_root_filter`.
+    """Filter data with the EKF; arguments and result as of `run_square_root_filter`.
 
     Sabet et al. 2018, Table A1. A reading with missing components is shortened to the rest:
     filterpy's ``update(None)`` would skip all of it.
     """
+    ekf = _ProcessEkf(process, prior)
+    n_good, ending = 0, Ending(ekf.P, 0, OK)
     with np.errstate(all="ignore"), warnings.catch_warnings():
         # What overflows or is nearly singular is judged after every step, and reported as divergence.
         warnings.simplefilter("ignore", LinAlgWarning)
-        return _run(_ProcessEkf(process, prior), sensors, timeline, receive)
+        for timeline in timelines:
+            ending = _run(ekf, sensors, timeline, receive)
+            n_good += ending.n_good
+            if ending.culprit != OK:
+                break
+    return ending._replace(n_good=n_good)
 
 
 def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, receive: Receiver) -> Ending:
+    """Filter a part; its end is sound, or the end of all."""
     n_events = timeline.time.size
     sound, covariance = 0, ekf.P
-    records = empty_records(timeline, min(CHUNK, n_events), ekf.x.size)
-    for start in range(0, n_events, CHUNK):
-        stop = min(start + CHUNK, n_events)
-        for rows in records:
-            rows.fill(np.nan)
-        views = _views(sensors, timeline, start, stop)
-        culprit, event = OK, start
-        for event in range(start, stop):
-            before = ekf.P
-            culprit = _step(ekf, timeline, views, event, start, records)
-            if culprit != OK:
-                if _is_definite(before):
-                    sound, covariance = event, before
-                break
-            records.mean[event - start] = ekf.x
-            records.standard_deviation[event - start] = np.sqrt(ekf.P.diagonal())
-            if event % _CHECK == _CHECK - 1 or event == stop - 1:
-                if not _is_definite(ekf.P):
-                    culprit = PREDICTION
-                    break
-                sound, covariance = event + 1, ekf.P
-        n_readings = timeline.reading_offset[min(event + 1, stop)] - timeline.reading_offset[start]
-        receive(start, part_of(records, sound - start, n_readings))
+    records = empty_records(timeline, ekf.x.size)
+    views = _views(sensors, timeline)
+    culprit, event = OK, 0
+    for event in range(n_events):
+        before = ekf.P
+        culprit = _step(ekf, timeline, views, event, records)
         if culprit != OK:
-            return Ending(covariance, sound, culprit)
-    return Ending(covariance, n_events, OK)
+            if _is_definite(before):
+                sound, covariance = event, before
+            break
+        records.mean[event] = ekf.x
+        records.standard_deviation[event] = np.sqrt(ekf.P.diagonal())
+        if event % _CHECK == _CHECK - 1 or event == n_events - 1:
+            if not _is_definite(ekf.P):
+                culprit = PREDICTION
+                break
+            sound, covariance = event + 1, ekf.P
+    receive(timeline, until(records, sound, timeline.reading_offset[min(event + 1, n_events)]))
+    return Ending(covariance, sound, culprit)
 
 
-def _step(ekf: _ProcessEkf, timeline: Timeline, views: list[_View], event: int, start: int, records: Records) -> int:
+def _step(ekf: _ProcessEkf, timeline: Timeline, views: list[_View], event: int, records: Records) -> int:
     """Predict to an event and update with its readings; what failed, or `OK`."""
     first, last = timeline.piece_offset[event], timeline.piece_offset[event + 1]
     if last > first:
         ekf.move(timeline.inputs, timeline.piece_input[first:last], timeline.piece_duration[first:last])
-    first_reading = timeline.reading_offset[start]
     culprit = PREDICTION
     for k in range(timeline.reading_offset[event], timeline.reading_offset[event + 1]):
-        row = k - first_reading
-        view = views[row]
-        records.nis[row] = 0.0
+        view = views[k]
+        records.nis[k] = 0.0
         if view.silent:
             continue
         culprit = view.sensor
@@ -165,11 +164,11 @@ def _step(ekf: _ProcessEkf, timeline: Timeline, views: list[_View], event: int, 
             ekf.hear(view, timeline.reading[k, view.present])
         except (np.linalg.LinAlgError, ValueError):
             # Of scipy's inverse: a singular matrix, or one that is not finite.
-            records.nis[row] = np.nan
+            records.nis[k] = np.nan
             return culprit if _was_sound(ekf) else PREDICTION
-        records.innovation[row, view.present] = ekf.y
-        records.innovation_variance[row, view.present] = ekf.S.diagonal()
-        records.nis[row] = nis = float(ekf.y @ ekf.SI @ ekf.y)
+        records.innovation[k, view.present] = ekf.y
+        records.innovation_variance[k, view.present] = ekf.S.diagonal()
+        records.nis[k] = nis = float(ekf.y @ ekf.SI @ ekf.y)
         if not 0.0 <= nis < np.inf:
             return culprit if _was_sound(ekf) else PREDICTION
     return OK if _is_sound(ekf) else culprit

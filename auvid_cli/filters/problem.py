@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
 
 # advance(moving, parameters, inputs, constants, selection, n_lanes, duration, scratch), in place on blocks.
@@ -87,14 +88,15 @@ class Sensors(NamedTuple):
 
 
 class Timeline(NamedTuple):
-    """Events in time order.
+    """Consecutive events in time order: all of a dataset, or a part of them that follows another.
 
     Attributes
     ----------
     time : ndarray, shape (n_events,)
-        s, strictly increasing; the filter starts at the first.
+        s, strictly increasing.
     piece_offset : ndarray of int, shape (n_events + 1,)
-        Pieces ``piece_offset[k] : piece_offset[k + 1]`` lead from event k - 1 to event k.
+        Pieces ``piece_offset[k] : piece_offset[k + 1]`` lead to event k from the event before, which of
+        the first is the last of the part before; nothing leads to the first event of all.
     piece_duration : ndarray, shape (n_pieces,)
         s; no longer than the integration step, and the input is constant within each.
     piece_input : ndarray of int, shape (n_pieces,)
@@ -102,7 +104,8 @@ class Timeline(NamedTuple):
     inputs : ndarray, shape (n, n_inputs)
     reading_offset : ndarray of int, shape (n_events + 1,)
         Readings ``reading_offset[k] : reading_offset[k + 1]`` were taken at event k.
-    reading_sensor : ndarray of int, shape (n_readings,)
+    reading_sensor : ndarray of int8, shape (n_readings,)
+        Row in `Sensors`.
     reading : ndarray, shape (n_readings, c)
         NaN where a component is missing.
     """
@@ -113,8 +116,13 @@ class Timeline(NamedTuple):
     piece_input: Indices
     inputs: Array
     reading_offset: Indices
-    reading_sensor: Indices
+    reading_sensor: NDArray[np.int8]
     reading: Array
+
+
+TIMELINE = types.NamedTuple(
+    (_vector, _indices, _vector, _indices, _matrix, _indices, types.int8[::1], _matrix), Timeline
+)
 
 
 class Belief(NamedTuple):
@@ -152,21 +160,20 @@ class Records(NamedTuple):
     nis: Array
 
 
-def empty_records(timeline: Timeline, n_events: int, n: int) -> Records:
-    """Records for any so many consecutive events of a timeline, to be filled in."""
-    offset = timeline.reading_offset
-    n_readings = (offset[n_events:] - offset[: offset.size - n_events]).max()
-    rows = (n_events, n), (n_events, n), *[(n_readings, timeline.reading.shape[1])] * 2, n_readings
+def empty_records(timeline: Timeline, n: int) -> Records:
+    """Records of a timeline for a state of n components, to be filled in."""
+    n_readings, n_components = timeline.reading.shape
+    rows = (timeline.time.size, n), (timeline.time.size, n), *[(n_readings, n_components)] * 2, n_readings
     return Records(*(np.full(shape, np.nan) for shape in rows))
 
 
-def part_of(records: Records, n_events: int, n_readings: int) -> Records:
+def until(records: Records, n_events: int, n_readings: int) -> Records:
     """The first rows of records."""
     return Records(*(a[:n_events] for a in records[:2]), *(a[:n_readings] for a in records[2:]))
 
 
-# Told the number of an event, and the records of it and of those after it, which hold until it returns.
-Receiver = Callable[[int, Records], None]
+# Told every part of the timeline, and the records of those of its events that went well.
+Receiver = Callable[[Timeline, Records], None]
 
 # What ended a run: a sensor's row in `Sensors`, or one of these.
 OK, PREDICTION = -1, -2

@@ -4,6 +4,8 @@ Points are drawn anew from the factor for each prediction, and for each reading 
 measurement is linear, every set that integrates degree two gives the Kalman update.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 from numba import types
 
@@ -16,6 +18,7 @@ from auvid_cli.filters.problem import (
     OK,
     PREDICTION,
     PROCESS_SIGNATURE,
+    TIMELINE,
     Belief,
     Ending,
     Process,
@@ -24,7 +27,7 @@ from auvid_cli.filters.problem import (
     Sensors,
     Timeline,
     empty_records,
-    part_of,
+    until,
 )
 from auvid_cli.filters.sigma_points import BASIS, all_finite, basis_of
 from auvid_cli.filters.workspace import WORKSPACE, new_workspace, padded
@@ -32,11 +35,7 @@ from auvid_cli.filters.workspace import WORKSPACE, new_workspace, padded
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
-_TIMELINE = types.NamedTuple((_vector, _indices, _vector, _indices, _matrix, _indices, _indices, _matrix), Timeline)
 _RECORDS = types.NamedTuple((_matrix, _matrix, _matrix, _matrix, _vector), Records)
-
-# Events handed over at a time: some 60 ms of work.
-CHUNK = 8000
 
 
 @compiled(types.void(_matrix, types.int64, _vector, _vector), reassociate=True, views_only=True)
@@ -57,8 +56,8 @@ def deviations(columns, n, squares, result):
     types.UniTuple(types.int64, 2)(
         types.FunctionType(PROCESS_SIGNATURE),
         types.FunctionType(OBSERVATION_SIGNATURE),
-        *(_vector, _indices, _vector, BASIS, SENSORS, _TIMELINE),
-        *(types.int64, types.int64, types.int64, _vector, _matrix, _RECORDS, WORKSPACE),
+        *(_vector, _indices, _vector, BASIS, SENSORS, TIMELINE),
+        *(types.int64, types.int64, _vector, _matrix, _RECORDS, WORKSPACE),
     ),
     reassociate=True,
     views_only=True,
@@ -72,7 +71,6 @@ def _run(
     basis,
     sensors,
     timeline,
-    start,
     stop,
     n,
     mean,
@@ -80,9 +78,8 @@ def _run(
     records,
     work,
 ):
-    """Filter events `start` to `stop`; returns (first event that failed or `stop`, what failed)."""
-    first_reading = timeline.reading_offset[start]
-    for event in range(start, stop):
+    """Filter the events before `stop`; returns (first event that failed or `stop`, what failed)."""
+    for event in range(stop):
         first, last = timeline.piece_offset[event], timeline.piece_offset[event + 1]
         if last > first and not predict(
             advance,
@@ -100,7 +97,7 @@ def _run(
         ):
             return event, PREDICTION
         for k in range(timeline.reading_offset[event], timeline.reading_offset[event + 1]):
-            sensor, row = timeline.reading_sensor[k], k - first_reading
+            sensor = timeline.reading_sensor[k]
             nis = update(
                 observe,
                 constants,
@@ -113,60 +110,66 @@ def _run(
                 n,
                 mean,
                 columns,
-                records.innovation[row],
-                records.innovation_variance[row],
+                records.innovation[k],
+                records.innovation_variance[k],
                 work,
             )
-            records.nis[row] = nis
+            records.nis[k] = nis
             if not (all_finite(n, mean) and nis >= 0.0):
                 return event, sensor
         for i in range(n):
-            records.mean[event - start, i] = mean[i]
-        deviations(columns, n, work.gain, records.standard_deviation[event - start])
+            records.mean[event, i] = mean[i]
+        deviations(columns, n, work.gain, records.standard_deviation[event])
     return stop, OK
 
 
 def run_square_root_filter(
-    point_set: PointSet, process: Process, sensors: Sensors, timeline: Timeline, prior: Belief, receive: Receiver
+    point_set: PointSet,
+    process: Process,
+    sensors: Sensors,
+    timelines: Iterable[Timeline],
+    prior: Belief,
+    receive: Receiver,
 ) -> Ending:
-    """Filter a timeline with a sigma-point set.
+    """Filter data with a sigma-point set.
 
     Parameters
     ----------
     point_set : PointSet
         For the dimension of the state.
-    process, sensors, timeline, prior
-        See `auvid_cli.filters.problem`.
+    process, sensors, prior
+        See `auvid_cli.filters.problem`; the prior is that at the first event.
+    timelines : iterable of Timeline
+        Parts of the data in time order; a part is worked on at once.
     receive : callable
-        Told the number of an event, and the records of that and the following ones, as they come.
+        Told every part, and the records of those of its events that went well.
 
     Returns
     -------
     Ending
         Early, with the reason, where the state is not finite or the factor cannot be propagated.
     """
-    n, n_components, n_events = prior.mean.size, timeline.reading.shape[1], timeline.time.size
+    n, n_components = prior.mean.size, sensors.matrix.shape[1]
     width = padded(n + n_components)
     basis = basis_of(point_set)
     work = new_workspace(basis, process, n, n_components, width)
     mean, columns = np.zeros(width), np.zeros((basis.present.size, width))
     mean[:n], columns[:n, :n] = prior.mean, prior.factor.T
 
-    def run(start: int, stop: int) -> tuple[int, int]:
+    def run(timeline: Timeline, stop: int, records: Records) -> tuple[int, int]:
         model = process.advance, process.observe, process.constants, process.selection, process.noise_density
-        return _run(*model, basis, sensors, timeline, start, stop, n, mean, columns, records, work)
+        return _run(*model, basis, sensors, timeline, stop, n, mean, columns, records, work)
 
-    records = empty_records(timeline, min(CHUNK, n_events), n)
-    done, culprit = 0, OK
-    while done < n_events and culprit == OK:
-        start, stop, before = done, min(done + CHUNK, n_events), (mean.copy(), columns.copy())
-        records.nis.fill(np.nan)
-        done, culprit = run(start, stop)
-        n_readings = timeline.reading_offset[min(done + 1, stop)] - timeline.reading_offset[start]
-        receive(start, part_of(records, done - start, n_readings))
+    n_good, culprit = 0, OK
+    for timeline in timelines:
+        before, records = (mean.copy(), columns.copy()), empty_records(timeline, n)
+        done, culprit = run(timeline, timeline.time.size, records)
+        n_good += done
+        receive(timeline, until(records, done, timeline.reading_offset[min(done + 1, timeline.time.size)]))
         if culprit != OK:
-            # Once more from before the chunk, to stop at the last good state.
+            # Once more from before the part, to stop at the last good state.
             mean[:], columns[:] = before
-            run(start, done)
+            run(timeline, done, records)
+            break
     factor = columns[:n, :n]
-    return Ending(factor.T @ factor, done, culprit)
+    return Ending(factor.T @ factor, n_good, culprit)

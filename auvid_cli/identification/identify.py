@@ -13,14 +13,14 @@ from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate, EstimateHeader, EstimatePart, Innovations, Outcome
 from auvid_cli.errors import ConfigError
-from auvid_cli.filters.extended import run_extended_filter
+from auvid_cli.filters import problem
 from auvid_cli.filters.point_sets import cubature, transformed, unscented
-from auvid_cli.filters.problem import OK, PREDICTION, Belief, Ending, Receiver, Records, Timeline
+from auvid_cli.filters.problem import Belief, Ending, Receiver, Records, Timeline
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.prior import prior_standard_deviations
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.timeline import (
-    build_timeline,
+    Timelines,
     initial_motion,
     measurement_model,
     measuring_sensors,
@@ -39,69 +39,75 @@ class FilterRun:
     Attributes
     ----------
     header : EstimateHeader
-    n_events : int
+    span : tuple of float
+        First and last time of the data it filters, s.
     filter : callable
         Runs it in scaled units: coefficients as multiples of their priors.
     """
 
     header: EstimateHeader
-    n_events: int
+    span: tuple[float, float]
     filter: Callable[[Receiver], Ending]
-    _timeline: Timeline
     _prior: Belief
     _to_si: Array
     _measuring: dict[str, SensorRecord]
 
-    def run(self, receive: Callable[[EstimatePart, int], None]) -> Outcome:
+    def run(self, receive: Callable[[EstimatePart], None]) -> Outcome:
         """Filter the dataset.
 
         Parameters
         ----------
         receive : callable
-            Told every part as it comes, and how many events are done. Of the states every
-            ``identification.keep_every``-th is handed over, and the last; of the innovations all.
+            Told every part as it comes. Of the states every ``identification.keep_every``-th is handed
+            over, and the last good one; of the innovations all.
 
         Returns
         -------
         Outcome
             Of a filter that diverged: with the reason as its status.
         """
-        timeline, every = self._timeline, self.header.experiment.identification.keep_every
+        every = self.header.experiment.identification.keep_every
+        n_good, reached, heard = 0, self.span[0], 0
+        # Before the first event the last good state is the prior.
+        prior = np.array([reached]), self._prior.mean[None, :], np.diag(self._prior.factor)[None, :]
+        latest = self._part(prior, {name: _no_innovations(record) for name, record in self._measuring.items()})
         # Time of the filter alone, without that of whoever receives.
         filtering = np.zeros(2)
 
-        def pass_on(start: int, records: Records) -> None:
+        def pass_on(timeline: Timeline, records: Records) -> None:
+            nonlocal n_good, reached, heard, latest
             filtering[:] += _clocks()
-            stop = start + len(records.mean)
-            kept = np.arange(start, stop)
-            kept = kept[(kept % every == 0) | (kept == stop - 1) & (stop == self.n_events)]
-            part = EstimatePart(
-                timeline.time[kept],
-                records.mean[kept - start] * self._to_si,
-                records.standard_deviation[kept - start] * self._to_si,
-                self._by_sensor(start, records),
-            )
-            receive(part, stop)
+            good = len(records.mean)
+            rows = timeline.time[:good], records.mean, records.standard_deviation
+            receive(self._part(rows, self._by_sensor(timeline, records), slice(-n_good % every, None, every)))
+            if good:
+                latest = self._part(rows, latest.innovations, slice(good - 1, good))
+            n_good += good
+            reached = float(timeline.time[min(good, timeline.time.size - 1)])
+            if readings := timeline.reading_offset[good]:
+                heard = int(timeline.reading_sensor[readings - 1])
             filtering[:] -= _clocks()
 
         filtering -= _clocks()
         ending = self.filter(pass_on)
         cpu_time, wall_time = (filtering + _clocks()).tolist()
-        if ending.n_good == 0:
-            # Failed at once: the last good state is the prior.
-            mean, deviation = self._prior.mean * self._to_si, np.diag(self._prior.factor) * self._to_si
-            none = {name: _no_innovations(record) for name, record in self._measuring.items()}
-            receive(EstimatePart(timeline.time[:1], mean[None, :], deviation[None, :], none), 0)
+        if n_good == 0 or (n_good - 1) % every:
+            receive(latest)
         covariance = ending.covariance * np.outer(self._to_si, self._to_si)
-        return Outcome(self._status(ending), covariance, ending.n_good, cpu_time, wall_time)
+        return Outcome(self._status(ending, reached, heard), covariance, n_good, cpu_time, wall_time)
 
-    def _by_sensor(self, start: int, records: Records) -> dict[str, Innovations]:
-        timeline = self._timeline
-        rows = slice(first := timeline.reading_offset[start], first + len(records.nis))
-        time = timeline.time[np.searchsorted(timeline.reading_offset, np.arange(rows.start, rows.stop), "right") - 1]
+    def _part(
+        self, rows: tuple[Array, Array, Array], innovations: dict[str, Innovations], kept: slice = slice(None)
+    ) -> EstimatePart:
+        time, mean, deviation = (row[kept] for row in rows)
+        return EstimatePart(time, mean * self._to_si, deviation * self._to_si, innovations)
+
+    def _by_sensor(self, timeline: Timeline, records: Records) -> dict[str, Innovations]:
+        n_readings = len(records.nis)
+        time = np.repeat(timeline.time, np.diff(timeline.reading_offset))[:n_readings]
         by_sensor = {}
         for sensor, (name, record) in enumerate(self._measuring.items()):
-            own = (timeline.reading_sensor[rows] == sensor) & ~np.isnan(records.nis)
+            own = (timeline.reading_sensor[:n_readings] == sensor) & ~np.isnan(records.nis)
             width = len(SENSORS[name])
             by_sensor[name] = Innovations(
                 time[own],
@@ -112,19 +118,18 @@ class FilterRun:
             )
         return by_sensor
 
-    def _status(self, ending: Ending) -> str:
-        if ending.culprit == OK:
-            return "completed"
-        names, event = tuple(self._measuring), min(ending.n_good, self.n_events - 1)
-        time = self._timeline.time[event]
-        if ending.culprit == PREDICTION:
-            last = self._timeline.reading_offset[event] - 1
-            sensor = names[self._timeline.reading_sensor[max(last, 0)]]
-            return (
-                f"diverged at t = {time:.3f} s: after a reading of {sensor} the state or its covariance could not be "
-                "propagated to this time"
-            )
-        return f"diverged at t = {time:.3f} s: the state was not finite after a reading of {names[ending.culprit]}"
+    def _status(self, ending: Ending, time: float, heard: int) -> str:
+        names = tuple(self._measuring)
+        match ending.culprit:
+            case problem.OK:
+                return "completed"
+            case problem.PREDICTION:
+                return (
+                    f"diverged at t = {time:.3f} s: after a reading of {names[heard]} the state or its covariance "
+                    "could not be propagated to this time"
+                )
+            case sensor:
+                return f"diverged at t = {time:.3f} s: the state was not finite after a reading of {names[sensor]}"
 
 
 def _clocks() -> Array:
@@ -160,7 +165,7 @@ def set_up_filters(dataset: Dataset, filter_names: Sequence[FilterName]) -> list
     measuring = measuring_sensors(dataset)
     sensors = measurement_model(measuring, len(estimated))
     start, motion = initial_motion(dataset, measuring)
-    timeline = build_timeline(dataset, measuring, start, settings.integration_step)
+    data = Timelines(dataset, measuring, start, settings.integration_step)
     process = vehicle_process(
         vehicle_constants(experiment.vehicle.known_parameters()),
         np.array([held.get(symbol, 0.0) for symbol in SYMBOLS]),
@@ -185,9 +190,8 @@ def set_up_filters(dataset: Dataset, filter_names: Sequence[FilterName]) -> list
                 held=held,
                 dataset_sha256=dataset.sha256,
             ),
-            timeline.time.size,
-            partial(_chosen_filter(name, settings, prior.mean.size), process, sensors, timeline, prior),
-            timeline,
+            data.span,
+            partial(_chosen_filter(name, settings, prior.mean.size), process, sensors, data, prior),
             prior,
             np.concatenate([scale, np.ones(len(MOTION))]),
             measuring,
@@ -199,12 +203,15 @@ def set_up_filters(dataset: Dataset, filter_names: Sequence[FilterName]) -> list
 def identify(dataset: Dataset, filter_name: FilterName) -> Estimate:
     """Estimate coefficients and motion from a dataset, all in memory; see `set_up_filters` and `FilterRun`."""
     (run,), parts = set_up_filters(dataset, [filter_name]), []
-    outcome = run.run(lambda part, done: parts.append(part))
+    outcome = run.run(parts.append)
     return Estimate.of(run.header, parts, outcome)
 
 
 def _chosen_filter(name: FilterName, settings: Identification, n: int) -> Callable[..., Ending]:
     if name is FilterName.EKF:
+        # filterpy is slow to load and large, and no other filter needs it.
+        from auvid_cli.filters.extended import run_extended_filter
+
         return run_extended_filter
     match name:
         case FilterName.CKF:

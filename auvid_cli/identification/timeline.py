@@ -1,18 +1,26 @@
-"""From a dataset to events in time order, each sensor at its own times."""
+"""From a dataset to events in time order, each sensor at its own times, a part of the run at a time."""
+
+from collections.abc import Collection, Iterator
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
 from auvid_cli.errors import DataError
-from auvid_cli.filters.problem import Sensors, Timeline
+from auvid_cli.filters.problem import Indices, Sensors, Timeline
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
+# Times in whole nanoseconds.
+Ticks = NDArray[np.int64]
 
 # Heading is known modulo a turn; roll and pitch are treated alike, which costs nothing.
 _ANGULAR = ("phi", "theta", "psi")
 _NANOSECOND = 1e-9
+
+# Readings of the busiest sensor in a part: some 30 ms of work for a sigma-point filter.
+PART = 4000
 
 
 def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
@@ -70,8 +78,8 @@ def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tupl
     return start, motion
 
 
-def build_timeline(dataset: Dataset, measuring: dict[str, SensorRecord], start: float, step: float) -> Timeline:
-    """Merge all readings from `start` on; nothing is resampled.
+class Timelines:
+    """All readings from a start on, merged part by part as often as they are gone through; nothing is resampled.
 
     Parameters
     ----------
@@ -83,53 +91,95 @@ def build_timeline(dataset: Dataset, measuring: dict[str, SensorRecord], start: 
     step : float
         Longest piece of integration, s. Times are compared in whole nanoseconds, so that two clocks
         that mean the same instant share an event.
-    """
-    width = max(record.values.shape[1] for record in measuring.values())
-    ticks, sensors, readings = [], [], []
-    for sensor, record in enumerate(measuring.values()):
-        used = (record.time >= start) & np.isfinite(record.values).any(axis=1)
-        ticks.append(_nanoseconds(record.time[used]))
-        sensors.append(np.full(int(used.sum()), sensor))
-        padded = np.full((int(used.sum()), width), np.nan)
-        padded[:, : record.values.shape[1]] = np.where(np.isfinite(record.values), record.values, np.nan)[used]
-        readings.append(padded)
-    tick = np.concatenate(ticks)
-    if tick.size == 0:
-        raise DataError(f"no reading is left at or after t = {start:g} s, where inputs and all sensors have begun")
-    order = np.lexsort((np.concatenate(sensors), tick))
-    events, first_reading = np.unique(tick[order], return_index=True)
+    part : int
+        Readings of the busiest sensor that go into a part: what is at work at once, of however long a run.
 
-    changes = _nanoseconds(dataset.inputs.time)
-    _check_coverage(changes, events)
-    inside = changes[(changes > events[0]) & (changes < events[-1])]
-    cuts = np.union1d(events, inside)
+    Attributes
+    ----------
+    span : tuple of float
+        First and last time, s.
+
+    Raises
+    ------
+    DataError
+        If no reading is left, or the inputs end long before the readings.
+    """
+
+    def __init__(
+        self, dataset: Dataset, measuring: dict[str, SensorRecord], start: float, step: float, part: int = PART
+    ) -> None:
+        self.span = start, float(max(_last_reading(record) for record in measuring.values()))
+        self._begin, self._end = _nanoseconds(np.array(self.span))
+        if self._end < self._begin:
+            raise DataError(f"no reading is left at or after t = {start:g} s, where inputs and all sensors have begun")
+        self._records = tuple(measuring.values())
+        self._inputs = np.ascontiguousarray(dataset.inputs.values)
+        self._changes = _nanoseconds(dataset.inputs.time)
+        _check_coverage(self._changes, self._end)
+        self._step, self._part = step, part
+
+    def __iter__(self) -> Iterator[Timeline]:
+        busiest = max((record.time for record in self._records), key=np.size)
+        cuts = _nanoseconds(busiest[busiest > self.span[0]][self._part :: self._part])
+        # Half a nanosecond before a reading: rounding may have it a little earlier on another clock.
+        edges = (np.array([self._begin, *cuts, self._end + 1]) - 0.5) * _NANOSECOND
+        before = self._begin
+        for since, until in pairwise(edges):
+            events, reading_offset, reading_sensor, reading = _merge(self._records, since, until)
+            if events.size:
+                pieces = _pieces(self._changes, before, events, self._step)
+                time = events.astype(np.float64) * _NANOSECOND
+                yield Timeline(time, *pieces, self._inputs, reading_offset, reading_sensor, reading)
+                before = events[-1]
+
+
+def _merge(
+    records: Collection[SensorRecord], since: float, until: float
+) -> tuple[Ticks, NDArray[np.int64], NDArray[np.int8], Array]:
+    """Events of a span of time, offsets of each event's readings, sensor of each reading, the readings."""
+    ticks, values = [], []
+    width = max(record.values.shape[1] for record in records)
+    for record in records:
+        span = slice(*np.searchsorted(record.time, [since, until]))
+        padded = np.full((span.stop - span.start, width), np.nan)
+        padded[:, : record.values.shape[1]] = record.values[span]
+        padded[~np.isfinite(padded)] = np.nan
+        used = ~np.isnan(padded).all(axis=1)
+        ticks.append(_nanoseconds(record.time[span][used]))
+        values.append(padded[used])
+    tick = np.concatenate(ticks)
+    # Stable: at equal times the sensors keep their order.
+    order = np.argsort(tick, kind="stable")
+    sensor = np.repeat(np.arange(len(ticks), dtype=np.int8), [own.size for own in ticks])
+    events, first_reading = np.unique(tick[order], return_index=True)
+    return events, np.append(first_reading, tick.size), sensor[order], np.concatenate(values)[order]
+
+
+def _pieces(changes: Ticks, before: np.int64, events: Ticks, step: float) -> tuple[Indices, Array, Indices]:
+    """Offset of each event's pieces, durations and inputs: what lies between it and the event before."""
+    inside = slice(*np.searchsorted(changes, [before + 1, events[-1]]))
+    cuts = np.unique(np.concatenate([[before], events, changes[inside]]))
     gaps = np.diff(cuts)
     parts = np.maximum(np.ceil(gaps * _NANOSECOND / step - 1e-6).astype(np.int64), 1)
     held = np.maximum(np.searchsorted(changes, cuts[:-1], side="right") - 1, 0)
-    # Pieces between consecutive cuts; an event's pieces are those since the event before.
-    pieces_before_cut = np.concatenate([[0], np.cumsum(parts)])
-    offset = pieces_before_cut[np.searchsorted(cuts, events)]
-    return Timeline(
-        time=events * _NANOSECOND,
-        piece_offset=np.concatenate([[0], offset]),
-        piece_duration=np.repeat(gaps * _NANOSECOND / parts, parts),
-        piece_input=np.repeat(held, parts),
-        inputs=np.ascontiguousarray(dataset.inputs.values),
-        reading_offset=np.concatenate([first_reading, [tick.size]]),
-        reading_sensor=np.concatenate(sensors)[order],
-        reading=np.concatenate(readings)[order],
-    )
+    pieces_before_cut = np.append(0, np.cumsum(parts))
+    offset = np.append(0, pieces_before_cut[np.searchsorted(cuts, events)])
+    return offset, np.repeat(gaps * _NANOSECOND / parts, parts), np.repeat(held, parts)
 
 
-def _check_coverage(changes: NDArray[np.int64], events: NDArray[np.int64]) -> None:
+def _last_reading(record: SensorRecord) -> float:
+    return record.time[np.isfinite(record.values).any(axis=1)][-1]
+
+
+def _check_coverage(changes: Ticks, last: np.int64) -> None:
     """Inputs hold until the next one, but not for ever: a second, or as long as they ever did."""
     longest = max(1.0, float(np.diff(changes).max(initial=0)) * _NANOSECOND)
-    if events[-1] - changes[-1] > longest / _NANOSECOND:
+    if last - changes[-1] > longest / _NANOSECOND:
         raise DataError(
             f"the inputs end at t = {changes[-1] * _NANOSECOND:g} s, the readings go on to "
-            f"{events[-1] * _NANOSECOND:g} s: cut the readings or extend the inputs"
+            f"{last * _NANOSECOND:g} s: cut the readings or extend the inputs"
         )
 
 
-def _nanoseconds(time: Array) -> NDArray[np.int64]:
+def _nanoseconds(time: Array) -> Ticks:
     return np.rint(time / _NANOSECOND).astype(np.int64)

@@ -54,22 +54,13 @@ def attitude_reference(records: dict[str, SensorRecord], suite: SensorSuite, dur
     sources = (gyroscope, dvl, accelerometer, magnetometer)
     if any(np.isnan(source.values).all() for source in sources):
         raise SimulationError("the AHRS needs at least one sample of gyroscope, accelerometer, magnetometer and DVL")
-    times = [*(source.time for source in sources), output]
-    time = np.concatenate(times)
-    kind = np.repeat(np.arange(5, dtype=np.int8), [t.size for t in times])
-    index = np.concatenate([np.arange(t.size, dtype=np.int32) for t in times])
-    order = np.lexsort((kind, time))
-    time, kind, index = time[order], kind[order], index[order]
-    del order
     gyro_noise = np.array(suite.gyroscope.noise_standard_deviation()) / np.sqrt(suite.gyroscope.rate)
     force_variance = np.mean(np.square(suite.accelerometer.noise_standard_deviation()))
     force_variance += settings.ahrs.manoeuvre_acceleration**2 * suite.accelerometer.rate
     heading_variance = suite.magnetometer.noise_standard_deviation()[0] ** 2
     values = np.full((output.size, 3), np.nan)
     _run(
-        time,
-        kind,
-        index,
+        (*(source.time for source in sources), output),
         gyroscope.values,
         dvl.values,
         accelerometer.values,
@@ -131,18 +122,26 @@ def _level(force, heading, rotation):
     rotation[2, 0], rotation[2, 1], rotation[2, 2] = -s2, s1 * c2, c1 * c2
 
 
-@compiled(types.void(_vector, types.int8[::1], types.int32[::1], _matrix, _matrix, _matrix, _matrix, _vector, _matrix))
-def _run(time, kind, index, gyroscope, dvl, accelerometer, magnetometer, noise, output):
+@compiled(types.void(types.UniTuple(_vector, 5), _matrix, _matrix, _matrix, _matrix, _vector, _matrix))
+def _run(times, gyroscope, dvl, accelerometer, magnetometer, noise, output):
     rotation, turn, force, nav = np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3)
     rate, bias, velocity, row, error = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(6), np.zeros(6)
     covariance = np.zeros((7, 6))
     moved = np.zeros((6, 6))
     have_rate, have_velocity, have_heading, running = False, False, False, False
     heading, now = 0.0, 0.0
-    for event in range(time.size):
-        what, sample = kind[event], index[event]
-        interval = time[event] - now
-        now = time[event]
+    treated = np.zeros(5, np.int64)
+    while True:
+        what, then = -1, np.inf
+        for i in range(5):
+            if treated[i] < times[i].size and times[i][treated[i]] < then:
+                what, then = i, times[i][treated[i]]
+        if what < 0:
+            break
+        sample = treated[what]
+        treated[what] += 1
+        interval = then - now
+        now = then
         if running and interval > 0.0:
             fresh = what == _GYROSCOPE and not np.isnan(gyroscope[sample].sum())
             for i in range(3):

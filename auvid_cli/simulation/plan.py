@@ -82,7 +82,9 @@ def multisine(settings: Multisine, time: Array) -> Array:
     k = np.arange(settings.lines)
     frequencies = np.linspace(settings.lowest, settings.highest, settings.lines)
     phases = settings.phase - np.pi * k * (k + 1) / settings.lines
-    signal = np.sin(2.0 * np.pi * np.outer(time, frequencies) + phases).sum(axis=1)
+    signal = np.zeros(time.size)
+    for frequency, phase in zip(frequencies, phases, strict=True):
+        signal += np.sin(2.0 * np.pi * frequency * time + phase)
     return settings.amplitude * signal / np.abs(signal).max()
 
 

@@ -12,6 +12,8 @@ from auvid_cli.simulation.motion import Truth, sample_motion
 Array = NDArray[np.float64]
 
 GRAVITY = 9.80665
+# So many samples of the whole motion at once, of which a sensor keeps its few components.
+_BLOCK = 50_000
 
 
 def measure(truth: Truth, suite: SensorSuite, seed: int) -> dict[str, SensorRecord]:
@@ -37,8 +39,9 @@ def measure(truth: Truth, suite: SensorSuite, seed: int) -> dict[str, SensorReco
     for name, reading in readings.items():
         settings: SensorSettings = getattr(suite, name)
         times = sample_times(settings, truth.time[-1])
-        motion, rate = sample_motion(truth, times)
-        records[name] = corrupt(times, reading(motion, rate), settings, name, seed)
+        blocks = [times[first : first + _BLOCK] for first in range(0, max(times.size, 1), _BLOCK)]
+        true = np.concatenate([reading(*sample_motion(truth, block)) for block in blocks])
+        records[name] = corrupt(times, true, settings, name, seed)
     return records
 
 
@@ -57,8 +60,10 @@ def corrupt(times: Array, true: Array, settings: SensorSettings, name: str, seed
 
     values = true + np.array(settings.bias)
     values += np.array(settings.bias_spread) * stream("bias").standard_normal(components)
-    steps = np.sqrt(np.diff(times, prepend=times[:1]))[:, None]
-    values += np.cumsum(steps * np.array(settings.drift) * stream("drift").standard_normal((n, components)), axis=0)
+    drift = stream("drift").standard_normal((n, components))
+    drift *= np.sqrt(np.diff(times, prepend=times[:1]))[:, None] * np.array(settings.drift)
+    values += np.cumsum(drift, axis=0, out=drift)
+    del drift
     values += np.array(settings.noise_standard_deviation()) * stream("noise").standard_normal((n, components))
 
     outliers = stream("outliers")

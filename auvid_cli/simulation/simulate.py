@@ -18,8 +18,7 @@ def simulate(experiment: Experiment) -> Dataset:
     ConfigError
         If the vehicle's parameters are impossible or a recorded manoeuvre cannot be read.
     """
-    plan = make_plan(experiment.manoeuvre)
-    truth = simulate_motion(experiment.vehicle, experiment.manoeuvre, plan)
+    truth = simulate_motion(experiment.vehicle, experiment.manoeuvre, make_plan(experiment.manoeuvre))
     records = measure(truth, experiment.sensors, experiment.seed)
     if experiment.sensors.attitude.source == "ahrs":
         records["attitude"] = attitude_reference(records, experiment.sensors, float(truth.time[-1]))

@@ -41,24 +41,45 @@ def _step_matrices(mixing, duration):
 
 
 @pytest.fixture(scope="session")
-def run_whole():
-    """Function: run a filter on a problem; records over all events and readings, NaN where there are none."""
+def events_of():
+    """Function: some consecutive events of a timeline, as a timeline."""
 
-    def run(run_filter, problem, told=None):
+    def cut(t, first, last):
+        pieces, readings = t.piece_offset[first : last + 1], t.reading_offset[first : last + 1]
+        of_pieces, of_readings = slice(pieces[0], pieces[-1]), slice(readings[0], readings[-1])
+        return Timeline(
+            t.time[first:last],
+            pieces - pieces[0],
+            t.piece_duration[of_pieces],
+            t.piece_input[of_pieces],
+            t.inputs,
+            readings - readings[0],
+            t.reading_sensor[of_readings],
+            t.reading[of_readings],
+        )
+
+    return cut
+
+
+@pytest.fixture(scope="session")
+def run_whole(events_of):
+    """Function: run a filter on a problem, in parts; records over all events and readings, NaN where there are none."""
+
+    def run(run_filter, problem, part=8):
         t, n = problem.timeline, problem.prior.mean.size
-        whole = empty_records(t, t.time.size, n)
+        whole = empty_records(t, n)
+        done, told = [0, 0], []
 
-        def receive(start, part):
-            first = t.reading_offset[start]
-            for name in ("mean", "standard_deviation"):
-                getattr(whole, name)[start : start + len(part.mean)] = getattr(part, name)
-            for name in ("innovation", "innovation_variance", "nis"):
-                getattr(whole, name)[first : first + len(part.nis)] = getattr(part, name)
-            if told is not None:
-                told.append((start, start + len(part.mean)))
+        def receive(timeline, records):
+            for name, rows in records._asdict().items():
+                first = done[name not in ("mean", "standard_deviation")]
+                getattr(whole, name)[first : first + len(rows)] = rows
+            told.append((timeline.time.size, len(records.mean)))
+            done[:] = done[0] + timeline.time.size, done[1] + len(timeline.reading)
 
-        ending = run_filter(problem.process, problem.sensors, t, problem.prior, receive)
-        return SimpleNamespace(records=whole, **ending._asdict())
+        parts = [events_of(t, first, first + part) for first in range(0, t.time.size, part)]
+        ending = run_filter(problem.process, problem.sensors, parts, problem.prior, receive)
+        return SimpleNamespace(records=whole, told=told, **ending._asdict())
 
     return run
 
@@ -97,7 +118,7 @@ def linear_problem(request):
         piece_input=rng.integers(0, 5, durations.size),
         inputs=rng.standard_normal((5, N_AXES)),
         reading_offset=np.concatenate([[0], np.cumsum(readings_at)]),
-        reading_sensor=rng.integers(0, 2, n_readings),
+        reading_sensor=rng.integers(0, 2, n_readings, dtype=np.int8),
         reading=reading,
     )
     matrix = rng.standard_normal((2, width, n))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters import extended, square_root
 from auvid_cli.filters.extended import run_extended_filter
 from auvid_cli.filters.point_sets import cubature, transformed, unscented
 from auvid_cli.filters.problem import OK, PREDICTION, Belief
@@ -24,10 +23,10 @@ POINT_SETS = {
 def run(run_whole):
     """Function: run a filter by name."""
 
-    def with_name(name, problem, told=None):
+    def with_name(name, problem, **options):
         if name == "ekf":
-            return run_whole(run_extended_filter, problem, told)
-        return run_whole(partial(run_square_root_filter, POINT_SETS[name](problem.prior.mean.size)), problem, told)
+            return run_whole(run_extended_filter, problem, **options)
+        return run_whole(partial(run_square_root_filter, POINT_SETS[name](problem.prior.mean.size)), problem, **options)
 
     return with_name
 
@@ -65,21 +64,14 @@ def test_the_prior_and_the_timeline_are_left_as_they_were(filter_kind, linear_pr
     assert np.array_equal(timeline.reading, before[2], equal_nan=True)
 
 
-def test_parts_follow_each_other_to_the_last_event(filter_kind, linear_problem, run, monkeypatch):
-    for module, name in ((square_root, "CHUNK"), (extended, "CHUNK")):
-        monkeypatch.setattr(module, name, 10)
-    told = []
-    run(filter_kind, linear_problem, told)
-    assert told == [(0, 10), (10, 20), (20, 30)]
+def test_the_receiver_is_told_every_part(filter_kind, linear_problem, run):
+    assert run(filter_kind, linear_problem, part=12).told == [(12, 12), (12, 12), (6, 6)]
 
 
 @pytest.mark.parametrize("kind", POINT_SETS)
-def test_working_in_chunks_changes_nothing(kind, linear_problem, monkeypatch, run):
-    whole = run(kind, linear_problem)
-    monkeypatch.setattr(square_root, "CHUNK", 7)
-    told = []
-    parts = run(kind, linear_problem, told)
-    assert len(told) == 5
+def test_working_part_by_part_changes_nothing(kind, linear_problem, run):
+    whole, parts = run(kind, linear_problem, part=30), run(kind, linear_problem, part=7)
+    assert len(parts.told) == 5
     for a, b in zip(whole.records, parts.records, strict=True):
         assert np.array_equal(a, b, equal_nan=True)
 
@@ -89,19 +81,19 @@ def with_timeline(problem, **changes):
     return problem
 
 
-def until(problem, stop):
-    """The problem cut off after the first `stop` events."""
-    t = problem.timeline
-    return with_timeline(
-        problem,
-        time=t.time[:stop],
-        piece_offset=t.piece_offset[: stop + 1],
-        reading_offset=t.reading_offset[: stop + 1],
-    )
+@pytest.fixture
+def until(events_of):
+    """Function: the problem cut off after the first `stop` events."""
+
+    def cut(problem, stop):
+        problem.timeline = events_of(problem.timeline, 0, stop)
+        return problem
+
+    return cut
 
 
-@pytest.mark.parametrize("event", [5, 29])
-def test_a_failed_prediction_is_reported_and_leaves_the_last_good_state(filter_kind, event, linear_problem, run):
+@pytest.mark.parametrize("event", [5, 8, 29])
+def test_a_failed_prediction_is_reported_and_leaves_the_last_good_state(filter_kind, event, linear_problem, run, until):
     t = linear_problem.timeline
     inputs = np.vstack([t.inputs, np.full((1, t.inputs.shape[1]), np.nan)])
     piece_input = t.piece_input.copy()
@@ -114,7 +106,7 @@ def test_a_failed_prediction_is_reported_and_leaves_the_last_good_state(filter_k
     assert_allclose(history.covariance, run(filter_kind, until(linear_problem, event)).covariance, rtol=1e-12)
 
 
-def test_a_reading_that_breaks_the_state_is_reported_with_its_sensor(filter_kind, linear_problem, run):
+def test_a_reading_that_breaks_the_state_is_reported_with_its_sensor(filter_kind, linear_problem, run, until):
     t = linear_problem.timeline
     event = next(k for k in range(8, 30) if t.reading_offset[k + 1] > t.reading_offset[k])
     first = t.reading_offset[event]

@@ -27,9 +27,9 @@ def problem_of(simulated_with, run_whole):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("auvid_cli.identification.identify.run_square_root_filter", lambda *arguments: arguments)
             (run,) = set_up_filters(dataset, [name])
-        point_set, process, sensors, timeline, prior, _ = run.filter(None)
+        point_set, process, sensors, (timeline,), prior, _ = run.filter(None)
         problem = SimpleNamespace(process=process, sensors=sensors, timeline=timeline, prior=prior)
-        history = run_whole(partial(run_square_root_filter, point_set), problem)
+        history = run_whole(partial(run_square_root_filter, point_set), problem, part=50)
         return dataset, process, sensors, timeline, prior, history
 
     return capture

@@ -1,6 +1,7 @@
 """From a dataset to estimates: what the filters know, and what they stand."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,9 +12,9 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.evaluation.evaluate import evaluate
-from auvid_cli.filters import extended, square_root
 from auvid_cli.identification.identify import identify, set_up_filters
 from auvid_cli.identification.process import vehicle_process
+from auvid_cli.identification.timeline import Timelines
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
@@ -220,20 +221,18 @@ def test_each_sensors_innovations_stand_at_its_own_times(short_run, short_estima
         assert np.all(innovations.variance >= record.standard_deviation**2)
 
 
-def test_parts_follow_each_other_and_make_the_whole(short_run, short_estimates, filter_name, monkeypatch):
-    for module in (square_root, extended):
-        monkeypatch.setattr(module, "CHUNK", 1000)
-    (run,), parts, done = set_up_filters(short_run, [filter_name]), [], []
-
-    def receive(part, so_far):
-        parts.append(part)
-        done.append(so_far)
-
-    outcome = run.run(receive)
+def test_parts_follow_each_other_and_make_the_whole(short_run, short_estimates, filter_name):
+    (run,), parts = set_up_filters(short_run, [filter_name]), []
+    outcome = run.run(parts.append)
     assert len(parts) > 1
-    assert done == sorted(done)
-    assert done[-1] == run.n_events == outcome.steps
+    assert_allclose((parts[0].time[0], parts[-1].time[-1]), run.span, rtol=1e-12)
+    assert sum(part.time.size for part in parts) == outcome.steps
     assert_same(Estimate.of(run.header, parts, outcome), short_estimates[filter_name])
+
+
+def test_parts_of_another_length_say_the_same(short_run, short_estimates, monkeypatch):
+    monkeypatch.setattr("auvid_cli.identification.identify.Timelines", partial(Timelines, part=333))
+    assert_same(identify(short_run, FilterName.TUKF), short_estimates[FilterName.TUKF])
 
 
 def test_every_so_many_states_are_kept_and_the_last_and_all_innovations(short_run, short_estimates, with_settings):

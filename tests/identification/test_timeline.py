@@ -8,8 +8,9 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
 from auvid_cli.errors import DataError
+from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.timeline import (
-    build_timeline,
+    Timelines,
     initial_motion,
     measurement_model,
     measuring_sensors,
@@ -32,6 +33,23 @@ def a_dataset(experiment, inputs_at, **sensors):
     return Dataset(InputRecord(np.asarray(inputs_at), values), records, experiment)
 
 
+def joined(parts):
+    """Consecutive timelines as one."""
+    parts = list(parts)
+
+    def offsets(name):
+        counts = [np.diff(getattr(part, name)) for part in parts]
+        return np.concatenate([[0], np.cumsum(np.concatenate(counts))])
+
+    def rows(name):
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    return Timeline(
+        rows("time"), offsets("piece_offset"), rows("piece_duration"), rows("piece_input"), parts[0].inputs,
+        offsets("reading_offset"), rows("reading_sensor"), rows("reading"),
+    )  # fmt: skip
+
+
 @given(inputs_at=clock, dvl=clock, gyroscope=clock, step=st.floats(0.01, 1.0))
 def test_pieces_fill_the_gaps_between_events_with_the_input_that_holds(
     inputs_at, dvl, gyroscope, step, experiment_with
@@ -40,7 +58,7 @@ def test_pieces_fill_the_gaps_between_events_with_the_input_that_holds(
     dataset = a_dataset(experiment_with(), inputs_at, dvl=dvl, gyroscope=gyroscope)
     measuring = measuring_sensors(dataset)
     start, _ = initial_motion(dataset, measuring)
-    timeline = build_timeline(dataset, measuring, start, step)
+    timeline = joined(Timelines(dataset, measuring, start, step, part=5))
 
     read_at = np.concatenate([dvl, gyroscope])
     expected = np.unique(read_at[read_at >= start])
@@ -66,7 +84,7 @@ def test_every_reading_from_the_start_on_appears_once_at_its_time(dvl, gyroscope
     measuring = measuring_sensors(dataset)
     start, _ = initial_motion(dataset, measuring)
     assert start == max(times[0] for times in clocks.values())
-    timeline = build_timeline(dataset, measuring, start, 0.02)
+    timeline = joined(Timelines(dataset, measuring, start, 0.02, part=4))
     event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.reading_offset))
     assert event.size == len(timeline.reading)
     for sensor, (name, times) in enumerate(clocks.items()):
@@ -80,7 +98,7 @@ def test_missing_components_stay_and_missing_samples_go(experiment_with):
     dataset = a_dataset(experiment_with(), [0.0], dvl=[0.0, 1.0, 2.0])
     values = dataset.sensors["dvl"].values
     values[1], values[2, 0] = np.nan, np.nan
-    timeline = build_timeline(dataset, measuring_sensors(dataset), 0.0, 0.1)
+    (timeline,) = Timelines(dataset, measuring_sensors(dataset), 0.0, 0.1)
     assert_allclose(timeline.time, [0.0, 2.0])
     assert np.array_equal(timeline.reading, [[0.0, 1.0, 2.0], [np.nan, 7.0, 8.0]], equal_nan=True)
 
@@ -90,7 +108,9 @@ def test_clocks_that_differ_by_rounding_share_an_event(experiment_with):
     summed = np.cumsum(np.full(50, 0.1)) - 0.1
     assert np.any(tenths != summed)
     dataset = a_dataset(experiment_with(), [0.0], dvl=tenths, gyroscope=summed)
-    assert build_timeline(dataset, measuring_sensors(dataset), 0.0, 1.0).time.size == 50
+    parts = list(Timelines(dataset, measuring_sensors(dataset), 0.0, 1.0, part=2))
+    assert sum(part.time.size for part in parts) == 50
+    assert len(parts) == 25
 
 
 @pytest.mark.parametrize(("last_input", "covers"), [(4.0, True), (5.0, True), (2.9, False)])
@@ -100,10 +120,10 @@ def test_inputs_that_end_long_before_the_readings_are_refused(last_input, covers
     inputs = InputRecord(np.array([0.0, 2.0, last_input]), dataset.inputs.values[:3])
     dataset = Dataset(inputs, dataset.sensors, dataset.experiment)
     if covers:
-        build_timeline(dataset, measuring_sensors(dataset), 0.0, 1.0)
+        Timelines(dataset, measuring_sensors(dataset), 0.0, 1.0)
     else:
         with pytest.raises(DataError, match=r"inputs end at t = 2.9 s, the readings go on to 5 s"):
-            build_timeline(dataset, measuring_sensors(dataset), 0.0, 1.0)
+            Timelines(dataset, measuring_sensors(dataset), 0.0, 1.0)
 
 
 def test_a_filter_starts_when_every_sensor_has_spoken_at_what_each_said_last(experiment_with):

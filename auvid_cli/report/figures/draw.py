@@ -1,16 +1,19 @@
 """Which figures a run gets."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from pathlib import Path
 from typing import Any
 
-from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.figures.workers import draw_and_save
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS
+from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, Quantity
+
+# Of one sensor, as many as any figure can show.
+_MOST_SAMPLES = 400_000
 
 
 class FigureQueue:
@@ -44,8 +47,9 @@ class FigureQueue:
                 courses = [estimate.course([c.symbol for c in members]) for estimate in estimates]
                 self._add(f"coefficients_{group}", "coefficients", members, courses, true)
         if evaluation.free_runs or dataset.sensors:
-            self._add("velocities", "motion", MOTION[:6], dataset.sensors, evaluation.free_runs)
-            self._add("attitude", "motion", MOTION[6:], dataset.sensors, evaluation.free_runs)
+            for name, quantities in (("velocities", MOTION[:6]), ("attitude", MOTION[6:])):
+                sensors = _seen(quantities, dataset.sensors)
+                self._add(name, "motion", quantities, sensors, evaluation.free_runs)
         if dataset.truth is not None or estimates:
             courses = [estimate.course(MOTION_SYMBOLS) for estimate in estimates]
             self._add("path", "path", dataset.truth, courses)
@@ -73,3 +77,13 @@ class FigureQueue:
 
     def _add(self, name: str, kind: str, *arguments: Any) -> None:
         self._drawn[name] = self._workers.submit(draw_and_save, kind, arguments, self._folder, name)
+
+
+def _seen(quantities: Sequence[Quantity], sensors: dict[str, SensorRecord]) -> dict[str, SensorRecord]:
+    """Those sensors that measure any of some quantities; of a long record evenly spaced samples."""
+    seen = {}
+    for name, record in sensors.items():
+        if set(quantities) & set(SENSORS[name]):
+            every = slice(None, None, 1 + record.time.size // _MOST_SAMPLES)
+            seen[name] = SensorRecord(record.time[every], record.values[every], record.standard_deviation)
+    return seen
