@@ -16,13 +16,14 @@ _MOST = 4
 
 @contextmanager
 def figure_workers() -> Iterator[Executor]:
-    """Processes that get ready to draw at once; what they have not begun when the block ends is dropped."""
+    """Processes that are there from the first figure on; what they have not begun when the block ends is dropped."""
     count = min(os.cpu_count() or 1, _MOST)
-    # Forking a process that has threads, of the linear algebra if of nothing else, can lock it up.
-    context = multiprocessing.get_context("spawn")
+    # Forking this process, which has threads, could lock it up; a server that has loaded matplotlib once forks well.
+    # None starts before there is something to draw: an interrupt while the core is compiled finds nobody to tell.
+    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+    context = multiprocessing.get_context(method)
+    context.set_forkserver_preload(["auvid_cli.report.figures.kinds"])
     workers = ProcessPoolExecutor(count, mp_context=context, initializer=_prepare)
-    for _ in range(count):
-        workers.submit(_load)
     try:
         yield workers
     finally:
@@ -44,10 +45,6 @@ def _end_with_parent() -> None:
     if parent is not None:
         parent.join()
     os._exit(1)
-
-
-def _load() -> None:
-    import auvid_cli.report.figures.kinds  # noqa: F401
 
 
 def draw_and_save(kind: str, arguments: tuple[Any, ...], folder: Path, name: str) -> list[Path]:
