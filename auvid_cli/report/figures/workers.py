@@ -6,9 +6,12 @@ import signal
 import threading
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from auvid_cli.errors import FileError
 
 # More than a few would wait for each other's memory, and there are only nine figures.
 _MOST = 4
@@ -16,7 +19,13 @@ _MOST = 4
 
 @contextmanager
 def figure_workers() -> Iterator[Executor]:
-    """Processes that are there from the first figure on; what they have not begun when the block ends is dropped."""
+    """Processes that are there from the first figure on; what they have not begun when the block ends is dropped.
+
+    Raises
+    ------
+    FileError
+        If one of them was killed.
+    """
     count = min(os.cpu_count() or 1, _MOST)
     # Forking this process, which has threads, could lock it up; a server that has loaded matplotlib once forks well.
     # None starts before there is something to draw: an interrupt while the core is compiled finds nobody to tell.
@@ -26,6 +35,11 @@ def figure_workers() -> Iterator[Executor]:
     workers = ProcessPoolExecutor(count, mp_context=context, initializer=_prepare)
     try:
         yield workers
+    except BrokenProcessPool as error:
+        raise FileError(
+            "figures: a process that draws them was ended from outside, perhaps for want of memory; "
+            "the estimates are written, `auvid report` draws again"
+        ) from error
     finally:
         workers.shutdown(cancel_futures=True)
 
