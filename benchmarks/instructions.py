@@ -33,9 +33,8 @@ def run_filter(name: str, passes: int) -> None:
 
     experiment = load_experiment(find_experiment(None), (f"manoeuvre.duration={_DURATION}",))
     (run,) = set_up_filters(simulate(experiment), [FilterName(name)])
-    for _ in range(passes):
-        outcome = run.run(lambda part: None)
-    print(outcome.steps)
+    outcomes = [run.run(lambda part: None) for _ in range(passes)]
+    print(outcomes[0].steps)
 
 
 def instructions_per_event(name: str) -> float:

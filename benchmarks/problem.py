@@ -1,0 +1,208 @@
+"""The one problem that every filter solves: data, process, sensors and prior, as auvid itself sets them up."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.filters.problem import Belief, Ending, Process, Receiver, Sensors, Timeline
+from auvid_cli.identification.identify import FilterRun, set_up_filters
+from auvid_cli.simulation.simulate import simulate
+
+Array = NDArray[np.float64]
+
+# Coefficients come first in the state, in units of their prior standard deviation; then the nine motion states.
+N_COEFFICIENTS = 22
+N_STATE = 31
+
+
+class Answer(NamedTuple):
+    """What a filter believes after the last event."""
+
+    mean: Array
+    covariance: Array
+
+
+class Event(NamedTuple):
+    """One prediction and one measurement: everything that does not depend on the state, made before the clock starts.
+
+    Attributes
+    ----------
+    duration : float
+        Since the event before, s; zero for the first, to which nothing leads.
+    held : ndarray, shape (4,)
+        Inputs that hold during it.
+    process_noise : ndarray, shape (31, 31)
+        Covariance that it adds.
+    time : float
+        s.
+    measured : ndarray of int, shape (c,)
+        States that are measured; all readings of an event at once.
+    reading, variance : ndarray, shape (c,)
+    matrix : ndarray, shape (c, 31)
+        Selects the measured states.
+    noise : ndarray, shape (c, c)
+    """
+
+    duration: float
+    held: Array
+    process_noise: Array
+    time: float
+    measured: NDArray[np.int64]
+    reading: Array
+    variance: Array
+    matrix: Array
+    noise: Array
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Data and model.
+
+    Attributes
+    ----------
+    filters : dict
+        auvid's own by name, ready to run on a timeline.
+    process, sensors, prior
+        auvid's own.
+    timeline : Timeline
+        The first events of the data, for auvid's filters.
+    events : tuple of Event
+        The same for the others.
+    covariance : ndarray, shape (31, 31)
+        Of the prior.
+    unscented : tuple of float
+        alpha, beta, kappa of auvid's UKF.
+    """
+
+    filters: dict[str, Callable[[list[Timeline], Receiver], Ending]]
+    process: Process
+    sensors: Sensors
+    prior: Belief
+    timeline: Timeline
+    events: tuple[Event, ...]
+    covariance: Array
+    unscented: tuple[float, float, float]
+
+    def first(self, n_events: int) -> "Problem":
+        """The same with fewer events."""
+        return replace(self, timeline=_first(self.timeline, n_events), events=self.events[:n_events])
+
+
+@dataclass(frozen=True)
+class Peer:
+    """A filter to be measured.
+
+    Attributes
+    ----------
+    name : str
+        Kind of filter and what is special about it.
+    library : str
+        Of the package index, whose version is reported.
+    process_model : str
+        How the equations of motion are computed.
+    reference : str
+        Filter of auvid whose answer should come out.
+    build : callable
+        Makes a function that filters a problem from its prior to its end.
+    max_events : int or None
+        Where a slow one stops.
+    note : str
+    """
+
+    name: str
+    library: str
+    process_model: str
+    reference: str
+    build: Callable[[Problem], Callable[[], Answer]]
+    max_events: int | None = None
+    note: str = ""
+
+
+def make_problem(n_events: int) -> Problem:
+    """The beginning of the default experiment, with its own prior, noise and settings."""
+    dataset = simulate(load_experiment(find_experiment(None), []))
+    runs = set_up_filters(dataset, list(FilterName))
+    settings = dataset.experiment.identification
+    exact = settings.model_copy(update={"ekf": settings.ekf.model_copy(update={"transition": "exact"})})
+    experiment = dataset.experiment.model_copy(update={"identification": exact})
+    (exact_ekf,) = set_up_filters(replace(dataset, experiment=experiment), [FilterName.EKF])
+
+    process, sensors, data, prior = _call(runs[0]).args[-4:]
+    whole = next(iter(data))
+    if not 0 < n_events <= whole.time.size:
+        raise ValueError(f"--events must be from 1 to {whole.time.size}")
+    timeline = _first(whole._replace(reading=_unwrapped(whole, sensors)), n_events)
+    filters = {run.header.filter: _on_timelines(run) for run in runs} | {"ekf exact": _on_timelines(exact_ekf)}
+    unscented = settings.ukf.alpha, settings.ukf.beta, settings.ukf.kappa
+    covariance = prior.factor @ prior.factor.T
+    return Problem(
+        filters, process, sensors, prior, timeline, _events(timeline, process, sensors), covariance, unscented
+    )
+
+
+def _call(run: FilterRun) -> partial[Ending]:
+    """auvid's filter with its arguments: for some a point set, then process, sensors, data and prior."""
+    assert isinstance(run.filter, partial)
+    return run.filter
+
+
+def _on_timelines(run: FilterRun) -> Callable[[list[Timeline], Receiver], Ending]:
+    """auvid's filter with other data than its own."""
+    call = _call(run)
+    *before, _, prior = call.args
+    return lambda timelines, receive: call.func(*before, timelines, prior, receive)
+
+
+def _first(timeline: Timeline, n_events: int) -> Timeline:
+    n_pieces, n_readings = timeline.piece_offset[n_events], timeline.reading_offset[n_events]
+    return Timeline(
+        timeline.time[:n_events],
+        timeline.piece_offset[: n_events + 1],
+        timeline.piece_duration[:n_pieces],
+        timeline.piece_input[:n_pieces],
+        timeline.inputs,
+        timeline.reading_offset[: n_events + 1],
+        timeline.reading_sensor[:n_readings],
+        timeline.reading[:n_readings],
+    )
+
+
+def _unwrapped(timeline: Timeline, sensors: Sensors) -> Array:
+    """Angles without jumps, because not every library can wrap an innovation."""
+    reading = timeline.reading.copy()
+    for sensor in np.flatnonzero(sensors.angular.any(axis=1)):
+        own = timeline.reading_sensor == sensor
+        reading[own] = np.unwrap(reading[own], axis=0)
+    return reading
+
+
+def _events(timeline: Timeline, process: Process, sensors: Sensors) -> tuple[Event, ...]:
+    pieces = np.diff(timeline.piece_offset)
+    if pieces[0] != 0 or (pieces[1:] != 1).any() or np.isnan(timeline.reading).any():
+        raise ValueError("the peers are written for one integration step from event to event and whole readings")
+    events = []
+    noises = {0.0: np.zeros((N_STATE, N_STATE))}
+    for k in range(timeline.time.size):
+        duration, held = 0.0, timeline.inputs[0]
+        if k:
+            piece = timeline.piece_offset[k]
+            duration, held = float(timeline.piece_duration[piece]), timeline.inputs[timeline.piece_input[piece]]
+        if duration not in noises:
+            noises[duration] = np.zeros((N_STATE, N_STATE))
+            noises[duration][N_COEFFICIENTS:, N_COEFFICIENTS:] = np.diag(process.noise_density**2 * duration)
+        heard = slice(timeline.reading_offset[k], timeline.reading_offset[k + 1])
+        rows = timeline.reading_sensor[heard]
+        matrix, variance = np.concatenate(sensors.matrix[rows]), np.concatenate(sensors.variance[rows])
+        measured = matrix.argmax(axis=1)
+        reading = timeline.reading[heard].ravel()
+        time = float(timeline.time[k])
+        events.append(
+            Event(duration, held, noises[duration], time, measured, reading, variance, matrix, np.diag(variance))
+        )
+    return tuple(events)
