@@ -31,7 +31,7 @@ class Cost(NamedTuple):
 
 def cost_of(*arguments: str, **environment: str) -> Cost:
     """Run auvid with some arguments; the processes that draw figures are not in processor time and memory."""
-    command = [sys.executable, "-m", "auvid_cli", *arguments]
+    command = [str(Path(sys.executable).with_name("auvid")), *arguments]
     start = time.perf_counter()
     process = subprocess.Popen(command, env=os.environ | environment, stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
