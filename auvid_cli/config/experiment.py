@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from auvid_cli.config.biases import Estimate
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.config.model import Settings
@@ -87,6 +88,7 @@ class Identification(Settings):
         Literal["all"] | tuple[str, ...],
         Field(description="'all', or a list; the others are held at the vehicle file's values"),
     ] = "all"
+    estimate: Estimate = Estimate()
     prior: Prior = Prior()
     process_noise: ProcessNoise = ProcessNoise()
     initial_motion: InitialMotion = InitialMotion()

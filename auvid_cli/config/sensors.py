@@ -110,6 +110,11 @@ class Dvl(SensorSettings):
     unit = "m/s"
     components = ("u", "v", "w")
 
+    scale_error: Annotated[
+        float, Field(gt=-1, description="of all components, from a wrong speed of sound: 0.01 is 1 % too fast")
+    ] = 0.0
+    mounting_yaw: Annotated[float, Unit("rad"), Field(description="how far it is turned to starboard")] = 0.0
+
 
 class AhrsSettings(Settings):
     """How the AHRS computes attitude, and how far a filter may trust it."""

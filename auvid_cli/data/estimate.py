@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
+from auvid_cli.vehicle.coefficients import SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ class EstimateHeader:
     experiment : Experiment
         Settings it is made with.
     state : tuple of str
-        Symbols: the estimated coefficients, then the nine motion states.
+        Symbols: estimated coefficients, constant sensor errors, the nine motion states, walking sensor errors.
     unit : tuple of str
     held : dict
         Coefficients that are not estimated, SI.
@@ -171,6 +171,4 @@ class Estimate(EstimateHeader, EstimatePart, Outcome):
 
     def final_coefficients(self) -> dict[str, float]:
         """The 22 coefficients at the last time, estimated or held, SI."""
-        return self.held | {
-            symbol: float(self.mean[-1, i]) for i, symbol in enumerate(self.state) if symbol not in MOTION_SYMBOLS
-        }
+        return self.held | {symbol: float(self.mean[-1, i]) for i, symbol in enumerate(self.state) if symbol in SYMBOLS}

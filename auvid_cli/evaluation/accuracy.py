@@ -6,7 +6,7 @@ import numpy as np
 
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
+from auvid_cli.vehicle.coefficients import SYMBOLS
 
 # The part of the run that counts as steady state.
 STEADY_SHARE = 0.1
@@ -43,7 +43,7 @@ def coefficient_results(estimate: Estimate, truth: TruthRecord | None) -> list[C
     steady = steady_part(estimate)
     results = []
     for i, symbol in enumerate(estimate.state):
-        if symbol in MOTION_SYMBOLS:
+        if symbol not in SYMBOLS:
             continue
         series = estimate.mean[:, i]
         true = truth.coefficients[symbol] if truth is not None else None

@@ -12,6 +12,7 @@ from auvid_cli.evaluation.accuracy import (
 from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor_consistency, verdict
 from auvid_cli.evaluation.free_run import VelocityError, free_run
 from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.evaluation.sensor_errors import SensorErrorResult, sensor_error_results
 
 
 class FilterSummary(NamedTuple):
@@ -33,12 +34,13 @@ class Evaluation(NamedTuple):
     summary: list[FilterSummary]
     velocity_errors: list[VelocityError]
     consistency: list[SensorConsistency]
+    sensor_errors: list[SensorErrorResult]
     free_runs: dict[str, FreeRun]
 
 
 def evaluate(dataset: Dataset, estimates: list[Estimate]) -> Evaluation:
     """Evaluate estimates against the dataset they came from, and its truth where it has one."""
-    evaluation = Evaluation([], [], [], [], {})
+    evaluation = Evaluation([], [], [], [], [], {})
     for estimate in estimates:
         run, errors = free_run(dataset, estimate)
         results = coefficient_results(estimate, dataset.truth)
@@ -57,5 +59,6 @@ def evaluate(dataset: Dataset, estimates: list[Estimate]) -> Evaluation:
         )
         evaluation.velocity_errors.extend(errors)
         evaluation.consistency.extend(sensor_consistency(estimate))
+        evaluation.sensor_errors.extend(sensor_error_results(estimate))
         evaluation.free_runs[estimate.filter] = run
     return evaluation

@@ -17,6 +17,7 @@ from auvid_cli.filters import problem
 from auvid_cli.filters.point_sets import cubature, transformed, unscented
 from auvid_cli.filters.problem import Belief, Ending, Receiver, Records, Timeline
 from auvid_cli.filters.square_root import run_square_root_filter
+from auvid_cli.identification.biases import constant_errors, sensor_errors, walking_errors
 from auvid_cli.identification.prior import prior_standard_deviations
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.timeline import (
@@ -162,8 +163,17 @@ def set_up_filters(dataset: Dataset, filter_names: Sequence[FilterName]) -> list
     )
     scale = np.array([priors[symbol] for symbol in estimated])
 
+    errors = sensor_errors(settings.estimate)
+    constant, walking = constant_errors(errors), walking_errors(errors)
+    units = {c.symbol: c.unit for c in COEFFICIENTS}
+    blocks = [(symbol, units[symbol]) for symbol in estimated]
+    blocks += [(error.symbol, error.unit) for error in constant]
+    blocks += [(quantity.symbol, quantity.unit) for quantity in MOTION]
+    blocks += [(error.symbol, error.unit) for error in walking]
+    state, unit = zip(*blocks, strict=True)
+
     measuring = measuring_sensors(dataset)
-    sensors = measurement_model(measuring, len(estimated))
+    sensors = measurement_model(measuring, state, errors)
     start, motion = initial_motion(dataset, measuring)
     data = Timelines(dataset, measuring, start, settings.integration_step)
     process = vehicle_process(
@@ -172,28 +182,35 @@ def set_up_filters(dataset: Dataset, filter_names: Sequence[FilterName]) -> list
         selection,
         scale,
         settings.process_noise,
-        exact=settings.ekf.transition == "exact",
+        settings.ekf.transition == "exact",
+        errors,
     )
     spread = settings.initial_motion
     prior = Belief(
-        np.concatenate([np.zeros(len(estimated)), motion]),
-        np.diag([*np.ones(len(estimated)), *np.repeat([spread.velocity, spread.rate, spread.attitude], 3)]),
+        np.concatenate([np.zeros(len(estimated) + len(constant)), motion, np.zeros(len(walking))]),
+        np.diag(
+            [
+                *np.ones(len(estimated)),
+                *(error.spread for error in constant),
+                *np.repeat([spread.velocity, spread.rate, spread.attitude], 3),
+                *(error.spread for error in walking),
+            ]
+        ),
     )
-    units = {c.symbol: c.unit for c in COEFFICIENTS}
     return [
         FilterRun(
             EstimateHeader(
                 filter=name.value,
                 experiment=experiment,
-                state=(*estimated, *(quantity.symbol for quantity in MOTION)),
-                unit=(*(units[symbol] for symbol in estimated), *(quantity.unit for quantity in MOTION)),
+                state=state,
+                unit=unit,
                 held=held,
                 dataset_sha256=dataset.sha256,
             ),
             data.span,
             partial(_chosen_filter(name, settings, prior.mean.size), process, sensors, data, prior),
             prior,
-            np.concatenate([scale, np.ones(len(MOTION))]),
+            np.concatenate([scale, np.ones(len(state) - len(estimated))]),
             measuring,
         )
         for name in filter_names

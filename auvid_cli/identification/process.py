@@ -1,5 +1,7 @@
 """The vehicle as a filter's process: coefficients as parameters, motion as moving states."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numba import types
 from numpy.typing import NDArray
@@ -7,7 +9,8 @@ from numpy.typing import NDArray
 from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.config.experiment import ProcessNoise
-from auvid_cli.filters.problem import PROCESS_SIGNATURE, Process
+from auvid_cli.filters.problem import OBSERVATION_SIGNATURE, PROCESS_SIGNATURE, Process
+from auvid_cli.identification.biases import DVL_ERRORS, SensorError, constant_errors, walking_errors
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
@@ -15,6 +18,7 @@ from auvid_cli.vehicle.dynamics import (
     N_CONSTANTS,
     N_WORK,
     runge_kutta_step,
+    sine_cosine,
 )
 from auvid_cli.vehicle.parameters import N_MOTION
 from auvid_cli.vehicle.sensitivity import motion_jacobian, transition_step
@@ -25,9 +29,11 @@ _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
 
-# Layout of `constants`: the vehicle, the 22 held values, one scale for each estimated coefficient.
+# Layout of `constants`: the vehicle, the 22 held values, one scale for each estimated coefficient; last, how many
+# parameters there are, and in which rows of the state the DVL's scale error and mounting yaw stand.
 _HELD = N_CONSTANTS
 _SCALE = N_CONSTANTS + N_COEFFICIENTS
+_NOWHERE = -1.0
 
 
 @compiled(PROCESS_SIGNATURE, views_only=True)
@@ -46,14 +52,30 @@ def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration
     runge_kutta_step(motion, coefficients, inputs, constants[:N_CONSTANTS], n_lanes, duration, work)
 
 
-@compiled(types.void(_vector, _indices, types.boolean, _vector, _matrix, _indices, _vector, _matrix))
-def _transition(constants, selection, exact, mean, inputs, piece_input, piece_duration, matrix):
-    n_parameters = selection.size
+@compiled(OBSERVATION_SIGNATURE, views_only=True)
+def _observe(moving, parameters, sensor, constants, selection, n_lanes, seen):
+    """What a DVL with a scale error, mounted at a small yaw, sees: ``(1 + scale) Rz(yaw)' [u v w]``."""
+    n_parameters = int(constants[constants.size - 3])
+    scale, yaw = int(constants[constants.size - 2]), int(constants[constants.size - 1])
+    scales = parameters[scale * LANES :] if scale < n_parameters else moving[(scale - n_parameters) * LANES :]
+    yaws = parameters[yaw * LANES :] if yaw < n_parameters else moving[(yaw - n_parameters) * LANES :]
+    for k in range(n_lanes):
+        u, v, w = moving[k], moving[LANES + k], moving[2 * LANES + k]
+        sin_yaw, cos_yaw = sine_cosine(yaws[k])
+        gain = 1.0 + scales[k]
+        seen[k] = gain * (cos_yaw * u + sin_yaw * v)
+        seen[LANES + k] = gain * (cos_yaw * v - sin_yaw * u)
+        seen[2 * LANES + k] = gain * w
+
+
+@compiled(types.void(_vector, _indices, types.int64, types.boolean, _vector, _matrix, _indices, _vector, _matrix))
+def _transition(constants, selection, n_parameters, exact, mean, inputs, piece_input, piece_duration, matrix):
+    n_coefficients = selection.size
     vehicle = constants[:N_CONSTANTS]
     coefficients = constants[_HELD : _HELD + N_COEFFICIENTS].copy()
-    for j in range(n_parameters):
+    for j in range(n_coefficients):
         coefficients[selection[j]] = constants[_SCALE + j] * mean[j]
-    motion = mean[n_parameters:]
+    motion = mean[n_parameters : n_parameters + N_MOTION]
     sensitivity = np.zeros((N_MOTION, N_MOTION + N_COEFFICIENTS))
     for i in range(N_MOTION):
         sensitivity[i, i] = 1.0
@@ -81,16 +103,22 @@ def _transition(constants, selection, exact, mean, inputs, piece_input, piece_du
         motion[:] = block[::LANES]
     for i in range(N_MOTION):
         row = matrix[n_parameters + i]
-        for j in range(n_parameters):
+        for j in range(n_coefficients):
             row[j] = sensitivity[i, N_MOTION + selection[j]] * constants[_SCALE + j]
         for j in range(N_MOTION):
             row[n_parameters + j] = sensitivity[i, j]
 
 
 def vehicle_process(
-    vehicle: Array, held: Array, selection: NDArray[np.int64], scale: Array, noise: ProcessNoise, exact: bool
+    vehicle: Array,
+    held: Array,
+    selection: NDArray[np.int64],
+    scale: Array,
+    noise: ProcessNoise,
+    exact: bool,
+    errors: Sequence[SensorError] = (),
 ) -> Process:
-    """The augmented model of Sabet et al. 2018, eq. (10), with coefficients in units of `scale`.
+    """The augmented model of Sabet et al. 2018, eq. (10), with coefficients in units of `scale`, and sensor errors.
 
     Parameters
     ----------
@@ -105,17 +133,40 @@ def vehicle_process(
     noise : ProcessNoise
     exact : bool
         Transition matrix of the EKF: variational equation, or the paper's first order.
+    errors : sequence of SensorError
+        The state is: coefficients, constant errors, motion, walking errors.
     """
-    constants = np.concatenate([vehicle, held, scale])
+    constant, walking = constant_errors(errors), walking_errors(errors)
+    n_parameters = selection.size + len(constant)
+    order = [*constant, *([None] * N_MOTION), *walking]
+    place = {error.symbol: float(selection.size + row) for row, error in enumerate(order) if error is not None}
+    dvl = [place.get(symbol, _NOWHERE) for symbol in DVL_ERRORS]
+    constants = np.concatenate([vehicle, held, scale, [n_parameters], dvl])
 
     def transition(mean: Array, inputs: Array, piece_input: NDArray[np.int64], piece_duration: Array, matrix: Array):
-        _transition(constants, selection, exact, mean, inputs, piece_input, piece_duration, matrix)
+        _transition(constants, selection, n_parameters, exact, mean, inputs, piece_input, piece_duration, matrix)
+
+    def linearise(mean: Array, sensor: int) -> tuple[Array, Array]:
+        u, v, w = mean[n_parameters : n_parameters + 3]
+        rows = [int(row) for row in dvl]
+        gain, (sine, cosine) = 1.0 + mean[rows[0]], (np.sin(mean[rows[1]]), np.cos(mean[rows[1]]))
+        turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        straight = turn @ [u, v, w]
+        matrix = np.zeros((3, mean.size))
+        matrix[:, n_parameters : n_parameters + 3] = gain * turn
+        matrix[:, rows[0]] = straight
+        matrix[:, rows[1]] = gain * np.array([straight[1], -straight[0], 0.0])
+        return gain * straight, matrix
 
     return Process(
         advance=_advance,
         transition=transition,
         constants=constants,
         selection=selection,
-        noise_density=np.repeat([noise.velocity, noise.rate, noise.attitude], 3),
+        noise_density=np.concatenate(
+            [np.repeat([noise.velocity, noise.rate, noise.attitude], 3), [error.walk for error in walking]]
+        ),
         scratch_size=N_COEFFICIENT_BLOCK + N_WORK,
+        observe=_observe,
+        linearise=linearise,
     )

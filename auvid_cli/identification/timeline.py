@@ -1,6 +1,6 @@
 """From a dataset to events in time order, each sensor at its own times, a part of the run at a time."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
 from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Indices, Sensors, Timeline
+from auvid_cli.identification.biases import SensorError
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
@@ -43,18 +44,46 @@ def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
     return measuring
 
 
-def measurement_model(measuring: dict[str, SensorRecord], n_parameters: int) -> Sensors:
-    """Rows that select the measured motion states from an augmented state with parameters first."""
+def measurement_model(
+    measuring: dict[str, SensorRecord], state: Sequence[str], errors: Sequence[SensorError]
+) -> Sensors:
+    """Rows that select the measured motion states, plus the sensor's own error, from an augmented state.
+
+    Parameters
+    ----------
+    measuring : dict of SensorRecord
+    state : sequence of str
+        Symbols of the augmented state.
+    errors : sequence of SensorError
+        Those of a sensor that do not just add to its reading make it nonlinear.
+
+    Raises
+    ------
+    DataError
+        If an error belongs to a sensor that is not there.
+    """
     width = max(record.values.shape[1] for record in measuring.values())
-    matrix = np.zeros((len(measuring), width, n_parameters + N_MOTION))
+    matrix = np.zeros((len(measuring), width, len(state)))
     variance = np.ones((len(measuring), width))
     angular = np.zeros((len(measuring), width), dtype=np.bool_)
+    nonlinear = np.zeros(len(measuring), dtype=np.bool_)
     for sensor, (name, record) in enumerate(measuring.items()):
         for component, quantity in enumerate(SENSORS[name]):
-            matrix[sensor, component, n_parameters + MOTION_SYMBOLS.index(quantity.symbol)] = 1.0
+            matrix[sensor, component, state.index(quantity.symbol)] = 1.0
             variance[sensor, component] = record.standard_deviation[component] ** 2
             angular[sensor, component] = quantity.symbol in _ANGULAR
-    return Sensors(matrix, variance, angular, np.zeros(len(measuring), dtype=np.bool_))
+    for error in errors:
+        if error.sensor not in measuring:
+            raise DataError(
+                f"identification.estimate.biases asks for {error.symbol}, but the dataset has no valid sample of "
+                f"{error.sensor}"
+            )
+        sensor = list(measuring).index(error.sensor)
+        if error.component >= 0:
+            matrix[sensor, error.component, state.index(error.symbol)] = 1.0
+        else:
+            nonlinear[sensor] = True
+    return Sensors(matrix, variance, angular, nonlinear)
 
 
 def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tuple[float, Array]:

@@ -11,10 +11,11 @@ from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.consistency import SensorConsistency
 from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
 from auvid_cli.evaluation.free_run import VelocityError
+from auvid_cli.evaluation.sensor_errors import SensorErrorResult
 
 
 def write_csv_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
-    """Write the four CSV tables.
+    """Write the CSV tables.
 
     Parameters
     ----------
@@ -36,6 +37,7 @@ def write_csv_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
         "summary": (FilterSummary, evaluation.summary),
         "velocity_error": (VelocityError, evaluation.velocity_errors),
         "consistency": (SensorConsistency, evaluation.consistency),
+        "sensor_errors": (SensorErrorResult, evaluation.sensor_errors),
     }
     paths = []
     for name, (row_type, rows) in tables.items():

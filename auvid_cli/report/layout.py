@@ -27,6 +27,7 @@ def lay_out(evaluation: Evaluation, with_paper: bool) -> list[Table]:
         _estimates(evaluation),
         _velocities(evaluation, with_paper),
         _consistency(evaluation),
+        *([_sensor_errors(evaluation)] if evaluation.sensor_errors else []),
         _runs(evaluation),
     ]
 
@@ -144,6 +145,39 @@ def _consistency(evaluation: Evaluation) -> Table:
         rows,
         [["all", *(row.mean_nis for row in evaluation.summary)]],
     )
+
+
+def _sensor_errors(evaluation: Evaluation) -> Table:
+    filters = _filters(evaluation)
+    found = {(row.state, row.filter): row for row in evaluation.sensor_errors}
+    rows: list[list[Cell]] = []
+    for state, any_row in {row.state: row for row in evaluation.sensor_errors}.items():
+        results = [found.get((state, name)) for name in filters]
+        values = [row and PlusMinus(row.estimate, row.standard_deviation) for row in results]
+        rows.append([Symbol(state), Unit(any_row.unit), any_row.prior_standard_deviation, *values])
+    return Table(
+        "sensor-errors",
+        "Errors of the sensors",
+        (
+            *(Column("State", numeric=False), Column("Unit", numeric=False), Column("Prior standard deviation")),
+            *_columns("Estimate ± standard deviation", filters),
+        ),
+        rows,
+        notes=tuple(unobserved(evaluation)),
+    )
+
+
+def unobserved(evaluation: Evaluation) -> list[str]:
+    """A sentence for each filter that was asked for a sensor error which the data do not determine."""
+    sentences = []
+    for name in _filters(evaluation):
+        states = [row.state for row in evaluation.sensor_errors if row.filter == name and not row.observed]
+        if states:
+            sentences.append(
+                f"{filter_label(name)}: {', '.join(states)} cannot be observed on this manoeuvre; more than half of "
+                "the prior's standard deviation is left."
+            )
+    return sentences
 
 
 def _runs(evaluation: Evaluation) -> Table:

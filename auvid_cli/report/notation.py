@@ -7,6 +7,7 @@ from auvid_cli.vehicle.coefficients import COEFFICIENTS
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _FINS = {"rudder": r"\delta_r", "elevator": r"\delta_e"}
 _GREEK = ("phi", "theta", "psi")
+_SENSOR_ERRORS = {"dvl_scale": r"$s_{\mathrm{DVL}}$", "dvl_yaw": r"$\psi_{\mathrm{DVL}}$"}
 _COEFFICIENTS = {c.symbol: c for c in COEFFICIENTS}
 
 
@@ -22,6 +23,11 @@ def symbol_math(symbol: str) -> str:
         if coefficient.group == "control":
             subscript = "".join(_FINS.get(signal, signal) for signal in coefficient.signals)
         return f"${letter}_{{{subscript}}}$"
+    if symbol in _SENSOR_ERRORS:
+        return _SENSOR_ERRORS[symbol]
+    if symbol.startswith("bias_"):
+        component = symbol.removeprefix("bias_")
+        return rf"$b_{{\{component}}}$" if component in _GREEK else f"$b_{{{component}}}$"
     letter, subscript = symbol[0], symbol[1:]
     return f"${letter}_{{{subscript}}}$" if subscript else f"${letter}$"
 

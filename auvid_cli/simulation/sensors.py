@@ -5,7 +5,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.sensors import SensorSettings, SensorSuite
+from auvid_cli.config.sensors import Dvl, SensorSettings, SensorSuite
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.simulation.motion import Truth, sample_motion
 
@@ -41,6 +41,8 @@ def measure(truth: Truth, suite: SensorSuite, seed: int) -> dict[str, SensorReco
         times = sample_times(settings, truth.time[-1])
         blocks = [times[first : first + _BLOCK] for first in range(0, max(times.size, 1), _BLOCK)]
         true = np.concatenate([reading(*sample_motion(truth, block)) for block in blocks])
+        if isinstance(settings, Dvl):
+            true = true @ _seen_by(settings).T
         records[name] = corrupt(times, true, settings, name, seed)
     return records
 
@@ -83,6 +85,12 @@ def _rates(motion: Array, rate: Array) -> Array:
 
 def _velocity(motion: Array, rate: Array) -> Array:
     return motion[:, :3]
+
+
+def _seen_by(dvl: Dvl) -> Array:
+    """Velocity in the axes of a DVL that is mounted at a small yaw, times its scale."""
+    sine, cosine = np.sin(dvl.mounting_yaw), np.cos(dvl.mounting_yaw)
+    return (1.0 + dvl.scale_error) * np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _attitude(motion: Array, rate: Array) -> Array:

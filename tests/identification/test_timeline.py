@@ -15,6 +15,7 @@ from auvid_cli.identification.timeline import (
     measurement_model,
     measuring_sensors,
 )
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 # Clocks in whole microseconds, some instants in common.
 clock = st.lists(st.integers(0, 3_000_000), min_size=2, max_size=30, unique=True).map(
@@ -144,12 +145,13 @@ def test_no_filter_starts_before_the_first_input(experiment_with):
 def test_measurement_rows_pick_the_measured_state_behind_the_parameters(experiment_with, rng):
     dataset = a_dataset(experiment_with(), [0.0], attitude=[0.0, 1.0], dvl=[0.0, 1.0])
     measuring = measuring_sensors(dataset)
-    sensors = measurement_model(measuring, 5)
-    state = rng.standard_normal(14)
-    motion = dict(zip(("u", "v", "w", "p", "q", "r", "phi", "theta", "psi"), state[5:], strict=True))
+    state = [f"c{i}" for i in range(5)] + list(MOTION_SYMBOLS)
+    sensors = measurement_model(measuring, state, ())
+    values = rng.standard_normal(14)
+    motion = dict(zip(MOTION_SYMBOLS, values[5:], strict=True))
     for sensor, (name, symbols) in enumerate({"attitude": ("phi", "theta", "psi"), "dvl": ("u", "v", "w")}.items()):
         assert list(measuring)[sensor] == name
-        assert_allclose(sensors.matrix[sensor] @ state, [motion[symbol] for symbol in symbols])
+        assert_allclose(sensors.matrix[sensor] @ values, [motion[symbol] for symbol in symbols])
         assert_allclose(sensors.variance[sensor], [0.01, 0.04, 0.09])
         assert sensors.angular[sensor].all() == (name == "attitude")
 

@@ -98,7 +98,7 @@ def diverged(estimate: Estimate, samples: int) -> Estimate:
 
 def evaluation_of(dataset: Dataset, estimates: list[Estimate], blown_up: tuple[str, ...] = ()) -> Evaluation:
     """What `evaluate` gives, with a free run that needs no vehicle."""
-    evaluation = Evaluation([], [], [], [], {})
+    evaluation = Evaluation([], [], [], [], [], {})
     for estimate in estimates:
         results = coefficient_results(estimate, dataset.truth)
         motion = motion_at(TIME) + 0.02

@@ -1,0 +1,55 @@
+"""Which sensor errors are estimated along with the coefficients, and what is known of them beforehand."""
+
+from enum import StrEnum
+from typing import Annotated
+
+from pydantic import Field
+
+from auvid_cli.config.model import Settings
+from auvid_cli.config.quantity import Unit
+
+
+class BiasName(StrEnum):
+    """A block of the augmented state."""
+
+    GYRO = "gyro"
+    ATTITUDE = "attitude"
+    DVL = "dvl"
+
+
+class GyroBias(Settings):
+    """Bias of the gyroscope, three components."""
+
+    spread: Annotated[float, Unit("rad/s"), Field(gt=0, description="standard deviation before any data")] = 0.01
+    walk: Annotated[
+        float, Unit("rad/s/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
+    ] = 0.0
+
+
+class AttitudeBias(Settings):
+    """Offsets of roll, pitch and heading."""
+
+    spread: Annotated[float, Unit("rad"), Field(gt=0, description="standard deviation before any data")] = 0.05
+    walk: Annotated[
+        float, Unit("rad/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
+    ] = 0.0
+
+
+class DvlError(Settings):
+    """Scale error and mounting yaw of the DVL."""
+
+    scale_spread: Annotated[float, Field(gt=0, description="standard deviation before any data")] = 0.05
+    scale_walk: Annotated[float, Unit("1/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
+    yaw_spread: Annotated[float, Unit("rad"), Field(gt=0, description="standard deviation before any data")] = 0.05
+    yaw_walk: Annotated[float, Unit("rad/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
+
+
+class Estimate(Settings):
+    """What is estimated besides coefficients and motion."""
+
+    biases: Annotated[
+        tuple[BiasName, ...], Field(description="of `gyro`, `attitude` and `dvl`: sensors whose errors are states")
+    ] = ()
+    gyro: GyroBias = GyroBias()
+    attitude: AttitudeBias = AttitudeBias()
+    dvl: DvlError = DvlError()

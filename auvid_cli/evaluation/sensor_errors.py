@@ -1,0 +1,55 @@
+"""What was found of the sensors' own errors, and whether the data could tell."""
+
+from typing import NamedTuple
+
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.identification.biases import sensor_errors
+
+# A standard deviation that is still more than this share of the prior's: what is left is the prior's opinion. A heading
+# offset that only its sum with the heading is known of keeps 0.71 of it.
+LARGEST_SHARE = 0.5
+
+
+class SensorErrorResult(NamedTuple):
+    """One state that stands for a sensor's error, by one filter; a row of ``sensor_errors.csv``.
+
+    Attributes
+    ----------
+    filter, state, sensor, unit : str
+    estimate, standard_deviation : float
+        At the last time the filter reached.
+    prior_standard_deviation : float
+        What the settings said before any data.
+    observed : bool
+        Whether the data narrowed it to less than half.
+    """
+
+    filter: str
+    state: str
+    sensor: str
+    unit: str
+    estimate: float
+    standard_deviation: float
+    prior_standard_deviation: float
+    observed: bool
+
+
+def sensor_error_results(estimate: Estimate) -> list[SensorErrorResult]:
+    """Results of one filter, in the order of the settings."""
+    results = []
+    for error in sensor_errors(estimate.experiment.identification.estimate):
+        i = estimate.state.index(error.symbol)
+        deviation = float(estimate.standard_deviation[-1, i])
+        results.append(
+            SensorErrorResult(
+                estimate.filter,
+                error.symbol,
+                error.sensor,
+                error.unit,
+                float(estimate.mean[-1, i]),
+                deviation,
+                error.spread,
+                deviation <= LARGEST_SHARE * error.spread,
+            )
+        )
+    return results
