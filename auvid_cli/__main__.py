@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from auvid_cli import __version__
+from auvid_cli.cli.check import check
 from auvid_cli.cli.identify import identify
 from auvid_cli.cli.report import report
 from auvid_cli.cli.run import run
@@ -19,7 +20,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
-for command in (run, simulate, identify, report):
+for command in (run, simulate, identify, report, check):
     app.command()(command)
 
 

@@ -3,8 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.estimate import Estimate, Innovations
 
 
 class SensorConsistency(NamedTuple):
@@ -52,18 +53,29 @@ def verdict(estimate: Estimate) -> str:
     if not estimate.completed:
         return estimate.status
     for sensor, innovations in estimate.innovations.items():
-        present = np.isfinite(innovations.innovation).sum(axis=1)
-        if not present.any():
-            continue
-        window = ((innovations.time - innovations.time[0]) // WINDOW).astype(int)
-        squares = np.bincount(window, np.nan_to_num(innovations.nis))
-        components = np.bincount(window, present)
-        if (nis := squares.sum() / present.sum()) > LARGEST_NIS:
+        components = np.isfinite(innovations.innovation).sum()
+        if components and (nis := float(np.nansum(innovations.nis)) / components) > LARGEST_NIS:
             return _belied(sensor, nis, "")
-        for k in np.flatnonzero(components >= _FEWEST_COMPONENTS):
-            if (nis := squares[k] / components[k]) > LARGEST_NIS_IN_WINDOW:
-                return _belied(sensor, nis, f" from t = {innovations.time[0] + k * WINDOW:.0f} s on for {WINDOW:.0f} s")
+        for start, nis in windowed_nis(innovations):
+            if nis > LARGEST_NIS_IN_WINDOW:
+                return _belied(sensor, nis, f" from t = {start:.0f} s on for {WINDOW:.0f} s")
     return estimate.status
+
+
+def windowed_nis(innovations: Innovations) -> NDArray[np.float64]:
+    """Start, s, and mean NIS per component of every `WINDOW` that has enough readings to tell.
+
+    Returns
+    -------
+    ndarray, shape (k, 2)
+    """
+    present = np.isfinite(innovations.innovation).sum(axis=1)
+    if not present.any():
+        return np.zeros((0, 2))
+    window = ((innovations.time - innovations.time[0]) // WINDOW).astype(int)
+    squares, components = np.bincount(window, np.nan_to_num(innovations.nis)), np.bincount(window, present)
+    told = np.flatnonzero(components >= _FEWEST_COMPONENTS)
+    return np.stack([innovations.time[0] + told * WINDOW, squares[told] / components[told]], axis=1)
 
 
 def _belied(sensor: str, nis: float, when: str) -> str:

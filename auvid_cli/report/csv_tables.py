@@ -1,13 +1,14 @@
 """The tables as CSV: one file for each kind of row, with the row's own fields as columns."""
 
 import csv
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from io import StringIO
 from pathlib import Path
 from typing import NamedTuple
 
 from auvid_cli.data.files import write_text
 from auvid_cli.evaluation.accuracy import CoefficientResult
+from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.consistency import SensorConsistency
 from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
 from auvid_cli.evaluation.free_run import VelocityError
@@ -45,6 +46,13 @@ def write_csv_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
         write_text(path, csv_text(row_type, rows))
         paths.append(path)
     return paths
+
+
+def write_checks(checks: Sequence[Check], folder: Path) -> Path:
+    """Write ``checks.csv``; a verdict that is only worth knowing has an empty cell under `passed`."""
+    path = folder / "checks.csv"
+    write_text(path, csv_text(Check, checks))
+    return path
 
 
 def csv_text(row_type: type[NamedTuple], rows: Iterable[NamedTuple]) -> str:

@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from auvid_cli.evaluation.accuracy import CoefficientResult
+from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.layout import unobserved
 from auvid_cli.report.notation import filter_label, unit_text
@@ -44,6 +45,26 @@ def print_summary(console: Console, evaluation: Evaluation, files: Sequence[Path
     for folder, count in Counter(path.parent for path in files).items():
         line = f"{count} {'file' if count == 1 else 'files'} in {folder}"
         console.print(Text(line), soft_wrap=True)
+
+
+def print_checks(console: Console, checks: Sequence[Check]) -> None:
+    """Print verdicts, those that did not pass with what to do about them."""
+    for name in dict.fromkeys(check.filter for check in checks):
+        own = [check for check in checks if check.filter == name]
+        console.print(Text(f"{filter_label(name)}: {sum(check.passed is True for check in own)} of {len(own)} passed"))
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        for header in ("", "of", "check", "found", "may be"):
+            table.add_column(header, overflow="fold")
+        for check in own:
+            verdict = {True: "pass", False: "FAIL", None: "note"}[check.passed]
+            style = {True: "", False: "bold red", None: "yellow"}[check.passed]
+            cells = check.subject, check.check, check.statistic, check.threshold
+            table.add_row(Text(verdict, style=style), *(Text(cell) for cell in cells))
+        console.print(table)
+        for check in own:
+            if not check.passed:
+                console.print(Text(f"{check.check} of {check.subject}: {check.advice}"))
+                console.print()
 
 
 def _tables_that_fit(console: Console, evaluation: Evaluation, filters: list[str]) -> list[Table]:

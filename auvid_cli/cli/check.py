@@ -1,0 +1,34 @@
+"""auvid check."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from auvid_cli.cli.options import QuietOption, VerboseOption
+from auvid_cli.cli.terminal import DONE, VERDICT_FAILED, Terminal, reporting_errors
+
+ResultsArgument = Annotated[
+    Path,
+    typer.Argument(metavar="RESULTS", help="Results folder with dataset.h5 and estimates/."),
+]
+
+
+def check(
+    results: ResultsArgument = Path("results/spiral"), quiet: QuietOption = False, verbose: VerboseOption = False
+) -> None:
+    """Judge every estimate of a results folder; exit code 1 if a verdict fails."""
+    with reporting_errors():
+        from auvid_cli.cli import pipeline
+
+        terminal = Terminal(quiet, verbose)
+        with terminal.compiling():
+            from auvid_cli.evaluation.checks import check_estimate, failed
+            from auvid_cli.report.csv_tables import write_checks
+            from auvid_cli.report.screen import print_checks
+        dataset, estimates = pipeline.read_results(results)
+        with terminal.stage("check"):
+            checks = [verdict for estimate in estimates for verdict in check_estimate(dataset, estimate)]
+        print_checks(terminal.out, checks)
+        terminal.say(str(write_checks(checks, results / "tables")))
+        raise typer.Exit(VERDICT_FAILED if failed(checks) else DONE)

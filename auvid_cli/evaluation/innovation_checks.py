@@ -1,0 +1,140 @@
+"""Verdicts that need nothing but innovations and inputs: they work on recorded data."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from auvid_cli.data.dataset import SENSORS, Dataset
+from auvid_cli.data.estimate import Estimate, Innovations
+from auvid_cli.evaluation.check import Check
+from auvid_cli.evaluation.consistency import LARGEST_NIS_IN_WINDOW, WINDOW, windowed_nis
+from auvid_cli.vehicle.parameters import INPUTS
+
+Array = NDArray[np.float64]
+
+# A model that raises the NIS by less than this beyond chance is good enough for anybody's vehicle.
+_TOLERANCE = 0.05
+_CONFIDENCE = 0.99
+# Correlation that is allowed beyond chance (three standard deviations of a white sequence's).
+_LARGEST_CORRELATION = 0.1
+_LAGS = 20
+# So many samples say enough of a correlation.
+_FEWEST = 50
+
+
+def innovation_checks(dataset: Dataset, estimate: Estimate) -> list[Check]:
+    """NIS, whiteness and freedom from the inputs, sensor by sensor."""
+    checks = []
+    for sensor, innovations in estimate.innovations.items():
+        if np.isfinite(innovations.innovation).any():
+            checks.append(_nis(estimate.filter, sensor, innovations))
+            checks.append(_nis_in_windows(estimate.filter, sensor, innovations))
+            checks.append(_whiteness(estimate.filter, sensor, innovations))
+            checks.append(_inputs(estimate.filter, sensor, innovations, dataset))
+    return checks
+
+
+def _nis(filter_name: str, sensor: str, innovations: Innovations) -> Check:
+    components = int(np.isfinite(innovations.innovation).sum())
+    nis = float(np.nansum(innovations.nis)) / components
+    low, high = (float(chi2.ppf(p, components)) / components for p in (0.5 - _CONFIDENCE / 2, 0.5 + _CONFIDENCE / 2))
+    passed = None if nis < low - _TOLERANCE else nis <= high + _TOLERANCE
+    too_large = (
+        f"The data contradict the model or the stated noise of {sensor}: look for biases, outliers, wrong signs, and "
+        "terms that the model lacks. Do not use the coefficients."
+    )
+    too_small = (
+        f"The stated noise of {sensor} is larger than its scatter. On purpose for an AHRS, whose errors last; "
+        "otherwise state less, and learn more."
+    )
+    return Check.of(
+        filter_name,
+        sensor,
+        "NIS",
+        f"{nis:.4g}",
+        f"{low:.4g} to {high:.4g} (chi-squared, {_CONFIDENCE:.0%}), tolerance {_TOLERANCE}",
+        passed,
+        too_small if passed is None else too_large,
+    )
+
+
+def _nis_in_windows(filter_name: str, sensor: str, innovations: Innovations) -> Check:
+    windows = windowed_nis(innovations)
+    if not windows.size:
+        windows = np.array([[innovations.time[0], 0.0]])
+    start, largest = windows[windows[:, 1].argmax()]
+    return Check.of(
+        filter_name,
+        sensor,
+        f"NIS in any {WINDOW:.0f} s",
+        f"{largest:.4g} from t = {start:.6g} s on",
+        f"<= {LARGEST_NIS_IN_WINDOW:g}",
+        bool(largest <= LARGEST_NIS_IN_WINDOW),
+        f"Something happened to {sensor} or to the vehicle then, or the filter was thrown off course: look at "
+        "figures/innovations, leave the time out, gate outliers (`identification.gate`), or narrow the prior.",
+    )
+
+
+def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check:
+    """Largest autocorrelation of the normalised innovations over some lags."""
+    found = {}
+    for column, quantity in enumerate(SENSORS[sensor]):
+        values = _normalised(innovations, column)
+        if np.isfinite(values).sum() >= _FEWEST:
+            correlations = [_correlation(values[lag:], values[:-lag]) for lag in range(1, _LAGS + 1)]
+            found[quantity.symbol] = float(np.max(np.abs(correlations)))
+    if not found:
+        return Check.of(filter_name, sensor, "whiteness", "too few readings", "", True, "")
+    check = Check.of_largest(
+        filter_name,
+        sensor,
+        "whiteness",
+        found,
+        _LARGEST_CORRELATION + 3.0 / np.sqrt(len(innovations.time)),
+        f"correlation over {_LAGS} lags",
+        f"Errors of {sensor} last from sample to sample: standard deviations of the coefficients are too small, unless "
+        "its noise was stated larger for that. Estimate its bias (`identification.estimate.biases`) or state more.",
+    )
+    return _excused(check, innovations)
+
+
+def _inputs(filter_name: str, sensor: str, innovations: Innovations, dataset: Dataset) -> Check:
+    """Correlation of the innovations with what the actuators did shortly before."""
+    found = {}
+    held = np.searchsorted(dataset.inputs.time, innovations.time, side="right") - 1
+    for column, quantity in enumerate(SENSORS[sensor]):
+        values = _normalised(innovations, column)
+        for place, given in enumerate(INPUTS):
+            signal = dataset.inputs.values[np.maximum(held, 0), place]
+            if np.isfinite(values).sum() >= _FEWEST and signal.std() > 0.0:
+                found[f"{quantity.symbol} by {given.symbol}"] = abs(_correlation(values, signal))
+    if not found:
+        return Check.of(filter_name, sensor, "free of inputs", "nothing to compare", "", True, "")
+    check = Check.of_largest(
+        filter_name,
+        sensor,
+        "free of inputs",
+        found,
+        _LARGEST_CORRELATION + 3.0 / np.sqrt(len(innovations.time)),
+        "correlation with an input",
+        "What an actuator does still shows in what should be noise: its model is wrong (delay, saturation, sign, a "
+        "term that is missing), or the filter has not settled.",
+    )
+    return _excused(check, innovations)
+
+
+def _excused(check: Check, innovations: Innovations) -> Check:
+    """A sensor told to be more than twice as bad as it is, as an AHRS is, has paid for the memory of its errors."""
+    small = float(np.nansum(innovations.nis)) < 0.25 * np.isfinite(innovations.innovation).sum()
+    return check._replace(passed=None) if check.passed is False and small else check
+
+
+def _normalised(innovations: Innovations, column: int) -> Array:
+    return innovations.innovation[:, column] / np.sqrt(innovations.variance[:, column])
+
+
+def _correlation(a: Array, b: Array) -> float:
+    both = np.isfinite(a) & np.isfinite(b)
+    a, b = a[both] - a[both].mean(), b[both] - b[both].mean()
+    product = float(np.sqrt((a @ a) * (b @ b)))
+    return float(a @ b) / product if product > 0.0 else 0.0
