@@ -98,6 +98,10 @@ class Identification(Settings):
     keep_every: Annotated[
         int, Field(ge=1, strict=True, description="of the states, every so many is written; innovations all are")
     ] = 1
+    gate: Annotated[
+        float | None,
+        Field(gt=0, description="reject a component whose innovation is more standard deviations; null: none"),
+    ] = None
     ekf: EkfSettings = EkfSettings()
     ukf: UkfSettings = UkfSettings()
 

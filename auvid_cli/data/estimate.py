@@ -20,7 +20,8 @@ class Innovations:
     ----------
     time : ndarray, shape (k,)
     innovation, variance : ndarray, shape (k, c)
-        SI; NaN where a component was missing or the filter had ended.
+        SI; NaN where a component was missing or the filter had ended. Of a component that the gate rejected
+        only the variance is NaN.
     nis : ndarray, shape (k,)
         Normalised innovation squared.
     standard_deviation : ndarray, shape (c,)
@@ -32,6 +33,14 @@ class Innovations:
     variance: Array
     nis: Array
     standard_deviation: Array
+
+    def used(self) -> NDArray[np.bool_]:
+        """Components that the filter took, shape (k, c)."""
+        return np.isfinite(self.variance)
+
+    def rejected(self) -> int:
+        """How many components the gate rejected."""
+        return int((np.isfinite(self.innovation) & ~np.isfinite(self.variance)).sum())
 
     @classmethod
     def joined(cls, parts: Sequence["Innovations"]) -> "Innovations":

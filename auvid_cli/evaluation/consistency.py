@@ -16,6 +16,8 @@ class SensorConsistency(NamedTuple):
     filter, sensor : str
     readings : int
         Readings used.
+    rejected : int
+        Components beyond the gate.
     mean_nis : float
         Normalised innovation squared per component: 1 for a consistent filter with white noise,
         more if the data contradict the model, less if the stated noise is larger than the scatter.
@@ -24,6 +26,7 @@ class SensorConsistency(NamedTuple):
     filter: str
     sensor: str
     readings: int
+    rejected: int
     mean_nis: float
 
 
@@ -31,9 +34,10 @@ def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
     """Consistency of every sensor, in the order of the estimate."""
     results = []
     for name, innovations in estimate.innovations.items():
-        components = int(np.isfinite(innovations.innovation).sum())
+        components = int(innovations.used().sum())
         mean = float(np.nansum(innovations.nis) / components) if components else float("nan")
-        results.append(SensorConsistency(estimate.filter, name, int(np.isfinite(innovations.nis).sum()), mean))
+        readings = int(np.isfinite(innovations.nis).sum())
+        results.append(SensorConsistency(estimate.filter, name, readings, innovations.rejected(), mean))
     return results
 
 
@@ -53,7 +57,7 @@ def verdict(estimate: Estimate) -> str:
     if not estimate.completed:
         return estimate.status
     for sensor, innovations in estimate.innovations.items():
-        components = np.isfinite(innovations.innovation).sum()
+        components = innovations.used().sum()
         if components and (nis := float(np.nansum(innovations.nis)) / components) > LARGEST_NIS:
             return _belied(sensor, nis, "")
         for start, nis in windowed_nis(innovations):
@@ -69,7 +73,7 @@ def windowed_nis(innovations: Innovations) -> NDArray[np.float64]:
     -------
     ndarray, shape (k, 2)
     """
-    present = np.isfinite(innovations.innovation).sum(axis=1)
+    present = innovations.used().sum(axis=1)
     if not present.any():
         return np.zeros((0, 2))
     window = ((innovations.time - innovations.time[0]) // WINDOW).astype(int)
@@ -88,5 +92,5 @@ def _belied(sensor: str, nis: float, when: str) -> str:
 def mean_nis(estimate: Estimate) -> float:
     """Normalised innovation squared per component, over all sensors."""
     squares = sum(float(np.nansum(i.nis)) for i in estimate.innovations.values())
-    components = sum(int(np.isfinite(i.innovation).sum()) for i in estimate.innovations.values())
+    components = sum(int(i.used().sum()) for i in estimate.innovations.values())
     return squares / components if components else float("nan")

@@ -18,6 +18,7 @@ _CONFIDENCE = 0.99
 # Correlation that is allowed beyond chance (three standard deviations of a white sequence's).
 _LARGEST_CORRELATION = 0.1
 _LAGS = 20
+_LARGEST_REJECTED = 0.05
 # So many samples say enough of a correlation.
 _FEWEST = 50
 
@@ -26,16 +27,18 @@ def innovation_checks(dataset: Dataset, estimate: Estimate) -> list[Check]:
     """NIS, whiteness and freedom from the inputs, sensor by sensor."""
     checks = []
     for sensor, innovations in estimate.innovations.items():
-        if np.isfinite(innovations.innovation).any():
+        if innovations.used().any():
             checks.append(_nis(estimate.filter, sensor, innovations))
             checks.append(_nis_in_windows(estimate.filter, sensor, innovations))
             checks.append(_whiteness(estimate.filter, sensor, innovations))
+            if estimate.experiment.identification.gate is not None:
+                checks.append(_gate(estimate.filter, sensor, innovations))
             checks.append(_inputs(estimate.filter, sensor, innovations, dataset))
     return checks
 
 
 def _nis(filter_name: str, sensor: str, innovations: Innovations) -> Check:
-    components = int(np.isfinite(innovations.innovation).sum())
+    components = int(innovations.used().sum())
     nis = float(np.nansum(innovations.nis)) / components
     low, high = (float(chi2.ppf(p, components)) / components for p in (0.5 - _CONFIDENCE / 2, 0.5 + _CONFIDENCE / 2))
     passed = None if nis < low - _TOLERANCE else nis <= high + _TOLERANCE
@@ -72,6 +75,22 @@ def _nis_in_windows(filter_name: str, sensor: str, innovations: Innovations) -> 
         bool(largest <= LARGEST_NIS_IN_WINDOW),
         f"Something happened to {sensor} or to the vehicle then, or the filter was thrown off course: look at "
         "figures/innovations, leave the time out, gate outliers (`identification.gate`), or narrow the prior.",
+    )
+
+
+def _gate(filter_name: str, sensor: str, innovations: Innovations) -> Check:
+    """A few rejected readings are worth knowing; many mean that the filter no longer listens."""
+    rejected, used = innovations.rejected(), int(innovations.used().sum())
+    share = rejected / (rejected + used)
+    return Check.of(
+        filter_name,
+        sensor,
+        "gate",
+        f"{rejected} of {rejected + used} components rejected",
+        f"<= {_LARGEST_REJECTED:.0%}",
+        True if not rejected else None if share <= _LARGEST_REJECTED else False,
+        f"Outliers of {sensor} were left out; where they are many, the filter has lost its way and no longer listens: "
+        "look at figures/innovations, and run without the gate.",
     )
 
 
@@ -125,7 +144,7 @@ def _inputs(filter_name: str, sensor: str, innovations: Innovations, dataset: Da
 
 def _excused(check: Check, innovations: Innovations) -> Check:
     """A sensor told to be more than twice as bad as it is, as an AHRS is, has paid for the memory of its errors."""
-    small = float(np.nansum(innovations.nis)) < 0.25 * np.isfinite(innovations.innovation).sum()
+    small = float(np.nansum(innovations.nis)) < 0.25 * innovations.used().sum()
     return check._replace(passed=None) if check.passed is False and small else check
 
 

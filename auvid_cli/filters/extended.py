@@ -54,15 +54,24 @@ class _ProcessEkf(ExtendedKalmanFilter):
         self._noise[:] = self._density * piece_duration.sum()
         self.predict()
 
-    def hear(self, view: "_View", reading: Array) -> None:
-        """Update with the present components of a reading."""
+    def _see(self, view: "_View") -> tuple[Array, Array]:
+        """What a sensor is predicted to say, and the derivative."""
         if view.nonlinear:
             assert self._process.linearise is not None, "a nonlinear sensor needs `Process.linearise`"
             predicted, matrix = self._process.linearise(self.x, view.sensor)
-            predicted, matrix = predicted[view.present], matrix[view.present]
-        else:
-            matrix = view.matrix
-            predicted = matrix @ self.x
+            return predicted[view.present], matrix[view.present]
+        return view.matrix @ self.x, view.matrix
+
+    def beyond(self, gate: float, view: "_View", reading: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Innovation of every present component, and whether its square is beyond so many times its variance."""
+        predicted, matrix = self._see(view)
+        innovation = view.residual(reading, predicted)
+        variance = np.einsum("ij,jk,ik->i", matrix, self.P, matrix) + view.noise.diagonal()
+        return innovation, innovation**2 > gate * variance
+
+    def hear(self, view: "_View", reading: Array) -> None:
+        """Update with the present components of a reading."""
+        predicted, matrix = self._see(view)
         self.update(reading, HJacobian=lambda x: matrix, Hx=lambda x: predicted, R=view.noise, residual=view.residual)
 
     def predict_x(self, u: float = 0) -> None:
@@ -132,7 +141,7 @@ def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, receive: Receiv
     culprit, event = OK, 0
     for event in range(n_events):
         before = ekf.P
-        culprit = _step(ekf, timeline, views, event, records)
+        culprit = _step(ekf, sensors, timeline, views, event, records)
         if culprit != OK:
             if _is_definite(before):
                 sound, covariance = event, before
@@ -148,7 +157,9 @@ def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, receive: Receiv
     return Ending(covariance, sound, culprit)
 
 
-def _step(ekf: _ProcessEkf, timeline: Timeline, views: list[_View], event: int, records: Records) -> int:
+def _step(
+    ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, views: list[_View], event: int, records: Records
+) -> int:
     """Predict to an event and update with its readings; what failed, or `OK`."""
     first, last = timeline.piece_offset[event], timeline.piece_offset[event + 1]
     if last > first:
@@ -157,6 +168,13 @@ def _step(ekf: _ProcessEkf, timeline: Timeline, views: list[_View], event: int, 
     for k in range(timeline.reading_offset[event], timeline.reading_offset[event + 1]):
         view = views[k]
         records.nis[k] = 0.0
+        if sensors.gate < np.inf and not view.silent:
+            innovation, rejected = ekf.beyond(sensors.gate, view, timeline.reading[k, view.present])
+            if rejected.any():
+                records.innovation[k, view.present] = innovation
+                missing = np.isnan(timeline.reading[k])
+                missing[np.flatnonzero(~missing)[rejected]] = True
+                view = _View(sensors, view.sensor, missing)
         if view.silent:
             continue
         culprit = view.sensor

@@ -21,7 +21,7 @@ _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
 SENSORS = types.NamedTuple(
-    (types.float64[:, :, ::1], _matrix, types.boolean[:, ::1], types.boolean[::1]),
+    (types.float64[:, :, ::1], _matrix, types.boolean[:, ::1], types.boolean[::1], types.float64),
     Sensors,
 )
 
@@ -132,12 +132,13 @@ def update(
     variance,
     work,
 ):
-    """Condition on one reading; missing components are left out.
+    """Condition on one reading; components that are missing or beyond the gate are left out.
 
     Parameters
     ----------
     innovation, variance : ndarray, shape (c,)
-        Filled with the joint innovation before the update and the variance of each component.
+        Filled with the joint innovation before the update and the variance of each component; the latter is
+        NaN for one beyond the gate.
 
     Returns
     -------
@@ -170,8 +171,11 @@ def update(
             see_linearly(sensors.matrix[sensor, c], n, mean, columns, n + s)
         for j in range(n):
             total += columns[j, n + s] * columns[j, n + s]
-        variance[c] = total
         innovation[c] = wrapped(reading[c] - mean[n + s], sensors.angular[sensor, c])
+        if innovation[c] ** 2 > sensors.gate * total:
+            n_present -= 1
+            continue
+        variance[c] = total
         work.error[s] = innovation[c]
         work.noise[s] = noise
     if nonlinear and not decorrelate(n, n_present, columns, work):

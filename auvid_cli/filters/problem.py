@@ -79,12 +79,15 @@ class Sensors(NamedTuple):
         Whether an innovation is wrapped to [-pi, pi).
     nonlinear : ndarray of bool, shape (n_sensors,)
         Whether `Process.observe` says what a sensor sees, instead of its matrix.
+    gate : float
+        A component whose innovation squared is more than so many times its variance is rejected.
     """
 
     matrix: Array
     variance: Array
     angular: NDArray[np.bool_]
     nonlinear: NDArray[np.bool_]
+    gate: float = np.inf
 
 
 class Timeline(NamedTuple):
@@ -148,7 +151,7 @@ class Records(NamedTuple):
     mean, standard_deviation : ndarray, shape (events, n)
         After each event.
     innovation, innovation_variance : ndarray, shape (readings, c)
-        NaN where missing.
+        NaN where missing; of a component that was rejected only the variance is NaN.
     nis : ndarray, shape (readings,)
         Normalised innovation squared; its expectation is the number of components present.
     """

@@ -173,7 +173,7 @@ def set_up_filters(dataset: Dataset, filter_names: Sequence[FilterName]) -> list
     state, unit = zip(*blocks, strict=True)
 
     measuring = measuring_sensors(dataset)
-    sensors = measurement_model(measuring, state, errors)
+    sensors = measurement_model(measuring, state, errors, np.inf if settings.gate is None else settings.gate)
     start, motion = initial_motion(dataset, measuring)
     data = Timelines(dataset, measuring, start, settings.integration_step)
     process = vehicle_process(

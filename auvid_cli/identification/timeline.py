@@ -45,7 +45,7 @@ def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
 
 
 def measurement_model(
-    measuring: dict[str, SensorRecord], state: Sequence[str], errors: Sequence[SensorError]
+    measuring: dict[str, SensorRecord], state: Sequence[str], errors: Sequence[SensorError], gate: float
 ) -> Sensors:
     """Rows that select the measured motion states, plus the sensor's own error, from an augmented state.
 
@@ -56,6 +56,8 @@ def measurement_model(
         Symbols of the augmented state.
     errors : sequence of SensorError
         Those of a sensor that do not just add to its reading make it nonlinear.
+    gate : float
+        Largest innovation that is used, standard deviations.
 
     Raises
     ------
@@ -83,7 +85,7 @@ def measurement_model(
             matrix[sensor, error.component, state.index(error.symbol)] = 1.0
         else:
             nonlinear[sensor] = True
-    return Sensors(matrix, variance, angular, nonlinear)
+    return Sensors(matrix, variance, angular, nonlinear, gate**2)
 
 
 def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tuple[float, Array]:

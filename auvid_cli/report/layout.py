@@ -144,7 +144,20 @@ def _consistency(evaluation: Evaluation) -> Table:
         (Column("Sensor", numeric=False), *_columns("Mean NIS", filters)),
         rows,
         [["all", *(row.mean_nis for row in evaluation.summary)]],
+        tuple(rejections(evaluation)),
     )
+
+
+def rejections(evaluation: Evaluation) -> list[str]:
+    """A sentence for each filter whose gate rejected readings."""
+    sentences = []
+    for name in _filters(evaluation):
+        counts = [
+            f"{row.rejected} of {row.sensor}" for row in evaluation.consistency if row.filter == name and row.rejected
+        ]
+        if counts:
+            sentences.append(f"{filter_label(name)}: the gate rejected {', '.join(counts)} (components).")
+    return sentences
 
 
 def _sensor_errors(evaluation: Evaluation) -> Table:

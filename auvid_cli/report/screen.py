@@ -13,7 +13,7 @@ from rich.text import Text
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.report.layout import unobserved
+from auvid_cli.report.layout import rejections, unobserved
 from auvid_cli.report.notation import filter_label, unit_text
 from auvid_cli.report.table import DEVIATION_DIGITS, number
 
@@ -40,7 +40,7 @@ def print_summary(console: Console, evaluation: Evaluation, files: Sequence[Path
     for row in evaluation.summary:
         if row.status != "completed":
             console.print(Text(f"{filter_label(row.filter)} {row.status}"))
-    for sentence in unobserved(evaluation):
+    for sentence in [*unobserved(evaluation), *rejections(evaluation)]:
         console.print(Text(sentence))
     for folder, count in Counter(path.parent for path in files).items():
         line = f"{count} {'file' if count == 1 else 'files'} in {folder}"

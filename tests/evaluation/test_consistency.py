@@ -24,7 +24,8 @@ def test_nis_per_component_is_the_ratio_of_variances(actual, stated, expected, h
 def test_missing_components_do_not_count(hand_made, innovations_of):
     record = innovations_of(4, 3, 1.0, 1.0)
     record.innovation[:] = 2.0
-    record.innovation[1, 0] = record.innovation[2, :] = np.nan
+    for values in (record.innovation, record.variance):
+        values[1, 0] = values[2, :] = np.nan
     nis = np.nansum(record.innovation**2, axis=1)
     nis[2] = np.nan
     record.nis[:] = nis

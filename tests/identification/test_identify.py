@@ -273,3 +273,18 @@ def test_infinite_readings_count_as_missing(short_run):
         for changed in (values, dropped)
     ]
     assert (runs[0].mean == runs[1].mean).all()
+
+
+def test_outliers_are_gated_and_counted(short_run, short_estimates, with_settings, filter_name):
+    dvl = short_run.sensors["dvl"]
+    values = dvl.values.copy()
+    values[20::40, 0] += 3.0
+    wild = with_sensor(short_run, "dvl", values=values)
+    bad = identify(wild, filter_name)
+    assert verdict(bad) != "completed"
+    good = identify(with_settings(wild, "identification.gate=6"), filter_name)
+    assert verdict(good) == "completed"
+    assert good.innovations["dvl"].rejected() == len(values[20::40])
+    assert good.innovations["gyroscope"].rejected() == 0
+    shift = np.abs(good.mean[-1, :22] - short_estimates[filter_name].mean[-1, :22])
+    assert (shift / good.standard_deviation[-1, :22]).max() < 1.0

@@ -146,7 +146,7 @@ def test_measurement_rows_pick_the_measured_state_behind_the_parameters(experime
     dataset = a_dataset(experiment_with(), [0.0], attitude=[0.0, 1.0], dvl=[0.0, 1.0])
     measuring = measuring_sensors(dataset)
     state = [f"c{i}" for i in range(5)] + list(MOTION_SYMBOLS)
-    sensors = measurement_model(measuring, state, ())
+    sensors = measurement_model(measuring, state, (), np.inf)
     values = rng.standard_normal(14)
     motion = dict(zip(MOTION_SYMBOLS, values[5:], strict=True))
     for sensor, (name, symbols) in enumerate({"attitude": ("phi", "theta", "psi"), "dvl": ("u", "v", "w")}.items()):
