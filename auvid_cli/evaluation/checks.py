@@ -8,6 +8,7 @@ from scipy.stats import chi2
 from auvid_cli.data.dataset import Dataset, TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.check import Check
+from auvid_cli.evaluation.data_checks import data_checks
 from auvid_cli.evaluation.innovation_checks import innovation_checks
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
 from auvid_cli.identification.prior import natural_magnitude, prior_standard_deviations
@@ -26,7 +27,8 @@ _CONFIDENCE = 0.99
 
 def check_estimate(dataset: Dataset, estimate: Estimate) -> list[Check]:
     """All verdicts on one estimate, those that need the truth only where there is one."""
-    checks = [_finished(estimate), *innovation_checks(dataset, estimate), *_information(estimate)]
+    checks = [_finished(estimate), *data_checks(dataset, estimate.filter, list(estimate.innovations))]
+    checks += [*innovation_checks(dataset, estimate), *_information(estimate)]
     checks += [*_plausibility(estimate), *_sensor_errors(estimate)]
     if dataset.truth is not None and estimate.completed:
         checks += _against_truth(estimate, dataset.truth)
@@ -34,7 +36,7 @@ def check_estimate(dataset: Dataset, estimate: Estimate) -> list[Check]:
 
 
 def _finished(estimate: Estimate) -> Check:
-    return Check(
+    return Check.of(
         estimate.filter,
         "run",
         "finished",
@@ -157,7 +159,7 @@ def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
             "standard deviations from the truth",
             "The filter is surer of these than it should be: sensor errors that last (AHRS, bias), or wide priors.",
         ),
-        Check(
+        Check.of(
             estimate.filter,
             "coefficients",
             "NEES",

@@ -68,7 +68,7 @@ class FilterRun:
             Of a filter that diverged: with the reason as its status.
         """
         every = self.header.experiment.identification.keep_every
-        n_good, reached, heard = 0, self.span[0], 0
+        n_good, reached, heard, sigmas = 0, self.span[0], 0, np.nan
         # Before the first event the last good state is the prior.
         prior = np.array([reached]), self._prior.mean[None, :], np.diag(self._prior.factor)[None, :]
         latest = self._part(prior, {name: _no_innovations(record) for name, record in self._measuring.items()})
@@ -76,7 +76,7 @@ class FilterRun:
         filtering = np.zeros(2)
 
         def pass_on(timeline: Timeline, records: Records) -> None:
-            nonlocal n_good, reached, heard, latest
+            nonlocal n_good, reached, heard, sigmas, latest
             filtering[:] += _clocks()
             good = len(records.mean)
             rows = timeline.time[:good], records.mean, records.standard_deviation
@@ -87,6 +87,8 @@ class FilterRun:
             reached = float(timeline.time[min(good, timeline.time.size - 1)])
             if readings := timeline.reading_offset[good]:
                 heard = int(timeline.reading_sensor[readings - 1])
+            if len(records.nis):
+                sigmas = float(np.sqrt(records.nis[-1]))
             filtering[:] -= _clocks()
 
         filtering -= _clocks()
@@ -95,7 +97,7 @@ class FilterRun:
         if n_good == 0 or (n_good - 1) % every:
             receive(latest)
         covariance = ending.covariance * np.outer(self._to_si, self._to_si)
-        return Outcome(self._status(ending, reached, heard), covariance, n_good, cpu_time, wall_time)
+        return Outcome(self._status(ending, reached, heard, sigmas), covariance, n_good, cpu_time, wall_time)
 
     def _part(
         self, rows: tuple[Array, Array, Array], innovations: dict[str, Innovations], kept: slice = slice(None)
@@ -119,18 +121,24 @@ class FilterRun:
             )
         return by_sensor
 
-    def _status(self, ending: Ending, time: float, heard: int) -> str:
+    def _status(self, ending: Ending, time: float, heard: int, sigmas: float) -> str:
         names = tuple(self._measuring)
+        deviation = np.sqrt(np.diagonal(ending.covariance))
+        # Of the factor scaled to unit rows: what its own units do to it says nothing.
+        condition = np.sqrt(np.linalg.cond(ending.covariance / np.outer(deviation, deviation)))
+        detail = f" (last innovation {sigmas:.3g} sigma, condition of the factor {condition:.2g})"
         match ending.culprit:
             case problem.OK:
                 return "completed"
             case problem.PREDICTION:
                 return (
                     f"diverged at t = {time:.3f} s: after a reading of {names[heard]} the state or its covariance "
-                    "could not be propagated to this time"
+                    f"could not be propagated to this time{detail}"
                 )
             case sensor:
-                return f"diverged at t = {time:.3f} s: the state was not finite after a reading of {names[sensor]}"
+                return (
+                    f"diverged at t = {time:.3f} s: the state was not finite after a reading of {names[sensor]}{detail}"
+                )
 
 
 def _clocks() -> Array:
