@@ -1,3 +1,4 @@
+import csv
 import os
 import re
 import signal
@@ -216,3 +217,20 @@ def test_help_imports_nothing_heavy():
     )
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
+
+
+def test_check_lists_verdicts_with_advice_and_its_exit_code_says_whether_one_failed(results, tmp_path):
+    """Twelve seconds of a gentle start are too short for half of the coefficients."""
+    folder, _ = results
+    result = auvid("check", "results/spiral", cwd=folder)
+    assert result.returncode == 1, result.stderr
+    assert "CKF: " in result.stdout
+    assert "FAIL" in result.stdout
+    assert "identified of coefficients: The data do not determine these" in " ".join(result.stdout.split())
+    rows = list(csv.DictReader((folder / "results/spiral/tables/checks.csv").read_text(encoding="utf-8").splitlines()))
+    assert {row["passed"] for row in rows} >= {"True", "False"}
+    assert all(bool(row["advice"]) == (row["passed"] != "True") for row in rows)
+
+
+def test_check_of_nothing_is_one_clear_complaint(tmp_path):
+    assert_one_clear_complaint(auvid("check", "results/spiral", cwd=tmp_path), "results/spiral/dataset.h5")
