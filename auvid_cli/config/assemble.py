@@ -64,7 +64,9 @@ def assemble(source: Source, overrides: Iterable[str] = ()) -> tuple[Tree, list[
             mistakes.append(Mistake(at, path, str(error)))
     for section in SECTIONS:
         tree = _splice(tree, section, source.folder, mistakes)
-    return _absolute_data_file(tree), mistakes
+    for place in (("manoeuvre", "file"), ("identification", "prior", "from_estimate")):
+        tree = _absolute_data_file(tree, place)
+    return tree, mistakes
 
 
 def _parse_override(override: str, at: Position) -> tuple[Path, Tree]:
@@ -106,9 +108,8 @@ def _splice(tree: Tree, section: str, folder: FilePath, mistakes: list[Mistake])
     return tree.put((section,), content)
 
 
-def _absolute_data_file(tree: Tree) -> Tree:
-    """Make ``manoeuvre.file`` absolute: it is relative to the source that it is written in."""
-    path: Path = ("manoeuvre", "file")
+def _absolute_data_file(tree: Tree, path: Path) -> Tree:
+    """Make the path of a data file absolute: it is relative to the source that it is written in."""
     *_, last = nodes = list(tree.descend(path))
     if len(nodes) <= len(path) or not isinstance(last.content, str) or not last.content:
         return tree

@@ -21,6 +21,10 @@ class Prior(Settings):
     standard_deviation: dict[str, float] = Field(
         default_factory=dict, description="by coefficient, instead of the natural magnitude times factor"
     )
+    from_estimate: Annotated[
+        str | None,
+        Field(description="estimate file of other data: its coefficients and their covariance, where it has them"),
+    ] = None
 
     @field_validator("standard_deviation", mode="before")
     @classmethod

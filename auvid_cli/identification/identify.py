@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from time import perf_counter, thread_time
 
 import numpy as np
@@ -18,7 +19,7 @@ from auvid_cli.filters.point_sets import cubature, transformed, unscented
 from auvid_cli.filters.problem import Belief, Ending, Receiver, Records, Timeline
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.biases import constant_errors, sensor_errors, walking_errors
-from auvid_cli.identification.prior import prior_standard_deviations
+from auvid_cli.identification.prior import earlier_belief, prior_standard_deviations
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.timeline import (
     Timelines,
@@ -194,8 +195,11 @@ def set_up_filters(dataset: Dataset, filter_names: Sequence[FilterName]) -> list
         errors,
     )
     spread = settings.initial_motion
+    known, factor = np.zeros(len(estimated)), np.eye(len(estimated))
+    if settings.prior.from_estimate is not None:
+        known, factor = earlier_belief(Path(settings.prior.from_estimate), dataset, estimated, scale)
     prior = Belief(
-        np.concatenate([np.zeros(len(estimated) + len(constant)), motion, np.zeros(len(walking))]),
+        np.concatenate([known, np.zeros(len(constant)), motion, np.zeros(len(walking))]),
         np.diag(
             [
                 *np.ones(len(estimated)),
@@ -205,6 +209,7 @@ def set_up_filters(dataset: Dataset, filter_names: Sequence[FilterName]) -> list
             ]
         ),
     )
+    prior.factor[: len(estimated), : len(estimated)] = factor
     return [
         FilterRun(
             EstimateHeader(
