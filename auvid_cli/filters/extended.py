@@ -76,7 +76,7 @@ class _ProcessEkf(ExtendedKalmanFilter):
 
     def predict_x(self, u: float = 0) -> None:
         """Integrate the mean and set F to its transition matrix."""
-        self._process.transition(self.x, *self._pieces, self.F)
+        self._process.transition(self.x, *self._pieces, self._process.constants, self._process.selection, self.F)
 
 
 class _View:

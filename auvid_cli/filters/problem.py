@@ -24,6 +24,8 @@ _indices = types.int64[::1]
 # A compiled process has exactly this signature, explicit so that numba finds the filters in its
 # cache again in another interpreter session.
 PROCESS_SIGNATURE = types.void(_vector, _vector, _vector, _vector, _indices, types.uint64, types.float64, _vector)
+# transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix): one state moved in place.
+TRANSITION_SIGNATURE = types.void(_vector, _matrix, _indices, _vector, _vector, _indices, _matrix)
 # observe(moving, parameters, sensor, constants, selection, n_lanes, seen): rows of `seen` are filled.
 OBSERVATION_SIGNATURE = types.void(_vector, _vector, types.int64, _vector, types.int64[::1], types.uint64, _vector)
 
@@ -40,11 +42,10 @@ class Process(NamedTuple):
     ----------
     advance : compiled function of `PROCESS_SIGNATURE`
         Moves up to one block of states on by one integration step.
-    transition : callable
-        ``transition(mean, inputs, piece_input, piece_duration, matrix)``: one state moved in place
-        over consecutive pieces, and its transition matrix, shape (n, n), filled in.
+    transition : compiled function of `TRANSITION_SIGNATURE`
+        Moves one state over consecutive pieces, and fills in the moving rows of its transition matrix, shape (n, n).
     constants, selection : ndarray
-        Handed to `advance` and `observe` as they are.
+        Handed to these functions as they are.
     scratch_size : int
         How many doubles `advance` wants to work with.
     noise_density : ndarray, shape (n_moving,)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.config.experiment import ProcessNoise
-from auvid_cli.filters.problem import OBSERVATION_SIGNATURE, PROCESS_SIGNATURE, Process
+from auvid_cli.filters.problem import OBSERVATION_SIGNATURE, PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Process
 from auvid_cli.identification.biases import DVL_ERRORS, SensorError, constant_errors, walking_errors
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import (
@@ -52,10 +52,22 @@ def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration
     runge_kutta_step(motion, coefficients, inputs, constants[:N_CONSTANTS], n_lanes, duration, work)
 
 
+@compiled(types.int64(_vector))
+def _first_motion_row(constants):
+    return int(constants[constants.size - 3])
+
+
+@compiled(_vector(_vector, _vector))
+def _motion_of(mean, constants):
+    """A view of the nine motion states."""
+    first = _first_motion_row(constants)
+    return mean[first : first + N_MOTION]
+
+
 @compiled(OBSERVATION_SIGNATURE, views_only=True)
 def _observe(moving, parameters, sensor, constants, selection, n_lanes, seen):
     """What a DVL with a scale error, mounted at a small yaw, sees: ``(1 + scale) Rz(yaw)' [u v w]``."""
-    n_parameters = int(constants[constants.size - 3])
+    n_parameters = _first_motion_row(constants)
     scale, yaw = int(constants[constants.size - 2]), int(constants[constants.size - 1])
     scales = parameters[scale * LANES :] if scale < n_parameters else moving[(scale - n_parameters) * LANES :]
     yaws = parameters[yaw * LANES :] if yaw < n_parameters else moving[(yaw - n_parameters) * LANES :]
@@ -68,45 +80,63 @@ def _observe(moving, parameters, sensor, constants, selection, n_lanes, seen):
         seen[2 * LANES + k] = gain * w
 
 
-@compiled(types.void(_vector, _indices, types.int64, types.boolean, _vector, _matrix, _indices, _vector, _matrix))
-def _transition(constants, selection, n_parameters, exact, mean, inputs, piece_input, piece_duration, matrix):
-    n_coefficients = selection.size
-    vehicle = constants[:N_CONSTANTS]
+@compiled(_vector(_vector, _vector, _indices))
+def _all_coefficients(mean, constants, selection):
     coefficients = constants[_HELD : _HELD + N_COEFFICIENTS].copy()
-    for j in range(n_coefficients):
+    for j in range(selection.size):
         coefficients[selection[j]] = constants[_SCALE + j] * mean[j]
-    motion = mean[n_parameters : n_parameters + N_MOTION]
-    sensitivity = np.zeros((N_MOTION, N_MOTION + N_COEFFICIENTS))
-    for i in range(N_MOTION):
-        sensitivity[i, i] = 1.0
-    if exact:
-        for piece in range(piece_duration.size):
-            held = inputs[piece_input[piece]]
-            transition_step(motion, coefficients, held, vehicle, piece_duration[piece], sensitivity)
-    else:
-        # The paper's I + A dt, Table A1: linearised once, where the interval begins.
-        by_motion, by_coefficients = np.zeros((N_MOTION, N_MOTION)), np.zeros((N_MOTION, N_COEFFICIENTS))
-        motion_jacobian(motion, coefficients, inputs[piece_input[0]], vehicle, by_motion, by_coefficients)
-        elapsed = piece_duration.sum()
-        for i in range(N_MOTION):
-            for j in range(N_MOTION):
-                sensitivity[i, j] += elapsed * by_motion[i, j]
-            for j in range(N_COEFFICIENTS):
-                sensitivity[i, N_MOTION + j] = elapsed * by_coefficients[i, j]
-        block, work = np.zeros(N_BLOCK), np.empty(N_WORK)
-        coefficient_block = np.zeros(N_COEFFICIENT_BLOCK)
-        block[::LANES] = motion
-        coefficient_block[::LANES] = coefficients
-        for piece in range(piece_duration.size):
-            held = inputs[piece_input[piece]]
-            runge_kutta_step(block, coefficient_block, held, vehicle, 1, piece_duration[piece], work)
-        motion[:] = block[::LANES]
+    return coefficients
+
+
+@compiled(types.void(_matrix, _vector, _indices, _matrix))
+def _fill_in(sensitivity, constants, selection, matrix):
+    """Sensitivities to motion and to all 22 coefficients, to the moving rows of a transition matrix."""
+    n_coefficients, n_parameters = selection.size, _first_motion_row(constants)
     for i in range(N_MOTION):
         row = matrix[n_parameters + i]
         for j in range(n_coefficients):
             row[j] = sensitivity[i, N_MOTION + selection[j]] * constants[_SCALE + j]
         for j in range(N_MOTION):
             row[n_parameters + j] = sensitivity[i, j]
+
+
+@compiled(TRANSITION_SIGNATURE)
+def _exact_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix):
+    """The variational equation along the integration."""
+    coefficients, motion = _all_coefficients(mean, constants, selection), _motion_of(mean, constants)
+    sensitivity = np.zeros((N_MOTION, N_MOTION + N_COEFFICIENTS))
+    for i in range(N_MOTION):
+        sensitivity[i, i] = 1.0
+    for piece in range(piece_duration.size):
+        held = inputs[piece_input[piece]]
+        transition_step(motion, coefficients, held, constants[:N_CONSTANTS], piece_duration[piece], sensitivity)
+    _fill_in(sensitivity, constants, selection, matrix)
+
+
+@compiled(TRANSITION_SIGNATURE)
+def _first_order_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix):
+    """The paper's I + A dt, Table A1: linearised once, where the interval begins."""
+    coefficients, motion = _all_coefficients(mean, constants, selection), _motion_of(mean, constants)
+    vehicle = constants[:N_CONSTANTS]
+    by_motion, by_coefficients = np.zeros((N_MOTION, N_MOTION)), np.zeros((N_MOTION, N_COEFFICIENTS))
+    motion_jacobian(motion, coefficients, inputs[piece_input[0]], vehicle, by_motion, by_coefficients)
+    elapsed = piece_duration.sum()
+    sensitivity = np.zeros((N_MOTION, N_MOTION + N_COEFFICIENTS))
+    for i in range(N_MOTION):
+        sensitivity[i, i] = 1.0
+        for j in range(N_MOTION):
+            sensitivity[i, j] += elapsed * by_motion[i, j]
+        for j in range(N_COEFFICIENTS):
+            sensitivity[i, N_MOTION + j] = elapsed * by_coefficients[i, j]
+    _fill_in(sensitivity, constants, selection, matrix)
+    block, work = np.zeros(N_BLOCK), np.empty(N_WORK)
+    coefficient_block = np.zeros(N_COEFFICIENT_BLOCK)
+    block[::LANES] = motion
+    coefficient_block[::LANES] = coefficients
+    for piece in range(piece_duration.size):
+        held = inputs[piece_input[piece]]
+        runge_kutta_step(block, coefficient_block, held, vehicle, 1, piece_duration[piece], work)
+    motion[:] = block[::LANES]
 
 
 def vehicle_process(
@@ -132,7 +162,7 @@ def vehicle_process(
         Coefficients span 1e-3 to 1e3: a parameter is a coefficient divided by its scale.
     noise : ProcessNoise
     exact : bool
-        Transition matrix of the EKF: variational equation, or the paper's first order.
+        Transition matrix by the variational equation, or the paper's first order.
     errors : sequence of SensorError
         The state is: coefficients, constant errors, motion, walking errors.
     """
@@ -142,9 +172,6 @@ def vehicle_process(
     place = {error.symbol: float(selection.size + row) for row, error in enumerate(order) if error is not None}
     dvl = [place.get(symbol, _NOWHERE) for symbol in DVL_ERRORS]
     constants = np.concatenate([vehicle, held, scale, [n_parameters], dvl])
-
-    def transition(mean: Array, inputs: Array, piece_input: NDArray[np.int64], piece_duration: Array, matrix: Array):
-        _transition(constants, selection, n_parameters, exact, mean, inputs, piece_input, piece_duration, matrix)
 
     def linearise(mean: Array, sensor: int) -> tuple[Array, Array]:
         u, v, w = mean[n_parameters : n_parameters + 3]
@@ -160,7 +187,7 @@ def vehicle_process(
 
     return Process(
         advance=_advance,
-        transition=transition,
+        transition=_exact_transition if exact else _first_order_transition,
         constants=constants,
         selection=selection,
         noise_density=np.concatenate(

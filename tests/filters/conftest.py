@@ -7,7 +7,15 @@ import pytest
 from numba import njit
 
 from auvid_cli.blocks import LANES
-from auvid_cli.filters.problem import PROCESS_SIGNATURE, Belief, Process, Sensors, Timeline, empty_records
+from auvid_cli.filters.problem import (
+    PROCESS_SIGNATURE,
+    TRANSITION_SIGNATURE,
+    Belief,
+    Process,
+    Sensors,
+    Timeline,
+    empty_records,
+)
 
 N_AXES = 2
 
@@ -24,6 +32,29 @@ def _advance(moving, parameters, inputs, constants, selection, n_lanes, duration
             velocity = moving[(N_AXES + axis) * LANES + k]
             moving[axis * LANES + k] += duration * velocity + 0.5 * duration**2 * acceleration
             moving[(N_AXES + axis) * LANES + k] = velocity + duration * acceleration
+
+
+@njit(TRANSITION_SIGNATURE)
+def _transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix):
+    """The same for one state, and its derivative."""
+    n_parameters = constants.size // N_AXES
+    n, elapsed = n_parameters + 2 * N_AXES, 0.0
+    matrix[n_parameters:] = np.eye(n)[n_parameters:]
+    for piece in range(piece_duration.size):
+        duration = piece_duration[piece]
+        for axis in range(N_AXES):
+            position, velocity = n_parameters + axis, n_parameters + N_AXES + axis
+            acceleration = inputs[piece_input[piece], axis]
+            for j in range(n_parameters):
+                mixing = constants[axis * n_parameters + j]
+                acceleration += mixing * mean[j]
+                matrix[position, j] += duration * matrix[velocity, j] + 0.5 * duration**2 * mixing
+                matrix[velocity, j] += duration * mixing
+            mean[position] += duration * mean[velocity] + 0.5 * duration**2 * acceleration
+            mean[velocity] += duration * acceleration
+        elapsed += duration
+    for axis in range(N_AXES):
+        matrix[n_parameters + axis, n_parameters + N_AXES + axis] = elapsed
 
 
 def _step_matrices(mixing, duration):
@@ -94,14 +125,7 @@ def linear_problem(request):
     mixing = rng.standard_normal((N_AXES, n_parameters)) / np.sqrt(n_parameters)
     density = rng.uniform(0.05, 0.3, 2 * N_AXES)
 
-    def transition(mean, inputs, piece_input, piece_duration, matrix):
-        matrix[:] = np.eye(n)
-        for row, duration in zip(piece_input, piece_duration, strict=True):
-            step, push = _step_matrices(mixing, duration)
-            mean[:] = step @ mean + push @ inputs[row]
-            matrix[:] = step @ matrix
-
-    process = Process(_advance, transition, mixing.ravel(), np.zeros(0, dtype=np.int64), density)
+    process = Process(_advance, _transition, mixing.ravel(), np.zeros(0, dtype=np.int64), density)
 
     pieces = [0, *rng.integers(1, 4, n_events - 1)]
     durations = rng.uniform(0.01, 0.4, sum(pieces))

@@ -83,7 +83,8 @@ def linear_predict(problem):
     def predict(mean, covariance, piece_input, piece_duration):
         moved, matrix = mean.copy(), np.eye(mean.size)
         if piece_duration.size:
-            problem.process.transition(moved, problem.timeline.inputs, piece_input, piece_duration, matrix)
+            p, inputs = problem.process, problem.timeline.inputs
+            p.transition(moved, inputs, piece_input, piece_duration, p.constants, p.selection, matrix)
         return moved, matrix @ covariance @ matrix.T
 
     return predict

@@ -30,7 +30,7 @@ def state_and_flow(experiment_with):
         process = vehicle_process(constants, np.zeros(N_COEFFICIENTS), np.arange(N_COEFFICIENTS), SCALE, noise, exact)
         moved, matrix = state.copy(), np.eye(state.size)
         pieces = np.array([0, 1]), np.array([0.25, 0.75]) * duration
-        process.transition(moved, inputs, *pieces, matrix)
+        process.transition(moved, inputs, *pieces, process.constants, process.selection, matrix)
         return moved, matrix
 
     state = np.concatenate([np.array([true[symbol] for symbol in SYMBOLS]) / SCALE, MOTION])
