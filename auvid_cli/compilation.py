@@ -65,6 +65,11 @@ def compiled(
     return decorate
 
 
+def nothing_compiled() -> bool:
+    """Whether the cache is empty, so that what is loaded now has to be compiled."""
+    return not any(_cache_folder().rglob("*.nbc"))
+
+
 @cache
 def _cache_folder() -> Path:
     content = hashlib.sha256()

@@ -39,7 +39,9 @@ def reporting_errors() -> Iterator[None]:
 
 
 def _leave_at_once(number: int, frame: FrameType | None) -> None:
-    os.write(sys.stderr.fileno(), b"auvid: interrupted while compiling; nothing was lost\n")
+    # A spinner hides the cursor and leaves its line half written.
+    tidy = b"\x1b[?25h\r\x1b[K" if sys.stderr.isatty() else b""
+    os.write(sys.stderr.fileno(), tidy + b"auvid: interrupted while compiling; nothing was lost\n")
     os._exit(INTERRUPTED)
 
 
@@ -80,9 +82,16 @@ class Terminal:
     @contextmanager
     def compiling(self) -> Iterator[None]:
         """Load the compiled core. The compiler swallows an interrupt, so one ends the process on the spot."""
+        from auvid_cli.compilation import nothing_compiled
+
         before = signal.signal(signal.SIGINT, _leave_at_once)
+        label = "loading the compiled core"
+        if nothing_compiled():
+            label = "compiling the numerical core, once: some 20 s"
+            if not self._err.is_terminal and not self.quiet:
+                print(f"auvid: {label}", file=sys.stderr)
         try:
-            with self.stage("loading the compiled core (the first run compiles it, which takes some 20 s)"):
+            with self.stage(label):
                 yield
         finally:
             signal.signal(signal.SIGINT, before)

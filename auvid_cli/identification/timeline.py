@@ -1,6 +1,6 @@
 """From a dataset to events in time order, each sensor at its own times, a part of the run at a time."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -20,7 +20,7 @@ Ticks = NDArray[np.int64]
 _ANGULAR = ("phi", "theta", "psi")
 _NANOSECOND = 1e-9
 
-# Readings of the busiest sensor in a part: some 30 ms of work for a sigma-point filter.
+# Most readings of one sensor in a part: some 30 ms of work for a sigma-point filter.
 PART = 4000
 
 
@@ -123,7 +123,7 @@ class Timelines:
         Longest piece of integration, s. Times are compared in whole nanoseconds, so that two clocks
         that mean the same instant share an event.
     part : int
-        Readings of the busiest sensor that go into a part: what is at work at once, of however long a run.
+        Most readings of one sensor in a part: what is at work at once, of however long a run.
 
     Attributes
     ----------
@@ -144,19 +144,19 @@ class Timelines:
         if self._end < self._begin:
             raise DataError(f"no reading is left at or after t = {start:g} s, where inputs and all sensors have begun")
         self._records = tuple(measuring.values())
+        self._ticks = [_nanoseconds(record.time) for record in self._records]
         self._inputs = np.ascontiguousarray(dataset.inputs.values)
         self._changes = _nanoseconds(dataset.inputs.time)
         _check_coverage(self._changes, self._end)
         self._step, self._part = step, part
 
     def __iter__(self) -> Iterator[Timeline]:
-        busiest = max((record.time for record in self._records), key=np.size)
-        cuts = _nanoseconds(busiest[busiest > self.span[0]][self._part :: self._part])
-        # Half a nanosecond before a reading: rounding may have it a little earlier on another clock.
-        edges = (np.array([self._begin, *cuts, self._end + 1]) - 0.5) * _NANOSECOND
+        used = [ticks[(ticks > self._begin) & (ticks <= self._end)] for ticks in self._ticks]
+        cuts = np.concatenate([[self._begin, self._end + 1], *(ticks[self._part :: self._part] for ticks in used)])
         before = self._begin
-        for since, until in pairwise(edges):
-            events, reading_offset, reading_sensor, reading = _merge(self._records, since, until)
+        for since, until in pairwise(np.unique(cuts)):
+            spans = [slice(*np.searchsorted(ticks, [since, until])) for ticks in self._ticks]
+            events, reading_offset, reading_sensor, reading = _merge(self._records, self._ticks, spans)
             if events.size:
                 pieces = _pieces(self._changes, before, events, self._step)
                 time = events.astype(np.float64) * _NANOSECOND
@@ -165,18 +165,17 @@ class Timelines:
 
 
 def _merge(
-    records: Collection[SensorRecord], since: float, until: float
+    records: Sequence[SensorRecord], times: Sequence[Ticks], spans: Sequence[slice]
 ) -> tuple[Ticks, NDArray[np.int64], NDArray[np.int8], Array]:
-    """Events of a span of time, offsets of each event's readings, sensor of each reading, the readings."""
+    """Events of a span of each record, offsets of each event's readings, sensor of each reading, the readings."""
     ticks, values = [], []
     width = max(record.values.shape[1] for record in records)
-    for record in records:
-        span = slice(*np.searchsorted(record.time, [since, until]))
+    for record, time, span in zip(records, times, spans, strict=True):
         padded = np.full((span.stop - span.start, width), np.nan)
         padded[:, : record.values.shape[1]] = record.values[span]
         padded[~np.isfinite(padded)] = np.nan
         used = ~np.isnan(padded).all(axis=1)
-        ticks.append(_nanoseconds(record.time[span][used]))
+        ticks.append(time[span][used])
         values.append(padded[used])
     tick = np.concatenate(ticks)
     # Stable: at equal times the sensors keep their order.

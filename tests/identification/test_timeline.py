@@ -173,3 +173,24 @@ def test_a_sensor_that_states_no_noise_is_refused(deviation, experiment_with):
     dataset.sensors["dvl"].standard_deviation[1] = deviation
     with pytest.raises(DataError, match="dvl"):
         measuring_sensors(dataset)
+
+
+def test_no_part_is_longer_than_asked_for_whichever_sensor_is_alive(experiment_with):
+    """The busiest sensor over all falls silent; others go on without it."""
+    early, late = np.arange(300) * 0.01, 3.0 + np.arange(200) * 0.01
+    dataset = a_dataset(experiment_with(), [0.0], gyroscope=early, dvl=late, attitude=late)
+    measuring = measuring_sensors(dataset)
+    parts = list(Timelines(dataset, measuring, 0.0, 0.02, part=20))
+    assert max(np.bincount(part.reading_sensor).max() for part in parts) <= 21
+    assert sum(len(part.reading) for part in parts) == 700
+
+
+@pytest.mark.parametrize("since", [0.0, 1e7, 1.7e9])
+def test_no_reading_is_lost_on_a_clock_that_counts_from_long_ago(since, experiment_with):
+    dataset = a_dataset(
+        experiment_with(), [since], dvl=since + np.arange(50) * 0.1, gyroscope=since + np.arange(500) * 0.01
+    )
+    parts = list(Timelines(dataset, measuring_sensors(dataset), since, 0.02, part=30))
+    assert sum(len(part.reading) for part in parts) == 550
+    (alone,) = Timelines(dataset, measuring_sensors(dataset), since + 4.99, 0.02)
+    assert alone.time.size == 1

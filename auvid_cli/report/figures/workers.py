@@ -5,9 +5,10 @@ import os
 import signal
 import threading
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing import forkserver
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,16 @@ def figure_workers() -> Iterator[Executor]:
     method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
     context = multiprocessing.get_context(method)
     context.set_forkserver_preload(["auvid_cli.report.figures.kinds"])
-    workers = ProcessPoolExecutor(count, mp_context=context, initializer=_prepare)
+    if method == "forkserver":
+        # It inherits the mask: an interrupt at the terminal is for the command to handle, not for what loads here.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        forkserver.ensure_running()
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    try:
+        workers: Executor = ProcessPoolExecutor(count, mp_context=context, initializer=_prepare)
+    except OSError:
+        # No shared memory for the locks between processes, as in some containers: one thread draws as well.
+        workers = ThreadPoolExecutor(1)
     try:
         yield workers
     except BrokenProcessPool as error:
