@@ -80,7 +80,7 @@ def _exact_transition(mean, inputs, piece_input, piece_duration, constants, sele
 
 
 @compiled(TRANSITION_SIGNATURE)
-def _first_order_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix):
+def first_order_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix):
     """The paper's I + A dt, Table A1: linearised once, where the interval begins."""
     coefficients, motion = _all_coefficients(mean, constants, selection), mean[selection.size :]
     vehicle = constants[:N_CONSTANTS]
@@ -106,7 +106,7 @@ def _first_order_transition(mean, inputs, piece_input, piece_duration, constants
 
 
 def vehicle_process(
-    vehicle: Array, held: Array, selection: NDArray[np.int64], scale: Array, noise: ProcessNoise, exact: bool
+    vehicle: Array, held: Array, selection: NDArray[np.int64], scale: Array, noise: ProcessNoise
 ) -> Process:
     """The augmented model of Sabet et al. 2018, eq. (10), with coefficients in units of `scale`.
 
@@ -121,12 +121,14 @@ def vehicle_process(
     scale : ndarray, shape (p,)
         Coefficients span 1e-3 to 1e3: a parameter is a coefficient divided by its scale.
     noise : ProcessNoise
-    exact : bool
-        Transition matrix by the variational equation, or the paper's first order.
+
+    Notes
+    -----
+    Its transition is exact; `first_order_transition` may take its place.
     """
     return Process(
         advance=_advance,
-        transition=_exact_transition if exact else _first_order_transition,
+        transition=_exact_transition,
         constants=np.concatenate([vehicle, held, scale]),
         selection=selection,
         noise_density=np.repeat([noise.velocity, noise.rate, noise.attitude], 3),

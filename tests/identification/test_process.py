@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.config.experiment import ProcessNoise
-from auvid_cli.identification.process import vehicle_process
+from auvid_cli.identification.process import first_order_transition, vehicle_process
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.dynamics import vehicle_constants
 
@@ -23,7 +23,9 @@ def state_and_flow(experiment_with):
     noise = ProcessNoise()
 
     def flow(state, duration, exact=True, inputs=INPUTS):
-        process = vehicle_process(constants, np.zeros(N_COEFFICIENTS), np.arange(N_COEFFICIENTS), SCALE, noise, exact)
+        process = vehicle_process(constants, np.zeros(N_COEFFICIENTS), np.arange(N_COEFFICIENTS), SCALE, noise)
+        if not exact:
+            process = process._replace(transition=first_order_transition)
         moved, matrix = state.copy(), np.eye(state.size)
         pieces = np.array([0, 1]), np.array([0.25, 0.75]) * duration
         process.transition(moved, inputs, *pieces, process.constants, process.selection, matrix)
