@@ -86,7 +86,9 @@ def unit(model: type[BaseModel], name: str, field) -> str:
         return ", ".join(f"`{choice}`" for choice in typing.get_args(field.annotation))
     if isinstance(field.annotation, type) and field.annotation in (int, float, str, bool):
         return {int: "integer", float: "number", str: "text", bool: "true or false"}[field.annotation]
-    return "see below" if classes(field.annotation) else "list" if "tuple" in str(field.annotation) else ""
+    if classes(field.annotation):
+        return "see below"
+    return "list" if "tuple" in str(field.annotation) and typing.get_origin(field.annotation) is not dict else ""
 
 
 def default(field) -> str:

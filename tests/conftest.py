@@ -21,13 +21,18 @@ hypothesis.settings.register_profile(
 hypothesis.settings.load_profile("auvid")
 
 ALL_FILTERS = tuple(FilterName)
+KALMAN_FILTERS = tuple(name for name in FilterName if name is not FilterName.OUTPUT_ERROR)
 VEHICLE_FILES = tuple(sorted(path.name for path in (shipped_configs() / "vehicles").glob("*.yaml")))
 
 
 def pytest_generate_tests(metafunc):
-    """`filter_name` stands for each filter, `vehicle_file` for each shipped vehicle."""
-    if "filter_name" in metafunc.fixturenames:
-        metafunc.parametrize("filter_name", ALL_FILTERS, ids=[name.value for name in ALL_FILTERS])
+    """`filter_name` stands for each filter, `kalman_filter` for those that go from reading to reading.
+
+    `vehicle_file` stands for each shipped vehicle.
+    """
+    for argument, names in (("filter_name", ALL_FILTERS), ("kalman_filter", KALMAN_FILTERS)):
+        if argument in metafunc.fixturenames:
+            metafunc.parametrize(argument, names, ids=[name.value for name in names])
     if "vehicle_file" in metafunc.fixturenames:
         metafunc.parametrize("vehicle_file", VEHICLE_FILES, ids=[Path(name).stem for name in VEHICLE_FILES])
 

@@ -80,6 +80,37 @@ class UkfSettings(Settings):
         return self
 
 
+class OutputErrorSettings(Settings):
+    """Output-error method: fit of coefficients and initial motion, without process noise."""
+
+    max_evaluations: Annotated[
+        int, Field(ge=1, strict=True, description="how often the motion may be computed along the data or a part of it")
+    ] = 100
+    use_prior: Annotated[
+        bool, Field(strict=True, description="whether the prior and the spread of the initial motion count")
+    ] = False
+    bounds: dict[str, tuple[float, float]] = Field(
+        default_factory=dict, description="by coefficient, [lowest, highest] value that the fit may take"
+    )
+
+    @field_validator("bounds", mode="before")
+    @classmethod
+    def _known_coefficients_with_units(cls, value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        units = {c.symbol: c.unit for c in COEFFICIENTS}
+        parsed = {}
+        for symbol, stated in value.items():
+            check_symbol(symbol)
+            if not isinstance(stated, list | tuple) or len(stated) != 2:
+                raise ValueError(f"the bounds of {symbol}: expected [lowest, highest]")
+            low, high = (parse_quantity(bound, units[symbol]) for bound in stated)
+            if not low < high:
+                raise ValueError(f"the bounds of {symbol}: the lowest must be less than the highest")
+            parsed[symbol] = low, high
+        return parsed
+
+
 class Identification(Settings):
     """How coefficients are estimated from a dataset."""
 
@@ -108,6 +139,7 @@ class Identification(Settings):
     ] = None
     ekf: EkfSettings = EkfSettings()
     ukf: UkfSettings = UkfSettings()
+    output_error: OutputErrorSettings = OutputErrorSettings()
 
     @field_validator("coefficients", mode="after")
     @classmethod
@@ -119,6 +151,13 @@ class Identification(Settings):
         for symbol in value:
             check_symbol(symbol)
         return tuple(symbol for symbol in SYMBOLS if symbol in value)
+
+    @model_validator(mode="after")
+    def _bounds_of_what_is_estimated(self) -> "Identification":
+        for symbol in self.output_error.bounds:
+            if symbol not in self.estimated():
+                raise ValueError(f"output_error.bounds names {symbol}, which is not among the coefficients to estimate")
+        return self
 
     def estimated(self) -> tuple[str, ...]:
         """Symbols of the coefficients to estimate, in the order of the table."""

@@ -1,12 +1,13 @@
-"""The filters that auvid has, apart from their settings so that a command line can name them at once."""
+"""What auvid identifies with, apart from its settings so that a command line can name it at once."""
 
 from enum import StrEnum
 
 
 class FilterName(StrEnum):
-    """A filter by the name that commands, settings and files use."""
+    """A filter, or the output-error method, by the name that commands, settings and files use."""
 
     EKF = "ekf"
     CKF = "ckf"
     TUKF = "tukf"
     UKF = "ukf"
+    OUTPUT_ERROR = "output_error"

@@ -61,7 +61,7 @@ class EstimateHeader:
     Attributes
     ----------
     filter : str
-        "ekf", "ckf", "tukf" or "ukf".
+        "ekf", "ckf", "tukf", "ukf" or "output_error".
     experiment : Experiment
         Settings it is made with.
     state : tuple of str
@@ -125,7 +125,7 @@ class Outcome:
     Attributes
     ----------
     status : str
-        "completed", or "diverged at t = ...: why".
+        "completed", "diverged at t = ...: why", or "unconverged: why".
     covariance : ndarray, shape (len(state), len(state))
         At the last time, SI.
     steps : int

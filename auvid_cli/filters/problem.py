@@ -180,7 +180,7 @@ def until(records: Records, n_events: int, n_readings: int) -> Records:
 Receiver = Callable[[Timeline, Records], None]
 
 # What ended a run: a sensor's row in `Sensors`, or one of these.
-OK, PREDICTION = -1, -2
+OK, PREDICTION, NOT_CONVERGED = -1, -2, -3
 
 
 class Ending(NamedTuple):
@@ -194,7 +194,7 @@ class Ending(NamedTuple):
         Events that went well.
     culprit : int
         `OK`; or what ended the filter after event ``n_good - 1``: `PREDICTION`, or the sensor whose
-        reading it was.
+        reading it was. `NOT_CONVERGED` if it went to the end with what an iteration had not finished.
     """
 
     covariance: Array

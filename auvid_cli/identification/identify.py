@@ -1,15 +1,14 @@
-"""Dataset -> Estimate: the augmented state, its prior, and the filter that is asked for."""
+"""Dataset -> Estimate by the filter that is asked for."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from time import perf_counter, thread_time
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.experiment import Experiment, Identification
+from auvid_cli.config.experiment import Identification
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate, EstimateHeader, EstimatePart, Innovations, Outcome
@@ -18,18 +17,8 @@ from auvid_cli.filters import problem
 from auvid_cli.filters.point_sets import cubature, transformed, unscented
 from auvid_cli.filters.problem import Belief, Ending, Receiver, Records, Timeline
 from auvid_cli.filters.square_root import run_square_root_filter
-from auvid_cli.identification.biases import constant_errors, sensor_errors, walking_errors
-from auvid_cli.identification.prior import earlier_belief, prior_standard_deviations
-from auvid_cli.identification.process import vehicle_process
-from auvid_cli.identification.timeline import (
-    Timelines,
-    initial_motion,
-    measurement_model,
-    measuring_sensors,
-)
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.dynamics import vehicle_constants
-from auvid_cli.vehicle.parameters import MOTION
+from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
+from auvid_cli.identification.process import first_order_transition
 
 Array = NDArray[np.float64]
 
@@ -131,6 +120,14 @@ class FilterRun:
         match ending.culprit:
             case problem.OK:
                 return "completed"
+            case problem.NOT_CONVERGED:
+                limit = self.header.experiment.identification.output_error.max_evaluations
+                return (
+                    f"unconverged: the fit did not settle within {limit} evaluations of the motion; "
+                    "where it had got to is no estimate"
+                )
+            case problem.PREDICTION if self.header.filter == FilterName.OUTPUT_ERROR:
+                return f"diverged at t = {time:.3f} s: no fit was found whose motion reaches the end of the data"
             case problem.PREDICTION:
                 return (
                     f"diverged at t = {time:.3f} s: after a reading of {names[heard]} the state or its covariance "
@@ -153,78 +150,29 @@ def _no_innovations(record: SensorRecord) -> Innovations:
 
 
 def set_up_filters(dataset: Dataset, filter_names: Sequence[FilterName]) -> list[FilterRun]:
-    """Augmented state, prior and timeline of a dataset, and filters that share them; no truth is looked at.
+    """Filters that share a dataset's augmented state, prior and timeline; no truth is looked at.
 
     Raises
     ------
-    ConfigError
-        If a coefficient that is to be held has no value.
-    DataError
-        If no sensor measures motion.
+    ConfigError, DataError
+        As `augmented_problem`.
     """
-    experiment = dataset.experiment
-    settings = experiment.identification
-    estimated = settings.estimated()
-    selection = np.array([SYMBOLS.index(symbol) for symbol in estimated])
-    held = held_coefficients(experiment)
-    priors = prior_standard_deviations(
-        experiment.vehicle.size, settings.prior.factor, settings.prior.standard_deviation
-    )
-    scale = np.array([priors[symbol] for symbol in estimated])
-
-    errors = sensor_errors(settings.estimate)
-    constant, walking = constant_errors(errors), walking_errors(errors)
-    units = {c.symbol: c.unit for c in COEFFICIENTS}
-    blocks = [(symbol, units[symbol]) for symbol in estimated]
-    blocks += [(error.symbol, error.unit) for error in constant]
-    blocks += [(quantity.symbol, quantity.unit) for quantity in MOTION]
-    blocks += [(error.symbol, error.unit) for error in walking]
-    state, unit = zip(*blocks, strict=True)
-
-    measuring = measuring_sensors(dataset)
-    sensors = measurement_model(measuring, state, errors, np.inf if settings.gate is None else settings.gate)
-    start, motion = initial_motion(dataset, measuring)
-    data = Timelines(dataset, measuring, start, settings.integration_step)
-    process = vehicle_process(
-        vehicle_constants(experiment.vehicle.known_parameters()),
-        np.array([held.get(symbol, 0.0) for symbol in SYMBOLS]),
-        selection,
-        scale,
-        settings.process_noise,
-        settings.ekf.transition == "exact",
-        errors,
-    )
-    spread = settings.initial_motion
-    known, factor = np.zeros(len(estimated)), np.eye(len(estimated))
-    if settings.prior.from_estimate is not None:
-        known, factor = earlier_belief(Path(settings.prior.from_estimate), dataset, estimated, scale)
-    prior = Belief(
-        np.concatenate([known, np.zeros(len(constant)), motion, np.zeros(len(walking))]),
-        np.diag(
-            [
-                *np.ones(len(estimated)),
-                *(error.spread for error in constant),
-                *np.repeat([spread.velocity, spread.rate, spread.attitude], 3),
-                *(error.spread for error in walking),
-            ]
-        ),
-    )
-    prior.factor[: len(estimated), : len(estimated)] = factor
+    augmented = augmented_problem(dataset)
     return [
         FilterRun(
             EstimateHeader(
                 filter=name.value,
-                experiment=experiment,
-                state=state,
-                unit=unit,
-                held=held,
+                experiment=dataset.experiment,
+                state=augmented.state,
+                unit=augmented.unit,
+                held=augmented.held,
                 dataset_sha256=dataset.sha256,
             ),
-            data.span,
-            partial(_chosen_filter(name, settings, prior.mean.size), process, sensors, data, prior),
-            prior,
-            np.concatenate([scale, np.ones(len(state) - len(estimated))]),
-            measuring,
+            augmented.timelines.span,
+            _chosen_filter(name, augmented, dataset.experiment.identification),
+            augmented.prior,
+            augmented.scale,
+            augmented.measuring,
         )
         for name in filter_names
     ]
@@ -237,36 +185,44 @@ def identify(dataset: Dataset, filter_name: FilterName) -> Estimate:
     return Estimate.of(run.header, parts, outcome)
 
 
-def _chosen_filter(name: FilterName, settings: Identification, n: int) -> Callable[..., Ending]:
-    if name is FilterName.EKF:
-        # filterpy is slow to load and large, and no other filter needs it.
-        from auvid_cli.filters.extended import run_extended_filter
-
-        return run_extended_filter
+def _chosen_filter(
+    name: FilterName, augmented: AugmentedProblem, settings: Identification
+) -> Callable[[Receiver], Ending]:
+    process, n = augmented.process, augmented.prior.mean.size
     match name:
+        case FilterName.EKF:
+            # filterpy is slow to load and large, and no other filter needs it.
+            from auvid_cli.filters.extended import run_extended_filter as run
+
+            if settings.ekf.transition == "first_order":
+                process = process._replace(transition=first_order_transition)
+        case FilterName.OUTPUT_ERROR:
+            # Nor do they need scipy's optimisers.
+            from auvid_cli.filters.output_error import run_output_error
+
+            stated = settings.output_error
+            if settings.gate is not None:
+                raise ConfigError(
+                    "identification.gate has no meaning for output_error, which weighs all readings at once; leave out "
+                    "the gate or the filter"
+                )
+            run = partial(
+                run_output_error,
+                max_evaluations=stated.max_evaluations,
+                bounds=_bounds(augmented, stated.bounds),
+                use_prior=stated.use_prior,
+            )
         case FilterName.CKF:
-            point_set = cubature(n)
+            run = partial(run_square_root_filter, cubature(n))
         case FilterName.TUKF:
-            point_set = transformed(n)
+            run = partial(run_square_root_filter, transformed(n))
         case FilterName.UKF:
-            point_set = unscented(n, settings.ukf.alpha, settings.ukf.beta, settings.ukf.kappa)
-    return partial(run_square_root_filter, point_set)
+            points = unscented(n, settings.ukf.alpha, settings.ukf.beta, settings.ukf.kappa)
+            run = partial(run_square_root_filter, points)
+    return partial(run, process, augmented.sensors, augmented.timelines, augmented.prior)
 
 
-def held_coefficients(experiment: Experiment) -> dict[str, float]:
-    """Values, SI, of the coefficients that are not estimated.
-
-    Raises
-    ------
-    ConfigError
-        If the vehicle states none for one of them.
-    """
-    estimated = experiment.identification.estimated()
-    given = experiment.vehicle.coefficients.by_symbol()
-    missing = [symbol for symbol in SYMBOLS if symbol not in estimated and symbol not in given]
-    if missing:
-        raise ConfigError(
-            f"identification.coefficients leaves out {', '.join(missing)}, so the vehicle file must state "
-            "a value at which to hold each of them"
-        )
-    return {symbol: given[symbol] for symbol in SYMBOLS if symbol not in estimated}
+def _bounds(augmented: AugmentedProblem, stated: dict[str, tuple[float, float]]) -> tuple[Array, Array]:
+    """Lower and upper bounds of the scaled state."""
+    lower, upper = np.transpose([stated.get(symbol, (-np.inf, np.inf)) for symbol in augmented.state])
+    return lower / augmented.scale, upper / augmented.scale

@@ -114,7 +114,7 @@ def _exact_transition(mean, inputs, piece_input, piece_duration, constants, sele
 
 
 @compiled(TRANSITION_SIGNATURE)
-def _first_order_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix):
+def first_order_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix):
     """The paper's I + A dt, Table A1: linearised once, where the interval begins."""
     coefficients, motion = _all_coefficients(mean, constants, selection), _motion_of(mean, constants)
     vehicle = constants[:N_CONSTANTS]
@@ -145,7 +145,6 @@ def vehicle_process(
     selection: NDArray[np.int64],
     scale: Array,
     noise: ProcessNoise,
-    exact: bool,
     errors: Sequence[SensorError] = (),
 ) -> Process:
     """The augmented model of Sabet et al. 2018, eq. (10), with coefficients in units of `scale`, and sensor errors.
@@ -161,10 +160,12 @@ def vehicle_process(
     scale : ndarray, shape (p,)
         Coefficients span 1e-3 to 1e3: a parameter is a coefficient divided by its scale.
     noise : ProcessNoise
-    exact : bool
-        Transition matrix by the variational equation, or the paper's first order.
     errors : sequence of SensorError
         The state is: coefficients, constant errors, motion, walking errors.
+
+    Notes
+    -----
+    Its transition is exact; `first_order_transition` may take its place.
     """
     constant, walking = constant_errors(errors), walking_errors(errors)
     n_parameters = selection.size + len(constant)
@@ -187,7 +188,7 @@ def vehicle_process(
 
     return Process(
         advance=_advance,
-        transition=_exact_transition if exact else _first_order_transition,
+        transition=_exact_transition,
         constants=constants,
         selection=selection,
         noise_density=np.concatenate(

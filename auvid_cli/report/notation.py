@@ -44,5 +44,5 @@ def unit_latex(unit: str) -> str:
 
 
 def filter_label(name: str) -> str:
-    """A filter's name as it is read: EKF, CKF, TUKF, UKF."""
-    return name.upper()
+    """A filter's name as it is read: EKF, CKF, TUKF, UKF; OE for the output-error method."""
+    return "OE" if name == "output_error" else name.upper()

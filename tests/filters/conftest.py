@@ -8,6 +8,7 @@ from numba import njit
 
 from auvid_cli.blocks import LANES
 from auvid_cli.filters.problem import (
+    OBSERVATION_SIGNATURE,
     PROCESS_SIGNATURE,
     TRANSITION_SIGNATURE,
     Belief,
@@ -156,6 +157,44 @@ def linear_problem(request):
     return SimpleNamespace(process=process, sensors=sensors, timeline=timeline, prior=prior, mixing=mixing)
 
 
+@njit(OBSERVATION_SIGNATURE)
+def _observe(moving, parameters, sensor, constants, selection, n_lanes, seen):
+    """A distance, a rate with an unknown scale, and a product of states; of sensor 0."""
+    for k in range(n_lanes):
+        x, y, u, v = moving[k], moving[LANES + k], moving[2 * LANES + k], moving[3 * LANES + k]
+        seen[k] = np.sqrt(4.0 + x * x + y * y)
+        seen[LANES + k] = (1.0 + 0.3 * parameters[k]) * u + sensor
+        seen[2 * LANES + k] = np.sin(y) + 0.2 * u * v
+
+
+def _plain_observe(state):
+    parameter, (x, y, u, v) = state[0], state[-2 * N_AXES :]
+    return np.array([np.sqrt(4.0 + x * x + y * y), (1.0 + 0.3 * parameter) * u, np.sin(y) + 0.2 * u * v])
+
+
+def _jacobian(state):
+    parameter, (x, y, u, v) = state[0], state[-2 * N_AXES :]
+    matrix = np.zeros((3, state.size))
+    distance = np.sqrt(4.0 + x * x + y * y)
+    matrix[0, -4], matrix[0, -3] = x / distance, y / distance
+    matrix[1, 0], matrix[1, -2] = 0.3 * u, 1.0 + 0.3 * parameter
+    matrix[2, -3], matrix[2, -2], matrix[2, -1] = np.cos(y), 0.2 * v, 0.2 * u
+    return matrix
+
+
+@pytest.fixture
+def nonlinear_problem(linear_problem):
+    """The carts, seen by a nonlinear sensor and a linear one."""
+    p = linear_problem
+    p.process = p.process._replace(
+        observe=_observe, linearise=lambda mean, sensor: (_plain_observe(mean), _jacobian(mean))
+    )
+    p.sensors = p.sensors._replace(nonlinear=np.array([True, False]))
+    p.prior = Belief(0.2 * p.prior.mean, 0.2 * p.prior.factor)
+    p.plain_observe, p.jacobian = _plain_observe, _jacobian
+    return p
+
+
 @pytest.fixture
 def textbook(linear_problem):
     """The Kalman filter of any textbook, with full covariance and joint updates."""
@@ -189,3 +228,28 @@ def textbook(linear_problem):
         mean=np.array(means), standard_deviation=np.array(deviations), covariance=covariance,
         innovation=innovations, innovation_variance=variances, nis=nis,
     )  # fmt: skip
+
+
+@pytest.fixture
+def by_hand(linear_problem):
+    """As one set of linear equations in the initial state: of the state at each event, and of each reading."""
+    p = linear_problem
+    t, n = p.timeline, p.prior.mean.size
+    transition, offset = np.eye(n), np.zeros(n)
+    transitions, offsets, matrices, readings = [], [], [], []
+    for event in range(t.time.size):
+        for piece in range(t.piece_offset[event], t.piece_offset[event + 1]):
+            step, push = _step_matrices(p.mixing, t.piece_duration[piece])
+            transition, offset = step @ transition, step @ offset + push @ t.inputs[t.piece_input[piece]]
+        transitions.append(transition)
+        offsets.append(offset)
+        for k in range(t.reading_offset[event], t.reading_offset[event + 1]):
+            h = p.sensors.matrix[t.reading_sensor[k]]
+            matrices.append(h @ transition)
+            readings.append(t.reading[k] - h @ offset)
+    return SimpleNamespace(
+        transition=np.array(transitions),
+        offset=np.array(offsets),
+        matrix=np.array(matrices),
+        reading=np.array(readings),
+    )

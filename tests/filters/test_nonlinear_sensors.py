@@ -4,53 +4,19 @@ from functools import partial
 
 import numpy as np
 import pytest
-from numba import njit
 from numpy.testing import assert_allclose
 
-from auvid_cli.blocks import LANES
 from auvid_cli.filters.extended import run_extended_filter
 from auvid_cli.filters.point_sets import cubature, transformed, unscented
-from auvid_cli.filters.problem import OBSERVATION_SIGNATURE, OK, Belief
+from auvid_cli.filters.problem import OK
 from auvid_cli.filters.square_root import run_square_root_filter
 
-N_MOVING, N_SEEN, ALPHA = 4, 3, 0.5
-
-
-@njit(OBSERVATION_SIGNATURE)
-def _observe(moving, parameters, sensor, constants, selection, n_lanes, seen):
-    """A distance, a rate with an unknown scale, and a product of states; of sensor 0."""
-    for k in range(n_lanes):
-        x, y, u, v = moving[k], moving[LANES + k], moving[2 * LANES + k], moving[3 * LANES + k]
-        seen[k] = np.sqrt(4.0 + x * x + y * y)
-        seen[LANES + k] = (1.0 + 0.3 * parameters[k]) * u + sensor
-        seen[2 * LANES + k] = np.sin(y) + 0.2 * u * v
-
-
-def plain_observe(state):
-    parameter, (x, y, u, v) = state[0], state[-N_MOVING:]
-    return np.array([np.sqrt(4.0 + x * x + y * y), (1.0 + 0.3 * parameter) * u, np.sin(y) + 0.2 * u * v])
-
-
-def jacobian(state):
-    parameter, (x, y, u, v) = state[0], state[-N_MOVING:]
-    matrix = np.zeros((N_SEEN, state.size))
-    distance = np.sqrt(4.0 + x * x + y * y)
-    matrix[0, -4], matrix[0, -3] = x / distance, y / distance
-    matrix[1, 0], matrix[1, -2] = 0.3 * u, 1.0 + 0.3 * parameter
-    matrix[2, -3], matrix[2, -2], matrix[2, -1] = np.cos(y), 0.2 * v, 0.2 * u
-    return matrix
+N_MOVING, ALPHA = 4, 0.5
 
 
 @pytest.fixture
-def problem(linear_problem):
-    """The carts, seen by a nonlinear sensor and a linear one."""
-    p = linear_problem
-    p.process = p.process._replace(
-        observe=_observe, linearise=lambda mean, sensor: (plain_observe(mean), jacobian(mean))
-    )
-    p.sensors = p.sensors._replace(nonlinear=np.array([True, False]))
-    p.prior = Belief(0.2 * p.prior.mean, 0.2 * p.prior.factor)
-    return p
+def problem(nonlinear_problem):
+    return nonlinear_problem
 
 
 def covariance_filter(problem, predict, see):
@@ -93,7 +59,7 @@ def linear_predict(problem):
 def sigma_view(problem, directions, for_mean, for_covariance):
     def see(mean, covariance, sensor):
         points = mean + directions @ np.linalg.cholesky(covariance).T
-        view = plain_observe if sensor == 0 else lambda x: problem.sensors.matrix[sensor] @ x
+        view = problem.plain_observe if sensor == 0 else lambda x: problem.sensors.matrix[sensor] @ x
         seen = np.array([view(point) for point in points])
         predicted = for_mean @ seen
         centre = for_mean @ points
@@ -145,8 +111,8 @@ def test_sigma_point_filters_are_the_covariance_form(which, problem, run_whole):
 
 def test_the_extended_filter_is_the_textbooks(problem, run_whole):
     def see(mean, covariance, sensor):
-        matrix = jacobian(mean) if sensor == 0 else problem.sensors.matrix[sensor]
-        predicted = plain_observe(mean) if sensor == 0 else matrix @ mean
+        matrix = problem.jacobian(mean) if sensor == 0 else problem.sensors.matrix[sensor]
+        predicted = problem.plain_observe(mean) if sensor == 0 else matrix @ mean
         return predicted, matrix @ covariance @ matrix.T, covariance @ matrix.T
 
     history = run_whole(run_extended_filter, problem)

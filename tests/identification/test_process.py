@@ -8,7 +8,7 @@ from auvid_cli.blocks import LANES
 from auvid_cli.config.biases import DvlError, Estimate
 from auvid_cli.config.experiment import ProcessNoise
 from auvid_cli.identification.biases import constant_errors, sensor_errors, walking_errors
-from auvid_cli.identification.process import vehicle_process
+from auvid_cli.identification.process import first_order_transition, vehicle_process
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.dynamics import vehicle_constants
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
@@ -27,7 +27,9 @@ def state_and_flow(experiment_with):
     noise = ProcessNoise()
 
     def flow(state, duration, exact=True, inputs=INPUTS):
-        process = vehicle_process(constants, np.zeros(N_COEFFICIENTS), np.arange(N_COEFFICIENTS), SCALE, noise, exact)
+        process = vehicle_process(constants, np.zeros(N_COEFFICIENTS), np.arange(N_COEFFICIENTS), SCALE, noise)
+        if not exact:
+            process = process._replace(transition=first_order_transition)
         moved, matrix = state.copy(), np.eye(state.size)
         pieces = np.array([0, 1]), np.array([0.25, 0.75]) * duration
         process.transition(moved, inputs, *pieces, process.constants, process.selection, matrix)
@@ -76,7 +78,7 @@ def test_a_dvl_with_scale_error_and_mounting_yaw(walks, experiment_with):
     errors = sensor_errors(Estimate(biases=("gyro", "dvl"), dvl=DvlError(**walks)))
     known = experiment_with().vehicle.known_parameters()
     process = vehicle_process(
-        vehicle_constants(known), np.zeros(N_COEFFICIENTS), np.arange(2), SCALE[:2], ProcessNoise(), True, errors
+        vehicle_constants(known), np.zeros(N_COEFFICIENTS), np.arange(2), SCALE[:2], ProcessNoise(), errors
     )
     symbols = [*"ab", *(e.symbol for e in constant_errors(errors)), *MOTION_SYMBOLS]
     symbols += [e.symbol for e in walking_errors(errors)]

@@ -1,0 +1,183 @@
+"""Fisher information of readings as a square root: what whitened rows ``r = J dx + noise`` say about dx.
+
+The normal equations are never formed, and the rows are compressed as they come, so the memory does not grow with
+the run.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from auvid_cli.compilation import compiled
+from auvid_cli.filters.problem import Belief
+from auvid_cli.filters.sensitivities import Response
+
+Array = NDArray[np.float64]
+
+_matrix = types.float64[:, ::1]
+
+# Rows that are worked on at once: with the triangle they fit into the cache nearest to the processor.
+_CHUNK = 96
+# Singular values of the scaled factor below this share of the largest are the rounding of a long run.
+_ROUNDING = 1e-12
+# A combination of states has a share in a direction without information if it is more than rounding.
+_SHARE = 1e-9
+
+
+@compiled(types.void(_matrix, _matrix), reassociate=True)
+def _compress(triangle, rows):
+    """Replace an upper triangle by that of the QR decomposition of itself above some rows, in place.
+
+    Modified Gram-Schmidt, whose triangle is as accurate as Householder's, the last column as right-hand side included
+    (Bjorck 1967). A column that vanishes gets a row of zeros. Compiled instead of LAPACK's, whose threads get in each
+    other's way where filters run side by side.
+    """
+    width = rows.shape[1]
+    columns = np.empty((width, width + _CHUNK))
+    for begin in range(0, rows.shape[0], _CHUNK):
+        for j in range(width):
+            for i in range(width):
+                columns[j, i] = triangle[i, j]
+            for i in range(_CHUNK):
+                columns[j, width + i] = rows[begin + i, j] if begin + i < rows.shape[0] else 0.0
+        for i in range(width):
+            column = columns[i]
+            square = 0.0
+            for k in range(width + _CHUNK):
+                square += column[k] * column[k]
+            norm = np.sqrt(square)
+            triangle[i, i] = norm
+            for j in range(i + 1, width):
+                other = columns[j]
+                dot = 0.0
+                for k in range(width + _CHUNK):
+                    dot += other[k] * column[k]
+                triangle[i, j] = 0.0 if square == 0.0 else dot / norm
+                share = 0.0 if square == 0.0 else dot / square
+                for k in range(width + _CHUNK):
+                    other[k] -= share * column[k]
+
+
+class Uncertainty(NamedTuple):
+    """Covariance ``root root'``, and infinite variance along the columns of `blind`.
+
+    Attributes
+    ----------
+    root : ndarray, shape (n, n - q)
+    blind : ndarray, shape (n, q)
+        Directions of which the readings say nothing; orthonormal in units of `unit`.
+    unit : ndarray, shape (n,)
+        By which entries of the state are made comparable.
+    """
+
+    root: Array
+    blind: Array
+    unit: Array
+
+    def deviation(self, combinations: Array) -> Array:
+        """Standard deviations of linear combinations, shape (..., n), of the state; infinite where it is blind."""
+        known = np.sqrt(np.square(combinations @ self.root).sum(axis=-1))
+        return np.where(self._unknown(combinations).any(axis=-1), np.inf, known)
+
+    def covariance(self, combinations: Array) -> Array:
+        """Covariance matrix of the rows of a matrix, shape (m, n), with infinities where it is blind."""
+        root, share = combinations @ self.root, combinations @ self.blind
+        share[~self._unknown(combinations)] = 0.0
+        common, size = share @ share.T, np.linalg.norm(share, axis=1)
+        infinite = np.abs(common) > _SHARE * np.outer(size, size)
+        return root @ root.T + np.where(infinite, np.copysign(np.inf, common), 0.0)
+
+    def _unknown(self, combinations: Array) -> NDArray[np.bool_]:
+        size = np.sqrt(np.square(combinations * self.unit).sum(axis=-1, keepdims=True))
+        return np.abs(combinations @ self.blind) > _SHARE * size
+
+
+class Information(NamedTuple):
+    """What readings say about a state, as the least-squares problem ``|factor dx - projected|^2 + remaining^2``.
+
+    With the derivative J and the innovation r of all readings, both whitened, it has the same sum of squares
+    ``|J dx - r|^2`` for every dx. No estimate without bias has a covariance below the inverse of ``factor' factor``
+    at the true state (Cramer and Rao).
+
+    Attributes
+    ----------
+    factor : ndarray, shape (n, n)
+        Upper triangular, ``factor' factor = J' J``.
+    projected : ndarray, shape (n,)
+        ``factor' projected = J' r``.
+    remaining : float
+        Norm of the part of r that no dx explains.
+    n_readings : int
+        Scalar readings, components that are present.
+    """
+
+    factor: Array
+    projected: Array
+    remaining: float
+    n_readings: int
+
+    @classmethod
+    def none(cls, n: int) -> "Information":
+        """Nothing about a state of n components."""
+        return cls(np.zeros((n, n)), np.zeros(n), 0.0, 0)
+
+    @classmethod
+    def of_belief(cls, belief: Belief, state: Array) -> "Information":
+        """What a Gaussian says, as rows about `state`; it counts no readings."""
+        about_state = np.column_stack([np.eye(state.size), belief.mean - state])
+        rows = solve_triangular(belief.factor, about_state, lower=True)
+        return cls.none(state.size).with_rows(rows, 0)
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether all of it is."""
+        return bool(
+            np.isfinite(self.remaining) and np.isfinite(self.factor).all() and np.isfinite(self.projected).all()
+        )
+
+    def with_rows(self, rows: Array, n_readings: int) -> "Information":
+        """Together with further rows ``[J, r]``, shape (m, n + 1), of so many readings."""
+        n = self.projected.size
+        triangle = np.zeros((n + 1, n + 1))
+        triangle[:n, :n], triangle[:n, n], triangle[n, n] = self.factor, self.projected, self.remaining
+        _compress(triangle, np.ascontiguousarray(rows))
+        return Information(
+            triangle[:n, :n].copy(), triangle[:n, n].copy(), float(triangle[n, n]), self.n_readings + n_readings
+        )
+
+    def with_response(self, response: Response, of: NDArray[np.bool_] | slice = slice(None)) -> "Information":
+        """Together with the readings of a part of the motion, or with some of them."""
+        rows = response.whitened[of]
+        return self.with_rows(
+            rows.reshape(-1, rows.shape[-1]), int(np.count_nonzero(~np.isnan(response.innovation[of])))
+        )
+
+    def join(self, other: "Information") -> "Information":
+        """Together with what independent readings say about the same state."""
+        rows = np.column_stack([other.factor, other.projected])
+        last = np.append(np.zeros(other.projected.size), other.remaining)
+        return self.with_rows(np.vstack([rows, last]), other.n_readings)
+
+    def uncertainty(self) -> Uncertainty:
+        """The inverse: the bound of Cramer and Rao, infinite where the readings say nothing."""
+        scale, values, directions, seen = self._decomposed()
+        basis = directions.T / scale[:, None]
+        return Uncertainty(basis[:, seen] / values[seen], basis[:, ~seen], 1.0 / scale)
+
+    def unseen(self) -> Array:
+        """Rows, shape (q, n), of which a dx has a part in the directions of which the readings say nothing.
+
+        They complete `factor` to full rank, with singular values like its largest.
+        """
+        scale, values, directions, seen = self._decomposed()
+        return values.max(initial=1.0) * directions[~seen] * scale
+
+    def _decomposed(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """Norms of the factor's columns; of the factor scaled by them singular values, right vectors, what counts."""
+        size = np.linalg.norm(self.factor, axis=0)
+        scale = np.where(size > 0.0, size, 1.0)
+        _, values, directions = np.linalg.svd(self.factor / scale)
+        return scale, values, directions, values > _ROUNDING * values.max(initial=0.0)

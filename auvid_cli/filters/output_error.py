@@ -1,0 +1,145 @@
+"""Output-error method: the initial state from which the motion, left to itself, fits all readings best.
+
+Maximum likelihood for white measurement noise and no process noise.
+"""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.filters.information import Information
+from auvid_cli.filters.least_squares import fit
+from auvid_cli.filters.point_sets import cubature
+from auvid_cli.filters.problem import (
+    NOT_CONVERGED,
+    OK,
+    PREDICTION,
+    Belief,
+    Ending,
+    Process,
+    Receiver,
+    Records,
+    Sensors,
+    Timeline,
+)
+from auvid_cli.filters.residuals import hand_over
+from auvid_cli.filters.sensitivities import responses
+from auvid_cli.filters.square_root import run_square_root_filter
+
+Array = NDArray[np.float64]
+
+# Events of the first span, some 40 s of a 100 Hz sensor: few enough for parameters that are far off not to lose the
+# motion altogether, and enough to correct them.
+_FIRST_SPAN = 4000
+# Gains in the sum of squares, as shares of it, that end the fit of a span and of the whole.
+_COARSE, _FINE = 1e-5, 1e-9
+
+
+def run_output_error(
+    process: Process,
+    sensors: Sensors,
+    timelines: Iterable[Timeline],
+    prior: Belief,
+    receive: Receiver,
+    max_evaluations: int = 100,
+    bounds: tuple[Array, Array] | None = None,
+    use_prior: bool = False,
+) -> Ending:
+    """Fit parameters and initial motion to data.
+
+    It starts from the final parameters of a CKF, or from the prior's if that diverged, and from the prior's motion. The
+    free motion over all of a run is soon lost where parameters are off, its sum of squares full of local minima. So it
+    fits the beginning first, held by the prior's spread about where it starts, and goes on to twice as much.
+
+    Parameters
+    ----------
+    process, sensors, timelines, prior, receive
+        As of `run_square_root_filter`, but the timelines are gone through many times. The process noise serves only
+        the CKF, and so does the prior unless `use_prior`. What is received is the solution, see `hand_over`.
+    max_evaluations : int
+        Of the motion along the data.
+    bounds : tuple of ndarray, shape (n,)
+        Lower and upper, of the initial state; the covariance does not know of them.
+    use_prior : bool
+        Whether the prior counts for as much as it says: the posterior mode instead of maximum likelihood.
+
+    Returns
+    -------
+    Ending
+        `NOT_CONVERGED` if `max_evaluations` were not enough; `PREDICTION` if the motion from the best state that was
+        found blows up.
+    """
+    n = prior.mean.size
+    box = bounds or (np.full(n, -np.inf), np.full(n, np.inf))
+    n_events = sum(timeline.time.size for timeline in timelines)
+    state = np.clip(_first_guess(process, sensors, timelines, prior), *box)
+    known, converged, left = Information.none(n), False, max_evaluations
+
+    fitted, span = 0, min(_FIRST_SPAN, n_events)
+    while left > 0 and fitted < span:
+        belief = Belief(state, prior.factor) if span < n_events else prior if use_prior else None
+        tolerance = _COARSE if span < n_events else _FINE
+        part = fit(process, sensors, FirstEvents(timelines, span), state, belief, box, tolerance, left)
+        left -= part.evaluations if part is not None else 1
+        if part is None:
+            span = (fitted + span) // 2
+        else:
+            state, known, converged = part.state, part.information, part.converged
+            fitted, span = span, min(2 * span, n_events)
+    if use_prior:
+        known = known.join(Information.of_belief(prior, state))
+
+    solution = responses(process, sensors, timelines, state)
+    covariance, n_good = hand_over(solution, sensors, known.uncertainty(), receive)
+    culprit = PREDICTION if n_good < n_events else OK if converged else NOT_CONVERGED
+    return Ending(covariance, n_good, culprit)
+
+
+def _first_guess(process: Process, sensors: Sensors, timelines: Iterable[Timeline], prior: Belief) -> Array:
+    """Parameters as a CKF leaves them at the end, motion as the prior has it."""
+    guess = prior.mean.copy()
+    n_parameters = guess.size - process.noise_density.size
+
+    def keep_last(timeline: Timeline, records: Records) -> None:
+        if len(records.mean):
+            guess[:n_parameters] = records.mean[-1, :n_parameters]
+
+    ending = run_square_root_filter(cubature(guess.size), process, sensors, timelines, prior, keep_last)
+    return guess if ending.culprit == OK else prior.mean
+
+
+class FirstEvents:
+    """The first so many events of some parts, to be gone through any number of times.
+
+    Parameters
+    ----------
+    timelines : iterable of Timeline
+        Parts in time order.
+    n_events : int
+    """
+
+    def __init__(self, timelines: Iterable[Timeline], n_events: int) -> None:
+        self._timelines, self._n_events = timelines, n_events
+
+    def __iter__(self) -> Iterator[Timeline]:
+        left = self._n_events
+        for timeline in self._timelines:
+            yield timeline if timeline.time.size <= left else _cut(timeline, left)
+            left -= timeline.time.size
+            if left <= 0:
+                return
+
+
+def _cut(timeline: Timeline, n_events: int) -> Timeline:
+    pieces, readings = timeline.piece_offset[n_events], timeline.reading_offset[n_events]
+    return Timeline(
+        timeline.time[:n_events],
+        timeline.piece_offset[: n_events + 1],
+        timeline.piece_duration[:pieces],
+        timeline.piece_input[:pieces],
+        timeline.inputs,
+        timeline.reading_offset[: n_events + 1],
+        timeline.reading_sensor[:readings],
+        timeline.reading[:readings],
+    )

@@ -1,0 +1,179 @@
+"""The motion left to itself, and how what the sensors see depends on the state from which it starts.
+
+Parameters are constant, so that of the sensitivities ``X_k = dx_k / dx_0`` only the moving rows are kept.
+"""
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.compilation import compiled
+from auvid_cli.filters.measurement import SENSORS, wrapped
+from auvid_cli.filters.problem import TIMELINE, TRANSITION_SIGNATURE, Process, Sensors, Timeline
+
+Array = NDArray[np.float64]
+
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+_indices = types.int64[::1]
+_stack = types.float64[:, :, ::1]
+
+# Beyond this a motion counts as blown up: squares, and their sums over a long run, stay finite.
+_LARGEST = 1e100
+
+
+class Response(NamedTuple):
+    """Consecutive events of the motion left to itself, and their readings; fewer than asked for where it blew up.
+
+    Attributes
+    ----------
+    timeline : Timeline
+        The part of the data that was asked for.
+    mean : ndarray, shape (events, n)
+        State after each event.
+    sensitivity : ndarray, shape (events, n_moving, n)
+        Derivative of its moving part by the state at the start.
+    innovation : ndarray, shape (readings, c)
+        Measured less predicted; NaN where missing.
+    whitened : ndarray, shape (readings, c, n + 1)
+        Of each component the derivative of what is predicted, then the innovation, over the standard deviation of
+        the noise; zero where missing.
+    """
+
+    timeline: Timeline
+    mean: Array
+    sensitivity: Array
+    innovation: Array
+    whitened: Array
+
+    @property
+    def blew_up(self) -> bool:
+        """Whether the motion is not finite, or beyond all measure, before the end of the part."""
+        return len(self.mean) < self.timeline.time.size
+
+
+def responses(process: Process, sensors: Sensors, timelines: Iterable[Timeline], start: Array) -> Iterator[Response]:
+    """Move a state along the data without correction, part by part, until the end or until the motion blows up.
+
+    Parameters
+    ----------
+    process, sensors
+        See `auvid_cli.filters.problem`. The process noise is not looked at, and the transition must be exact.
+    timelines : iterable of Timeline
+        Parts of the data in time order.
+    start : ndarray, shape (n,)
+        State at the first event.
+    """
+    n, n_moving = start.size, process.noise_density.size
+    mean, matrix = np.array(start, dtype=np.float64), np.eye(n)
+    sensitivity = np.eye(n)[n - n_moving :].copy()
+    for timeline in timelines:
+        n_events, (n_readings, n_components) = timeline.time.size, timeline.reading.shape
+        means, sensitivities = np.empty((n_events, n)), np.empty((n_events, n_moving, n))
+        innovation, whitened = np.empty((n_readings, n_components)), np.zeros((n_readings, n_components, n + 1))
+        model = process.transition, process.constants, process.selection
+        good = _move(*model, timeline, mean, sensitivity, matrix, means, sensitivities)
+        heard = timeline.reading_offset[good]
+        _see(sensors, timeline, good, means, sensitivities, innovation, whitened)
+        if sensors.nonlinear.any():
+            _see_nonlinearly(process, sensors, timeline, good, means, sensitivities, innovation, whitened)
+        yield Response(timeline, means[:good], sensitivities[:good], innovation[:heard], whitened[:heard])
+        if good < n_events:
+            return
+
+
+@compiled(
+    types.int64(
+        types.FunctionType(TRANSITION_SIGNATURE),
+        *(_vector, _indices, TIMELINE, _vector, _matrix, _matrix, _matrix, _stack),
+    )
+)
+def _move(transition, constants, selection, timeline, mean, sensitivity, matrix, means, sensitivities):
+    """Fill in state and sensitivities of every event; returns how many are sound.
+
+    `mean` and `sensitivity` are where it starts and, afterwards, where it ends.
+    """
+    n_moving, n = sensitivity.shape
+    n_parameters = n - n_moving
+    moved = np.empty((n_moving, n))
+    for event in range(timeline.time.size):
+        first, last = timeline.piece_offset[event], timeline.piece_offset[event + 1]
+        if last > first:
+            pieces = timeline.piece_input[first:last], timeline.piece_duration[first:last]
+            transition(mean, timeline.inputs, pieces[0], pieces[1], constants, selection, matrix)
+            size = 0.0
+            for i in range(n_moving):
+                row = matrix[n_parameters + i]
+                for j in range(n):
+                    moved[i, j] = row[j] if j < n_parameters else 0.0
+                for k in range(n_moving):
+                    for j in range(n):
+                        moved[i, j] += row[n_parameters + k] * sensitivity[k, j]
+                size += abs(mean[n_parameters + i])
+                for j in range(n):
+                    size += abs(moved[i, j])
+            if not size < _LARGEST:
+                return event
+            sensitivity[:] = moved
+        means[event] = mean
+        sensitivities[event] = sensitivity
+    return timeline.time.size
+
+
+@compiled(types.void(SENSORS, TIMELINE, types.int64, _matrix, _stack, _matrix, _stack))
+def _see(sensors, timeline, n_events, means, sensitivities, innovation, whitened):
+    """Fill in what the linear sensors say at the first events."""
+    n = means.shape[1]
+    n_parameters = n - sensitivities.shape[1]
+    for event in range(n_events):
+        for k in range(timeline.reading_offset[event], timeline.reading_offset[event + 1]):
+            sensor = timeline.reading_sensor[k]
+            for c in range(innovation.shape[1]):
+                measured = timeline.reading[k, c]
+                innovation[k, c] = np.nan
+                if np.isnan(measured) or sensors.nonlinear[sensor]:
+                    continue
+                weight, row = 1.0 / np.sqrt(sensors.variance[sensor, c]), whitened[k, c]
+                predicted = 0.0
+                for i in range(n):
+                    h = sensors.matrix[sensor, c, i]
+                    if h != 0.0:
+                        predicted += h * means[event, i]
+                        if i < n_parameters:
+                            row[i] += weight * h
+                        else:
+                            of_state = sensitivities[event, i - n_parameters]
+                            for j in range(n):
+                                row[j] += weight * h * of_state[j]
+                innovation[k, c] = wrapped(measured - predicted, sensors.angular[sensor, c])
+                row[n] = weight * innovation[k, c]
+
+
+def _see_nonlinearly(
+    process: Process,
+    sensors: Sensors,
+    timeline: Timeline,
+    n_events: int,
+    means: Array,
+    sensitivities: Array,
+    innovation: Array,
+    whitened: Array,
+) -> None:
+    """The same for the nonlinear sensors."""
+    assert process.linearise is not None, "a nonlinear sensor needs `Process.linearise`"
+    n_parameters = means.shape[1] - sensitivities.shape[1]
+    for event in range(n_events):
+        for k in range(timeline.reading_offset[event], timeline.reading_offset[event + 1]):
+            sensor = timeline.reading_sensor[k]
+            if not sensors.nonlinear[sensor]:
+                continue
+            predicted, derivative = process.linearise(means[event], int(sensor))
+            by_start = derivative[:, n_parameters:] @ sensitivities[event]
+            by_start[:, :n_parameters] += derivative[:, :n_parameters]
+            for c in np.flatnonzero(~np.isnan(timeline.reading[k])):
+                error = wrapped(timeline.reading[k, c] - predicted[c], sensors.angular[sensor, c])
+                innovation[k, c] = error
+                whitened[k, c] = np.append(by_start[c], error) / np.sqrt(sensors.variance[sensor, c])

@@ -1,0 +1,96 @@
+"""Fisher information of a dataset about coefficients and initial motion, and the bound of Cramer and Rao."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.errors import DataError
+from auvid_cli.filters.information import Information
+from auvid_cli.filters.sensitivities import responses
+from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class DatasetInformation:
+    """What the readings of a dataset say about the coefficients and the motion at the start, jointly.
+
+    Attributes
+    ----------
+    state : tuple of str
+        Symbols: the estimated coefficients, then the nine motion states at the first event.
+    scale : ndarray, shape (n,)
+        SI value of one unit of each in which the information is given: of a coefficient its prior standard deviation,
+        of a motion state one.
+    by_sensor : dict of Information
+        Of each sensor that measures motion.
+    growing : tuple of (float, Information)
+        Of all of them together up to some times, s, from the beginning; the whole last.
+    """
+
+    state: tuple[str, ...]
+    scale: Array
+    by_sensor: dict[str, Information]
+    growing: tuple[tuple[float, Information], ...]
+
+    @property
+    def total(self) -> Information:
+        """Of all sensors over the whole run."""
+        return self.growing[-1][1]
+
+    def bound(self, sensor: str | None = None) -> dict[str, float]:
+        """Least standard deviation of an estimate without bias, SI, from all sensors or from one of them.
+
+        Infinite for what the readings do not tell from the rest.
+        """
+        information = self.total if sensor is None else self.by_sensor[sensor]
+        deviation = self.scale * information.uncertainty().deviation(np.eye(self.scale.size))
+        return dict(zip(self.state, deviation.tolist(), strict=True))
+
+
+def information_at(
+    dataset: Dataset, coefficients: Mapping[str, float], motion: Array | None = None
+) -> DatasetInformation:
+    """Fisher information at given values of the coefficients, for white measurement noise and no process noise.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Its settings say what is estimated, and at which values the others are held.
+    coefficients : mapping
+        SI, by symbol; all that are estimated, others are not looked at.
+    motion : ndarray, shape (9,), optional
+        At the instant at which `auvid_cli.identification.timeline.initial_motion` starts, SI; as measured by then if it
+        is left out.
+
+    Raises
+    ------
+    DataError
+        If the model blows up with these coefficients.
+    """
+    problem = augmented_problem(dataset)
+    start = problem.prior.mean.copy()
+    for i, symbol in enumerate(problem.state):
+        if symbol in SYMBOLS:
+            start[i] = coefficients[symbol] / problem.scale[i]
+    if motion is not None:
+        first = problem.state.index(MOTION_SYMBOLS[0])
+        start[first : first + len(motion)] = motion
+    by_sensor = dict.fromkeys(problem.measuring, Information.none(start.size))
+    total, growing = Information.none(start.size), []
+    for response in responses(problem.process, problem.sensors, problem.timelines, start):
+        if response.blew_up:
+            time = response.timeline.time[len(response.mean)]
+            raise DataError(f"with these coefficients the model blows up at t = {time:.3f} s")
+        for sensor, name in enumerate(by_sensor):
+            own = response.timeline.reading_sensor == sensor
+            by_sensor[name] = by_sensor[name].with_response(response, own)
+        total = total.with_response(response)
+        growing.append((float(response.timeline.time[-1]) - problem.timelines.span[0], total))
+    return DatasetInformation(problem.state, problem.scale, by_sensor, tuple(growing))

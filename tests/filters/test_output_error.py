@@ -1,0 +1,222 @@
+"""The output-error method against least squares in NumPy and against the Kalman filter."""
+
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.optimize import least_squares
+
+from auvid_cli.filters.extended import run_extended_filter
+from auvid_cli.filters.output_error import FirstEvents, run_output_error
+from auvid_cli.filters.problem import NOT_CONVERGED, OK, PREDICTION, Belief
+
+EVENTS = 30
+
+
+def least_squares_by_hand(problem, by_hand, with_prior):
+    """Initial state that fits all readings, and the prior, by the singular values of their stacked rows.
+
+    Without the prior many parameters are seen in a few combinations only; `seen` are an orthonormal basis of these.
+    """
+    t = problem.timeline
+    present = ~np.isnan(t.reading)
+    deviation = np.sqrt(problem.sensors.variance[t.reading_sensor])[present]
+    matrix, reading = by_hand.matrix[present] / deviation[:, None], by_hand.reading[present] / deviation
+    if with_prior:
+        weight = np.linalg.inv(problem.prior.factor)
+        matrix, reading = np.vstack([matrix, weight]), np.append(reading, weight @ problem.prior.mean)
+    left, values, right = np.linalg.svd(matrix, full_matrices=False)
+    kept = values > 1e-10 * values[0]
+    root = right[kept].T / values[kept]
+    return SimpleNamespace(state=root @ (left[:, kept].T @ reading), covariance=root @ root.T, seen=right[kept])
+
+
+@pytest.mark.parametrize("with_prior", [False, True])
+@pytest.mark.parametrize("part", [30, 7])
+def test_a_linear_problem_is_solved_by_weighted_least_squares(with_prior, part, linear_problem, by_hand, run_whole):
+    p = linear_problem
+    expected = least_squares_by_hand(p, by_hand, with_prior)
+    history = run_whole(partial(run_output_error, use_prior=with_prior), p, part=part)
+    assert (history.n_good, history.culprit) == (EVENTS, OK)
+    unseen = by_hand.transition - by_hand.transition @ expected.seen.T @ expected.seen
+    known = np.linalg.norm(unseen, axis=-1) < 1e-8
+    assert known.any()
+    mean = by_hand.offset + by_hand.transition @ expected.state
+    covariance = by_hand.transition @ expected.covariance @ by_hand.transition.swapaxes(-1, -2)
+    deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    assert_allclose(history.records.standard_deviation, np.where(known, deviation, np.inf), rtol=1e-6)
+    assert np.abs((history.records.mean - mean) / deviation)[known].max() < 1e-5
+    last = np.ix_(known[-1], known[-1])
+    size = np.outer(deviation[-1], deviation[-1])[last]
+    assert_allclose(history.covariance[last] / size, covariance[-1][last] / size, atol=1e-6)
+    assert np.all(np.diagonal(history.covariance)[~known[-1]] == np.inf)
+
+
+@pytest.mark.parametrize("with_prior", [False, True])
+def test_residuals_have_the_covariance_that_the_fit_leaves(with_prior, linear_problem, by_hand, run_whole):
+    p, t = linear_problem, linear_problem.timeline
+    expected = least_squares_by_hand(p, by_hand, with_prior)
+    records = run_whole(partial(run_output_error, use_prior=with_prior), p).records
+    for k in range(len(t.reading)):
+        present = ~np.isnan(t.reading[k])
+        h, noise = by_hand.matrix[k, present], np.diag(p.sensors.variance[t.reading_sensor[k], present])
+        residual = by_hand.reading[k, present] - h @ expected.state
+        left = noise - h @ expected.covariance @ h.T
+        assert_allclose(records.innovation[k, present], residual, atol=1e-4)
+        assert_allclose(records.innovation_variance[k, present], np.diag(left), atol=1e-6)
+        assert np.isnan(records.innovation[k, ~present]).all()
+        assert np.isnan(records.innovation_variance[k, ~present]).all()
+        if present.any() and np.linalg.eigvalsh(left).min() > 1e-3:
+            assert records.nis[k] == pytest.approx(residual @ np.linalg.solve(left, residual), abs=1e-3)
+    assert np.all(records.nis[np.isnan(t.reading).all(axis=1)] == 0.0)
+
+
+def test_without_process_noise_the_kalman_filter_ends_where_the_fit_ends(linear_problem, run_whole):
+    p = linear_problem
+    p.process = p.process._replace(noise_density=np.zeros_like(p.process.noise_density))
+    fit, ekf = run_whole(partial(run_output_error, use_prior=True), p), run_whole(run_extended_filter, p)
+    assert_allclose(fit.records.mean[-1], ekf.records.mean[-1], rtol=1e-6, atol=1e-6)
+    assert_allclose(fit.covariance, ekf.covariance, rtol=1e-6, atol=1e-7)
+    p.prior = Belief(p.prior.mean, 1e3 * np.eye(p.prior.mean.size))
+    fit, ekf = run_whole(run_output_error, p), run_whole(run_extended_filter, p)
+    deviation = fit.records.standard_deviation[-1]
+    # The wide prior still holds what the readings hardly tell.
+    known = deviation < 1.0
+    assert known.sum() >= 4
+    assert np.abs((fit.records.mean[-1] - ekf.records.mean[-1]) / deviation)[known].max() < 0.01
+    assert_allclose(ekf.records.standard_deviation[-1][known], deviation[known], rtol=1e-3)
+
+
+def test_the_prior_and_the_timeline_are_left_as_they_were(linear_problem, run_whole):
+    prior, timeline = linear_problem.prior, linear_problem.timeline
+    before = prior.mean.copy(), prior.factor.copy(), timeline.reading.copy()
+    run_whole(run_output_error, linear_problem)
+    assert np.array_equal(prior.mean, before[0])
+    assert np.array_equal(prior.factor, before[1])
+    assert np.array_equal(timeline.reading, before[2], equal_nan=True)
+
+
+def test_the_receiver_is_told_every_part_once(linear_problem, run_whole):
+    assert run_whole(run_output_error, linear_problem, part=12).told == [(12, 12), (12, 12), (6, 6)]
+
+
+@pytest.mark.parametrize("first", [1, 4, 11])
+def test_going_on_from_a_shorter_span_leads_to_the_same_fit(first, linear_problem, run_whole, monkeypatch):
+    whole = run_whole(run_output_error, linear_problem)
+    monkeypatch.setattr("auvid_cli.filters.output_error._FIRST_SPAN", first)
+    grown = run_whole(run_output_error, linear_problem)
+    assert grown.culprit == OK
+    difference = (grown.records.mean - whole.records.mean) / whole.records.standard_deviation
+    assert np.abs(difference).max() < 1e-4
+
+
+def test_the_first_events_are_cut_off_the_parts_that_hold_them(linear_problem, events_of):
+    t = linear_problem.timeline
+    parts = [events_of(t, first, first + 8 if first < 24 else 30) for first in range(0, 30, 8)]
+    for n_events in (1, 8, 13, 24, 30):
+        span = FirstEvents(parts, n_events)
+        for _ in range(2):
+            cut = list(span)
+            assert np.array_equal(np.concatenate([part.time for part in cut]), t.time[:n_events])
+            for name in ("reading", "reading_sensor", "piece_duration", "piece_input"):
+                together = np.concatenate([getattr(part, name) for part in cut])
+                assert np.array_equal(together, getattr(t, name)[: len(together)], equal_nan=name == "reading")
+            assert sum(part.reading_offset[-1] for part in cut) == t.reading_offset[n_events]
+            assert sum(part.piece_offset[-1] for part in cut) == t.piece_offset[n_events]
+
+
+def test_a_nonlinear_sensor_is_fitted_as_by_all_rows_at_once(nonlinear_problem, by_hand, run_whole):
+    p, t = nonlinear_problem, nonlinear_problem.timeline
+    deviation = np.sqrt(p.sensors.variance[t.reading_sensor])
+    present = ~np.isnan(t.reading)
+    event = np.repeat(np.arange(EVENTS), np.diff(t.reading_offset))
+    weight = np.linalg.inv(p.prior.factor)
+
+    def residuals(x):
+        states = by_hand.offset + by_hand.transition @ x
+        seen = np.array(
+            [
+                p.plain_observe(states[e]) if s == 0 else p.sensors.matrix[s] @ states[e]
+                for e, s in zip(event, t.reading_sensor, strict=True)
+            ]
+        )
+        return np.append(((seen - t.reading) / deviation)[present], weight @ (x - p.prior.mean))
+
+    history = run_whole(partial(run_output_error, use_prior=True), p)
+    assert history.culprit == OK
+    start = np.concatenate([history.records.mean[0, :-4], history.records.mean[0, -4:]])
+    # Nothing leads to the first event, so its state is the initial one.
+    found = least_squares(residuals, start, x_scale="jac", ftol=1e-14, xtol=1e-14)
+    uncertainty = np.linalg.inv(found.jac.T @ found.jac)
+    assert np.abs((start - found.x) / np.sqrt(np.diag(uncertainty))).max() < 1e-3
+    assert_allclose(history.records.standard_deviation[0], np.sqrt(np.diag(uncertainty)), rtol=1e-4)
+
+
+@pytest.mark.parametrize("turns", [-3, 2])
+def test_an_angle_is_known_only_modulo_a_turn(turns, linear_problem, run_whole):
+    p = linear_problem
+    p.prior = Belief(0.01 * p.prior.mean, 0.01 * p.prior.factor)
+    p.timeline = p.timeline._replace(reading=0.01 * p.timeline.reading, inputs=0.0 * p.timeline.inputs)
+    plain = run_whole(partial(run_output_error, use_prior=True), p)
+    p.sensors = p.sensors._replace(angular=np.ones_like(p.sensors.angular))
+    p.timeline = p.timeline._replace(reading=p.timeline.reading + 2.0 * np.pi * turns)
+    turned = run_whole(partial(run_output_error, use_prior=True), p)
+    assert_allclose(turned.records.mean, plain.records.mean, rtol=1e-7, atol=1e-9)
+    assert_allclose(turned.records.innovation, plain.records.innovation, rtol=1e-7, atol=1e-9)
+
+
+def test_a_parameter_that_nothing_depends_on_is_infinitely_uncertain_and_keeps_its_start(linear_problem, run_whole):
+    p = linear_problem
+    p.mixing[:, 0] = 0.0
+    p.process = p.process._replace(constants=p.mixing.ravel())
+    p.sensors.matrix[:, :, 0] = 0.0
+    # Independent of the others, so that the filter from which it starts does not move it.
+    p.prior.factor[:, 0] = p.prior.factor[0] = 0.0
+    p.prior.factor[0, 0] = 1.0
+    history = run_whole(run_output_error, p)
+    assert history.culprit == OK
+    assert np.all(history.records.standard_deviation[:, 0] == np.inf)
+    assert np.isfinite(history.records.standard_deviation[:, -4:]).all()
+    assert_allclose(history.records.mean[:, 0], p.prior.mean[0], rtol=1e-6)
+    assert history.covariance[0, 0] == np.inf
+    assert np.isfinite(history.covariance[-4:, -4:]).all()
+
+
+def test_bounds_are_kept_and_the_others_fit_as_well_as_they_allow(linear_problem, by_hand, run_whole):
+    p = linear_problem
+    expected = least_squares_by_hand(p, by_hand, with_prior=True)
+    free, n = expected.state, p.prior.mean.size
+    low, high = np.full(n, -np.inf), np.full(n, np.inf)
+    # One bound that holds and one that does not matter.
+    high[0], low[-1] = free[0] - 1.0, free[-1] - 100.0
+    history = run_whole(partial(run_output_error, use_prior=True, bounds=(low, high)), p)
+    state = history.records.mean[0]
+    precision = np.linalg.inv(expected.covariance)
+    shift = np.linalg.solve(precision[1:, 1:], precision[1:, :1])[:, 0]
+    assert state[0] <= high[0]
+    assert state[0] == pytest.approx(high[0], abs=1e-3)
+    assert_allclose(
+        state[1:], free[1:] + shift * (free[0] - state[0]), atol=0.01 * np.sqrt(np.diag(expected.covariance))[1:].max()
+    )
+
+
+def test_a_fit_that_may_not_go_on_says_so(nonlinear_problem, run_whole):
+    history = run_whole(partial(run_output_error, max_evaluations=1), nonlinear_problem)
+    assert (history.n_good, history.culprit) == (EVENTS, NOT_CONVERGED)
+    assert np.isfinite(history.records.mean).all()
+
+
+@pytest.mark.parametrize("event", [1, 5, 29])
+def test_a_motion_that_cannot_go_on_is_fitted_until_there(event, linear_problem, run_whole):
+    p, t = linear_problem, linear_problem.timeline
+    piece_input = t.piece_input.copy()
+    piece_input[t.piece_offset[event]] = 5
+    inputs = np.vstack([t.inputs, np.full((1, t.inputs.shape[1]), np.nan)])
+    p.timeline = t._replace(inputs=inputs, piece_input=piece_input)
+    history = run_whole(run_output_error, p)
+    assert (history.n_good, history.culprit) == (event, PREDICTION)
+    assert np.isfinite(history.records.mean[:event]).all()
+    assert np.isnan(history.records.mean[event:]).all()
+    assert np.isnan(history.records.standard_deviation[event:]).all()
