@@ -62,9 +62,10 @@ def identify_to(
         from auvid_cli.evaluation.consistency import verdict
         from auvid_cli.identification.identify import set_up_filters
 
-    names = list(dict.fromkeys(filters))
+        names = list(dict.fromkeys(filters))
+        # Loads what only some of them need.
+        runs = set_up_filters(dataset, names)
     paths = [folder / "estimates" / f"{name.value}.h5" for name in names]
-    runs = set_up_filters(dataset, names)
     stopping = Event()
     with (
         terminal.progress(*(name.value for name in names), unit=" s of data") as bars,

@@ -116,7 +116,7 @@ class FilterRun:
             case problem.NOT_CONVERGED:
                 limit = self.header.experiment.identification.output_error.max_evaluations
                 return (
-                    f"unconverged: the fit did not settle within {limit} evaluations of the motion; "
+                    f"unconverged: the fit did not settle within identification.output_error.max_evaluations = {limit}; "
                     "where it had got to is no estimate"
                 )
             case problem.PREDICTION if self.header.filter == FilterName.OUTPUT_ERROR:
