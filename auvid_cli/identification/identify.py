@@ -123,8 +123,8 @@ class FilterRun:
             case problem.NOT_CONVERGED:
                 limit = self.header.experiment.identification.output_error.max_evaluations
                 return (
-                    f"unconverged: the fit did not settle within {limit} evaluations of the motion; "
-                    "where it had got to is no estimate"
+                    "unconverged: the fit did not settle within identification.output_error.max_evaluations = "
+                    f"{limit}; where it had got to is no estimate"
                 )
             case problem.PREDICTION if self.header.filter == FilterName.OUTPUT_ERROR:
                 return f"diverged at t = {time:.3f} s: no fit was found whose motion reaches the end of the data"

@@ -139,11 +139,12 @@ def transition_step(motion, coefficients, inputs, constants, duration, transitio
         motion_derivative(block, coefficient_block, inputs, constants, 1, slope)
         motion_jacobian(stage, coefficients, inputs, constants, by_motion, by_coefficients)
         for i in range(N_MOTION):
+            # The short sum inside: it is unrolled, and the loop over columns becomes vector instructions.
             for j in range(n_columns):
-                rate[i, j] = 0.0
-            for k in range(N_MOTION):
-                for j in range(n_columns):
-                    rate[i, j] += by_motion[i, k] * stage_transition[k, j]
+                total = 0.0
+                for k in range(N_MOTION):
+                    total += by_motion[i, k] * stage_transition[k, j]
+                rate[i, j] = total
             for j in range(N_COEFFICIENTS):
                 rate[i, N_MOTION + j] += by_coefficients[i, j]
         for i in range(N_MOTION):

@@ -91,6 +91,38 @@ def test_a_file_without_truth_gives_the_same_estimates_bit_by_bit(results, tmp_p
             assert one[name][...].tobytes() == other[name][...].tobytes()
 
 
+def test_the_output_error_method_stands_beside_the_filters(results, tmp_path):
+    folder, _ = results
+    (tmp_path / "mission.h5").write_bytes((folder / "results/spiral/dataset.h5").read_bytes())
+    bounds = "identification.output_error.bounds={X_u|u|: [-10 kg/m, 0]}"
+    command = ("identify", "mission.h5", "-f", "output_error", "-f", "tukf", "--set", bounds)
+    result = auvid(*command, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    with h5py.File(tmp_path / "results/mission/estimates/output_error.h5") as file:
+        assert file.attrs["status"] == "completed"
+        assert file["mean"].shape == file["standard_deviation"].shape == (file["time"].size, 31)
+        assert (file["mean"][:, :22] == file["mean"][0, :22]).all()
+        assert file["covariance"].shape == (31, 31)
+        for sensor in ("dvl", "gyroscope", "attitude"):
+            assert {"time", "innovation", "variance", "nis"} <= set(file[f"innovations/{sensor}"])
+    report = auvid("report", "results/mission", cwd=tmp_path)
+    assert report.returncode == 0, report.stderr
+    assert re.search(r"^ OE .* completed", report.stdout, re.MULTILINE)
+    made = tmp_path / "results/mission"
+    assert "| OE | " in (made / "tables/tables.md").read_text(encoding="utf-8")
+    assert "output_error,X_u|u|," in (made / "tables/coefficients.csv").read_text(encoding="utf-8")
+    assert (made / "figures/innovations_output_error.png").is_file()
+
+
+def test_a_fit_that_may_not_go_on_ends_with_exit_code_1(results, tmp_path):
+    folder, _ = results
+    (tmp_path / "mission.h5").write_bytes((folder / "results/spiral/dataset.h5").read_bytes())
+    limit = "identification.output_error.max_evaluations=1"
+    result = auvid("identify", "mission.h5", "-f", "output_error", "--set", limit, cwd=tmp_path)
+    assert result.returncode == 1
+    assert "unconverged: " in result.stdout
+
+
 @pytest.mark.parametrize("manoeuvre", ["zigzag_10_10", "doublets", "multisine", "turning_circle"])
 def test_another_manoeuvre_is_a_matter_of_one_setting(manoeuvre, tmp_path):
     result = auvid("simulate", *SHORT, "--set", f"manoeuvre=manoeuvres/{manoeuvre}.yaml", cwd=tmp_path)

@@ -89,11 +89,12 @@ def test_scale_and_mounting_of_the_dvl_are_found(mounted_badly, with_settings, f
     assert abs(scale.estimate - SCALE) < 4.0 * scale.standard_deviation
 
 
-@pytest.mark.parametrize("filter_name", [FilterName.EKF, FilterName.CKF])
-def test_a_bias_that_walks_is_followed(simulated_with, with_settings, filter_name):
+def test_a_bias_that_walks_is_followed(simulated_with, with_settings, kalman_filter):
     drifting = simulated_with(*BIASED, "sensors.gyroscope.drift=5e-4 rad/s/s^0.5")
-    constant = identify(with_settings(drifting, ALL), filter_name)
-    walking = identify(with_settings(drifting, ALL, "identification.estimate.gyro.walk=5e-4 rad/s/s^0.5"), filter_name)
+    constant = identify(with_settings(drifting, ALL), kalman_filter)
+    walking = identify(
+        with_settings(drifting, ALL, "identification.estimate.gyro.walk=5e-4 rad/s/s^0.5"), kalman_filter
+    )
     assert walking.state[-3:] == ("bias_p", "bias_q", "bias_r")
     nis = [np.nanmean(e.innovations["gyroscope"].nis) / 3.0 for e in (constant, walking)]
     assert nis[1] == pytest.approx(1.0, abs=0.03)

@@ -286,17 +286,16 @@ def test_a_gate_for_output_error_is_refused(short_run, with_settings):
         identify(with_settings(short_run, "identification.gate=6"), FilterName.OUTPUT_ERROR)
 
 
-@pytest.mark.parametrize("filter_name", [name for name in FilterName if name is not FilterName.OUTPUT_ERROR])
-def test_outliers_are_gated_and_counted(short_run, short_estimates, with_settings, filter_name):
+def test_outliers_are_gated_and_counted(short_run, short_estimates, with_settings, kalman_filter):
     dvl = short_run.sensors["dvl"]
     values = dvl.values.copy()
     values[20::40, 0] += 3.0
     wild = with_sensor(short_run, "dvl", values=values)
-    bad = identify(wild, filter_name)
+    bad = identify(wild, kalman_filter)
     assert verdict(bad) != "completed"
-    good = identify(with_settings(wild, "identification.gate=6"), filter_name)
+    good = identify(with_settings(wild, "identification.gate=6"), kalman_filter)
     assert verdict(good) == "completed"
     assert good.innovations["dvl"].rejected() == len(values[20::40])
     assert good.innovations["gyroscope"].rejected() == 0
-    shift = np.abs(good.mean[-1, :22] - short_estimates[filter_name].mean[-1, :22])
+    shift = np.abs(good.mean[-1, :22] - short_estimates[kalman_filter].mean[-1, :22])
     assert (shift / good.standard_deviation[-1, :22]).max() < 1.0

@@ -85,6 +85,17 @@ def test_only_diverged_filters(tmp_path, dataset, draw_figures):
     assert len(paths) == 2 * 7
 
 
+def test_a_coefficient_that_is_infinitely_uncertain_is_drawn_and_printed(tmp_path, dataset, draw_figures):
+    estimate = make_estimate("output_error")
+    estimate.standard_deviation[:, 0] = np.inf
+    evaluation = evaluation_of(dataset, [estimate])
+    paths = draw_figures(dataset, [estimate], evaluation, tmp_path / "figures")
+    assert len(paths) == 2 * 7
+    write_tables(evaluation, tmp_path)
+    assert "output_error,X_u|u|,kg/m,10.0,10.1,inf," in (tmp_path / "coefficients.csv").read_text(encoding="utf-8")
+    assert "| 10.10 ± — |" in (tmp_path / "tables.md").read_text(encoding="utf-8")
+
+
 def test_missing_sensors_and_no_filter(tmp_path, dataset, draw_figures):
     bare = replace(dataset, sensors={"gyroscope": dataset.sensors["gyroscope"]})
     assert {path.stem for path in draw_figures(bare, [], evaluation_of(bare, []), tmp_path)} == {
