@@ -50,6 +50,31 @@ def simulate_to(folder: Path, experiment: Experiment, terminal: Terminal) -> Dat
     return dataset
 
 
+def assess_to(folder: Path, dataset: Dataset, terminal: Terminal) -> None:
+    """Say what a dataset can tell of each coefficient at best: on the screen, in tables and in figures."""
+    with terminal.compiling():
+        from auvid_cli.evaluation.identifiability import assess_dataset
+        from auvid_cli.report.csv_tables import write_identifiability
+        from auvid_cli.report.screen import print_identifiability
+    with terminal.stage("sensitivities"):
+        found = assess_dataset(dataset)
+    paths = write_identifiability(found, folder / "tables")
+    with drawing(folder) as figures, terminal.progress("figures") as (progress,):
+        figures.add_identifiability(found)
+        paths += figures.finish(progress)
+    print_identifiability(terminal.out, found)
+    for path in paths:
+        terminal.say(str(path))
+
+
+def simulated(experiment: Experiment, terminal: Terminal) -> Dataset:
+    """An experiment's dataset, without a file."""
+    with terminal.compiling():
+        from auvid_cli.simulation.simulate import simulate
+    with terminal.stage("simulate"):
+        return simulate(experiment)
+
+
 def identify_to(
     folder: Path,
     dataset: Dataset,

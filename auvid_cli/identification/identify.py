@@ -113,10 +113,6 @@ class FilterRun:
 
     def _status(self, ending: Ending, time: float, heard: int, sigmas: float) -> str:
         names = tuple(self._measuring)
-        deviation = np.sqrt(np.diagonal(ending.covariance))
-        # Of the factor scaled to unit rows: what its own units do to it says nothing.
-        condition = np.sqrt(np.linalg.cond(ending.covariance / np.outer(deviation, deviation)))
-        detail = f" (last innovation {sigmas:.3g} sigma, condition of the factor {condition:.2g})"
         match ending.culprit:
             case problem.OK:
                 return "completed"
@@ -131,12 +127,20 @@ class FilterRun:
             case problem.PREDICTION:
                 return (
                     f"diverged at t = {time:.3f} s: after a reading of {names[heard]} the state or its covariance "
-                    f"could not be propagated to this time{detail}"
+                    f"could not be propagated to this time{_state_of_the_factor(ending, sigmas)}"
                 )
             case sensor:
                 return (
-                    f"diverged at t = {time:.3f} s: the state was not finite after a reading of {names[sensor]}{detail}"
+                    f"diverged at t = {time:.3f} s: the state was not finite after a reading of {names[sensor]}"
+                    f"{_state_of_the_factor(ending, sigmas)}"
                 )
+
+
+def _state_of_the_factor(ending: Ending, sigmas: float) -> str:
+    deviation = np.sqrt(np.diagonal(ending.covariance))
+    # Of the factor scaled to unit rows: what its own units do to it says nothing.
+    condition = np.sqrt(np.linalg.cond(ending.covariance / np.outer(deviation, deviation)))
+    return f" (last innovation {sigmas:.3g} sigma, condition of the factor {condition:.2g})"
 
 
 def _clocks() -> Array:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from auvid_cli.data.files import write_text
 from auvid_cli.evaluation.accuracy import CoefficientResult
+from auvid_cli.evaluation.assessment import CoefficientBound, Collinear, Identifiability
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.consistency import SensorConsistency
 from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
@@ -53,6 +54,18 @@ def write_checks(checks: Sequence[Check], folder: Path) -> Path:
     path = folder / "checks.csv"
     write_text(path, csv_text(Check, checks))
     return path
+
+
+def write_identifiability(found: Identifiability, folder: Path) -> list[Path]:
+    """Write ``identifiability.csv``, a row for each coefficient, and ``collinear.csv``, one for each group."""
+    tables = {
+        "identifiability": csv_text(CoefficientBound, found.bounds),
+        "collinear": csv_text(Collinear, [group._replace(members=" ".join(group.members)) for group in found.groups]),
+    }
+    paths = [folder / f"{name}.csv" for name in tables]
+    for path, text in zip(paths, tables.values(), strict=True):
+        write_text(path, text)
+    return paths
 
 
 def csv_text(row_type: type[NamedTuple], rows: Iterable[NamedTuple]) -> str:

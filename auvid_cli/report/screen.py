@@ -5,12 +5,14 @@ from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 
+import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from auvid_cli.evaluation.accuracy import CoefficientResult
+from auvid_cli.evaluation.assessment import CLASSES, Identifiability
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.layout import rejections, unobserved
@@ -65,6 +67,41 @@ def print_checks(console: Console, checks: Sequence[Check]) -> None:
             if not check.passed:
                 console.print(Text(f"{check.check} of {check.subject}: {check.advice}"))
                 console.print()
+
+
+def print_identifiability(console: Console, found: Identifiability) -> None:
+    """Print bounds by verdict, who contributes, what goes together, how bounds fall, and unseen sensor errors."""
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    for header in ("symbol", "unit", "value", "bound", "bound %", "verdict", "mostly from", "goes with"):
+        numeric = header in ("value", "bound", "bound %")
+        table.add_column(header, justify="right" if numeric else "left", no_wrap=header != "goes with")
+    ranks = {label: rank for rank, (_, label) in enumerate(CLASSES)}
+    for bound in sorted(found.bounds, key=lambda one: ranks[one.verdict]):
+        cells = (
+            *(bound.coefficient, _printable(console, unit_text(bound.unit), bound.unit)),
+            *(_printed(bound.value), _printed(bound.cramer_rao_bound, 2), _printed(bound.percent, 2)),
+            *(bound.verdict, f"{bound.best_sensor} {bound.best_share:.0%}", bound.group),
+        )
+        table.add_row(*(Text(cell) for cell in cells))
+    console.print(table)
+    for group in found.groups:
+        console.print(
+            Text(
+                f"{', '.join(group.members)} go together: {group.combination} is known to {group.percent:.2g} %, "
+                f"the worst of them alone to {group.worst_percent:.2g} %"
+            )
+        )
+    for symbol, (bound, spread) in found.sensor_errors.items():
+        unseen = "" if bound <= spread else ": cannot be observed on this manoeuvre"
+        console.print(Text(f"{symbol}: bound {_printed(bound, 2)}, prior {_printed(spread, 2)}{unseen}"))
+    half = min(found.growth, key=lambda entry: abs(entry[0] - 0.5 * found.growth[-1][0]))
+    whole = found.growth[-1]
+    console.print(
+        Text(
+            f"median bound {np.median(half[1]):.2g} % after {half[0]:.4g} s, {np.median(whole[1]):.2g} % after "
+            f"{whole[0]:.4g} s"
+        )
+    )
 
 
 def _tables_that_fit(console: Console, evaluation: Evaluation, filters: list[str]) -> list[Table]:

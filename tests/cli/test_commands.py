@@ -266,3 +266,16 @@ def test_check_lists_verdicts_with_advice_and_its_exit_code_says_whether_one_fai
 
 def test_check_of_nothing_is_one_clear_complaint(tmp_path):
     assert_one_clear_complaint(auvid("check", "results/spiral", cwd=tmp_path), "results/spiral/dataset.h5")
+
+
+def test_identifiability_says_before_any_filter_what_the_data_hold(tmp_path):
+    result = auvid("identifiability", *SHORT, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "not identified" in result.stdout, "twelve seconds are not enough for all"
+    assert "within 1 %" in result.stdout
+    home = tmp_path / "results/spiral"
+    rows = list(csv.DictReader((home / "tables/identifiability.csv").read_text(encoding="utf-8").splitlines()))
+    assert len(rows) == 22
+    assert (home / "figures/identifiability_bounds.png").is_file()
+    assert (home / "figures/identifiability_correlation.svg").is_file()
+    assert not (home / "estimates").exists()

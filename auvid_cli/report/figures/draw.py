@@ -7,6 +7,7 @@ from typing import Any
 
 from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation.assessment import Identifiability
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.figures.workers import draw_and_save
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
@@ -53,6 +54,11 @@ class FigureQueue:
         if dataset.truth is not None or estimates:
             courses = [estimate.course(MOTION_SYMBOLS) for estimate in estimates]
             self._add("path", "path", dataset.truth, courses)
+
+    def add_identifiability(self, found: Identifiability) -> None:
+        """What the data can say before any filter runs."""
+        self._add("identifiability_bounds", "bounds", found)
+        self._add("identifiability_correlation", "correlation", found)
 
     def finish(self, progress: Callable[[int, int], None] = lambda done, total: None) -> list[Path]:
         """Wait until all are drawn.

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from matplotlib.figure import Figure
 
 from auvid_cli.report.figures.coefficients import coefficient_figure
+from auvid_cli.report.figures.identifiability import bounds_figure, correlation_figure
 from auvid_cli.report.figures.innovations import innovation_figure
 from auvid_cli.report.figures.motion import motion_figure
 from auvid_cli.report.figures.path import path_figure
@@ -14,4 +15,6 @@ KINDS: dict[str, Callable[..., Figure]] = {
     "coefficients": coefficient_figure,
     "motion": motion_figure,
     "innovations": innovation_figure,
+    "bounds": bounds_figure,
+    "correlation": correlation_figure,
 }

@@ -1,0 +1,89 @@
+"""What is said of data before any filter runs: the value objects, apart from the compiled code that finds them."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Bounds in percent of the value, and what a coefficient with such a bound is called.
+CLASSES = ((1.0, "within 1 %"), (5.0, "within 5 %"), (20.0, "within 20 %"), (np.inf, "not identified"))
+
+
+class CoefficientBound(NamedTuple):
+    """A row of ``identifiability.csv``.
+
+    Attributes
+    ----------
+    coefficient, unit : str
+    value : float
+        At which the bound holds, SI.
+    cramer_rao_bound : float
+        Smallest standard deviation of any unbiased estimate, SI; infinite where the data say nothing.
+    percent : float
+        Of the value; infinite where that is zero.
+    verdict : str
+        One of `CLASSES`.
+    best_sensor : str
+        Whose readings say most of it.
+    best_share : float
+        Its share of the information, 0 to 1.
+    group : str
+        Others with which it goes together; empty if it stands alone.
+    """
+
+    coefficient: str
+    unit: str
+    value: float
+    cramer_rao_bound: float
+    percent: float
+    verdict: str
+    best_sensor: str
+    best_share: float
+    group: str
+
+
+class Collinear(NamedTuple):
+    """Coefficients of which the data determine a combination better than each.
+
+    Attributes
+    ----------
+    members : tuple of str
+    combination : str
+        The best determined one, for example ``Y_uvl + 0.9 Y_uudr``.
+    percent : float
+        Its bound in percent of its own value.
+    worst_percent : float
+        Largest bound of a member alone.
+    """
+
+    members: tuple[str, ...]
+    combination: str
+    percent: float
+    worst_percent: float
+
+
+class Identifiability(NamedTuple):
+    """All that is said of a dataset.
+
+    Attributes
+    ----------
+    bounds : list of CoefficientBound
+    groups : list of Collinear
+    shares : dict of ndarray, shape (coefficients,)
+        Of the information on each coefficient, by sensor; they add up to one.
+    correlation : ndarray, shape (coefficients, coefficients)
+        Of the errors of an estimate that reaches the bound; NaN where there is none.
+    growth : list of (float, ndarray)
+        Duration, s, and bounds in percent after it.
+    sensor_errors : dict of (float, float)
+        By symbol: bound, and standard deviation before any data.
+    """
+
+    bounds: list[CoefficientBound]
+    groups: list[Collinear]
+    shares: dict[str, Array]
+    correlation: Array
+    growth: list[tuple[float, Array]]
+    sensor_errors: dict[str, tuple[float, float]]

@@ -1,0 +1,164 @@
+"""What data can say about the coefficients at best, before any filter runs: bounds, verdicts, what goes together."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.errors import DataError
+from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Collinear, Identifiability
+from auvid_cli.filters.information import Information
+from auvid_cli.identification.biases import sensor_errors
+from auvid_cli.identification.fisher import information_at
+from auvid_cli.identification.timeline import initial_motion, measuring_sensors
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+
+Array = NDArray[np.float64]
+
+# Correlation from which coefficients are said to go together.
+LARGEST_CORRELATION = 0.95
+
+
+def assess_dataset(dataset: Dataset) -> Identifiability:
+    """Judge a dataset at its true coefficients or, without truth, at those of its vehicle.
+
+    Raises
+    ------
+    DataError
+        If a coefficient to be estimated has no value, or the model blows up with these values.
+    """
+    stated = dataset.experiment.vehicle.coefficients.by_symbol()
+    known = dataset.truth.coefficients if dataset.truth is not None else stated
+    missing = [symbol for symbol in dataset.experiment.identification.estimated() if symbol not in known]
+    if missing:
+        raise DataError(
+            f"the vehicle states no value of {', '.join(missing)}: sensitivities need one of each coefficient, from an "
+            "earlier estimate or a similar vehicle"
+        )
+    motion = None
+    if dataset.truth is not None:
+        start, _ = initial_motion(dataset, measuring_sensors(dataset))
+        motion = dataset.truth.motion[np.searchsorted(dataset.truth.time, start - 1e-9)]
+    information = information_at(dataset, known, motion)
+    units = {c.symbol: c.unit for c in COEFFICIENTS}
+    values = {symbol: (known[symbol], units[symbol]) for symbol in information.state if symbol in SYMBOLS}
+    errors = sensor_errors(dataset.experiment.identification.estimate)
+    spreads = {error.symbol: (information.state.index(error.symbol), error.spread) for error in errors}
+    return assess(information.by_sensor, information.growing, values, information.scale, spreads)
+
+
+def assess(
+    by_sensor: Mapping[str, Information],
+    growing: Sequence[tuple[float, Information]],
+    values: Mapping[str, tuple[float, str]],
+    to_si: Array,
+    spreads: Mapping[str, tuple[int, float]],
+) -> Identifiability:
+    """Judge information about a state that has the coefficients first.
+
+    Parameters
+    ----------
+    by_sensor : mapping of Information
+    growing : sequence of (float, Information)
+        Of all sensors together after so many seconds, the whole last.
+    values : mapping of (float, str)
+        Of each coefficient the value, SI, and the unit, in the order of the state.
+    to_si : ndarray, shape (n,)
+        Units of the state.
+    spreads : mapping of (int, float)
+        Of each constant sensor error the place in the state, and its standard deviation before any data, SI.
+    """
+    n = len(values)
+    value = np.array([v for v, _ in values.values()])
+    pick = np.eye(to_si.size)[:n] * to_si[:n, None]
+    uncertainty = growing[-1][1].uncertainty()
+    bound = uncertainty.deviation(pick)
+    covariance = uncertainty.covariance(pick)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = covariance / np.outer(bound, bound)
+    percent = _percent(bound, value)
+    shares = _shares(by_sensor, growing[-1][1], n)
+    names = tuple(values)
+    groups = _collinear(names, value, covariance, correlation, percent)
+    bounds = []
+    for j, (name, (_, unit)) in enumerate(values.items()):
+        best = max(shares, key=lambda sensor: shares[sensor][j])
+        others = [other for group in groups if name in group.members for other in group.members if other != name]
+        verdict = next(label for limit, label in CLASSES if percent[j] <= limit)
+        bounds.append(
+            CoefficientBound(
+                name,
+                unit,
+                float(value[j]),
+                float(bound[j]),
+                float(percent[j]),
+                verdict,
+                best,
+                float(shares[best][j]),
+                ", ".join(others),
+            )
+        )
+    growth = [(time, _percent(information.uncertainty().deviation(pick), value)) for time, information in growing]
+    errors = {}
+    for symbol, (place, spread) in spreads.items():
+        row = np.zeros(to_si.size)
+        row[place] = to_si[place]
+        errors[symbol] = float(uncertainty.deviation(row)), spread
+    return Identifiability(bounds, groups, shares, correlation, growth, errors)
+
+
+def _percent(bound: Array, value: Array) -> Array:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(value == 0.0, np.inf, 100.0 * bound / np.abs(value))
+
+
+def _shares(by_sensor: Mapping[str, Information], whole: Information, n: int) -> dict[str, Array]:
+    """Of the variance ``c = I^-1 e`` that the sensors leave, ``c' I_s c / c' I c``: which of them holds it down."""
+    root = whole.uncertainty().root
+    directions = root @ root.T[:, :n]
+    squares = {name: np.square(information.factor @ directions).sum(axis=0) for name, information in by_sensor.items()}
+    total = np.sum(list(squares.values()), axis=0)
+    return {name: np.divide(s, total, out=np.zeros(n), where=total > 0.0) for name, s in squares.items()}
+
+
+def _collinear(
+    names: tuple[str, ...], value: Array, covariance: Array, correlation: Array, percent: Array
+) -> list[Collinear]:
+    """Groups linked by correlations, and of each the combination that is known best in proportion."""
+    linked = np.abs(np.nan_to_num(correlation)) > LARGEST_CORRELATION
+    groups, left = [], set(range(len(names)))
+    while left:
+        group, border = set(), {min(left)}
+        while border:
+            group |= border
+            border = {int(j) for i in border for j in np.flatnonzero(linked[i])} - group
+        left -= group
+        members = sorted(j for j in group if np.isfinite(percent[j]))
+        if len(members) < 2:
+            continue
+        size = np.abs(value[members])
+        relative = covariance[np.ix_(members, members)] / np.outer(size, size)
+        _, directions = np.linalg.eigh(relative)
+        weights = directions[:, 0] / size
+        weights = weights / weights[np.argmax(np.abs(weights * size))]
+        deviation = float(np.sqrt(weights @ covariance[np.ix_(members, members)] @ weights))
+        combined = float(abs(weights @ value[members]))
+        groups.append(
+            Collinear(
+                tuple(names[j] for j in members),
+                _as_text([names[j] for j in members], weights),
+                100.0 * deviation / combined if combined else np.inf,
+                float(percent[members].max()),
+            )
+        )
+    return groups
+
+
+def _as_text(names: Sequence[str], weights: Array) -> str:
+    """A linear combination, the heaviest first and without a factor."""
+    order = sorted(range(len(names)), key=lambda j: abs(weights[j] - 1.0))
+    text = names[order[0]]
+    for j in order[1:]:
+        text += f" {'+' if weights[j] >= 0.0 else '-'} {abs(weights[j]):.3g} {names[j]}"
+    return text

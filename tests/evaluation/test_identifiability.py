@@ -1,0 +1,88 @@
+"""Bounds, verdicts, contributions and groups, on information that is written down by hand."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from auvid_cli.evaluation.identifiability import assess
+from auvid_cli.filters.information import Information
+
+NAMES = ("X_u|u|", "Y_uvl", "Y_uudr", "K_p|p|")
+VALUES = (-4.0, -28.0, 6.0, 0.5)
+
+
+def information(*rows):
+    """Of readings that each see a combination of the four, with unit noise."""
+    rows = np.column_stack([np.array(rows, dtype=float), np.zeros(len(rows))])
+    return Information.none(4).with_rows(rows, len(rows))
+
+
+def judged(by_sensor, values=VALUES, to_si=(1.0, 1.0, 1.0, 1.0)):
+    whole = Information.none(4)
+    for part in by_sensor.values():
+        whole = whole.join(part)
+    named = {name: (value, "kg") for name, value in zip(NAMES, values, strict=True)}
+    return assess(by_sensor, [(10.0, whole)], named, np.array(to_si), {})
+
+
+def test_bounds_are_those_of_weighted_least_squares():
+    rng = np.random.default_rng(4)
+    rows, scale = rng.standard_normal((50, 4)), np.array([2.0, 0.1, 30.0, 1.0])
+    found = judged({"dvl": information(*rows[:20]), "gyroscope": information(*rows[20:])}, to_si=scale)
+    covariance = np.linalg.inv(rows.T @ rows) * np.outer(scale, scale)
+    deviation = np.sqrt(np.diag(covariance))
+    assert_allclose([bound.cramer_rao_bound for bound in found.bounds], deviation)
+    assert_allclose([bound.percent for bound in found.bounds], 100.0 * deviation / np.abs(VALUES))
+    assert_allclose(found.correlation, covariance / np.outer(deviation, deviation), atol=1e-12)
+    assert [bound.coefficient for bound in found.bounds] == list(NAMES)
+
+
+def test_verdicts_follow_the_bound_in_percent():
+    weights = 100.0 / np.abs(VALUES) / [0.5, 4.0, 19.0, 21.0]
+    found = judged({"dvl": information(*np.diag(weights))})
+    assert [b.verdict for b in found.bounds] == ["within 1 %", "within 5 %", "within 20 %", "not identified"]
+
+
+def test_what_no_reading_sees_has_no_bound_and_a_zero_no_percentage():
+    found = judged({"dvl": information([100, 0, 0, 0], [0, 100, 0, 0], [0, 0, 100, 0])}, values=(-4.0, 0.0, 6.0, 0.5))
+    assert found.bounds[3].cramer_rao_bound == np.inf
+    assert found.bounds[3].verdict == "not identified"
+    assert np.isfinite(found.bounds[1].cramer_rao_bound)
+    assert found.bounds[1].percent == np.inf
+    assert found.bounds[0].verdict == "within 1 %"
+
+
+def test_each_sensor_has_its_share():
+    found = judged({"dvl": information([3, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1]), "gyroscope": information(*np.eye(4))})
+    assert_allclose(found.shares["dvl"] + found.shares["gyroscope"], 1.0)
+    assert found.shares["dvl"][0] == pytest.approx(0.9)
+    assert found.shares["dvl"][1] == pytest.approx(0.5)
+    assert found.bounds[0].best_sensor == "dvl"
+    assert found.bounds[0].best_share == pytest.approx(0.9)
+
+
+def test_only_a_combination_is_determined():
+    seen = information([0, 100, 90, 0], [0, 1, -1, 0], [50, 0, 0, 0], [0, 0, 0, 50])
+    found = judged({"dvl": seen})
+    (group,) = found.groups
+    assert group.members == ("Y_uvl", "Y_uudr")
+    heavy, _, factor, light = group.combination.replace("+ ", "+ ").split()
+    assert {heavy, light} == {"Y_uvl", "Y_uudr"}
+    ratio = float(factor) if heavy == "Y_uvl" else 1.0 / float(factor)
+    assert ratio == pytest.approx(0.9, rel=0.02)
+    assert group.percent < 0.1
+    assert group.worst_percent > 5.0
+    assert found.bounds[1].group == "Y_uudr"
+    assert found.bounds[0].group == ""
+
+
+def test_bounds_fall_with_the_duration_and_sensor_errors_stand_beside_their_priors():
+    half, whole = information(*np.eye(4)), information(*np.eye(4), *np.eye(4))
+    named = {name: (value, "kg") for name, value in zip(NAMES[:3], VALUES[:3], strict=True)}
+    found = assess({"dvl": whole}, [(5.0, half), (10.0, whole)], named, np.ones(4), {"bias_p": (3, 0.4)})
+    (first, before), (last, after) = found.growth
+    assert (first, last) == (5.0, 10.0)
+    assert_allclose(before / after, np.sqrt(2.0))
+    bound, spread = found.sensor_errors["bias_p"]
+    assert bound == pytest.approx(np.sqrt(0.5))
+    assert spread == 0.4
