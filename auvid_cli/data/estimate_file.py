@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -19,6 +20,7 @@ from auvid_cli.data.netcdf import (
     read_array,
     read_attribute,
     read_names,
+    read_rows,
     subgroups,
     write_dimension,
     write_growing,
@@ -127,11 +129,16 @@ def read_estimate(path: Path) -> Estimate:
 
 
 def _read_innovations(group: h5py.Group) -> Innovations:
-    every = 1 + count_rows(group, "time") // _MOST_READINGS
-    return Innovations(
-        time=read_array(group, "time", every),
-        innovation=read_array(group, "innovation", every),
-        variance=read_array(group, "variance", every),
-        nis=read_array(group, "nis", every),
-        standard_deviation=read_array(group, "standard_deviation"),
-    )
+    rows = count_rows(group, "time")
+    every, deviation = 1 + rows // _MOST_READINGS, read_array(group, "standard_deviation")
+    names = "time", "innovation", "variance", "nis"
+    thinned = Innovations(**{name: read_array(group, name, every) for name in names}, standard_deviation=deviation)
+    if every == 1:
+        return thinned
+    start, whole = float(read_rows(group, "time", 0, 1)[0]), None
+    for first in range(0, rows, _MOST_READINGS):
+        rows_of = {name: read_rows(group, name, first, first + _MOST_READINGS) for name in names}
+        block = Innovations(**rows_of, standard_deviation=deviation)
+        tally = block.tally(start)
+        whole = tally if whole is None else whole.plus(tally)
+    return replace(thinned, whole=whole)

@@ -185,6 +185,11 @@ def read_array(group: h5py.Group, name: str, every: int = 1) -> NDArray[np.float
     return np.asarray(rows, dtype=np.float64)
 
 
+def read_rows(group: h5py.Group, name: str, first: int, last: int) -> NDArray[np.float64]:
+    """Consecutive rows of a numeric variable as doubles."""
+    return np.asarray(_variable(group, name)[first:last], dtype=np.float64)
+
+
 def count_rows(group: h5py.Group, name: str) -> int:
     """How many rows a variable has."""
     return _variable(group, name).shape[0]

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.estimate import Estimate, Innovations
+from auvid_cli.data.estimate import WINDOW, Estimate, Innovations
 
 
 class SensorConsistency(NamedTuple):
@@ -34,17 +34,17 @@ def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
     """Consistency of every sensor, in the order of the estimate."""
     results = []
     for name, innovations in estimate.innovations.items():
-        components = int(innovations.used().sum())
-        mean = float(np.nansum(innovations.nis) / components) if components else float("nan")
-        readings = int(np.isfinite(innovations.nis).sum())
-        results.append(SensorConsistency(estimate.filter, name, readings, innovations.rejected(), mean))
+        tally = innovations.tally()
+        components = tally.components.sum()
+        mean = float(tally.squares.sum() / components) if components else float("nan")
+        results.append(SensorConsistency(estimate.filter, name, tally.readings, tally.rejected, mean))
     return results
 
 
 # Limits of the mean NIS of a sensor, over a whole run and over any `WINDOW` of it. Neither chance nor the
 # coloured noise of an AHRS reaches them (400 components scatter by 0.07). The window is for a filter that was
 # thrown off course early and looks settled later: what it learned then was wrong.
-LARGEST_NIS, LARGEST_NIS_IN_WINDOW, WINDOW = 1.5, 2.0, 20.0
+LARGEST_NIS, LARGEST_NIS_IN_WINDOW = 1.5, 2.0
 _FEWEST_COMPONENTS = 200
 
 
@@ -57,8 +57,9 @@ def verdict(estimate: Estimate) -> str:
     if not estimate.completed:
         return estimate.status
     for sensor, innovations in estimate.innovations.items():
-        components = innovations.used().sum()
-        if components and (nis := float(np.nansum(innovations.nis)) / components) > LARGEST_NIS:
+        tally = innovations.tally()
+        if tally.squares.sum() > LARGEST_NIS * tally.components.sum():
+            nis = tally.squares.sum() / tally.components.sum()
             return _belied(sensor, nis, "")
         for start, nis in windowed_nis(innovations):
             if nis > LARGEST_NIS_IN_WINDOW:
@@ -73,13 +74,10 @@ def windowed_nis(innovations: Innovations) -> NDArray[np.float64]:
     -------
     ndarray, shape (k, 2)
     """
-    present = innovations.used().sum(axis=1)
-    if not present.any():
-        return np.zeros((0, 2))
-    window = ((innovations.time - innovations.time[0]) // WINDOW).astype(int)
-    squares, components = np.bincount(window, np.nan_to_num(innovations.nis)), np.bincount(window, present)
-    told = np.flatnonzero(components >= _FEWEST_COMPONENTS)
-    return np.stack([innovations.time[0] + told * WINDOW, squares[told] / components[told]], axis=1)
+    tally = innovations.tally()
+    told = np.flatnonzero(tally.components >= _FEWEST_COMPONENTS)
+    starts = tally.start + WINDOW * told.astype(np.float64)
+    return np.stack([starts, tally.squares[told] / tally.components[told]], axis=1).astype(np.float64)
 
 
 def _belied(sensor: str, nis: float, when: str) -> str:
@@ -91,6 +89,6 @@ def _belied(sensor: str, nis: float, when: str) -> str:
 
 def mean_nis(estimate: Estimate) -> float:
     """Normalised innovation squared per component, over all sensors."""
-    squares = sum(float(np.nansum(i.nis)) for i in estimate.innovations.values())
-    components = sum(int(i.used().sum()) for i in estimate.innovations.values())
-    return squares / components if components else float("nan")
+    tallies = [innovations.tally() for innovations in estimate.innovations.values()]
+    components = sum(float(tally.components.sum()) for tally in tallies)
+    return sum(float(tally.squares.sum()) for tally in tallies) / components if components else float("nan")

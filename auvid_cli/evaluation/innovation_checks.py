@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from auvid_cli.data.dataset import SENSORS, Dataset
-from auvid_cli.data.estimate import Estimate, Innovations
+from auvid_cli.data.estimate import WINDOW, Estimate, Innovations
 from auvid_cli.evaluation.check import Check
-from auvid_cli.evaluation.consistency import LARGEST_NIS_IN_WINDOW, WINDOW, windowed_nis
+from auvid_cli.evaluation.consistency import LARGEST_NIS_IN_WINDOW, windowed_nis
 from auvid_cli.vehicle.parameters import INPUTS
 
 Array = NDArray[np.float64]
@@ -38,8 +38,9 @@ def innovation_checks(dataset: Dataset, estimate: Estimate) -> list[Check]:
 
 
 def _nis(filter_name: str, sensor: str, innovations: Innovations) -> Check:
-    components = int(innovations.used().sum())
-    nis = float(np.nansum(innovations.nis)) / components
+    tally = innovations.tally()
+    components = int(tally.components.sum())
+    nis = float(tally.squares.sum()) / components
     low, high = (float(chi2.ppf(p, components)) / components for p in (0.5 - _CONFIDENCE / 2, 0.5 + _CONFIDENCE / 2))
     passed = None if nis < low - _TOLERANCE else nis <= high + _TOLERANCE
     too_large = (
@@ -80,7 +81,7 @@ def _nis_in_windows(filter_name: str, sensor: str, innovations: Innovations) -> 
 
 def _gate(filter_name: str, sensor: str, innovations: Innovations) -> Check:
     """A few rejected readings are worth knowing; many mean that the filter no longer listens."""
-    rejected, used = innovations.rejected(), int(innovations.used().sum())
+    rejected, used = innovations.tally().rejected, int(innovations.tally().components.sum())
     share = rejected / (rejected + used)
     return Check.of(
         filter_name,

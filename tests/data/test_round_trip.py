@@ -140,3 +140,15 @@ def test_of_a_very_long_estimate_evenly_spaced_rows_are_read_and_the_last(
         assert every > 1
         assert np.array_equal(got, whole[::-1][::every][::-1])
     assert np.array_equal(thin.innovations["dvl"].time, estimate.innovations["dvl"].time)
+
+
+def test_sums_over_innovations_are_of_all_however_few_are_read(estimate, write_estimate, tmp_path, monkeypatch):
+    write_estimate(tmp_path / "estimate.h5", estimate)
+    monkeypatch.setattr(estimate_file, "_MOST_READINGS", 7)
+    thin = read_estimate(tmp_path / "estimate.h5")
+    assert thin.innovations["gyroscope"].time.size < estimate.innovations["gyroscope"].time.size
+    for name, innovations in estimate.innovations.items():
+        got, expected = thin.innovations[name].tally(), innovations.tally()
+        assert (got.readings, got.rejected, got.start) == (expected.readings, expected.rejected, expected.start)
+        assert np.allclose(got.squares, expected.squares, rtol=1e-12)
+        assert np.array_equal(got.components, expected.components)

@@ -295,7 +295,7 @@ def test_outliers_are_gated_and_counted(short_run, short_estimates, with_setting
     assert verdict(bad) != "completed"
     good = identify(with_settings(wild, "identification.gate=6"), kalman_filter)
     assert verdict(good) == "completed"
-    assert good.innovations["dvl"].rejected() == len(values[20::40])
-    assert good.innovations["gyroscope"].rejected() == 0
+    assert good.innovations["dvl"].tally().rejected == len(values[20::40])
+    assert good.innovations["gyroscope"].tally().rejected == 0
     shift = np.abs(good.mean[-1, :22] - short_estimates[kalman_filter].mean[-1, :22])
     assert (shift / good.standard_deviation[-1, :22]).max() < 1.0
