@@ -1,8 +1,9 @@
 """estimates/<filter>.h5: reading and writing an Estimate."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -131,14 +132,16 @@ def read_estimate(path: Path) -> Estimate:
 def _read_innovations(group: h5py.Group) -> Innovations:
     rows = count_rows(group, "time")
     every, deviation = 1 + rows // _MOST_READINGS, read_array(group, "standard_deviation")
-    names = "time", "innovation", "variance", "nis"
-    thinned = Innovations(**{name: read_array(group, name, every) for name in names}, standard_deviation=deviation)
+
+    def innovations(read: Callable[[str], NDArray[np.float64]]) -> Innovations:
+        return Innovations(read("time"), read("innovation"), read("variance"), read("nis"), deviation)
+
+    thinned = innovations(lambda name: read_array(group, name, every))
     if every == 1:
         return thinned
     start, whole = float(read_rows(group, "time", 0, 1)[0]), None
     for first in range(0, rows, _MOST_READINGS):
-        rows_of = {name: read_rows(group, name, first, first + _MOST_READINGS) for name in names}
-        block = Innovations(**rows_of, standard_deviation=deviation)
-        tally = block.tally(start)
+        rows_read = partial(read_rows, group, first=first, last=first + _MOST_READINGS)
+        tally = innovations(rows_read).tally(start)
         whole = tally if whole is None else whole.plus(tally)
     return replace(thinned, whole=whole)
