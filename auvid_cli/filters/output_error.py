@@ -85,7 +85,7 @@ def run_output_error(
         if part is None:
             span = (fitted + span) // 2
         else:
-            state, known, converged = part.state, part.information, part.converged
+            state, known, converged = part.state, part.information, part.converged and span == n_events
             fitted, span = span, min(2 * span, n_events)
     if use_prior:
         known = known.join(Information.of_belief(prior, state))

@@ -208,6 +208,20 @@ def test_a_fit_that_may_not_go_on_says_so(nonlinear_problem, run_whole):
     assert np.isfinite(history.records.mean).all()
 
 
+def test_a_fit_of_a_shorter_span_does_not_pass_for_one_of_the_whole(linear_problem, run_whole, monkeypatch):
+    whole = run_whole(run_output_error, linear_problem)
+    monkeypatch.setattr("auvid_cli.filters.output_error._FIRST_SPAN", 8)
+    culprits = []
+    for limit in range(1, 16):
+        history = run_whole(partial(run_output_error, max_evaluations=limit), linear_problem)
+        culprits.append(history.culprit)
+        if history.culprit == OK:
+            difference = (history.records.mean - whole.records.mean) / whole.records.standard_deviation
+            assert np.abs(difference).max() < 1e-3
+    assert culprits[0] == NOT_CONVERGED
+    assert culprits[-1] == OK
+
+
 @pytest.mark.parametrize("event", [1, 5, 29])
 def test_a_motion_that_cannot_go_on_is_fitted_until_there(event, linear_problem, run_whole):
     p, t = linear_problem, linear_problem.timeline
