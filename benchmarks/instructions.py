@@ -40,11 +40,7 @@ def run_filter(name: str, passes: int) -> None:
 def instructions_per_event(name: str) -> float:
     """Difference between many passes and one, so that loading and simulating do not count."""
     with tempfile.TemporaryDirectory() as folder:
-        environment = (
-            os.environ
-            | _PROCESSOR
-            | {"PYTHONHASHSEED": "0", "NUMBA_CACHE_DIR": str(Path(tempfile.gettempdir()) / "auvid-haswell")}
-        )
+        environment = os.environ | _PROCESSOR | {"PYTHONHASHSEED": "0", "NUMBA_CACHE_DIR": folder}
         command = [sys.executable, __file__, "--run", name, "--passes"]
         # Once without valgrind, under which compiling would take an hour.
         steps = int(subprocess.run([*command, "1"], env=environment, capture_output=True, check=True, text=True).stdout)

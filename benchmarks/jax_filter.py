@@ -73,7 +73,7 @@ _ABSENT = (
     "dynamax has one measurement of a fixed size: nine components, of which those that an event lacks have a row of "
     "zeros. Inputs and durations are its per-step inputs (of the step itself from 1.0.3 on). Readings are divided "
     "by their standard deviation, since it adds 1e-9 to the variance of every innovation. Compilation is left out: see "
-    "above. The other library on JAX, cuthbert 0.1.1, has no sigma-point filter."
+    "above."
 )
 
 PEERS = (

@@ -1,17 +1,11 @@
 """auvid check."""
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from auvid_cli.cli.options import QuietOption, VerboseOption
+from auvid_cli.cli.options import QuietOption, ResultsArgument, VerboseOption
 from auvid_cli.cli.terminal import DONE, VERDICT_FAILED, Terminal, reporting_errors
-
-ResultsArgument = Annotated[
-    Path,
-    typer.Argument(metavar="RESULTS", help="Results folder with dataset.h5 and estimates/."),
-]
 
 
 def check(

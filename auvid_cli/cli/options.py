@@ -23,6 +23,10 @@ DataArgument = Annotated[
         show_default=False,
     ),
 ]
+ResultsArgument = Annotated[
+    Path,
+    typer.Argument(metavar="RESULTS", help="Results folder with dataset.h5 and estimates/."),
+]
 FilterOption = Annotated[
     list[FilterName] | None,
     typer.Option(

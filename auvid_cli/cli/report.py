@@ -1,17 +1,11 @@
 """auvid report."""
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from auvid_cli.cli.options import QuietOption, VerboseOption
+from auvid_cli.cli.options import QuietOption, ResultsArgument, VerboseOption
 from auvid_cli.cli.terminal import Terminal, reporting_errors
-
-ResultsArgument = Annotated[
-    Path,
-    typer.Argument(metavar="RESULTS", help="Results folder with dataset.h5 and estimates/."),
-]
 
 
 def report(

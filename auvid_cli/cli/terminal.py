@@ -87,7 +87,7 @@ class Terminal:
         before = signal.signal(signal.SIGINT, _leave_at_once)
         label = "loading the compiled core"
         if nothing_compiled():
-            label = "compiling the numerical core, once: some 20 s"
+            label = "compiling the numerical core, once: some 25 s"
             if not self._err.is_terminal and not self.quiet:
                 print(f"auvid: {label}", file=sys.stderr)
         try:
