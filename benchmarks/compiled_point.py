@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numba import njit
-from problem import N_COEFFICIENTS, N_STATE, Array
+from problem import N_COEFFICIENTS, N_STATE, Array, units_of
 
 from auvid_cli.blocks import LANES
 from auvid_cli.filters.problem import Process
@@ -33,7 +33,7 @@ def _advance(state, duration, held, vehicle, scale, coefficients, stage, slope):
 
 def compiled_point(process: Process) -> Callable[[Array, float, Array], Array]:
     """``advance(state, duration, held)``: a new state, one Runge-Kutta step later."""
-    vehicle, scale = process.constants[:N_CONSTANTS], process.constants[-N_COEFFICIENTS:]
+    vehicle, scale = process.constants[:N_CONSTANTS], units_of(process)
     scratch = np.zeros(N_COEFFICIENT_BLOCK), np.zeros(N_BLOCK), np.zeros(N_BLOCK)
 
     def advance(state: Array, duration: float, held: Array) -> Array:

@@ -73,10 +73,11 @@ class _Ekf(ExtendedKalmanFilter):
         super().__init__(N_STATE, 3)
         self.x, self.P = problem.prior.mean.copy(), problem.covariance.copy()
         self.piece = np.zeros((1, 4)), np.zeros(1, dtype=np.int64), np.zeros(1)
-        self._transition = problem.process.transition
+        self._process = problem.process
 
     def predict_x(self, u: float = 0) -> None:
-        self._transition(self.x, *self.piece, self.F)
+        process = self._process
+        process.transition(self.x, *self.piece, process.constants, process.selection, self.F)
 
 
 def _extended(problem: Problem) -> Callable[[], Answer]:

@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from problem import N_COEFFICIENTS, Array
+from problem import N_COEFFICIENTS, Array, units_of
 
 from auvid_cli.filters.problem import Process
 from auvid_cli.vehicle.dynamics import N_CONSTANTS
@@ -22,7 +22,7 @@ def vehicle_of(process: Process) -> Vehicle:
     """Take the constants out of auvid's process, all of whose 22 coefficients are estimated."""
     known = process.constants[:N_CONSTANTS]
     mass, inverse = known[:36].reshape(6, 6), known[36:72].reshape(6, 6)
-    return Vehicle(mass, inverse, float(known[72]), known[73:76], process.constants[-N_COEFFICIENTS:])
+    return Vehicle(mass, inverse, float(known[72]), known[73:76], units_of(process))
 
 
 def motion_derivative(motion: Any, coefficients: Any, held: Any, vehicle: Vehicle, numeric: Any) -> Any:

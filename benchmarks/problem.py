@@ -13,6 +13,7 @@ from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.filters.problem import Belief, Ending, Process, Receiver, Sensors, Timeline
 from auvid_cli.identification.identify import FilterRun, set_up_filters
 from auvid_cli.simulation.simulate import simulate
+from auvid_cli.vehicle.dynamics import N_CONSTANTS
 
 Array = NDArray[np.float64]
 
@@ -144,6 +145,11 @@ def make_problem(n_events: int) -> Problem:
     return Problem(
         filters, process, sensors, prior, timeline, _events(timeline, process, sensors), covariance, unscented
     )
+
+
+def units_of(process: Process) -> Array:
+    """Values, SI, in whose units the coefficients are estimated: behind the vehicle and the held coefficients."""
+    return process.constants[N_CONSTANTS + N_COEFFICIENTS : N_CONSTANTS + 2 * N_COEFFICIENTS]
 
 
 def _call(run: FilterRun) -> partial[Ending]:
