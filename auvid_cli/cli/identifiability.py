@@ -1,9 +1,5 @@
 """auvid identifiability."""
 
-from pathlib import Path
-
-import typer
-
 from auvid_cli.cli.options import (
     DataArgument,
     OutputOption,
@@ -34,13 +30,10 @@ def identifiability(
         from auvid_cli.config.load import find_experiment, load_experiment
 
         terminal = Terminal(quiet, verbose)
-        if data is not None and data.endswith(".h5"):
-            if seed is not None:
-                raise typer.BadParameter("--seed has no meaning for a dataset file")
-            dataset = pipeline.foreign_dataset(Path(data), overrides(settings, None))
-            folder = output if output is not None else pipeline.home_of(Path(data))
+        changes, path = overrides(settings, seed), pipeline.dataset_path(data)
+        if path:
+            dataset, folder = pipeline.foreign_dataset(path, changes), output or pipeline.home_of(path)
         else:
-            experiment = load_experiment(find_experiment(data), overrides(settings, seed))
-            folder = pipeline.results_folder(experiment, output)
-            dataset = pipeline.simulated(experiment, terminal)
+            experiment = load_experiment(find_experiment(data), changes)
+            dataset, folder = pipeline.simulated(experiment, terminal), pipeline.results_folder(experiment, output)
         pipeline.assess_to(folder, dataset, terminal)

@@ -1,7 +1,5 @@
 """auvid identify."""
 
-from pathlib import Path
-
 import typer
 
 from auvid_cli.cli.options import (
@@ -32,7 +30,7 @@ def identify(
         from auvid_cli.config.load import find_experiment, load_experiment
 
         changes = overrides(settings, None)
-        path = Path(source) if source is not None and source.endswith((".h5", ".hdf5")) else None
+        path = pipeline.dataset_path(source)
         dataset = pipeline.foreign_dataset(path, changes) if path else None
         experiment = dataset.experiment if dataset else load_experiment(find_experiment(source), changes)
         if dry_run:

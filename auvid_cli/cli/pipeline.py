@@ -32,12 +32,9 @@ def results_folder(experiment: Experiment, output: Path | None) -> Path:
 
 def simulate_to(folder: Path, experiment: Experiment, terminal: Terminal) -> Dataset:
     """Simulate an experiment into ``folder/dataset.h5`` and read it back, as any later step would."""
-    with terminal.compiling():
-        from auvid_cli.simulation.simulate import simulate
     path = folder / "dataset.h5"
-    with terminal.stage("simulate"):
-        # Nothing holds on to what was simulated: hours of it fill a good part of a machine's memory.
-        write_dataset(path, simulate(experiment))
+    # Nothing holds on to what was simulated: hours of it fill a good part of a machine's memory.
+    write_dataset(path, simulated(experiment, terminal))
     with terminal.stage("read the dataset"):
         dataset = read_dataset(path)
     # What other filters made of the dataset that stood here before belongs to nothing any more.
@@ -206,6 +203,11 @@ def foreign_dataset(path: Path, overrides: tuple[str, ...]) -> Dataset:
                 "only vehicle.*, identification.* and name can be set for a dataset"
             )
     return read_dataset(path, overrides)
+
+
+def dataset_path(source: str | None) -> Path | None:
+    """The path of a dataset file, or None where an experiment is meant."""
+    return Path(source) if source is not None and source.endswith((".h5", ".hdf5")) else None
 
 
 def home_of(path: Path) -> Path:

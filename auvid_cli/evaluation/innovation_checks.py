@@ -105,17 +105,16 @@ def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check
             found[quantity.symbol] = float(np.max(np.abs(correlations)))
     if not found:
         return Check.of(filter_name, sensor, "whiteness", "too few readings", "", True, "")
-    check = Check.of_largest(
+    return _uncorrelated(
         filter_name,
         sensor,
         "whiteness",
+        innovations,
         found,
-        _LARGEST_CORRELATION + 3.0 / np.sqrt(len(innovations.time)),
         f"correlation over {_LAGS} lags",
         f"Errors of {sensor} last from sample to sample: standard deviations of the coefficients are too small, unless "
         "its noise was stated larger for that. Estimate its bias (`identification.estimate.biases`) or state more.",
     )
-    return _excused(check, innovations)
 
 
 def _inputs(filter_name: str, sensor: str, innovations: Innovations, dataset: Dataset) -> Check:
@@ -130,22 +129,35 @@ def _inputs(filter_name: str, sensor: str, innovations: Innovations, dataset: Da
                 found[f"{quantity.symbol} by {given.symbol}"] = abs(_correlation(values, signal))
     if not found:
         return Check.of(filter_name, sensor, "free of inputs", "nothing to compare", "", True, "")
-    check = Check.of_largest(
+    return _uncorrelated(
         filter_name,
         sensor,
         "free of inputs",
+        innovations,
         found,
-        _LARGEST_CORRELATION + 3.0 / np.sqrt(len(innovations.time)),
         "correlation with an input",
         "What an actuator does still shows in what should be noise: its model is wrong (delay, saturation, sign, a "
         "term that is missing), or the filter has not settled.",
     )
-    return _excused(check, innovations)
 
 
-def _excused(check: Check, innovations: Innovations) -> Check:
-    """A sensor told to be more than twice as bad as it is, as an AHRS is, has paid for the memory of its errors."""
-    small = float(np.nansum(innovations.nis)) < 0.25 * innovations.used().sum()
+def _uncorrelated(
+    filter_name: str,
+    sensor: str,
+    name: str,
+    innovations: Innovations,
+    found: dict[str, float],
+    meaning: str,
+    advice: str,
+) -> Check:
+    """A verdict on correlations.
+
+    A sensor told to be more than twice as bad as it is, as an AHRS is, has paid for the memory of its errors.
+    """
+    limit = _LARGEST_CORRELATION + 3.0 / np.sqrt(len(innovations.time))
+    check = Check.of_largest(filter_name, sensor, name, found, limit, meaning, advice)
+    tally = innovations.tally()
+    small = tally.squares.sum() < 0.25 * tally.components.sum()
     return check._replace(passed=None) if check.passed is False and small else check
 
 

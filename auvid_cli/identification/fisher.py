@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +84,7 @@ def information_at(
         first = problem.state.index(MOTION_SYMBOLS[0])
         start[first : first + len(motion)] = motion
     by_sensor = dict.fromkeys(problem.measuring, Information.none(start.size))
-    total, growing = Information.none(start.size), []
+    growing = []
     for response in responses(problem.process, problem.sensors, problem.timelines, start):
         if response.blew_up:
             time = response.timeline.time[len(response.mean)]
@@ -91,6 +92,6 @@ def information_at(
         for sensor, name in enumerate(by_sensor):
             own = response.timeline.reading_sensor == sensor
             by_sensor[name] = by_sensor[name].with_response(response, own)
-        total = total.with_response(response)
-        growing.append((float(response.timeline.time[-1]) - problem.timelines.span[0], total))
+        duration = float(response.timeline.time[-1]) - problem.timelines.span[0]
+        growing.append((duration, reduce(Information.join, by_sensor.values())))
     return DatasetInformation(problem.state, problem.scale, by_sensor, tuple(growing))
