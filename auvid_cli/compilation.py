@@ -10,6 +10,8 @@ import atexit
 import hashlib
 import os
 import shutil
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable
 from functools import cache
@@ -21,11 +23,16 @@ from numba import njit
 from numba.core import config
 
 _KEPT = 5
+# An interrupt at the terminal ends it at once; the process that started it says so.
+_IMPORT_ALL = """
+import importlib, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+for module in sys.argv[1:]:
+    importlib.import_module(module)
+"""
 
 
-def compiled(
-    *signature: Any, reassociate: bool = False, inline: bool = False, views_only: bool = False
-) -> Callable[[Callable], Any]:
+def compiled(*signature: Any, reassociate: bool = False, inline: bool = False) -> Callable[[Callable], Any]:
     """Decorator: compile for exactly this signature, now, or take the machine code from the cache.
 
     Parameters
@@ -35,14 +42,14 @@ def compiled(
         Whether sums may be reordered, which vectorises dot products. It would cancel the range reduction
         of a sine, so only linear algebra asks for it; fused multiply-add is always allowed.
     inline : bool
-        Whether to insist on inlining: handing over a tuple of many arrays costs as much as a short function.
-    views_only : bool
-        The function makes no arrays but slices of its arguments. They then carry no reference count, whose atomic
-        increments were an eighth of a filter's time.
+        Whether to insist on inlining: handing over a tuple of many arrays costs as much as a short function. Such a
+        function can only be called from compiled ones.
 
     Notes
     -----
-    Compiled functions release the interpreter lock, and division by zero yields infinity, as in NumPy.
+    Compiled functions release the interpreter lock, and division by zero yields infinity, as in NumPy. They make no
+    arrays but slices of their arguments, which then carry no reference count: its atomic increments were an eighth of
+    a filter's time, and what makes and assigns whole arrays takes long to compile.
     """
     options = {
         "cache": True,
@@ -50,8 +57,10 @@ def compiled(
         "error_model": "numpy",
         "fastmath": {"contract", "reassoc"} if reassociate else {"contract"},
         "forceinline": inline,
+        "no_cpython_wrapper": inline,
+        "no_cfunc_wrapper": inline,
         # numba has no public name for it.
-        "_nrt": not views_only,
+        "_nrt": False,
     }
 
     def decorate(function: Callable) -> Any:
@@ -70,6 +79,17 @@ def nothing_compiled() -> bool:
     return not any(_cache_folder().rglob("*.nbc"))
 
 
+def compile_elsewhere(*modules: str) -> subprocess.Popen:
+    """Begin to compile modules into the cache in another process.
+
+    Where that fails this process finds nothing there, compiles for itself, and says what is wrong.
+    """
+    command = [sys.executable, "-P", "-c", _IMPORT_ALL, *modules]
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(_cache_folder().parent)}
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, env=environment)
+
+
 @cache
 def _cache_folder() -> Path:
     content = hashlib.sha256()
@@ -83,9 +103,10 @@ def _cache_folder() -> Path:
     except OSError:
         # No home to write to (a service account, a read-only container): compile for this session only, in a
         # folder that nobody else could have filled with machine code of theirs.
-        folder = Path(tempfile.mkdtemp(prefix="auvid-"))
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
-        return folder
+        base = Path(tempfile.mkdtemp(prefix="auvid-"))
+        atexit.register(shutil.rmtree, base, ignore_errors=True)
+        folder = base / folder.name
+        folder.mkdir()
     siblings = sorted((p for p in folder.parent.iterdir() if len(p.name) == 16), key=lambda p: p.stat().st_mtime)
     for outdated in siblings[:-_KEPT]:
         shutil.rmtree(outdated, ignore_errors=True)

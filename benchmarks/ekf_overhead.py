@@ -13,7 +13,8 @@ def filterpy_alone(problem: Problem) -> Callable[[], None]:
     transition = np.eye(N_STATE)
     event = problem.events[-1]
     piece = event.held[None, :], np.zeros(1, dtype=np.int64), np.array([event.duration])
-    process.transition(problem.prior.mean.copy(), *piece, process.constants, process.selection, transition)
+    scratch = np.zeros(process.scratch_size)
+    process.transition(problem.prior.mean.copy(), *piece, process.constants, process.selection, transition, scratch)
     matrices, noises = tuple(sensors.matrix), [np.diag(variance) for variance in sensors.variance]
     nothing = np.zeros(sensors.matrix.shape[1])
     readings = [

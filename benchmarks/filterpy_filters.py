@@ -74,10 +74,11 @@ class _Ekf(ExtendedKalmanFilter):
         self.x, self.P = problem.prior.mean.copy(), problem.covariance.copy()
         self.piece = np.zeros((1, 4)), np.zeros(1, dtype=np.int64), np.zeros(1)
         self._process = problem.process
+        self._scratch = np.zeros(problem.process.scratch_size)
 
     def predict_x(self, u: float = 0) -> None:
         process = self._process
-        process.transition(self.x, *self.piece, process.constants, process.selection, self.F)
+        process.transition(self.x, *self.piece, process.constants, process.selection, self.F, self._scratch)
 
 
 def _extended(problem: Problem) -> Callable[[], Answer]:

@@ -37,7 +37,11 @@ def run(
             return
         terminal = Terminal(quiet, verbose)
         folder = pipeline.results_folder(loaded, output)
-        dataset = pipeline.simulate_to(folder, loaded, terminal)
+        # The filters know nothing of vehicles, so the halves have no function in common.
+        with terminal.compiling_beside("auvid_cli.filters.square_root", "auvid_cli.filters.information"):
+            dataset = pipeline.simulate_to(folder, loaded, terminal)
+            with terminal.compiling():
+                import auvid_cli.identification.process  # noqa: F401
         chosen = tuple(filters or loaded.identification.filters)
         with pipeline.drawing(folder) as figures:
             estimates = pipeline.identify_to(folder, dataset, chosen, terminal, figures.add_innovations)

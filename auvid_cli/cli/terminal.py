@@ -87,7 +87,7 @@ class Terminal:
         before = signal.signal(signal.SIGINT, _leave_at_once)
         label = "loading the compiled core"
         if nothing_compiled():
-            label = "compiling the numerical core, once: some 25 s"
+            label = "compiling the numerical core, once: some 10 s"
             if not self._err.is_terminal and not self.quiet:
                 print(f"auvid: {label}", file=sys.stderr)
         try:
@@ -95,6 +95,23 @@ class Terminal:
                 yield
         finally:
             signal.signal(signal.SIGINT, before)
+
+    @contextmanager
+    def compiling_beside(self, *modules: str) -> Iterator[None]:
+        """If nothing is compiled yet, let another process do so with some modules meanwhile."""
+        from auvid_cli.compilation import compile_elsewhere, nothing_compiled
+
+        if not nothing_compiled():
+            yield
+            return
+        partner = compile_elsewhere(*modules)
+        try:
+            yield
+            with self.compiling():
+                partner.wait()
+        finally:
+            partner.kill()
+            partner.wait()
 
     @contextmanager
     def progress(self, *labels: str, unit: str = "") -> Iterator[list[Callable[[float, float], None]]]:

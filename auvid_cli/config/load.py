@@ -66,7 +66,9 @@ def parse_experiment(text: str, name: str, overrides: Sequence[str] = ()) -> Exp
 def dump_experiment(experiment: Experiment) -> str:
     """Resolved settings as YAML in SI numbers, which `parse_experiment` reads back to an equal object."""
     settings = _given(experiment.model_dump(mode="json", by_alias=True))
-    return yaml.safe_dump(settings, sort_keys=False, width=100, default_flow_style=None)
+    # Where PyYAML was built without libyaml its own dumper writes the same, only more slowly.
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+    return yaml.dump(settings, Dumper=dumper, sort_keys=False, width=100, default_flow_style=None)
 
 
 def shipped_configs() -> Path:

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import version
 from io import RawIOBase
 from pathlib import Path
@@ -50,7 +51,7 @@ def new_file(path: Path, kind: str, settings: str, seed: int, **attributes: Any)
                     "settings": settings,
                     "seed": seed,
                     "auvid_version": __version__,
-                    "library_versions": ", ".join(f"{name} {version(name)}" for name in _LIBRARIES),
+                    "library_versions": _library_versions(),
                     "platform": f"{platform.platform()}, Python {sys.version.split()[0]}",
                     "created": datetime.now(UTC).isoformat(timespec="seconds"),
                     **attributes,
@@ -58,6 +59,11 @@ def new_file(path: Path, kind: str, settings: str, seed: int, **attributes: Any)
             )
             yield file
         disk.raise_failure()
+
+
+@cache
+def _library_versions() -> str:
+    return ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
 
 
 class _Disk:

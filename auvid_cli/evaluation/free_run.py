@@ -16,8 +16,6 @@ from auvid_cli.filters.problem import TIMELINE
 from auvid_cli.identification.timeline import Timelines, initial_motion, measuring_sensors
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.dynamics import (
-    N_BLOCK,
-    N_COEFFICIENT_BLOCK,
     N_WORK,
     runge_kutta_step,
     vehicle_constants,
@@ -42,19 +40,15 @@ class VelocityError(NamedTuple):
     mean_absolute_error: float | None
 
 
-@compiled(types.void(_vector, _vector, _vector, TIMELINE, _matrix))
-def _run(motion, coefficients, constants, timeline, predicted):
-    """Fill in the motion at every event; `motion` is where it starts and, afterwards, where it ends."""
-    block, work = np.zeros(N_BLOCK), np.empty(N_WORK)
-    coefficient_block = np.zeros(N_COEFFICIENT_BLOCK)
-    coefficient_block[::LANES] = coefficients
-    block[::LANES] = motion
+@compiled(types.void(_vector, _vector, _vector, TIMELINE, _matrix, _vector))
+def _run(block, coefficients, constants, timeline, predicted, work):
+    """Fill in the motion at every event; `block` is where it starts and, afterwards, where it ends."""
     for event in range(timeline.time.size):
         for piece in range(timeline.piece_offset[event], timeline.piece_offset[event + 1]):
             held = timeline.inputs[timeline.piece_input[piece]]
-            runge_kutta_step(block, coefficient_block, held, constants, 1, timeline.piece_duration[piece], work)
-        predicted[event] = block[::LANES]
-    motion[:] = block[::LANES]
+            runge_kutta_step(block, coefficients, held, constants, 1, timeline.piece_duration[piece], work)
+        for i in range(N_MOTION):
+            predicted[event, i] = block[i * LANES]
 
 
 def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[VelocityError]]:
@@ -71,13 +65,14 @@ def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[Veloci
     start, motion = initial_motion(dataset, measuring)
     constants = vehicle_constants(dataset.experiment.vehicle.known_parameters())
     final = estimate.final_coefficients()
-    coefficients = np.array([final[symbol] for symbol in SYMBOLS])
+    block, coefficients = (np.repeat(each, LANES) for each in (motion, [final[symbol] for symbol in SYMBOLS]))
+    work = np.zeros(N_WORK)
     every = 1 + sum(record.time.size for record in measuring.values()) // _MOST_KEPT
     sums, counts = np.zeros(N_MOTION), np.zeros(N_MOTION)
     runs, n_events = [], 0
     for timeline in Timelines(dataset, measuring, start, dataset.experiment.identification.integration_step):
         predicted = np.empty((timeline.time.size, N_MOTION))
-        _run(motion, coefficients, constants, timeline, predicted)
+        _run(block, coefficients, constants, timeline, predicted, work)
         kept = slice(-n_events % every, None, every)
         runs.append(FreeRun(timeline.time[kept], predicted[kept].copy()))
         n_events += timeline.time.size

@@ -47,6 +47,7 @@ class _ProcessEkf(ExtendedKalmanFilter):
         # A view of the moving part of the diagonal.
         self._noise = self.Q.reshape(-1)[-1 - (process.noise_density.size - 1) * (n + 1) :: n + 1]
         self._density = process.noise_density**2
+        self._scratch = np.zeros(process.scratch_size)
 
     def move(self, inputs: Array, piece_input: NDArray[np.int64], piece_duration: Array) -> None:
         """Predict over consecutive pieces of constant input."""
@@ -76,7 +77,8 @@ class _ProcessEkf(ExtendedKalmanFilter):
 
     def predict_x(self, u: float = 0) -> None:
         """Integrate the mean and set F to its transition matrix."""
-        self._process.transition(self.x, *self._pieces, self._process.constants, self._process.selection, self.F)
+        process = self._process
+        process.transition(self.x, *self._pieces, process.constants, process.selection, self.F, self._scratch)
 
 
 class _View:

@@ -14,7 +14,7 @@ _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
 
-@compiled(types.boolean(_matrix, types.int64, _matrix), reassociate=True, views_only=True)
+@compiled(types.boolean(_matrix, types.int64, _matrix), reassociate=True)
 def triangularise(rows, n, lower):
     """Lower-triangular L with ``L L' = rows rows'`` for the first n rows, by modified Gram-Schmidt.
 
@@ -49,7 +49,6 @@ def triangularise(rows, n, lower):
 @compiled(
     types.float64(_matrix, types.int64, types.int64, types.float64, _vector, _vector, _vector),
     reassociate=True,
-    views_only=True,
 )
 def carlson_update(columns, n, measured, variance, gain, ratio, share):
     """Condition a factor, and whatever rides along with it, on one of its rows measured with noise.

@@ -27,16 +27,15 @@ _ROUNDING = 1e-12
 _SHARE = 1e-9
 
 
-@compiled(types.void(_matrix, _matrix), reassociate=True)
-def _compress(triangle, rows):
+@compiled(types.void(_matrix, _matrix, _matrix), reassociate=True)
+def _compress(triangle, rows, columns):
     """Replace an upper triangle by that of the QR decomposition of itself above some rows, in place.
 
     Modified Gram-Schmidt, whose triangle is as accurate as Householder's, the last column as right-hand side included
     (Bjorck 1967). A column that vanishes gets a row of zeros. Compiled instead of LAPACK's, whose threads get in each
-    other's way where filters run side by side.
+    other's way where filters run side by side. `columns` is scratch, a row of it a column.
     """
     width = rows.shape[1]
-    columns = np.empty((width, width + _CHUNK))
     for begin in range(0, rows.shape[0], _CHUNK):
         for j in range(width):
             for i in range(width):
@@ -143,7 +142,7 @@ class Information(NamedTuple):
         n = self.projected.size
         triangle = np.zeros((n + 1, n + 1))
         triangle[:n, :n], triangle[:n, n], triangle[n, n] = self.factor, self.projected, self.remaining
-        _compress(triangle, np.ascontiguousarray(rows))
+        _compress(triangle, np.ascontiguousarray(rows), np.empty((n + 1, n + 1 + _CHUNK)))
         return Information(
             triangle[:n, :n].copy(), triangle[:n, n].copy(), float(triangle[n, n]), self.n_readings + n_readings
         )

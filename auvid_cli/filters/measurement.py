@@ -34,9 +34,7 @@ def wrapped(difference, angular):
     return difference
 
 
-@compiled(
-    types.void(_vector, types.int64, _vector, _matrix, types.int64), reassociate=True, inline=True, views_only=True
-)
+@compiled(types.void(_vector, types.int64, _vector, _matrix, types.int64), reassociate=True, inline=True)
 def see_linearly(row, n, mean, columns, place):
     """Put a combination of the state's rows at `place` of mean and factor."""
     predicted = 0.0
@@ -59,7 +57,6 @@ def see_linearly(row, n, mean, columns, place):
     ),
     reassociate=True,
     inline=True,
-    views_only=True,
 )
 def see_nonlinearly(observe, constants, selection, n_moving, basis, sensor, n_components, n, mean, columns, work):
     """Put a sensor's components behind the n-th place of mean and factor, and the even part in ``work.spread``."""
@@ -69,7 +66,9 @@ def see_nonlinearly(observe, constants, selection, n_moving, basis, sensor, n_co
         moving, parameters = work.points[b, : n_moving * LANES], work.points[b, n_moving * LANES :]
         n_lanes = np.uint64(last_lanes if b == n_blocks - 1 else LANES)
         observe(moving, parameters, sensor, constants, selection, n_lanes, work.images[b])
-    work.spread[:] = 0.0
+    for i in range(work.spread.shape[0]):
+        for k in range(work.spread.shape[1]):
+            work.spread[i, k] = 0.0
     collect_points(
         work.images,
         basis,
@@ -86,7 +85,7 @@ def see_nonlinearly(observe, constants, selection, n_moving, basis, sensor, n_co
             columns[j, n + c] = work.regression[c, j]
 
 
-@compiled(types.boolean(types.int64, types.int64, _matrix, WORKSPACE), reassociate=True, inline=True, views_only=True)
+@compiled(types.boolean(types.int64, types.int64, _matrix, WORKSPACE), reassociate=True, inline=True)
 def decorrelate(n, n_present, columns, work):
     """Replace what is seen by combinations of it whose noise is independent; ``work.noise`` gets its variance.
 
@@ -114,7 +113,6 @@ def decorrelate(n, n_present, columns, work):
     ),
     reassociate=True,
     inline=True,
-    views_only=True,
 )
 def update(
     observe,

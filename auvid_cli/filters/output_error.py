@@ -29,9 +29,11 @@ from auvid_cli.filters.square_root import run_square_root_filter
 
 Array = NDArray[np.float64]
 
-# Events of the first span, some 40 s of a 100 Hz sensor: few enough for parameters that are far off not to lose the
-# motion altogether, and enough to correct them.
-_FIRST_SPAN = 4000
+# Events of the first span, some 40 s of a 100 Hz sensor: few enough for parameters that are somewhat off not to lose
+# the motion altogether, and enough to correct them. Parameters that are far off lose it within seconds.
+_FIRST_SPAN, _FIRST_SPAN_FROM_AFAR = 4000, 250
+# A fit of a span that is not the whole only has to come near enough for the next.
+_EVALUATIONS_OF_A_SPAN = 10
 # Gains in the sum of squares, as shares of it, that end the fit of a span and of the whole.
 _COARSE, _FINE = 1e-5, 1e-9
 
@@ -73,14 +75,16 @@ def run_output_error(
     n = prior.mean.size
     box = bounds or (np.full(n, -np.inf), np.full(n, np.inf))
     n_events = sum(timeline.time.size for timeline in timelines)
-    state = np.clip(_first_guess(process, sensors, timelines, prior), *box)
+    guess = _filtered(process, sensors, timelines, prior)
+    state, span = (prior.mean, _FIRST_SPAN_FROM_AFAR) if guess is None else (guess, _FIRST_SPAN)
+    state = np.clip(state, *box)
     known, converged, left = Information.none(n), False, max_evaluations
 
-    fitted, span = 0, min(_FIRST_SPAN, n_events)
+    fitted, span = 0, min(span, n_events)
     while left > 0 and fitted < span:
         belief = Belief(state, prior.factor) if span < n_events else prior if use_prior else None
-        tolerance = _COARSE if span < n_events else _FINE
-        part = fit(process, sensors, FirstEvents(timelines, span), state, belief, box, tolerance, left)
+        tolerance, most = (_COARSE, min(left, _EVALUATIONS_OF_A_SPAN)) if span < n_events else (_FINE, left)
+        part = fit(process, sensors, FirstEvents(timelines, span), state, belief, box, tolerance, most)
         left -= part.evaluations if part is not None else 1
         if part is None:
             span = (fitted + span) // 2
@@ -96,8 +100,8 @@ def run_output_error(
     return Ending(covariance, n_good, culprit)
 
 
-def _first_guess(process: Process, sensors: Sensors, timelines: Iterable[Timeline], prior: Belief) -> Array:
-    """Parameters as a CKF leaves them at the end, motion as the prior has it."""
+def _filtered(process: Process, sensors: Sensors, timelines: Iterable[Timeline], prior: Belief) -> Array | None:
+    """Parameters as a CKF leaves them at the end, motion as the prior has it; None if the CKF fails."""
     guess = prior.mean.copy()
     n_parameters = guess.size - process.noise_density.size
 
@@ -106,7 +110,7 @@ def _first_guess(process: Process, sensors: Sensors, timelines: Iterable[Timelin
             guess[:n_parameters] = records.mean[-1, :n_parameters]
 
     ending = run_square_root_filter(cubature(guess.size), process, sensors, timelines, prior, keep_last)
-    return guess if ending.culprit == OK else prior.mean
+    return guess if ending.culprit == OK else None
 
 
 class FirstEvents:

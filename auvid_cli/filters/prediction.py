@@ -27,7 +27,6 @@ _indices = types.int64[::1]
     ),
     reassociate=True,
     inline=True,
-    views_only=True,
 )
 def predict(
     advance, constants, selection, noise_density, basis, inputs, piece_input, piece_duration, n, mean, columns, work
@@ -55,7 +54,9 @@ def predict(
             advance(moving, parameters, held, constants, selection, n_lanes, piece_duration[piece], work.process)
 
     spread = work.spread
-    spread[:] = 0.0
+    for i in range(spread.shape[0]):
+        for k in range(spread.shape[1]):
+            spread[i, k] = 0.0
     collect_points(
         work.points, basis, n_moving, n_moving, mean[n_parameters:n], work.odd, work.regression, spread, work.product
     )

@@ -24,8 +24,8 @@ _indices = types.int64[::1]
 # A compiled process has exactly this signature, explicit so that numba finds the filters in its
 # cache again in another interpreter session.
 PROCESS_SIGNATURE = types.void(_vector, _vector, _vector, _vector, _indices, types.uint64, types.float64, _vector)
-# transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix): one state moved in place.
-TRANSITION_SIGNATURE = types.void(_vector, _matrix, _indices, _vector, _vector, _indices, _matrix)
+# transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix, scratch): one state, in place.
+TRANSITION_SIGNATURE = types.void(_vector, _matrix, _indices, _vector, _vector, _indices, _matrix, _vector)
 # observe(moving, parameters, sensor, constants, selection, n_lanes, seen): rows of `seen` are filled.
 OBSERVATION_SIGNATURE = types.void(_vector, _vector, types.int64, _vector, types.int64[::1], types.uint64, _vector)
 
@@ -47,7 +47,7 @@ class Process(NamedTuple):
     constants, selection : ndarray
         Handed to these functions as they are.
     scratch_size : int
-        How many doubles `advance` wants to work with.
+        How many doubles `advance` and `transition` want to work with.
     noise_density : ndarray, shape (n_moving,)
         Square root of the power spectral density that drives each moving state.
     observe : compiled function of `OBSERVATION_SIGNATURE`

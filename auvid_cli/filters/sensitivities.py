@@ -70,12 +70,13 @@ def responses(process: Process, sensors: Sensors, timelines: Iterable[Timeline],
     n, n_moving = start.size, process.noise_density.size
     mean, matrix = np.array(start, dtype=np.float64), np.eye(n)
     sensitivity = np.eye(n)[n - n_moving :].copy()
+    moved, scratch = np.empty((n_moving, n)), np.zeros(process.scratch_size)
     for timeline in timelines:
         n_events, (n_readings, n_components) = timeline.time.size, timeline.reading.shape
         means, sensitivities = np.empty((n_events, n)), np.empty((n_events, n_moving, n))
         innovation, whitened = np.empty((n_readings, n_components)), np.zeros((n_readings, n_components, n + 1))
         model = process.transition, process.constants, process.selection
-        good = _move(*model, timeline, mean, sensitivity, matrix, means, sensitivities)
+        good = _move(*model, timeline, mean, sensitivity, matrix, moved, scratch, means, sensitivities)
         heard = timeline.reading_offset[good]
         _see(sensors, timeline, good, means, sensitivities, innovation, whitened)
         if sensors.nonlinear.any():
@@ -88,22 +89,21 @@ def responses(process: Process, sensors: Sensors, timelines: Iterable[Timeline],
 @compiled(
     types.int64(
         types.FunctionType(TRANSITION_SIGNATURE),
-        *(_vector, _indices, TIMELINE, _vector, _matrix, _matrix, _matrix, _stack),
-    )
+        *(_vector, _indices, TIMELINE, _vector, _matrix, _matrix, _matrix, _vector, _matrix, _stack),
+    ),
 )
-def _move(transition, constants, selection, timeline, mean, sensitivity, matrix, means, sensitivities):
+def _move(transition, constants, selection, timeline, mean, sensitivity, matrix, moved, scratch, means, sensitivities):
     """Fill in state and sensitivities of every event; returns how many are sound.
 
     `mean` and `sensitivity` are where it starts and, afterwards, where it ends.
     """
     n_moving, n = sensitivity.shape
     n_parameters = n - n_moving
-    moved = np.empty((n_moving, n))
     for event in range(timeline.time.size):
         first, last = timeline.piece_offset[event], timeline.piece_offset[event + 1]
         if last > first:
             pieces = timeline.piece_input[first:last], timeline.piece_duration[first:last]
-            transition(mean, timeline.inputs, pieces[0], pieces[1], constants, selection, matrix)
+            transition(mean, timeline.inputs, pieces[0], pieces[1], constants, selection, matrix, scratch)
             size = 0.0
             for i in range(n_moving):
                 row = matrix[n_parameters + i]
@@ -117,9 +117,13 @@ def _move(transition, constants, selection, timeline, mean, sensitivity, matrix,
                     size += abs(moved[i, j])
             if not size < _LARGEST:
                 return event
-            sensitivity[:] = moved
-        means[event] = mean
-        sensitivities[event] = sensitivity
+            for i in range(n_moving):
+                for j in range(n):
+                    sensitivity[i, j] = moved[i, j]
+        for j in range(n):
+            means[event, j] = mean[j]
+            for i in range(n_moving):
+                sensitivities[event, i, j] = sensitivity[i, j]
     return timeline.time.size
 
 

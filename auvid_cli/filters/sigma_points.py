@@ -73,7 +73,6 @@ def basis_of(point_set: PointSet) -> Basis:
     types.void(_vector, types.int64, types.int64, types.int64, types.int64, _vector, _vector),
     reassociate=True,
     inline=True,
-    views_only=True,
 )
 def two_products(left, first, second, stride, n_terms, right, out):
     """Fill `out` with two rows of a matrix product, each `PAIRS` long: ``sum_j left_j right_j``.
@@ -98,7 +97,6 @@ def two_products(left, first, second, stride, n_terms, right, out):
     types.void(BASIS, _vector, _matrix, types.int64, types.int64, _vector, _matrix),
     reassociate=True,
     inline=True,
-    views_only=True,
 )
 def draw_points(basis, mean, columns, n, n_moving, scratch, points):
     """Fill blocks with the points ``mean +- S delta_k``, one block to a tile, and the centre behind them.
@@ -124,7 +122,7 @@ def draw_points(basis, mean, columns, n, n_moving, scratch, points):
                     row[k + _ROW] = centre - deviation[k]
 
 
-@compiled(types.boolean(types.int64, _vector), reassociate=True, inline=True, views_only=True)
+@compiled(types.boolean(types.int64, _vector), reassociate=True, inline=True)
 def all_finite(n, values):
     """Whether the first n values are; a sum is one branch instead of n."""
     total = 0.0
@@ -144,7 +142,6 @@ def blocks_and_lanes(basis):
     types.void(_matrix, BASIS, types.int64, types.int64, _vector, _matrix, _matrix, _matrix, _vector),
     reassociate=True,
     inline=True,
-    views_only=True,
 )
 def collect_points(images, basis, n_images, first_even, image_mean, odd, regression, spread, scratch):
     """Mean, odd and even part of what a map made of the points.

@@ -38,7 +38,7 @@ _indices = types.int64[::1]
 _RECORDS = types.NamedTuple((_matrix, _matrix, _matrix, _matrix, _vector), Records)
 
 
-@compiled(types.void(_matrix, types.int64, _vector, _vector), reassociate=True, views_only=True)
+@compiled(types.void(_matrix, types.int64, _vector, _vector), reassociate=True)
 def deviations(columns, n, squares, result):
     """Standard deviations of the state: row norms of the factor. `squares` is overwritten."""
     width = columns.shape[1]
@@ -60,7 +60,6 @@ def deviations(columns, n, squares, result):
         *(types.int64, types.int64, _vector, _matrix, _RECORDS, WORKSPACE),
     ),
     reassociate=True,
-    views_only=True,
 )
 def _run(
     advance,

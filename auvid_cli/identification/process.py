@@ -21,7 +21,7 @@ from auvid_cli.vehicle.dynamics import (
     sine_cosine,
 )
 from auvid_cli.vehicle.parameters import N_MOTION
-from auvid_cli.vehicle.sensitivity import motion_jacobian, transition_step
+from auvid_cli.vehicle.sensitivity import N_COLUMNS, N_TRANSITION_WORK, motion_jacobian, transition_step
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ _SCALE = N_CONSTANTS + N_COEFFICIENTS
 _NOWHERE = -1.0
 
 
-@compiled(PROCESS_SIGNATURE, views_only=True)
+@compiled(PROCESS_SIGNATURE)
 def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration, scratch):
     coefficients, work = scratch[:N_COEFFICIENT_BLOCK], scratch[N_COEFFICIENT_BLOCK:]
     j = 0
@@ -48,7 +48,8 @@ def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration
                 row[k] = scale * scaled[k]
             j += 1
         else:
-            row[:] = constants[_HELD + m]
+            for k in range(LANES):
+                row[k] = constants[_HELD + m]
     runge_kutta_step(motion, coefficients, inputs, constants[:N_CONSTANTS], n_lanes, duration, work)
 
 
@@ -57,14 +58,7 @@ def _first_motion_row(constants):
     return int(constants[constants.size - 3])
 
 
-@compiled(_vector(_vector, _vector))
-def _motion_of(mean, constants):
-    """A view of the nine motion states."""
-    first = _first_motion_row(constants)
-    return mean[first : first + N_MOTION]
-
-
-@compiled(OBSERVATION_SIGNATURE, views_only=True)
+@compiled(OBSERVATION_SIGNATURE)
 def _observe(moving, parameters, sensor, constants, selection, n_lanes, seen):
     """What a DVL with a scale error, mounted at a small yaw, sees: ``(1 + scale) Rz(yaw)' [u v w]``."""
     n_parameters = _first_motion_row(constants)
@@ -80,12 +74,12 @@ def _observe(moving, parameters, sensor, constants, selection, n_lanes, seen):
         seen[2 * LANES + k] = gain * w
 
 
-@compiled(_vector(_vector, _vector, _indices))
-def _all_coefficients(mean, constants, selection):
-    coefficients = constants[_HELD : _HELD + N_COEFFICIENTS].copy()
+@compiled(types.void(_vector, _vector, _indices, _vector))
+def _all_coefficients(mean, constants, selection, coefficients):
+    for m in range(N_COEFFICIENTS):
+        coefficients[m] = constants[_HELD + m]
     for j in range(selection.size):
         coefficients[selection[j]] = constants[_SCALE + j] * mean[j]
-    return coefficients
 
 
 @compiled(types.void(_matrix, _vector, _indices, _matrix))
@@ -100,43 +94,52 @@ def _fill_in(sensitivity, constants, selection, matrix):
             row[n_parameters + j] = sensitivity[i, j]
 
 
+# Where in the scratch of a transition all coefficients, the sensitivities and the rest of it stand.
+_SENSITIVITY = N_COEFFICIENTS
+_REST = N_COEFFICIENTS + N_MOTION * N_COLUMNS
+
+
 @compiled(TRANSITION_SIGNATURE)
-def _exact_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix):
+def _exact_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix, scratch):
     """The variational equation along the integration."""
-    coefficients, motion = _all_coefficients(mean, constants, selection), _motion_of(mean, constants)
-    sensitivity = np.zeros((N_MOTION, N_MOTION + N_COEFFICIENTS))
+    motion = mean[_first_motion_row(constants) :][:N_MOTION]
+    coefficients, work = scratch[:N_COEFFICIENTS], scratch[_REST:]
+    sensitivity = scratch[_SENSITIVITY:_REST].reshape(N_MOTION, N_COLUMNS)
+    _all_coefficients(mean, constants, selection, coefficients)
     for i in range(N_MOTION):
-        sensitivity[i, i] = 1.0
+        for j in range(N_COLUMNS):
+            sensitivity[i, j] = 1.0 if i == j else 0.0
     for piece in range(piece_duration.size):
         held = inputs[piece_input[piece]]
-        transition_step(motion, coefficients, held, constants[:N_CONSTANTS], piece_duration[piece], sensitivity)
+        transition_step(motion, coefficients, held, constants[:N_CONSTANTS], piece_duration[piece], sensitivity, work)
     _fill_in(sensitivity, constants, selection, matrix)
 
 
 @compiled(TRANSITION_SIGNATURE)
-def first_order_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix):
+def first_order_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix, scratch):
     """The paper's I + A dt, Table A1: linearised once, where the interval begins."""
-    coefficients, motion = _all_coefficients(mean, constants, selection), _motion_of(mean, constants)
-    vehicle = constants[:N_CONSTANTS]
-    by_motion, by_coefficients = np.zeros((N_MOTION, N_MOTION)), np.zeros((N_MOTION, N_COEFFICIENTS))
-    motion_jacobian(motion, coefficients, inputs[piece_input[0]], vehicle, by_motion, by_coefficients)
-    elapsed = piece_duration.sum()
-    sensitivity = np.zeros((N_MOTION, N_MOTION + N_COEFFICIENTS))
+    motion = mean[_first_motion_row(constants) :][:N_MOTION]
+    coefficients, work = scratch[:N_COEFFICIENTS], scratch[_REST:]
+    sensitivity = scratch[_SENSITIVITY:_REST].reshape(N_MOTION, N_COLUMNS)
+    vehicle, elapsed = constants[:N_CONSTANTS], 0.0
+    _all_coefficients(mean, constants, selection, coefficients)
+    motion_jacobian(motion, coefficients, inputs[piece_input[0]], vehicle, sensitivity, work)
+    for piece in range(piece_duration.size):
+        elapsed += piece_duration[piece]
     for i in range(N_MOTION):
-        sensitivity[i, i] = 1.0
-        for j in range(N_MOTION):
-            sensitivity[i, j] += elapsed * by_motion[i, j]
-        for j in range(N_COEFFICIENTS):
-            sensitivity[i, N_MOTION + j] = elapsed * by_coefficients[i, j]
+        for j in range(N_COLUMNS):
+            sensitivity[i, j] = elapsed * sensitivity[i, j] + (1.0 if i == j else 0.0)
     _fill_in(sensitivity, constants, selection, matrix)
-    block, work = np.zeros(N_BLOCK), np.empty(N_WORK)
-    coefficient_block = np.zeros(N_COEFFICIENT_BLOCK)
-    block[::LANES] = motion
-    coefficient_block[::LANES] = coefficients
+    block, coefficient_block, work = work[:N_BLOCK], work[N_BLOCK:], work[N_BLOCK + N_COEFFICIENT_BLOCK :]
+    for i in range(N_MOTION):
+        block[i * LANES] = motion[i]
+    for m in range(N_COEFFICIENTS):
+        coefficient_block[m * LANES] = coefficients[m]
     for piece in range(piece_duration.size):
         held = inputs[piece_input[piece]]
         runge_kutta_step(block, coefficient_block, held, vehicle, 1, piece_duration[piece], work)
-    motion[:] = block[::LANES]
+    for i in range(N_MOTION):
+        motion[i] = block[i * LANES]
 
 
 def vehicle_process(
@@ -194,7 +197,8 @@ def vehicle_process(
         noise_density=np.concatenate(
             [np.repeat([noise.velocity, noise.rate, noise.attitude], 3), [error.walk for error in walking]]
         ),
-        scratch_size=N_COEFFICIENT_BLOCK + N_WORK,
+        # The larger need of the two: a transition's, which has room for the block and work of `advance` as well.
+        scratch_size=_REST + max(N_TRANSITION_WORK, N_BLOCK + N_COEFFICIENT_BLOCK + N_WORK),
         observe=_observe,
         linearise=linearise,
     )

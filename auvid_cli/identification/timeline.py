@@ -20,8 +20,8 @@ Ticks = NDArray[np.int64]
 _ANGULAR = ("phi", "theta", "psi")
 _NANOSECOND = 1e-9
 
-# Most readings of one sensor in a part: some 30 ms of work for a sigma-point filter.
-PART = 4000
+# Most readings of one sensor in a part: some 60 ms of work for a sigma-point filter.
+PART = 8000
 
 
 def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:

@@ -11,6 +11,8 @@ velocity and the gyro's rate. What remains of the vehicle's own acceleration has
 stated density makes the filter trust the gyro over the length of a turn.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import types
 from numpy.typing import NDArray
@@ -61,30 +63,65 @@ def attitude_reference(records: dict[str, SensorRecord], suite: SensorSuite, dur
     values = np.full((output.size, 3), np.nan)
     _run(
         (*(source.time for source in sources), output),
-        gyroscope.values,
-        dvl.values,
-        accelerometer.values,
-        magnetometer.values,
-        np.array([np.mean(gyro_noise**2), force_variance, heading_variance, settings.ahrs.gyro_bias]),
-        values,
+        (*(source.values for source in sources), values),
+        np.array([np.mean(gyro_noise**2), force_variance / GRAVITY**2, heading_variance, settings.ahrs.gyro_bias]),
+        np.zeros(5, np.int64),
+        _Ahrs(np.eye(3), np.zeros((6, 6)), np.zeros((6, 6)), *np.zeros((5, 3)), *np.zeros((3, 6))),
     )
     return SensorRecord(output, values, np.array(settings.stated_standard_deviation()))
 
 
+class _Ahrs(NamedTuple):
+    """What the filter knows, and arrays to work with.
+
+    Attributes
+    ----------
+    rotation : ndarray, shape (3, 3)
+        From body to NED.
+    covariance, moved : ndarray, shape (6, 6)
+        Of the errors of attitude (NED) and gyro bias; `moved` is scratch.
+    rate, velocity : ndarray, shape (3,)
+        Last heard.
+    bias : ndarray, shape (3,)
+        Estimated, of the gyro.
+    body, turn : ndarray, shape (3,)
+        Scratch: a vector in the body's frame, and in NED.
+    row, error, gain : ndarray, shape (6,)
+        Scratch.
+    """
+
+    rotation: Array
+    covariance: Array
+    moved: Array
+    rate: Array
+    velocity: Array
+    bias: Array
+    body: Array
+    turn: Array
+    row: Array
+    error: Array
+    gain: Array
+
+
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
+_AHRS = types.NamedTuple((*[_matrix] * 3, *[_vector] * 8), _Ahrs)
 
 
-@compiled(types.void(_vector, types.float64, _vector, _matrix))
-def _correct(row, residual, error, covariance_and_variance):
-    """Kalman update of error state and covariance by one scalar; its variance rides in the last row."""
-    covariance = covariance_and_variance[:6]
-    variance = covariance_and_variance[6, 0]
-    gain = np.zeros(6)
+@compiled(types.boolean(_vector))
+def _missing(values):
+    return np.isnan(values[0] + values[1] + values[2])
+
+
+@compiled(types.void(_AHRS, types.float64, types.float64))
+def _correct(ahrs, residual, variance):
+    """Kalman update of error and covariance by one scalar, the product of `row` and the error."""
+    row, error, gain, covariance = ahrs.row, ahrs.error, ahrs.gain, ahrs.covariance
+    total, predicted = variance, 0.0
     for i in range(6):
+        gain[i] = 0.0
         for j in range(6):
             gain[i] += covariance[i, j] * row[j]
-    total, predicted = variance, 0.0
     for i in range(6):
         total += row[i] * gain[i]
         predicted += row[i] * error[i]
@@ -111,26 +148,107 @@ def _turn_on_the_left(rotation, angle):
         rotation[2, column] = z + a * cz + b * (angle[0] * cy - angle[1] * cx)
 
 
-@compiled(types.void(_vector, types.float64, _matrix))
-def _level(force, heading, rotation):
-    """Body-to-NED rotation from a specific force taken for gravity, and a heading."""
-    phi = np.arctan2(-force[1], -force[2])
-    theta = np.arctan2(force[0], np.hypot(force[1], force[2]))
+@compiled(types.void(_AHRS))
+def _apply(ahrs):
+    """Take the error over into attitude and bias, and begin a new one."""
+    _turn_on_the_left(ahrs.rotation, ahrs.error)
+    for i in range(3):
+        ahrs.bias[i] += ahrs.error[3 + i]
+    for i in range(6):
+        ahrs.error[i] = 0.0
+
+
+@compiled(types.void(_AHRS))
+def _to_navigation(ahrs):
+    """The vector `body` in NED, to `turn`."""
+    rotation, body = ahrs.rotation, ahrs.body
+    for i in range(3):
+        ahrs.turn[i] = rotation[i, 0] * body[0] + rotation[i, 1] * body[1] + rotation[i, 2] * body[2]
+
+
+@compiled(types.void(_AHRS, _vector, types.float64, types.float64))
+def _propagate(ahrs, rate, interval, rate_density):
+    """Turn with the mean of the last rate and this one."""
+    rotation, covariance, moved = ahrs.rotation, ahrs.covariance, ahrs.moved
+    for i in range(3):
+        ahrs.body[i] = (0.5 * (ahrs.rate[i] + rate[i]) - ahrs.bias[i]) * interval
+    _to_navigation(ahrs)
+    # error' = [I, -R dt; 0, I] error: the gyro's bias turns the attitude the other way.
+    for i in range(6):
+        for j in range(6):
+            total = covariance[i, j]
+            if i < 3:
+                for k in range(3):
+                    total -= interval * rotation[i, k] * covariance[3 + k, j]
+            moved[i, j] = total
+    for i in range(6):
+        for j in range(6):
+            total = moved[i, j]
+            if j < 3:
+                for k in range(3):
+                    total -= interval * rotation[j, k] * moved[i, 3 + k]
+            covariance[i, j] = total
+    for i in range(3):
+        covariance[i, i] += rate_density * interval
+    _turn_on_the_left(rotation, ahrs.turn)
+
+
+@compiled(types.void(_AHRS, _vector))
+def _feel(ahrs, force):
+    """Specific force without what the turn adds to it, to `body`: gravity, upwards."""
+    rate, bias, velocity = ahrs.rate, ahrs.bias, ahrs.velocity
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        ahrs.body[i] = force[i] - (rate[j] - bias[j]) * velocity[k] + (rate[k] - bias[k]) * velocity[j]
+
+
+@compiled(types.void(_AHRS, types.float64, _vector))
+def _begin(ahrs, heading, noise):
+    """Level by the force felt, and take a heading."""
+    body, rotation, covariance = ahrs.body, ahrs.rotation, ahrs.covariance
+    phi = np.arctan2(-body[1], -body[2])
+    theta = np.arctan2(body[0], np.hypot(body[1], body[2]))
     s1, c1, s2, c2, s3, c3 = np.sin(phi), np.cos(phi), np.sin(theta), np.cos(theta), np.sin(heading), np.cos(heading)
     rotation[0, 0], rotation[0, 1], rotation[0, 2] = c2 * c3, s1 * s2 * c3 - c1 * s3, c1 * s2 * c3 + s1 * s3
     rotation[1, 0], rotation[1, 1], rotation[1, 2] = c2 * s3, s1 * s2 * s3 + c1 * c3, c1 * s2 * s3 - s1 * c3
     rotation[2, 0], rotation[2, 1], rotation[2, 2] = -s2, s1 * c2, c1 * c2
+    for i in range(3):
+        covariance[i, i] = _INITIAL_TILT**2 if i < 2 else noise[2]
+        covariance[3 + i, 3 + i] = noise[3] ** 2
 
 
-@compiled(types.void(types.UniTuple(_vector, 5), _matrix, _matrix, _matrix, _matrix, _vector, _matrix))
-def _run(times, gyroscope, dvl, accelerometer, magnetometer, noise, output):
-    rotation, turn, force, nav = np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3)
-    rate, bias, velocity, row, error = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(6), np.zeros(6)
-    covariance = np.zeros((7, 6))
-    moved = np.zeros((6, 6))
+@compiled(types.void(_AHRS, types.float64))
+def _level(ahrs, variance):
+    """Correct roll and pitch by the force felt, in units of g."""
+    _to_navigation(ahrs)
+    for axis in range(2):
+        for i in range(6):
+            ahrs.row[i] = 1.0 if i == axis else 0.0
+        _correct(ahrs, -ahrs.turn[1] / GRAVITY if axis == 0 else ahrs.turn[0] / GRAVITY, variance)
+    _apply(ahrs)
+
+
+@compiled(types.void(_AHRS, types.float64, types.float64))
+def _align(ahrs, heading, variance):
+    """Correct by a heading."""
+    rotation, row = ahrs.rotation, ahrs.row
+    psi = np.arctan2(rotation[1, 0], rotation[0, 0])
+    tangent = -rotation[2, 0] / np.hypot(rotation[2, 1], rotation[2, 2])
+    for i in range(6):
+        row[i] = 0.0
+    row[0], row[1], row[2] = tangent * np.cos(psi), tangent * np.sin(psi), 1.0
+    residual = heading - psi
+    _correct(ahrs, residual - 2.0 * np.pi * np.floor(residual / (2.0 * np.pi) + 0.5), variance)
+    _apply(ahrs)
+
+
+@compiled(
+    types.void(types.UniTuple(_vector, 5), types.UniTuple(_matrix, 5), _vector, types.int64[::1], _AHRS),
+)
+def _run(times, values, noise, treated, ahrs):
+    """Treat all samples in the order of their times, and fill in the output."""
     have_rate, have_velocity, have_heading, running = False, False, False, False
     heading, now = 0.0, 0.0
-    treated = np.zeros(5, np.int64)
     while True:
         what, then = -1, np.inf
         for i in range(5):
@@ -138,75 +256,35 @@ def _run(times, gyroscope, dvl, accelerometer, magnetometer, noise, output):
                 what, then = i, times[i][treated[i]]
         if what < 0:
             break
-        sample = treated[what]
+        sample = values[what][treated[what]]
         treated[what] += 1
         interval = then - now
         now = then
         if running and interval > 0.0:
-            fresh = what == _GYROSCOPE and not np.isnan(gyroscope[sample].sum())
-            for i in range(3):
-                body = 0.5 * (rate[i] + gyroscope[sample, i]) if fresh else rate[i]
-                force[i] = (body - bias[i]) * interval
-            for i in range(3):
-                turn[i] = rotation[i, 0] * force[0] + rotation[i, 1] * force[1] + rotation[i, 2] * force[2]
-            # error' = [I, -R dt; 0, I] error: the gyro's bias turns the attitude the other way.
-            moved[:] = covariance[:6]
-            for i in range(3):
-                for j in range(6):
-                    for k in range(3):
-                        moved[i, j] -= interval * rotation[i, k] * covariance[3 + k, j]
-            covariance[:6] = moved
-            for i in range(6):
-                for j in range(3):
-                    for k in range(3):
-                        covariance[i, j] -= interval * rotation[j, k] * moved[i, 3 + k]
-            for i in range(3):
-                covariance[i, i] += noise[0] * interval
-            _turn_on_the_left(rotation, turn)
-        if what == _GYROSCOPE and not np.isnan(gyroscope[sample].sum()):
-            rate[:] = gyroscope[sample]
-            have_rate = True
-        elif what == _DVL and not np.isnan(dvl[sample].sum()):
-            velocity[:] = dvl[sample]
-            have_velocity = True
-        elif what == _ACCELEROMETER and not np.isnan(accelerometer[sample].sum()) and have_rate and have_velocity:
-            for i in range(3):
-                j, k = (i + 1) % 3, (i + 2) % 3
-                cross = (rate[j] - bias[j]) * velocity[k] - (rate[k] - bias[k]) * velocity[j]
-                force[i] = accelerometer[sample, i] - cross
+            fresh = what == _GYROSCOPE and not _missing(sample)
+            _propagate(ahrs, sample if fresh else ahrs.rate, interval, noise[0])
+        if what == _OUTPUT:
             if running:
-                for i in range(3):
-                    nav[i] = rotation[i, 0] * force[0] + rotation[i, 1] * force[1] + rotation[i, 2] * force[2]
-                covariance[6, 0] = noise[1] / GRAVITY**2
-                error[:] = 0.0
-                for axis in range(2):
-                    row[:] = 0.0
-                    row[axis] = 1.0
-                    _correct(row, -nav[1] / GRAVITY if axis == 0 else nav[0] / GRAVITY, error, covariance)
-                _turn_on_the_left(rotation, error[:3].copy())
-                bias += error[3:]
-            elif have_heading:
-                _level(force, heading, rotation)
-                for i in range(3):
-                    covariance[i, i] = _INITIAL_TILT**2 if i < 2 else noise[2]
-                    covariance[3 + i, 3 + i] = noise[3] ** 2
-                running = True
-        elif what == _MAGNETOMETER and not np.isnan(magnetometer[sample, 0]):
-            heading = magnetometer[sample, 0]
-            have_heading = True
-            if running:
-                psi = np.arctan2(rotation[1, 0], rotation[0, 0])
-                tangent = -rotation[2, 0] / np.hypot(rotation[2, 1], rotation[2, 2])
-                row[:] = 0.0
-                row[0], row[1], row[2] = tangent * np.cos(psi), tangent * np.sin(psi), 1.0
-                residual = heading - psi
-                residual -= 2.0 * np.pi * np.floor(residual / (2.0 * np.pi) + 0.5)
-                covariance[6, 0] = noise[2]
-                error[:] = 0.0
-                _correct(row, residual, error, covariance)
-                _turn_on_the_left(rotation, error[:3].copy())
-                bias += error[3:]
-        elif what == _OUTPUT and running:
-            output[sample, 0] = np.arctan2(rotation[2, 1], rotation[2, 2])
-            output[sample, 1] = np.arctan2(-rotation[2, 0], np.hypot(rotation[2, 1], rotation[2, 2]))
-            output[sample, 2] = np.arctan2(rotation[1, 0], rotation[0, 0])
+                rotation = ahrs.rotation
+                sample[0] = np.arctan2(rotation[2, 1], rotation[2, 2])
+                sample[1] = np.arctan2(-rotation[2, 0], np.hypot(rotation[2, 1], rotation[2, 2]))
+                sample[2] = np.arctan2(rotation[1, 0], rotation[0, 0])
+        elif what == _MAGNETOMETER:
+            if not np.isnan(sample[0]):
+                heading, have_heading = sample[0], True
+                if running:
+                    _align(ahrs, heading, noise[2])
+        elif not _missing(sample):
+            if what == _GYROSCOPE:
+                ahrs.rate[0], ahrs.rate[1], ahrs.rate[2] = sample[0], sample[1], sample[2]
+                have_rate = True
+            elif what == _DVL:
+                ahrs.velocity[0], ahrs.velocity[1], ahrs.velocity[2] = sample[0], sample[1], sample[2]
+                have_velocity = True
+            elif have_rate and have_velocity:
+                _feel(ahrs, sample)
+                if running:
+                    _level(ahrs, noise[1])
+                elif have_heading:
+                    _begin(ahrs, heading, noise)
+                    running = True

@@ -15,7 +15,6 @@ from auvid_cli.simulation.plan import Plan
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
-    N_COEFFICIENT_BLOCK,
     N_WORK,
     motion_derivative,
     runge_kutta_step,
@@ -89,40 +88,38 @@ def simulate_motion(
     if isinstance(manoeuvre, Recorded):
         # What was recorded is all the thrust and torque there was.
         torque = drag = 0.0
-    controls = np.array(
-        [
-            drag,
-            constants[0] * autopilot.bandwidth * float(autopilot.speed),
-            vehicle.size.length / manoeuvre.speed,
-            np.copysign(autopilot.bandwidth, stated["N_uudr"]) * float(autopilot.horizontal == "turn_rate"),
-            np.copysign(autopilot.bandwidth, stated["M_uude"]) * float(autopilot.vertical != "none"),
-            plan.pitch,
-            float(depth_hold) / (10.0 * vehicle.size.length),
-            limits.fin_angle,
-            limits.fin_rate,
-            limits.surge_force,
-            torque,
-            np.copysign(plan.zigzag[0], stated["N_uudr"]) if plan.zigzag[0] else 0.0,
-            plan.zigzag[1],
-            plan.zigzag[2],
-        ]
+    controls = _Controls(
+        drag=drag,
+        surge_gain=constants[0] * autopilot.bandwidth * float(autopilot.speed),
+        length_time=vehicle.size.length / manoeuvre.speed,
+        rudder_gain=np.copysign(autopilot.bandwidth, stated["N_uudr"]) * float(autopilot.horizontal == "turn_rate"),
+        elevator_gain=np.copysign(autopilot.bandwidth, stated["M_uude"]) * float(autopilot.vertical != "none"),
+        pitch=plan.pitch,
+        depth_gain=float(depth_hold) / (10.0 * vehicle.size.length),
+        fin_angle=limits.fin_angle,
+        fin_rate=limits.fin_rate,
+        largest_force=limits.surge_force,
+        torque=torque,
+        zigzag_rudder=np.copysign(plan.zigzag[0], stated["N_uudr"]) if plan.zigzag[0] else 0.0,
+        zigzag_heading=plan.zigzag[1],
+        zigzag_start=plan.zigzag[2],
     )
     n = plan.time.size
     motion, position, inputs = np.zeros((n, N_MOTION)), np.zeros((n, 3)), np.zeros((n, 4))
     motion[0, 0] = plan.speed[0] if manoeuvre.initial_speed is None else manoeuvre.initial_speed
     motion[0, 7] = manoeuvre.initial_pitch
     reason, tick = _fly(
-        plan.time,
+        (plan.time, plan.speed, plan.turn_rate),
         plan.feedforward,
-        plan.speed,
-        plan.turn_rate,
         controls,
+        np.array([0.0, 0.0, 0.0, 1.0]),
         constants,
-        coefficients,
+        np.repeat(coefficients, LANES),
         longest_step,
-        motion,
-        position,
-        inputs,
+        (motion, position, inputs),
+        np.zeros(N_BLOCK),
+        np.zeros((3, 3)),
+        np.zeros(N_WORK),
     )
     if reason:
         raise SimulationError(
@@ -130,6 +127,33 @@ def simulate_motion(
             "soften the excitation or let the autopilot hold pitch, turn rate and speed"
         )
     return Truth(plan.time, inputs, motion, position, constants, coefficients)
+
+
+class _Controls(NamedTuple):
+    """Autopilot and limits, SI."""
+
+    drag: float
+    surge_gain: float
+    length_time: float
+    rudder_gain: float
+    elevator_gain: float
+    pitch: float
+    depth_gain: float
+    fin_angle: float
+    fin_rate: float
+    largest_force: float
+    torque: float
+    zigzag_rudder: float
+    zigzag_heading: float
+    zigzag_start: float
+
+
+_CONTROLS = types.NamedUniTuple(types.float64, len(_Controls._fields), _Controls)
+
+
+@compiled(types.float64(types.float64, types.float64))
+def _within(value, limit):
+    return min(max(value, -limit), limit)
 
 
 @compiled(types.void(_vector, _vector))
@@ -147,114 +171,125 @@ def _velocity_over_ground(block, velocity):
 
 
 @compiled(
-    types.UniTuple(types.int64, 2)(
-        *(_vector, _matrix, _vector, _vector, _vector, _vector, _vector), types.float64, _matrix, _matrix, _matrix
-    )
+    types.void(_CONTROLS, *[types.float64] * 5, _vector, _vector, _vector, _vector),
 )
-def _fly(
-    time, feedforward, speed, turn_rate, controls, constants, coefficients, longest_step, motion, position, inputs
-):
-    """Fill in motion, position and inputs; returns (reason, tick), reason 0 if all went well."""
-    drag, surge_gain, length_time = controls[0], controls[1], controls[2]
-    rudder_gain, elevator_gain, pitch, depth_gain = controls[3], controls[4], controls[5], controls[6]
-    fin_angle, fin_rate, largest_force, torque = controls[7], controls[8], controls[9], controls[10]
-    zigzag_rudder, zigzag_heading, zigzag_start = controls[11], controls[12], controls[13]
+def _steer(controls, time, period, speed, turn_rate, depth, motion, feedforward, memory, inputs):
+    """Fill in the inputs of a tick, fins still without their limits; `memory` holds three integrals and the side."""
+    speed_error = speed - motion[0]
+    memory[0] += 0.2 * controls.surge_gain * speed_error * period
+    force = controls.drag * speed**2 + controls.surge_gain * speed_error + memory[0] + feedforward[2]
+    force = _within(force, controls.largest_force)
 
-    block, work = np.zeros(N_BLOCK), np.zeros(N_WORK)
-    coefficient_block = np.zeros(N_COEFFICIENT_BLOCK)
-    coefficient_block[::LANES] = coefficients
-    block[::LANES] = motion[0]
-    start, middle, end = np.zeros(3), np.zeros(3), np.zeros(3)
-    speed_integral, turn_integral, pitch_integral, side = 0.0, 0.0, 0.0, 1.0
-    fins = np.zeros(2)
+    turn_error = turn_rate - motion[5]
+    memory[1] = _within(memory[1] + turn_error * period, controls.fin_angle)
+    rudder = controls.rudder_gain * (1.5 * controls.length_time * turn_error + memory[1]) + feedforward[0]
+    if controls.zigzag_rudder != 0.0 and time >= controls.zigzag_start:
+        if memory[3] * motion[8] >= controls.zigzag_heading:
+            memory[3] = -memory[3]
+        rudder += memory[3] * controls.zigzag_rudder
+
+    wanted = _within(controls.depth_gain * depth, 0.35) if controls.depth_gain > 0.0 else controls.pitch
+    pitch_error = wanted - motion[7]
+    memory[2] = _within(memory[2] + 0.3 * pitch_error / controls.length_time * period, controls.fin_angle)
+    elevator = 1.5 * pitch_error - 1.5 * controls.length_time * motion[4] + memory[2]
+    inputs[0], inputs[1] = rudder, controls.elevator_gain * elevator + feedforward[1]
+    inputs[2], inputs[3] = force, controls.torque * force + feedforward[3]
+
+
+@compiled(types.void(_vector, _vector, _vector, _vector, types.float64, _vector, _matrix, _vector))
+def _move(block, coefficients, inputs, constants, step, position, velocity, work):
+    """Integrate motion and position; Simpson's rule on half steps is as accurate as the motion itself."""
+    _velocity_over_ground(block, velocity[0])
+    for half in range(1, 3):
+        runge_kutta_step(block, coefficients, inputs, constants, 1, 0.5 * step, work)
+        _velocity_over_ground(block, velocity[half])
+    for axis in range(3):
+        position[axis] += step / 6.0 * (velocity[0, axis] + 4.0 * velocity[1, axis] + velocity[2, axis])
+
+
+@compiled(types.int64(_vector))
+def _reason_to_stop(motion):
+    total = 0.0
+    for i in range(N_MOTION):
+        total += motion[i]
+    if not np.isfinite(total) or abs(motion[0]) > LARGEST_SPEED:
+        return 3
+    if abs(motion[7]) > LARGEST_PITCH:
+        return 1
+    return 2 if abs(motion[6]) > LARGEST_ROLL else 0
+
+
+@compiled(
+    types.UniTuple(types.int64, 2)(
+        *(types.UniTuple(_vector, 3), _matrix, _CONTROLS, _vector, _vector, _vector, types.float64),
+        *(types.UniTuple(_matrix, 3), _vector, _matrix, _vector),
+    ),
+)
+def _fly(wanted, feedforward, controls, memory, constants, coefficients, longest_step, record, block, velocity, work):
+    """Fill in motion, position and inputs; returns (reason, tick), reason 0 if all went well."""
+    time, speed, turn_rate = wanted
+    motion, position, inputs = record
+    for i in range(N_MOTION):
+        block[i * LANES] = motion[0, i]
     n = time.size
     for tick in range(n):
         period = time[tick + 1] - time[tick] if tick + 1 < n else time[tick] - time[tick - 1]
-        u, q, r = motion[tick, 0], motion[tick, 4], motion[tick, 5]
-        theta, psi = motion[tick, 7], motion[tick, 8]
-
-        speed_error = speed[tick] - u
-        speed_integral += 0.2 * surge_gain * speed_error * period
-        force = drag * speed[tick] ** 2 + surge_gain * speed_error + speed_integral + feedforward[tick, 2]
-        force = min(max(force, -largest_force), largest_force)
-
-        turn_error = turn_rate[tick] - r
-        turn_integral += turn_error * period
-        turn_integral = min(max(turn_integral, -fin_angle), fin_angle)
-        rudder = rudder_gain * (1.5 * length_time * turn_error + turn_integral) + feedforward[tick, 0]
-        if zigzag_rudder != 0.0 and time[tick] >= zigzag_start:
-            if side * psi >= zigzag_heading:
-                side = -side
-            rudder += side * zigzag_rudder
-
-        wanted = pitch
-        if depth_gain > 0.0:
-            wanted = min(max(depth_gain * position[tick, 2], -0.35), 0.35)
-        pitch_error = wanted - theta
-        pitch_integral += 0.3 * pitch_error / length_time * period
-        pitch_integral = min(max(pitch_integral, -fin_angle), fin_angle)
-        elevator = elevator_gain * (1.5 * pitch_error - 1.5 * length_time * q + pitch_integral)
-        elevator += feedforward[tick, 1]
-
-        for fin, command in ((0, rudder), (1, elevator)):
-            target = min(max(command, -fin_angle), fin_angle)
-            if tick == 0:
-                fins[fin] = target
-            else:
-                change = fin_rate * period
-                fins[fin] = min(max(target, fins[fin] - change), fins[fin] + change)
-        inputs[tick, 0], inputs[tick, 1] = fins[0], fins[1]
-        inputs[tick, 2], inputs[tick, 3] = force, torque * force + feedforward[tick, 3]
+        now = inputs[tick]
+        _steer(
+            controls,
+            time[tick],
+            period,
+            speed[tick],
+            turn_rate[tick],
+            position[tick, 2],
+            motion[tick],
+            feedforward[tick],
+            memory,
+            now,
+        )
+        for fin in range(2):
+            now[fin] = _within(now[fin], controls.fin_angle)
+            if tick > 0:
+                before, change = inputs[tick - 1, fin], controls.fin_rate * period
+                now[fin] = min(max(now[fin], before - change), before + change)
         if tick + 1 == n:
             break
 
         substeps = int(np.ceil(period / longest_step - 1e-9))
-        step = period / substeps
         for axis in range(3):
             position[tick + 1, axis] = position[tick, axis]
         for _ in range(substeps):
-            # Position by Simpson's rule on half steps: as accurate as the motion itself.
-            _velocity_over_ground(block, start)
-            runge_kutta_step(block, coefficient_block, inputs[tick], constants, 1, 0.5 * step, work)
-            _velocity_over_ground(block, middle)
-            runge_kutta_step(block, coefficient_block, inputs[tick], constants, 1, 0.5 * step, work)
-            _velocity_over_ground(block, end)
-            for axis in range(3):
-                position[tick + 1, axis] += step / 6.0 * (start[axis] + 4.0 * middle[axis] + end[axis])
-        motion[tick + 1] = block[::LANES]
-
-        finite = True
+            _move(block, coefficients, now, constants, period / substeps, position[tick + 1], velocity, work)
         for i in range(N_MOTION):
-            finite = finite and np.isfinite(motion[tick + 1, i])
-        if not finite or abs(motion[tick + 1, 0]) > LARGEST_SPEED:
-            return 3, tick + 1
-        if abs(motion[tick + 1, 7]) > LARGEST_PITCH:
-            return 1, tick + 1
-        if abs(motion[tick + 1, 6]) > LARGEST_ROLL:
-            return 2, tick + 1
+            motion[tick + 1, i] = block[i * LANES]
+        reason = _reason_to_stop(motion[tick + 1])
+        if reason:
+            return reason, tick + 1
     return 0, n - 1
 
 
-@compiled(types.void(_vector, _matrix, _matrix, _vector, _vector, _vector, _matrix, _matrix))
-def _sample(time, inputs, motion, constants, coefficients, wanted, sampled, rate):
-    block, work, slope = np.zeros(N_BLOCK), np.zeros(N_WORK), np.zeros(N_BLOCK)
-    coefficient_block = np.zeros(N_COEFFICIENT_BLOCK)
-    coefficient_block[::LANES] = coefficients
-    tick, now = 0, time[0]
-    block[::LANES] = motion[0]
+@compiled(
+    types.void(_vector, types.UniTuple(_matrix, 4), _vector, _vector, _vector, _vector, _vector, _vector),
+)
+def _sample(time, record, constants, coefficients, wanted, block, slope, work):
+    inputs, motion, sampled, rate = record
+    tick, now = -1, time[0]
     for k in range(wanted.size):
-        while tick + 1 < time.size and time[tick + 1] <= wanted[k]:
+        before = tick
+        while tick < 0 or (tick + 1 < time.size and time[tick + 1] <= wanted[k]):
             tick += 1
+        if tick != before:
             now = time[tick]
-            block[::LANES] = motion[tick]
+            for i in range(N_MOTION):
+                block[i * LANES] = motion[tick, i]
         substeps = int(np.ceil(2.0 * (wanted[k] - now) / LONGEST_STEP))
         for _ in range(substeps):
             step = (wanted[k] - now) / substeps
-            runge_kutta_step(block, coefficient_block, inputs[tick], constants, 1, step, work)
+            runge_kutta_step(block, coefficients, inputs[tick], constants, 1, step, work)
         now = wanted[k]
-        motion_derivative(block, coefficient_block, inputs[tick], constants, 1, slope)
-        sampled[k] = block[::LANES]
-        rate[k] = slope[::LANES]
+        motion_derivative(block, coefficients, inputs[tick], constants, 1, slope)
+        for i in range(N_MOTION):
+            sampled[k, i], rate[k, i] = block[i * LANES], slope[i * LANES]
 
 
 def sample_motion(truth: Truth, times: Array) -> tuple[Array, Array]:
@@ -265,5 +300,7 @@ def sample_motion(truth: Truth, times: Array) -> tuple[Array, Array]:
     motion, derivative : ndarray, shape (len(times), 9)
     """
     sampled, rate = np.zeros((times.size, N_MOTION)), np.zeros((times.size, N_MOTION))
-    _sample(truth.time, truth.inputs, truth.motion, truth.constants, truth.coefficients, times, sampled, rate)
+    record, coefficients = (truth.inputs, truth.motion, sampled, rate), np.repeat(truth.coefficients, LANES)
+    work = np.zeros(N_BLOCK), np.zeros(N_BLOCK), np.zeros(N_WORK)
+    _sample(truth.time, record, truth.constants, coefficients, times, *work)
     return sampled, rate

@@ -71,7 +71,7 @@ def sine_cosine(angle: float) -> tuple[float, float]:
     return s, c
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector), views_only=True)
+@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector))
 def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivative):
     """Time derivative of the nine motion states, Sabet et al. 2018, eqs. (3), (8) and (13).
 
@@ -149,7 +149,7 @@ N_BLOCK = N_MOTION * LANES
 N_COEFFICIENT_BLOCK = N_COEFFICIENTS * LANES
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, types.float64, _vector), views_only=True)
+@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, types.float64, _vector))
 def runge_kutta_step(motion, coefficients, inputs, constants, n_lanes, duration, work):
     """Advance a block of motion states by one classical fourth-order Runge-Kutta step, in place.
 

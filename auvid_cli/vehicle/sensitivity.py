@@ -6,12 +6,7 @@ from numba import types
 from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS
-from auvid_cli.vehicle.dynamics import (
-    N_BLOCK,
-    N_COEFFICIENT_BLOCK,
-    motion_derivative,
-    sine_cosine,
-)
+from auvid_cli.vehicle.dynamics import N_BLOCK, N_COEFFICIENT_BLOCK, motion_derivative, sine_cosine
 from auvid_cli.vehicle.parameters import N_MOTION
 
 _SIGNAL = ("u", "v", "w", "p", "q", "r", "rudder", "elevator")
@@ -23,8 +18,12 @@ _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _matrix))
-def motion_jacobian(motion, coefficients, inputs, constants, by_motion, by_coefficients):
+N_COLUMNS = N_MOTION + N_COEFFICIENTS
+N_JACOBIAN_WORK = 6 * 8 + 6
+
+
+@compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _vector))
+def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
     """Analytic derivative of `motion_derivative` by the motion states and by the 22 coefficients.
 
     Parameters
@@ -34,19 +33,25 @@ def motion_jacobian(motion, coefficients, inputs, constants, by_motion, by_coeff
     inputs : ndarray, shape (4,)
     constants : ndarray, shape (N_CONSTANTS,)
         From `vehicle_constants`.
-    by_motion : ndarray, shape (9, 9)
-        Filled in: A of Sabet et al. 2018, Table A1, motion part.
-    by_coefficients : ndarray, shape (9, 22)
-        Filled in: the regressor B(x); the equations are linear in the coefficients.
+    jacobian : ndarray, shape (9, 9 + 22)
+        Filled in: A of Sabet et al. 2018, Table A1, motion part, then the regressor B(x); the equations are linear
+        in the coefficients.
+    work : ndarray, shape (N_JACOBIAN_WORK,)
+        Overwritten.
     """
     mass = constants[:36].reshape(6, 6)
     inverse = constants[36:72].reshape(6, 6)
     excess, lever_x, lever_y, lever_z = constants[72], constants[73], constants[74], constants[75]
-    force = np.zeros((6, 8))
-    momentum = np.zeros(6)
+    force, momentum = work[:48].reshape(6, 8), work[48:]
     for i in range(6):
+        momentum[i] = 0.0
         for j in range(6):
             momentum[i] += mass[i, j] * motion[j]
+        for j in range(8):
+            force[i, j] = 0.0
+    for i in range(N_MOTION):
+        for j in range(N_COLUMNS):
+            jacobian[i, j] = 0.0
 
     # Kirchhoff: F = [a x omega, b x omega + a x v] with momentum (a, b); the product rule.
     for i in range(3):
@@ -74,7 +79,6 @@ def motion_jacobian(motion, coefficients, inputs, constants, by_motion, by_coeff
         force[4, c] = lever_z * change[0] - lever_x * change[2]
         force[5, c] = lever_x * change[1] - lever_y * change[0]
 
-    by_coefficients[:] = 0.0
     surge = motion[0]
     for m in range(N_COEFFICIENTS):
         factor, row = _FACTOR[m], _ROW[m]
@@ -90,27 +94,29 @@ def motion_jacobian(motion, coefficients, inputs, constants, by_motion, by_coeff
             regressor = surge * surge * signal
             force[row, 0] += coefficients[m] * 2.0 * surge * signal
         for i in range(6):
-            by_coefficients[i, m] = inverse[i, row] * regressor
+            jacobian[i, N_MOTION + m] = inverse[i, row] * regressor
 
-    by_motion[:] = 0.0
     for i in range(6):
         for k in range(6):
             for j in range(8):
-                by_motion[i, j] += inverse[i, k] * force[k, j]
+                jacobian[i, j] += inverse[i, k] * force[k, j]
     pitch_rate, yaw_rate = motion[4], motion[5]
     turning = pitch_rate * sin_phi + yaw_rate * cos_phi
     turning_by_roll = pitch_rate * cos_phi - yaw_rate * sin_phi
     tangent, secant = sin_theta / cos_theta, 1.0 / cos_theta
-    by_motion[6, 3] = 1.0
-    by_motion[6, 4], by_motion[6, 5] = tangent * sin_phi, tangent * cos_phi
-    by_motion[6, 6], by_motion[6, 7] = tangent * turning_by_roll, turning * secant * secant
-    by_motion[7, 4], by_motion[7, 5], by_motion[7, 6] = cos_phi, -sin_phi, -turning
-    by_motion[8, 4], by_motion[8, 5] = secant * sin_phi, secant * cos_phi
-    by_motion[8, 6], by_motion[8, 7] = secant * turning_by_roll, turning * secant * tangent
+    jacobian[6, 3] = 1.0
+    jacobian[6, 4], jacobian[6, 5] = tangent * sin_phi, tangent * cos_phi
+    jacobian[6, 6], jacobian[6, 7] = tangent * turning_by_roll, turning * secant * secant
+    jacobian[7, 4], jacobian[7, 5], jacobian[7, 6] = cos_phi, -sin_phi, -turning
+    jacobian[8, 4], jacobian[8, 5] = secant * sin_phi, secant * cos_phi
+    jacobian[8, 6], jacobian[8, 7] = secant * turning_by_roll, turning * secant * tangent
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, types.float64, _matrix))
-def transition_step(motion, coefficients, inputs, constants, duration, transition):
+N_TRANSITION_WORK = 4 * N_MOTION * N_COLUMNS + 2 * N_MOTION + 2 * N_BLOCK + N_COEFFICIENT_BLOCK + N_JACOBIAN_WORK
+
+
+@compiled(types.void(_vector, _vector, _vector, _vector, types.float64, _matrix, _vector))
+def transition_step(motion, coefficients, inputs, constants, duration, transition, work):
     """Advance one motion state and its transition matrix together by one Runge-Kutta step, in place.
 
     The variational equation ``dPhi/dt = A Phi + [0 B]`` is integrated at the same stages as the
@@ -125,31 +131,40 @@ def transition_step(motion, coefficients, inputs, constants, duration, transitio
         Step, s.
     transition : ndarray, shape (9, 9 + 22)
         Sensitivity of the motion to the initial motion and to the coefficients; start from [I 0].
+    work : ndarray, shape (N_TRANSITION_WORK,)
+        Overwritten.
     """
-    n_columns = N_MOTION + N_COEFFICIENTS
-    block, slope = np.zeros(N_BLOCK), np.zeros(N_BLOCK)
-    coefficient_block = np.zeros(N_COEFFICIENT_BLOCK)
-    coefficient_block[::LANES] = coefficients
-    by_motion, by_coefficients = np.zeros((N_MOTION, N_MOTION)), np.zeros((N_MOTION, N_COEFFICIENTS))
-    stage, stage_transition = motion.copy(), transition.copy()
-    start, start_transition = motion.copy(), transition.copy()
-    rate = np.zeros((N_MOTION, n_columns))
+    matrices, vectors = (
+        work[: 4 * N_MOTION * N_COLUMNS].reshape(4, N_MOTION, N_COLUMNS),
+        work[4 * N_MOTION * N_COLUMNS :],
+    )
+    start_transition, stage_transition, rate, jacobian = matrices[0], matrices[1], matrices[2], matrices[3]
+    start, stage, vectors = vectors[:N_MOTION], vectors[N_MOTION : 2 * N_MOTION], vectors[2 * N_MOTION :]
+    block, slope, vectors = vectors[:N_BLOCK], vectors[N_BLOCK : 2 * N_BLOCK], vectors[2 * N_BLOCK :]
+    coefficient_block, jacobian_work = vectors[:N_COEFFICIENT_BLOCK], vectors[N_COEFFICIENT_BLOCK:]
+    for m in range(N_COEFFICIENTS):
+        coefficient_block[m * LANES] = coefficients[m]
+    for i in range(N_MOTION):
+        start[i] = stage[i] = motion[i]
+        for j in range(N_COLUMNS):
+            start_transition[i, j] = stage_transition[i, j] = transition[i, j]
     for weight, advance in ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)):
-        block[::LANES] = stage
+        for i in range(N_MOTION):
+            block[i * LANES] = stage[i]
         motion_derivative(block, coefficient_block, inputs, constants, 1, slope)
-        motion_jacobian(stage, coefficients, inputs, constants, by_motion, by_coefficients)
+        motion_jacobian(stage, coefficients, inputs, constants, jacobian, jacobian_work)
         for i in range(N_MOTION):
             # The short sum inside: it is unrolled, and the loop over columns becomes vector instructions.
-            for j in range(n_columns):
+            for j in range(N_COLUMNS):
                 total = 0.0
                 for k in range(N_MOTION):
-                    total += by_motion[i, k] * stage_transition[k, j]
+                    total += jacobian[i, k] * stage_transition[k, j]
                 rate[i, j] = total
-            for j in range(N_COEFFICIENTS):
-                rate[i, N_MOTION + j] += by_coefficients[i, j]
+            for j in range(N_MOTION, N_COLUMNS):
+                rate[i, j] += jacobian[i, j]
         for i in range(N_MOTION):
             motion[i] += duration / 6.0 * weight * slope[i * LANES]
             stage[i] = start[i] + advance * duration * slope[i * LANES]
-            for j in range(n_columns):
+            for j in range(N_COLUMNS):
                 transition[i, j] += duration / 6.0 * weight * rate[i, j]
                 stage_transition[i, j] = start_transition[i, j] + advance * duration * rate[i, j]

@@ -36,7 +36,7 @@ def _advance(moving, parameters, inputs, constants, selection, n_lanes, duration
 
 
 @njit(TRANSITION_SIGNATURE)
-def _transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix):
+def _transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix, scratch):
     """The same for one state, and its derivative."""
     n_parameters = constants.size // N_AXES
     n, elapsed = n_parameters + 2 * N_AXES, 0.0

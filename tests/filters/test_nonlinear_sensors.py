@@ -50,7 +50,9 @@ def linear_predict(problem):
         moved, matrix = mean.copy(), np.eye(mean.size)
         if piece_duration.size:
             p, inputs = problem.process, problem.timeline.inputs
-            p.transition(moved, inputs, piece_input, piece_duration, p.constants, p.selection, matrix)
+            p.transition(
+                moved, inputs, piece_input, piece_duration, p.constants, p.selection, matrix, np.zeros(p.scratch_size)
+            )
         return moved, matrix @ covariance @ matrix.T
 
     return predict

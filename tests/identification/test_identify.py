@@ -137,7 +137,7 @@ def test_with_wide_priors_a_filter_is_right_or_says_what_went_wrong(default_run,
         assert np.median(relative_errors(estimate, default_run.truth)) < 0.01
         assert distance_in_deviations(estimate, default_run.truth) < 5.0
     else:
-        assert said.startswith(("diverged", "inconsistent"))
+        assert said.startswith(("diverged", "inconsistent", "unconverged"))
 
 
 def test_the_exact_transition_of_the_ekf_is_at_least_as_good(short_run, short_estimates, with_settings):
@@ -227,18 +227,16 @@ def test_each_sensors_innovations_stand_at_its_own_times(short_run, short_estima
         assert np.all(more <= 0.0 if filter_name is FilterName.OUTPUT_ERROR else more >= 0.0)
 
 
-def test_parts_follow_each_other_and_make_the_whole(short_run, short_estimates, filter_name):
-    (run,), parts = set_up_filters(short_run, [filter_name]), []
+def test_parts_of_any_length_follow_each_other_and_make_the_whole(
+    short_run, short_estimates, kalman_filter, monkeypatch
+):
+    monkeypatch.setattr("auvid_cli.identification.augmented.Timelines", partial(Timelines, part=333))
+    (run,), parts = set_up_filters(short_run, [kalman_filter]), []
     outcome = run.run(parts.append)
-    assert len(parts) > 1
+    assert len(parts) > 15
     assert_allclose((parts[0].time[0], parts[-1].time[-1]), run.span, rtol=1e-12)
     assert sum(part.time.size for part in parts) == outcome.steps
-    assert_same(Estimate.of(run.header, parts, outcome), short_estimates[filter_name])
-
-
-def test_parts_of_another_length_say_the_same(short_run, short_estimates, monkeypatch):
-    monkeypatch.setattr("auvid_cli.identification.augmented.Timelines", partial(Timelines, part=333))
-    assert_same(identify(short_run, FilterName.TUKF), short_estimates[FilterName.TUKF])
+    assert_same(Estimate.of(run.header, parts, outcome), short_estimates[kalman_filter])
 
 
 def test_every_so_many_states_are_kept_and_the_last_and_all_innovations(short_run, short_estimates, with_settings):

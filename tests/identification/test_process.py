@@ -32,7 +32,8 @@ def state_and_flow(experiment_with):
             process = process._replace(transition=first_order_transition)
         moved, matrix = state.copy(), np.eye(state.size)
         pieces = np.array([0, 1]), np.array([0.25, 0.75]) * duration
-        process.transition(moved, inputs, *pieces, process.constants, process.selection, matrix)
+        scratch = np.full(process.scratch_size, 7.0)
+        process.transition(moved, inputs, *pieces, process.constants, process.selection, matrix, scratch)
         return moved, matrix
 
     state = np.concatenate([np.array([true[symbol] for symbol in SYMBOLS]) / SCALE, MOTION])

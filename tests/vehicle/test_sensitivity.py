@@ -9,15 +9,21 @@ from scipy.integrate import solve_ivp
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import vehicle_constants
 from auvid_cli.vehicle.parameters import N_MOTION
-from auvid_cli.vehicle.sensitivity import motion_jacobian, transition_step
+from auvid_cli.vehicle.sensitivity import (
+    N_COLUMNS,
+    N_JACOBIAN_WORK,
+    N_TRANSITION_WORK,
+    motion_jacobian,
+    transition_step,
+)
 
 seeds = st.integers(0, 2**32 - 1)
 
 
 def jacobian(motion, coefficients, inputs, constants):
-    by_motion, by_coefficients = np.full((N_MOTION, N_MOTION), 7.0), np.full((N_MOTION, N_COEFFICIENTS), 7.0)
-    motion_jacobian(motion, coefficients, inputs, constants, by_motion, by_coefficients)
-    return by_motion, by_coefficients
+    both = np.full((N_MOTION, N_COLUMNS), 7.0)
+    motion_jacobian(motion, coefficients, inputs, constants, both, np.full(N_JACOBIAN_WORK, 7.0))
+    return both[:, :N_MOTION], both[:, N_MOTION:]
 
 
 def away_from_kinks(motion):
@@ -64,7 +70,7 @@ def one_transition(motion, coefficients, inputs, constants, steps, step):
     motion = motion.copy()
     transition = np.hstack([np.eye(N_MOTION), np.zeros((N_MOTION, N_COEFFICIENTS))])
     for _ in range(steps):
-        transition_step(motion, coefficients, inputs, constants, step, transition)
+        transition_step(motion, coefficients, inputs, constants, step, transition, np.full(N_TRANSITION_WORK, 7.0))
     return motion, transition
 
 

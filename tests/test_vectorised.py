@@ -1,0 +1,57 @@
+"""The core is compiled to instructions that treat several numbers at once: counted, not timed.
+
+Here all loops together, as they stand in the machine code; `benchmarks/instructions.py` counts what is executed.
+"""
+
+import json
+import os
+import platform
+import subprocess
+import sys
+
+import pytest
+
+# A processor that every x86-64 machine can compile for, so that the counts are the same everywhere.
+HASWELL = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx,+avx2,+fma,+bmi,+bmi2,+sse4.2,+popcnt"}
+COUNT = """
+import importlib, json, re, sys
+counts = {}
+for path in sys.argv[1:]:
+    module, name = path.rsplit(".", 1)
+    (text,) = getattr(importlib.import_module("auvid_cli." + module), name).inspect_asm().values()
+    found = re.findall(r"^\\s+(v?(?:add|sub|mul|div|fn?m(?:add|sub)\\d+)[sp]d)\\b", text, re.MULTILINE)
+    counts[path] = [sum(instruction.endswith(kind) for instruction in found) for kind in ("pd", "sd")]
+print(json.dumps(counts))
+"""
+# Least share of packed instructions among all of arithmetic, and most of both; a loop that is vectorised has its
+# scalar twin for what is left over. What a filter's step runs through is bounded from above as well as it can be
+# without running it: a new loop, or a second copy of one, shows.
+KERNELS = {
+    "vehicle.dynamics.motion_derivative": (0.45, 400),
+    "filters.sigma_points.draw_points": (0.40, 200),
+    "filters.sigma_points.collect_points": (0.55, 320),
+    "filters.factor.triangularise": (0.40, 100),
+    "filters.factor.carlson_update": (0.20, 60),
+    "filters.information._compress": (0.50, 60),
+    "filters.prediction.predict": (0.50, 650),
+    "filters.measurement.update": (0.45, 850),
+    "filters.square_root._run": (0.45, 1450),
+    "vehicle.sensitivity.transition_step": (0.30, 1250),
+}
+
+
+@pytest.fixture(scope="module")
+def counted(tmp_path_factory):
+    """Packed and scalar instructions of each kernel, compiled in a fresh cache."""
+    environment = os.environ | HASWELL | {"NUMBA_CACHE_DIR": str(tmp_path_factory.mktemp("cache"))}
+    command = [sys.executable, "-c", COUNT, *KERNELS]
+    return json.loads(subprocess.run(command, env=environment, capture_output=True, check=True, text=True).stdout)
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="counts instructions of x86-64")
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_kernels_work_on_several_numbers_at_once_and_have_not_grown(counted, kernel):
+    packed, scalar = counted[kernel]
+    least, most = KERNELS[kernel]
+    assert packed >= least * (packed + scalar), (packed, scalar)
+    assert packed + scalar <= most, (packed, scalar)
