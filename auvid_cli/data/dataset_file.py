@@ -11,11 +11,13 @@ from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord, 
 from auvid_cli.data.netcdf import (
     count_rows,
     digest,
+    mark_missing,
     new_file,
     open_file,
     read_array,
     read_attribute,
     read_names,
+    read_table,
     subgroup,
     subgroups,
     write_dimension,
@@ -26,7 +28,7 @@ from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import INPUTS, MOTION, POSITION
 
 # Of more than so many samples of the true motion, every so many are read: enough to compare and to draw.
-_MOST_TRUTH = 400_000
+_MOST_TRUTH = 100_000
 
 
 def write_dataset(path: Path, dataset: Dataset) -> None:
@@ -90,10 +92,7 @@ def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:
     with open_file(path, "dataset") as file:
         experiment = parse_experiment(read_attribute(file, "settings"), f"{path} (settings)", overrides)
         group = subgroup(file, "inputs")
-        inputs = InputRecord(
-            read_array(group, "time"),
-            np.stack([read_array(group, quantity.symbol) for quantity in INPUTS], axis=1),
-        )
+        inputs = InputRecord(read_array(group, "time"), read_table(group, [quantity.symbol for quantity in INPUTS]))
         sensors = {name: _read_sensor(path, group, name) for name, group in subgroups(file, "sensors").items()}
         truth = _read_truth(subgroup(file, "truth")) if "truth" in file else None
     sound = inputs.time.size == inputs.values.shape[0] > 0 and _increases(inputs.time)
@@ -105,8 +104,8 @@ def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:
 def _read_sensor(path: Path, group: h5py.Group, name: str) -> SensorRecord:
     if name not in SENSORS:
         raise FileError(f"{path}: unknown sensor {name!r}; auvid knows {', '.join(SENSORS)}")
-    values = np.stack([read_array(group, quantity.symbol) for quantity in SENSORS[name]], axis=1)
-    values[read_array(group, "valid") == 0.0] = np.nan
+    values = read_table(group, [quantity.symbol for quantity in SENSORS[name]])
+    mark_missing(group, "valid", values)
     time = read_array(group, "time")
     if not _increases(time):
         raise FileError(f"{path}: times of /sensors/{name} are not finite and strictly increasing")
@@ -124,7 +123,7 @@ def _read_truth(group: h5py.Group) -> TruthRecord:
     every = 1 + count_rows(group, "time") // _MOST_TRUTH
     return TruthRecord(
         read_array(group, "time", every),
-        np.stack([read_array(group, quantity.symbol, every) for quantity in MOTION], axis=1),
-        np.stack([read_array(group, quantity.symbol, every) for quantity in POSITION], axis=1),
+        read_table(group, [quantity.symbol for quantity in MOTION], every),
+        read_table(group, [quantity.symbol for quantity in POSITION], every),
         dict(zip(read_names(group, "coefficient"), read_array(group, "true_coefficient").tolist(), strict=True)),
     )

@@ -29,7 +29,7 @@ from auvid_cli.data.netcdf import (
 )
 
 # Of more than so many events or readings, every so many are read: evenly spaced, they say the same.
-_MOST_STATES, _MOST_READINGS = 50_000, 200_000
+_MOST_STATES, _MOST_READINGS = 50_000, 100_000
 
 
 class EstimateWriter:

@@ -3,7 +3,7 @@
 import hashlib
 import platform
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from functools import cache
@@ -189,6 +189,21 @@ def read_array(group: h5py.Group, name: str, every: int = 1) -> NDArray[np.float
     data = _variable(group, name)
     rows = data[(data.shape[0] - 1) % every :: every] if every > 1 else data[...]
     return np.asarray(rows, dtype=np.float64)
+
+
+def read_table(group: h5py.Group, names: Sequence[str], every: int = 1) -> NDArray[np.float64]:
+    """Variables of one length side by side, as `read_array`."""
+    first = read_array(group, names[0], every)
+    table = np.empty((len(first), len(names)))
+    table[:, 0] = first
+    for column, name in enumerate(names[1:], 1):
+        table[:, column] = read_array(group, name, every)
+    return table
+
+
+def mark_missing(group: h5py.Group, name: str, values: NDArray[np.float64]) -> None:
+    """NaN in place of values where a variable of flags is zero."""
+    values[_variable(group, name)[...] == 0] = np.nan
 
 
 def read_rows(group: h5py.Group, name: str, first: int, last: int) -> NDArray[np.float64]:

@@ -28,7 +28,7 @@ _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
 # Samples of a free run that are kept to be drawn.
-_MOST_KEPT = 400_000
+_MOST_KEPT = 100_000
 
 
 class VelocityError(NamedTuple):

@@ -151,7 +151,7 @@ class Timelines:
         self._step, self._part = step, part
 
     def __iter__(self) -> Iterator[Timeline]:
-        used = [ticks[(ticks > self._begin) & (ticks <= self._end)] for ticks in self._ticks]
+        used = [ticks[slice(*np.searchsorted(ticks, [self._begin + 1, self._end + 1]))] for ticks in self._ticks]
         cuts = np.concatenate([[self._begin, self._end + 1], *(ticks[self._part :: self._part] for ticks in used)])
         before = self._begin
         for since, until in pairwise(np.unique(cuts)):

@@ -14,7 +14,7 @@ from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, Quantity
 
 # Of one sensor, as many as any figure can show.
-_MOST_SAMPLES = 400_000
+_MOST_SAMPLES = 100_000
 
 
 class FigureQueue:
