@@ -1,7 +1,7 @@
 """Time and memory of whole commands: `python benchmarks/commands.py`, some ten minutes and 5 GB of disk.
 
 How `auvid run` starts cold and warm, how fast help comes, and how simulation, identification and report grow with
-the duration of the data.
+the duration of the data and the number of sensors. Needs Linux, which says what processes share of their memory.
 """
 
 import argparse
@@ -9,20 +9,27 @@ import os
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
+import psutil
 from section import replace_section
 from timing import described_machine
 
+from auvid_cli.data.dataset_file import read_dataset, write_dataset
+
 _DURATIONS = (300, 3000, 36000)
+_SENSORS = ("gyroscope", "attitude", "dvl")
 _ROUNDS = 5
+_BETWEEN_LOOKS = 0.5
 
 
 class Cost(NamedTuple):
-    """Of a process: wall and processor time, s, and largest resident memory, MB."""
+    """Wall time, s, processor time of the main process, s, and largest memory of all processes together, MB."""
 
     wall: float
     processor: float
@@ -30,23 +37,48 @@ class Cost(NamedTuple):
 
 
 def cost_of(*arguments: str, **environment: str) -> Cost:
-    """Run auvid with some arguments; the processes that draw figures are not in processor time and memory."""
+    """Run auvid with some arguments."""
     command = [str(Path(sys.executable).with_name("auvid")), *arguments]
     start = time.perf_counter()
     process = subprocess.Popen(command, env=os.environ | environment, stdout=subprocess.DEVNULL)
+    sizes: list[int] = []
+    ended = threading.Event()
+    watching = threading.Thread(target=_watch, args=(process.pid, sizes, ended))
+    watching.start()
     _, status, usage = os.wait4(process.pid, 0)
+    wall = time.perf_counter() - start
+    ended.set()
+    watching.join()
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode not in (0, 1):
         raise SystemExit(f"{' '.join(command)} ended with exit code {process.returncode}")
-    kilobyte = 1.0 / 1024.0 if sys.platform != "darwin" else 1.0 / 1024.0**2
-    return Cost(time.perf_counter() - start, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * kilobyte)
+    return Cost(wall, usage.ru_utime + usage.ru_stime, max(sizes, default=0) / 1024.0**2)
+
+
+def _watch(pid: int, sizes: list[int], ended: threading.Event) -> None:
+    """Note, again and again, what a process and its children occupy; what they share is counted once."""
+    while not ended.wait(_BETWEEN_LOOKS):
+        try:
+            parent = psutil.Process(pid)
+            sizes.append(sum(_own_share(process) for process in (parent, *parent.children(recursive=True))))
+        except psutil.NoSuchProcess:
+            return
+
+
+def _own_share(process: psutil.Process) -> int:
+    try:
+        return process.memory_full_info().pss
+    except (psutil.NoSuchProcess, psutil.AccessDenied):
+        return 0
 
 
 def _row(label: str, costs: list[Cost]) -> str:
     walls = [cost.wall for cost in costs]
     spread = f"{min(walls):.2f} - {max(walls):.2f}" if len(walls) > 1 else ""
     processor, memory = (median(getattr(cost, name) for cost in costs) for name in ("processor", "memory"))
-    return f"| {label} | {median(walls):.2f} | {spread} | {processor:.2f} | {memory:.0f} |"
+    # What ends between two looks is not seen.
+    seen = f"{memory:.0f}" if memory else ""
+    return f"| {label} | {median(walls):.2f} | {spread} | {processor:.2f} | {seen} |"
 
 
 def _start_up(folder: Path) -> list[str]:
@@ -74,9 +106,24 @@ def _growth(folder: Path, durations: tuple[int, ...]) -> list[str]:
             "report": ("report", str(home)),
         }
         for label, arguments in steps.items():
-            cost = cost_of(*arguments, "--quiet")
-            rows.append(f"| {label} | {duration} | {cost.wall:.1f} | {cost.processor:.1f} | {cost.memory:.0f} |")
+            rows.append(_growth_row(label, duration, len(_SENSORS), cost_of(*arguments, "--quiet")))
     return rows
+
+
+def _sensors(folder: Path, duration: int) -> list[str]:
+    """The same run with one sensor more each time."""
+    rows = []
+    whole = read_dataset(folder / str(duration) / "dataset.h5")
+    for count in range(1, 1 + len(_SENSORS)):
+        path = folder / f"{count}_sensors.h5"
+        write_dataset(path, replace(whole, sensors={name: whole.sensors[name] for name in _SENSORS[:count]}))
+        cost = cost_of("identify", str(path), "--filter", "tukf", "--output", str(folder / path.stem), "--quiet")
+        rows.append(_growth_row("identify, TUKF", duration, count, cost))
+    return rows
+
+
+def _growth_row(label: str, duration: int, n_sensors: int, cost: Cost) -> str:
+    return f"| {label} | {duration} | {n_sensors} | {cost.wall:.1f} | {cost.processor:.1f} | {cost.memory:.0f} |"
 
 
 def main() -> None:
@@ -87,6 +134,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         start_up, growth = _start_up(folder), _growth(folder, tuple(options.durations))
+        growth += _sensors(folder, sorted(options.durations)[len(options.durations) // 2])
     text = "\n".join(
         [
             *(f"- {name}: {value}" for name, value in described_machine().items()),
@@ -95,8 +143,8 @@ def main() -> None:
             "| --- | ---: | ---: | ---: | ---: |",
             *start_up,
             "",
-            "| command | data (s) | wall (s) | processor (s) | memory (MB) |",
-            "| --- | ---: | ---: | ---: | ---: |",
+            "| command | data (s) | sensors | wall (s) | processor (s) | memory (MB) |",
+            "| --- | ---: | ---: | ---: | ---: | ---: |",
             *growth,
         ]
     )
