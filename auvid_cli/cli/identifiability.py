@@ -1,5 +1,10 @@
 """auvid identifiability."""
 
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
 from auvid_cli.cli.options import (
     DataArgument,
     OutputOption,
@@ -16,14 +21,23 @@ def identifiability(
     data: DataArgument = None,
     settings: SetOption = None,
     seed: SeedOption = None,
+    at: Annotated[
+        Path | None,
+        typer.Option(
+            "--at",
+            metavar="ESTIMATE",
+            help="Estimate file (.h5) at whose coefficients to look; for a vehicle that states none.",
+            show_default=False,
+        ),
+    ] = None,
     output: OutputOption = None,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
 ) -> None:
     """Say what data can tell of each coefficient at best, before any filter runs.
 
-    An experiment is simulated for it, a dataset file taken as it is. The bounds hold at the coefficients of the
-    vehicle file.
+    An experiment is simulated for it, a dataset file taken as it is. The bounds hold at the true coefficients of a
+    simulation, else at those of the vehicle file.
     """
     with reporting_errors():
         from auvid_cli.cli import pipeline
@@ -36,4 +50,4 @@ def identifiability(
         else:
             experiment = load_experiment(find_experiment(data), changes)
             dataset, folder = pipeline.simulated(experiment, terminal), pipeline.results_folder(experiment, output)
-        pipeline.assess_to(folder, dataset, terminal)
+        pipeline.assess_to(folder, dataset, at, terminal)

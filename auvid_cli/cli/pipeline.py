@@ -47,14 +47,18 @@ def simulate_to(folder: Path, experiment: Experiment, terminal: Terminal) -> Dat
     return dataset
 
 
-def assess_to(folder: Path, dataset: Dataset, terminal: Terminal) -> None:
-    """Say what a dataset can tell of each coefficient at best: on the screen, in tables and in figures."""
+def assess_to(folder: Path, dataset: Dataset, at: Path | None, terminal: Terminal) -> None:
+    """Say what a dataset can tell of each coefficient at best: on the screen, in tables and in figures.
+
+    The coefficients are those of an estimate file, if one is named.
+    """
+    known = read_estimate(at).final_coefficients() if at is not None else None
     with terminal.compiling():
         from auvid_cli.evaluation.identifiability import assess_dataset
         from auvid_cli.report.csv_tables import write_identifiability
         from auvid_cli.report.screen import print_identifiability
     with terminal.stage("sensitivities"):
-        found = assess_dataset(dataset)
+        found = assess_dataset(dataset, known)
     paths = write_identifiability(found, folder / "tables")
     with drawing(folder) as figures, terminal.progress("figures") as (progress,):
         figures.add_identifiability(found)
@@ -85,17 +89,22 @@ def identify_to(
         from auvid_cli.identification.identify import set_up_filters
 
         names = list(dict.fromkeys(filters))
+        stopping = Event()
+
+        def go_on() -> None:
+            if stopping.is_set():
+                raise _StoppedError
+
         # Some filters load libraries of their own here, which may swallow an interrupt as well.
-        runs = set_up_filters(dataset, names)
+        runs = set_up_filters(dataset, names, go_on)
     paths = [folder / "estimates" / f"{name.value}.h5" for name in names]
-    stopping = Event()
     with (
         terminal.progress(*(name.value for name in names), unit=" s of data") as bars,
         ThreadPoolExecutor(os.cpu_count()) as threads,
     ):
         try:
             jobs = zip(runs, paths, bars, strict=True)
-            futures = [threads.submit(_run_filter, *job, stopping) for job in jobs]
+            futures = [threads.submit(_run_filter, *job) for job in jobs]
             for future in as_completed(futures):
                 look_at(future.result())
         finally:
@@ -111,16 +120,12 @@ class _StoppedError(Exception):
     """Another filter failed, or the user has had enough."""
 
 
-def _run_filter(
-    filter_run: "FilterRun", path: Path, progress: Callable[[float, float], None], stopping: Event
-) -> Estimate:
+def _run_filter(filter_run: "FilterRun", path: Path, progress: Callable[[float, float], None]) -> Estimate:
     """Run a filter, write what it finds as it comes, and read it back, as any later step would."""
     with new_estimate(path, filter_run.header) as writer:
         begin, end = filter_run.span
 
         def receive(part: EstimatePart) -> None:
-            if stopping.is_set():
-                raise _StoppedError
             writer.append(part)
             if part.time.size:
                 progress(part.time[-1] - begin, end - begin)
@@ -134,11 +139,14 @@ def report_to(
 ) -> int:
     """Write tables and figures, print the summary; the exit code says whether a verdict failed."""
     with terminal.compiling():
+        from auvid_cli.evaluation.bounds import cramer_rao_bounds
         from auvid_cli.evaluation.evaluate import evaluate
         from auvid_cli.report.screen import print_summary
         from auvid_cli.report.write import write_tables
+    with terminal.stage("bounds"):
+        bounds = cramer_rao_bounds(dataset, estimates)
     with terminal.stage("evaluate"):
-        evaluation = evaluate(dataset, estimates)
+        evaluation = evaluate(dataset, estimates, bounds)
     figures.add_others(dataset, estimates, evaluation)
     paths = write_tables(evaluation, folder / "tables")
     with terminal.progress("figures") as (progress,):

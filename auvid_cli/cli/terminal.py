@@ -18,6 +18,8 @@ def reporting_errors() -> Iterator[None]:
     """Turn errors that are the user's to mend into one clear message and exit code 2."""
     from auvid_cli.errors import AuvidError
 
+    # Ended from outside as by Ctrl-C: whoever is writing takes away what is half written.
+    signal.signal(signal.SIGTERM, _end)
     try:
         yield
     except AuvidError as error:
@@ -36,6 +38,10 @@ def reporting_errors() -> Iterator[None]:
     except OSError as error:
         print(f"auvid: {error.filename or 'output'}: {error.strerror or error}", file=sys.stderr)
         raise typer.Exit(WRONG_INPUT) from None
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    raise SystemExit(128 + number)
 
 
 def _leave_at_once(number: int, frame: FrameType | None) -> None:

@@ -1,5 +1,6 @@
 """How far each coefficient came from the truth."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,8 @@ from auvid_cli.vehicle.coefficients import SYMBOLS
 
 # The part of the run that counts as steady state.
 STEADY_SHARE = 0.1
+# Of its value: a coefficient that is known no better is not identified.
+LARGEST_RELATIVE_DEVIATION = 0.2
 
 
 class CoefficientResult(NamedTuple):
@@ -26,6 +29,14 @@ class CoefficientResult(NamedTuple):
         Over the whole run from the zero initial value; None without truth or after divergence.
     steady_state_error_percent : float or None
         ``|mean over the last 10 % - true| / |true|`` in percent; None also where the truth is zero.
+    cramer_rao_bound : float or None
+        Least standard deviation that the data allow, see `auvid_cli.evaluation.bounds`; None where it is not known.
+    times_bound : float or None
+        ``standard_deviation / cramer_rao_bound``: how much of what the data hold the filter claims to have got. Below
+        one it claims more, or its prior does.
+    identified : bool
+        Whether the bound is at most 20 % of the value (the true one, else the estimate), and the standard deviation
+        at most 20 % of the estimate.
     """
 
     filter: str
@@ -36,10 +47,15 @@ class CoefficientResult(NamedTuple):
     standard_deviation: float
     rmse: float | None
     steady_state_error_percent: float | None
+    cramer_rao_bound: float | None
+    times_bound: float | None
+    identified: bool
 
 
-def coefficient_results(estimate: Estimate, truth: TruthRecord | None) -> list[CoefficientResult]:
-    """Results of one filter, in the order of its state."""
+def coefficient_results(
+    estimate: Estimate, truth: TruthRecord | None, bounds: Mapping[str, float]
+) -> list[CoefficientResult]:
+    """Results of one filter, in the order of its state; `bounds` are Cramer-Rao's by symbol, as far as known."""
     steady = steady_part(estimate)
     results = []
     for i, symbol in enumerate(estimate.state):
@@ -52,16 +68,21 @@ def coefficient_results(estimate: Estimate, truth: TruthRecord | None) -> list[C
             rmse = float(np.sqrt(np.mean((series - true) ** 2)))
             if true != 0.0:
                 error = float(abs(series[steady].mean() - true) / abs(true) * 100.0)
+        final, deviation, bound = float(series[-1]), float(estimate.standard_deviation[-1, i]), bounds.get(symbol)
+        largest_bound = LARGEST_RELATIVE_DEVIATION * abs(final if true is None else true)
         results.append(
             CoefficientResult(
                 estimate.filter,
                 symbol,
                 estimate.unit[i],
                 true,
-                float(series[-1]),
-                float(estimate.standard_deviation[-1, i]),
+                final,
+                deviation,
                 rmse,
                 error,
+                bound,
+                None if bound is None else deviation / bound,
+                deviation <= LARGEST_RELATIVE_DEVIATION * abs(final) and (bound is None or bound <= largest_bound),
             )
         )
     return results

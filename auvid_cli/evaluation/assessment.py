@@ -64,6 +64,22 @@ class Collinear(NamedTuple):
     worst_percent: float
 
 
+class SensorErrorBound(NamedTuple):
+    """What data say of a sensor's own error.
+
+    Attributes
+    ----------
+    bound, prior : float
+        Standard deviation from the data alone, and before any data, SI.
+    observed : bool
+        Whether both together leave less than half of the prior's.
+    """
+
+    bound: float
+    prior: float
+    observed: bool
+
+
 class Identifiability(NamedTuple):
     """All that is said of a dataset.
 
@@ -77,8 +93,8 @@ class Identifiability(NamedTuple):
         Of the errors of an estimate that reaches the bound; NaN where there is none.
     growth : list of (float, ndarray)
         Duration, s, and bounds in percent after it.
-    sensor_errors : dict of (float, float)
-        By symbol: bound, and standard deviation before any data.
+    sensor_errors : dict of SensorErrorBound
+        By symbol.
     """
 
     bounds: list[CoefficientBound]
@@ -86,4 +102,4 @@ class Identifiability(NamedTuple):
     shares: dict[str, Array]
     correlation: Array
     growth: list[tuple[float, Array]]
-    sensor_errors: dict[str, tuple[float, float]]
+    sensor_errors: dict[str, SensorErrorBound]

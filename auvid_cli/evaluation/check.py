@@ -54,12 +54,31 @@ class Check(NamedTuple):
         limit: float,
         meaning: str,
         advice: str,
+        fails: bool = True,
     ) -> "Check":
         """A verdict on named numbers of which none may exceed a limit; names those that do, largest first."""
         beyond = sorted((name for name, value in values.items() if not value <= limit), key=lambda name: -values[name])
         largest = max(values, key=lambda name: values[name])
         statistic = ", ".join(f"{name} {values[name]:.3g}" for name in beyond or [largest])
-        return cls.of(filter_name, subject, check, statistic, f"<= {limit:.3g} {meaning}", not beyond, advice)
+        passed = True if not beyond else False if fails else None
+        return cls.of(filter_name, subject, check, statistic, f"<= {limit:.3g} {meaning}", passed, advice)
+
+    @classmethod
+    def of_smallest(
+        cls,
+        filter_name: str,
+        subject: str,
+        check: str,
+        values: Mapping[str, float],
+        limit: float,
+        meaning: str,
+        advice: str,
+    ) -> "Check":
+        """A verdict on named numbers of which none may be below a limit; names those that are, smallest first."""
+        below = sorted((name for name, value in values.items() if not value >= limit), key=lambda name: values[name])
+        smallest = min(values, key=lambda name: values[name])
+        statistic = ", ".join(f"{name} {values[name]:.3g}" for name in below or [smallest])
+        return cls.of(filter_name, subject, check, statistic, f">= {limit:.3g} {meaning}", not below, advice)
 
     @classmethod
     def of_names(

@@ -5,8 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import chi2
 
+from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import Dataset, TruthRecord
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation.accuracy import LARGEST_RELATIVE_DEVIATION
+from auvid_cli.evaluation.bounds import Bounds, joint_deviation
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.data_checks import data_checks
 from auvid_cli.evaluation.innovation_checks import innovation_checks
@@ -14,8 +17,11 @@ from auvid_cli.evaluation.sensor_errors import sensor_error_results
 from auvid_cli.identification.prior import natural_magnitude, prior_standard_deviations
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
-# Share of the prior's standard deviation that may be left, and share of the value that the standard deviation may be.
-_LARGEST_SHARE, _LARGEST_RELATIVE_DEVIATION = 0.5, 0.2
+# Share of the prior's standard deviation that may be left.
+_LARGEST_SHARE = 0.5
+# Standard deviation of an estimate in terms of the least that data and prior allow: the bound is that of the true
+# values, and a filter linearises, hence some room below.
+_LEAST_OF_BOUND, _LARGEST_OF_BOUND = 0.8, 3.0
 # Times the natural magnitude of a plain body of that size.
 _LARGEST_SIZE = 30.0
 _SIGMAS = 3.0
@@ -25,10 +31,11 @@ _FIN_SIGNS = {"Y_uudr": 1, "N_uudr": -1, "Z_uude": -1, "M_uude": -1}
 _CONFIDENCE = 0.99
 
 
-def check_estimate(dataset: Dataset, estimate: Estimate) -> list[Check]:
+def check_estimate(dataset: Dataset, estimate: Estimate, bounds: Bounds) -> list[Check]:
     """All verdicts on one estimate, those that need the truth only where there is one."""
     checks = [_finished(estimate), *data_checks(dataset, estimate.filter, list(estimate.innovations))]
     checks += [*innovation_checks(dataset, estimate), *_information(estimate)]
+    checks += _against_bounds(estimate, bounds)
     checks += [*_plausibility(estimate), *_sensor_errors(estimate)]
     if dataset.truth is not None and estimate.completed:
         checks += _against_truth(estimate, dataset.truth)
@@ -47,12 +54,61 @@ def _finished(estimate: Estimate) -> Check:
     )
 
 
-def _information(estimate: Estimate) -> list[Check]:
-    """What the data added to the prior, and how much of each value is known."""
+def _priors(estimate: Estimate) -> dict[str, float]:
     settings = estimate.experiment.identification
-    priors = prior_standard_deviations(
+    return prior_standard_deviations(
         estimate.experiment.vehicle.size, settings.prior.factor, settings.prior.standard_deviation
     )
+
+
+def _against_bounds(estimate: Estimate, bounds: Bounds) -> list[Check]:
+    """Whether the filter claims more than the data hold, or got much less."""
+    if not estimate.completed:
+        return []
+    if bounds.remark:
+        advice = f"No Cramer-Rao bound: {bounds.remark}. The coefficients do not make a model of this vehicle."
+        return [Check.of(estimate.filter, "coefficients", "bound", "none", "known", False, advice)]
+    settings = estimate.experiment.identification
+    # An earlier estimate as the prior says more than the prior that is looked at here.
+    priors = _priors(estimate) if settings.prior.from_estimate is None else {}
+    if estimate.filter == FilterName.OUTPUT_ERROR and not settings.output_error.use_prior:
+        priors = {}
+    ratio = {}
+    for symbol, bound in bounds.by_symbol.items():
+        if symbol in SYMBOLS:
+            least = joint_deviation(bound, priors.get(symbol, np.inf))
+            deviation = float(estimate.standard_deviation[-1, estimate.state.index(symbol)])
+            ratio[symbol] = 1.0 if deviation == least == np.inf else deviation / least
+    own = estimate.filter, "coefficients"
+    checks = [
+        Check.of_largest(
+            *own,
+            "near the bound",
+            ratio,
+            _LARGEST_OF_BOUND,
+            "times the least standard deviation that data and prior allow",
+            "The data hold more than this filter got out of them: lower the process noise, or use output_error.",
+            fails=False,
+        )
+    ]
+    if settings.prior.from_estimate is None:
+        checks.append(
+            Check.of_smallest(
+                *own,
+                "not below the bound",
+                ratio,
+                _LEAST_OF_BOUND,
+                "times the least standard deviation that data and prior allow",
+                "The filter claims more than the data hold: do not use its standard deviations. Its linearisation "
+                "fails; narrow the prior, or use a sigma-point filter or output_error.",
+            )
+        )
+    return checks
+
+
+def _information(estimate: Estimate) -> list[Check]:
+    """What the data added to the prior, and how much of each value is known."""
+    priors = _priors(estimate)
     left, vague = {}, {}
     for i, symbol in enumerate(estimate.state):
         if symbol in SYMBOLS:
@@ -75,7 +131,7 @@ def _information(estimate: Estimate) -> list[Check]:
             "coefficients",
             "identified",
             vague,
-            _LARGEST_RELATIVE_DEVIATION,
+            LARGEST_RELATIVE_DEVIATION,
             "of the value is its standard deviation",
             "The data do not determine these; do not use the numbers. A longer or livelier manoeuvre may.",
         ),

@@ -1,5 +1,6 @@
 """Everything the report needs to know of a dataset and its estimates."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from auvid_cli.data.dataset import Dataset
@@ -9,6 +10,7 @@ from auvid_cli.evaluation.accuracy import (
     average_steady_state_error,
     coefficient_results,
 )
+from auvid_cli.evaluation.bounds import Bounds
 from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor_consistency, verdict
 from auvid_cli.evaluation.free_run import VelocityError, free_run
 from auvid_cli.evaluation.motion import FreeRun
@@ -28,7 +30,7 @@ class FilterSummary(NamedTuple):
 
 
 class Evaluation(NamedTuple):
-    """Tables of all filters, and the free runs behind one of them."""
+    """Tables of all filters, the free runs behind one of them, and sentences on what is missing."""
 
     coefficients: list[CoefficientResult]
     summary: list[FilterSummary]
@@ -36,14 +38,16 @@ class Evaluation(NamedTuple):
     consistency: list[SensorConsistency]
     sensor_errors: list[SensorErrorResult]
     free_runs: dict[str, FreeRun]
+    remarks: list[str]
 
 
-def evaluate(dataset: Dataset, estimates: list[Estimate]) -> Evaluation:
-    """Evaluate estimates against the dataset they came from, and its truth where it has one."""
-    evaluation = Evaluation([], [], [], [], [], {})
+def evaluate(dataset: Dataset, estimates: list[Estimate], bounds: Mapping[str, Bounds]) -> Evaluation:
+    """Evaluate estimates against the dataset they came from, its truth where it has one, and bounds by filter."""
+    remarks = {f"no Cramer-Rao bound: {found.remark}" for found in bounds.values() if found.remark}
+    evaluation = Evaluation([], [], [], [], [], {}, sorted(remarks))
     for estimate in estimates:
         run, errors = free_run(dataset, estimate)
-        results = coefficient_results(estimate, dataset.truth)
+        results = coefficient_results(estimate, dataset.truth, bounds[estimate.filter].by_symbol)
         steps = max(estimate.steps, 1)
         evaluation.coefficients.extend(results)
         evaluation.summary.append(

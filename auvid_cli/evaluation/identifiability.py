@@ -7,11 +7,12 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
-from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Collinear, Identifiability
+from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Collinear, Identifiability, SensorErrorBound
+from auvid_cli.evaluation.bounds import joint_deviation, true_start
+from auvid_cli.evaluation.sensor_errors import is_observed
 from auvid_cli.filters.information import Information
 from auvid_cli.identification.biases import sensor_errors
 from auvid_cli.identification.fisher import information_at
-from auvid_cli.identification.timeline import initial_motion, measuring_sensors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
 Array = NDArray[np.float64]
@@ -20,8 +21,8 @@ Array = NDArray[np.float64]
 LARGEST_CORRELATION = 0.95
 
 
-def assess_dataset(dataset: Dataset) -> Identifiability:
-    """Judge a dataset at its true coefficients or, without truth, at those of its vehicle.
+def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> Identifiability:
+    """Judge a dataset at given coefficients; else at its true ones or, without truth, at those of its vehicle.
 
     Raises
     ------
@@ -29,18 +30,14 @@ def assess_dataset(dataset: Dataset) -> Identifiability:
         If a coefficient to be estimated has no value, or the model blows up with these values.
     """
     stated = dataset.experiment.vehicle.coefficients.by_symbol()
-    known = dataset.truth.coefficients if dataset.truth is not None else stated
+    known = at if at is not None else dataset.truth.coefficients if dataset.truth is not None else stated
     missing = [symbol for symbol in dataset.experiment.identification.estimated() if symbol not in known]
     if missing:
         raise DataError(
-            f"the vehicle states no value of {', '.join(missing)}: sensitivities need one of each coefficient, from an "
-            "earlier estimate or a similar vehicle"
+            f"no value is known of {', '.join(missing)}: sensitivities need one of each coefficient; name an estimate "
+            "that has them (--at FILE), or give the vehicle those of a similar one"
         )
-    motion = None
-    if dataset.truth is not None:
-        start, _ = initial_motion(dataset, measuring_sensors(dataset))
-        motion = dataset.truth.motion[np.searchsorted(dataset.truth.time, start - 1e-9)]
-    information = information_at(dataset, known, motion)
+    information = information_at(dataset, known, true_start(dataset))
     units = {c.symbol: c.unit for c in COEFFICIENTS}
     values = {symbol: (known[symbol], units[symbol]) for symbol in information.state if symbol in SYMBOLS}
     errors = sensor_errors(dataset.experiment.identification.estimate)
@@ -104,7 +101,8 @@ def assess(
     for symbol, (place, spread) in spreads.items():
         row = np.zeros(to_si.size)
         row[place] = to_si[place]
-        errors[symbol] = float(uncertainty.deviation(row)), spread
+        deviation = float(uncertainty.deviation(row))
+        errors[symbol] = SensorErrorBound(deviation, spread, is_observed(joint_deviation(deviation, spread), spread))
     return Identifiability(bounds, groups, shares, correlation, growth, errors)
 
 

@@ -49,7 +49,12 @@ def sensor_error_results(estimate: Estimate) -> list[SensorErrorResult]:
                 float(estimate.mean[-1, i]),
                 deviation,
                 error.spread,
-                deviation <= LARGEST_SHARE * error.spread,
+                is_observed(deviation, error.spread),
             )
         )
     return results
+
+
+def is_observed(deviation: float, prior: float) -> bool:
+    """Whether the data, and not the prior, say what a sensor's error is."""
+    return deviation <= LARGEST_SHARE * prior

@@ -1,6 +1,6 @@
 """Dataset -> Estimate by the filter that is asked for."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from time import perf_counter, thread_time
@@ -153,8 +153,30 @@ def _no_innovations(record: SensorRecord) -> Innovations:
     return Innovations(np.zeros(0), nothing, nothing, np.zeros(0), record.standard_deviation)
 
 
-def set_up_filters(dataset: Dataset, filter_names: Sequence[FilterName]) -> list[FilterRun]:
+class _Watched:
+    """Parts of the data, with something to be done before each is handed out."""
+
+    def __init__(self, timelines: Iterable[Timeline], before_each: Callable[[], None]) -> None:
+        self._timelines, self._before_each = timelines, before_each
+
+    def __iter__(self) -> Iterator[Timeline]:
+        for timeline in self._timelines:
+            self._before_each()
+            yield timeline
+
+
+def set_up_filters(
+    dataset: Dataset, filter_names: Sequence[FilterName], before_each: Callable[[], None] = lambda: None
+) -> list[FilterRun]:
     """Filters that share a dataset's augmented state, prior and timeline; no truth is looked at.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    filter_names : sequence of FilterName
+    before_each : callable
+        Called whenever a filter asks for the next part of the data, of which a fit asks many times. What it raises ends
+        that filter.
 
     Raises
     ------
@@ -162,6 +184,7 @@ def set_up_filters(dataset: Dataset, filter_names: Sequence[FilterName]) -> list
         As `augmented_problem`.
     """
     augmented = augmented_problem(dataset)
+    timelines = _Watched(augmented.timelines, before_each)
     return [
         FilterRun(
             EstimateHeader(
@@ -173,7 +196,7 @@ def set_up_filters(dataset: Dataset, filter_names: Sequence[FilterName]) -> list
                 dataset_sha256=dataset.sha256,
             ),
             augmented.timelines.span,
-            _chosen_filter(name, augmented, dataset.experiment.identification),
+            _chosen_filter(name, augmented, timelines, dataset.experiment.identification),
             augmented.prior,
             augmented.scale,
             augmented.measuring,
@@ -190,7 +213,7 @@ def identify(dataset: Dataset, filter_name: FilterName) -> Estimate:
 
 
 def _chosen_filter(
-    name: FilterName, augmented: AugmentedProblem, settings: Identification
+    name: FilterName, augmented: AugmentedProblem, timelines: Iterable[Timeline], settings: Identification
 ) -> Callable[[Receiver], Ending]:
     process, n = augmented.process, augmented.prior.mean.size
     match name:
@@ -223,7 +246,7 @@ def _chosen_filter(
         case FilterName.UKF:
             points = unscented(n, settings.ukf.alpha, settings.ukf.beta, settings.ukf.kappa)
             run = partial(run_square_root_filter, points)
-    return partial(run, process, augmented.sensors, augmented.timelines, augmented.prior)
+    return partial(run, process, augmented.sensors, timelines, augmented.prior)
 
 
 def _bounds(augmented: AugmentedProblem, stated: dict[str, tuple[float, float]]) -> tuple[Array, Array]:

@@ -3,7 +3,7 @@
 from itertools import groupby
 
 from auvid_cli.report.notation import symbol_math, unit_latex
-from auvid_cli.report.table import DEVIATION_DIGITS, Cell, PlusMinus, Symbol, Table, Unit, number
+from auvid_cli.report.table import DEVIATION_DIGITS, Cell, PlusMinus, Symbol, Table, Unidentified, Unit, number
 
 MISSING = "--"
 
@@ -18,6 +18,8 @@ _ESCAPES = str.maketrans(
         ">": r"\textgreater{}",
         "±": r"$\pm$",
         "µ": r"$\mu$",
+        "†": r"$\dagger$",
+        "é": r"\'{e}",
         "—": "---",
         "\n": " ",
     }
@@ -79,6 +81,8 @@ def _cell(cell: Cell) -> str:
             return unit_latex(name)
         case PlusMinus(value, deviation):
             return rf"{_number(number(value))} $\pm$ {_number(number(deviation, DEVIATION_DIGITS))}"
+        case Unidentified(marked):
+            return rf"{_cell(marked)}\,$\dagger$"
         case str():
             return escape(cell)
     return _number(number(cell))

@@ -4,11 +4,12 @@ from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.paper import NOTE, published, published_filters
-from auvid_cli.report.table import Cell, Column, PlusMinus, Symbol, Table, Unit
+from auvid_cli.report.table import UNIDENTIFIED, Cell, Column, PlusMinus, Symbol, Table, Unidentified, Unit
 
 _RMSE = "RMSE"
 _ERROR = "Steady-state error (%)"
 _VELOCITY = "Mean absolute error"
+_BOUND = "Cramér-Rao bound"
 
 
 def lay_out(evaluation: Evaluation, with_paper: bool) -> list[Table]:
@@ -25,6 +26,7 @@ def lay_out(evaluation: Evaluation, with_paper: bool) -> list[Table]:
     return [
         *accuracy,
         _estimates(evaluation),
+        _bounds(evaluation),
         _velocities(evaluation, with_paper),
         _consistency(evaluation),
         *([_sensor_errors(evaluation)] if evaluation.sensor_errors else []),
@@ -61,8 +63,8 @@ def _accuracy(evaluation: Evaluation, with_paper: bool) -> Table:
     for symbol, by_filter in _by_coefficient(evaluation).items():
         found = [by_filter.get(name) for name in filters]
         any_row = next(iter(by_filter.values()))
-        rmse = [row and row.rmse for row in found]
-        error = [row and row.steady_state_error_percent for row in found]
+        rmse = [row and _marked(row, row.rmse) for row in found]
+        error = [row and _marked(row, row.steady_state_error_percent) for row in found]
         rows.append([Symbol(symbol), Unit(any_row.unit), any_row.true, *rmse, *error, *theirs(symbol)])
     nothing = [""] * len(filters)
     average = [row.average_steady_state_error_percent for row in evaluation.summary]
@@ -82,8 +84,16 @@ def _accuracy(evaluation: Evaluation, with_paper: bool) -> Table:
             ["Average", "", "", *nothing, *average, *theirs("average")],
             ["CPU time", "s", "", *cpu_time, *nothing, *theirs("cpu_time_s")],
         ],
-        (NOTE,) if in_paper else (),
+        (*([NOTE] if in_paper else []), *_mark_explained(evaluation)),
     )
+
+
+def _marked(row: CoefficientResult, cell: float | PlusMinus | None) -> Cell:
+    return cell if row.identified or cell is None else Unidentified(cell)
+
+
+def _mark_explained(evaluation: Evaluation) -> list[str]:
+    return [] if all(row.identified for row in evaluation.coefficients) else [UNIDENTIFIED]
 
 
 def _estimates(evaluation: Evaluation) -> Table:
@@ -91,7 +101,7 @@ def _estimates(evaluation: Evaluation) -> Table:
     rows: list[list[Cell]] = []
     for symbol, by_filter in _by_coefficient(evaluation).items():
         found = [by_filter.get(name) for name in filters]
-        values = [row and PlusMinus(row.estimate, row.standard_deviation) for row in found]
+        values = [row and _marked(row, PlusMinus(row.estimate, row.standard_deviation)) for row in found]
         rows.append([Symbol(symbol), Unit(next(iter(by_filter.values())).unit), *values])
     return Table(
         "estimates",
@@ -102,6 +112,32 @@ def _estimates(evaluation: Evaluation) -> Table:
             *_columns("Estimate ± standard deviation", filters),
         ),
         rows,
+        notes=tuple(_mark_explained(evaluation)),
+    )
+
+
+def _bounds(evaluation: Evaluation) -> Table:
+    """At the truth the bound is one; at each filter's own estimate it is another for each."""
+    filters = _filters(evaluation)
+    rows: list[list[Cell]] = []
+    by_coefficient = _by_coefficient(evaluation)
+    differ = any(len({row.cramer_rao_bound for row in by_filter.values()}) > 1 for by_filter in by_coefficient.values())
+    for symbol, by_filter in by_coefficient.items():
+        found = [by_filter.get(name) for name in filters]
+        any_row = next(iter(by_filter.values()))
+        bound = [row and row.cramer_rao_bound for row in (found if differ else [any_row])]
+        rows.append([Symbol(symbol), Unit(any_row.unit), *bound, *(row and row.times_bound for row in found)])
+    return Table(
+        "bounds",
+        "Least standard deviations that the data allow, and how many times as large those of the estimates are",
+        (
+            Column("Coefficient", numeric=False),
+            Column("Unit", numeric=False),
+            *(_columns(_BOUND, filters) if differ else [Column(_BOUND)]),
+            *_columns("Times bound", filters),
+        ),
+        rows,
+        notes=tuple(f"{remark[0].upper()}{remark[1:]}." for remark in evaluation.remarks),
     )
 
 

@@ -1,7 +1,7 @@
 """Printed tables as Markdown."""
 
 from auvid_cli.report.notation import unit_text
-from auvid_cli.report.table import DEVIATION_DIGITS, Cell, PlusMinus, Symbol, Table, Unit, number
+from auvid_cli.report.table import DEVIATION_DIGITS, Cell, PlusMinus, Symbol, Table, Unidentified, Unit, number
 
 MISSING = "—"
 
@@ -29,6 +29,8 @@ def _cell(cell: Cell) -> str:
             return unit_text(name)
         case PlusMinus(value, deviation):
             return f"{number(value) or MISSING} ± {number(deviation, DEVIATION_DIGITS) or MISSING}"
+        case Unidentified(marked):
+            return f"{_cell(marked)} †"
         case str():
             return _escape(cell)
     return number(cell) or MISSING

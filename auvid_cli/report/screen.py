@@ -17,10 +17,11 @@ from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.layout import rejections, unobserved
 from auvid_cli.report.notation import filter_label, unit_text
-from auvid_cli.report.table import DEVIATION_DIGITS, number
+from auvid_cli.report.table import DEVIATION_DIGITS, UNIDENTIFIED, number
 
 _MISSING = "-"
 _ERROR_DIGITS = 2
+_EXPLAINED = UNIDENTIFIED, UNIDENTIFIED.replace("†", "?")
 
 
 def print_summary(console: Console, evaluation: Evaluation, files: Sequence[Path] = ()) -> None:
@@ -42,7 +43,8 @@ def print_summary(console: Console, evaluation: Evaluation, files: Sequence[Path
     for row in evaluation.summary:
         if row.status != "completed":
             console.print(Text(f"{filter_label(row.filter)} {row.status}"))
-    for sentence in [*unobserved(evaluation), *rejections(evaluation)]:
+    marked = [] if all(row.identified for row in evaluation.coefficients) else [_printable(console, *_EXPLAINED)]
+    for sentence in [*marked, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:
         console.print(Text(sentence))
     for folder, count in Counter(path.parent for path in files).items():
         line = f"{count} {'file' if count == 1 else 'files'} in {folder}"
@@ -91,9 +93,9 @@ def print_identifiability(console: Console, found: Identifiability) -> None:
                 f"the worst of them alone to {group.worst_percent:.2g} %"
             )
         )
-    for symbol, (bound, spread) in found.sensor_errors.items():
-        unseen = "" if bound <= spread else ": cannot be observed on this manoeuvre"
-        console.print(Text(f"{symbol}: bound {_printed(bound, 2)}, prior {_printed(spread, 2)}{unseen}"))
+    for symbol, error in found.sensor_errors.items():
+        unseen = "" if error.observed else ": cannot be observed on this manoeuvre"
+        console.print(Text(f"{symbol}: bound {_printed(error.bound, 2)}, prior {_printed(error.prior, 2)}{unseen}"))
     half = min(found.growth, key=lambda entry: abs(entry[0] - 0.5 * found.growth[-1][0]))
     whole = found.growth[-1]
     console.print(
@@ -138,6 +140,7 @@ def _coefficients(console: Console, evaluation: Evaluation, filters: list[str], 
         estimate = _printed(row.estimate)
         if deviations:
             estimate += f" {plus_minus} {_printed(row.standard_deviation, DEVIATION_DIGITS)}"
+        estimate += "" if row.identified else _printable(console, "†", "?")
         return [estimate, _printed(row.steady_state_error_percent, _ERROR_DIGITS)] if has_truth else [estimate]
 
     rows = {(row.coefficient, row.filter): row for row in evaluation.coefficients}

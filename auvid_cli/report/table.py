@@ -28,8 +28,16 @@ class PlusMinus(NamedTuple):
     deviation: float
 
 
+class Unidentified(NamedTuple):
+    """What a filter says of something that the data do not determine: never printed without a mark."""
+
+    cell: float | PlusMinus
+
+
 # None, like a number that is not finite, is a value that should stand here and does not.
-Cell: TypeAlias = str | float | Symbol | Unit | PlusMinus | None
+Cell: TypeAlias = str | float | Symbol | Unit | PlusMinus | Unidentified | None
+# Where the mark is explained.
+UNIDENTIFIED = "† not identified: the standard deviation, or the least that the data allow, is above 20 % of the value."
 
 
 class Column(NamedTuple):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.evaluation.bounds import cramer_rao_bounds
 from auvid_cli.evaluation.checks import check_estimate, failed
 from auvid_cli.identification.identify import identify
 
@@ -38,7 +39,8 @@ def long_enough(simulated_with):
 
 def verdicts(dataset, filter_name=FilterName.TUKF):
     """All, and the names of those that failed, as (subject, check)."""
-    checks = check_estimate(dataset, identify(dataset, filter_name))
+    estimate = identify(dataset, filter_name)
+    checks = check_estimate(dataset, estimate, cramer_rao_bounds(dataset, [estimate])[filter_name])
     return checks, {(check.subject, check.check) for check in failed(checks)}
 
 
@@ -46,8 +48,9 @@ def test_sound_data_pass_everything(long_enough, filter_name):
     checks, fails = verdicts(long_enough, filter_name)
     assert fails == set()
     assert {check.check for check in checks} >= {
-        "finished", "stuck", "gap", "NIS", "whiteness", "free of inputs", "information", "identified", "sign of drag",
-        "sign of fins", "size", "within 3 sigma of truth", "NEES",
+        "finished", "stuck", "gap", "NIS", "whiteness", "free of inputs", "information", "identified",
+        "near the bound", "not below the bound", "sign of drag", "sign of fins", "size",
+        "within 3 sigma of truth", "NEES",
     }  # fmt: skip
     assert all(check.passed for check in checks)
     assert all(check.advice == "" for check in checks)

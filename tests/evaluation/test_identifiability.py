@@ -83,6 +83,10 @@ def test_bounds_fall_with_the_duration_and_sensor_errors_stand_beside_their_prio
     (first, before), (last, after) = found.growth
     assert (first, last) == (5.0, 10.0)
     assert_allclose(before / after, np.sqrt(2.0))
-    bound, spread = found.sensor_errors["bias_p"]
-    assert bound == pytest.approx(np.sqrt(0.5))
-    assert spread == 0.4
+    error = found.sensor_errors["bias_p"]
+    assert error.bound == pytest.approx(np.sqrt(0.5))
+    assert error.prior == 0.4
+    # Together they leave 0.348, more than half of the prior.
+    assert not error.observed
+    wide = assess({"dvl": whole}, [(10.0, whole)], named, np.ones(4), {"bias_p": (3, 1.3)})
+    assert wide.sensor_errors["bias_p"].observed

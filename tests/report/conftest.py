@@ -17,6 +17,8 @@ from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS
 
 EXPERIMENT = Experiment.model_construct(name="stub")
 TRUE = {c.symbol: 10.0 + i for i, c in enumerate(COEFFICIENTS)}
+# Of the last the data say nothing.
+BOUNDS = {symbol: 0.2 for symbol in TRUE} | {"N_uudr": np.inf}
 TIME = np.linspace(0.0, 80.0, 401)
 WIDTHS = {"gyroscope": 3, "dvl": 3, "attitude": 3}
 
@@ -98,9 +100,9 @@ def diverged(estimate: Estimate, samples: int) -> Estimate:
 
 def evaluation_of(dataset: Dataset, estimates: list[Estimate], blown_up: tuple[str, ...] = ()) -> Evaluation:
     """What `evaluate` gives, with a free run that needs no vehicle."""
-    evaluation = Evaluation([], [], [], [], [], {})
+    evaluation = Evaluation([], [], [], [], [], {}, [])
     for estimate in estimates:
-        results = coefficient_results(estimate, dataset.truth)
+        results = coefficient_results(estimate, dataset.truth, BOUNDS)
         motion = motion_at(TIME) + 0.02
         if estimate.filter in blown_up:
             motion[100:] = np.inf

@@ -93,7 +93,7 @@ def test_a_coefficient_that_is_infinitely_uncertain_is_drawn_and_printed(tmp_pat
     assert len(paths) == 2 * 7
     write_tables(evaluation, tmp_path)
     assert "output_error,X_u|u|,kg/m,10.0,10.1,inf," in (tmp_path / "coefficients.csv").read_text(encoding="utf-8")
-    assert "| 10.10 ± — |" in (tmp_path / "tables.md").read_text(encoding="utf-8")
+    assert "| 10.10 ± — † |" in (tmp_path / "tables.md").read_text(encoding="utf-8")
 
 
 def test_missing_sensors_and_no_filter(tmp_path, dataset, draw_figures):

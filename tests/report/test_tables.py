@@ -69,6 +69,29 @@ def test_markdown_tables_are_rectangular(evaluation):
         assert len(widths) == 1
 
 
+def test_what_is_not_identified_is_marked_and_the_mark_explained(evaluation):
+    """The data say nothing of N_uudr; of the others the standard deviation is 0.25, a fraction of the value."""
+    markdown = render_markdown(lay_out(evaluation, with_paper=False))
+    assert all(cell.endswith(" †") for cell in markdown_rows(markdown, "N_uudr")[0][3:])
+    assert markdown_rows(markdown, "N_uudr")[1][2:] == ["31.62 ± 0.25 †", "31.31 ± 0.25 †", "31.15 ± 0.25 †"]
+    assert markdown_rows(markdown, "N_uudr")[2][2:] == ["—", "0", "0", "0"]
+    assert "†" not in "".join(markdown_rows(markdown, "Y_url")[1])
+    assert markdown_rows(markdown, "Y_url")[2][2:] == ["0.2000", "1.250", "1.250", "1.250"]
+    assert markdown.count("† not identified") == 2
+    latex = render_latex(lay_out(evaluation, with_paper=False))
+    assert r"$31.62$ $\pm$ $0.25$\,$\dagger$" in latex
+    identified = evaluation._replace(coefficients=[row._replace(identified=True) for row in evaluation.coefficients])
+    assert "†" not in render_markdown(lay_out(identified, with_paper=False))
+
+
+def test_each_filter_has_its_own_bound_where_there_is_no_truth(evaluation):
+    rows = [row._replace(cramer_rao_bound=0.4) if row.filter == "ckf" else row for row in evaluation.coefficients]
+    changed = evaluation._replace(coefficients=rows, remarks=["no Cramer-Rao bound: why"])
+    markdown = render_markdown(lay_out(changed, with_paper=False))
+    assert markdown_rows(markdown, "Y_url")[2][2:5] == ["0.2000", "0.4000", "0.2000"]
+    assert "No Cramer-Rao bound: why." in markdown
+
+
 def test_no_filter_is_marked_as_the_best(evaluation):
     assert "**" not in render_markdown(lay_out(evaluation, with_paper=True))
     assert r"\textbf" not in render_latex(lay_out(evaluation, with_paper=False))
