@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
-from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
+from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import SimulationError
+from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, controls_of, steer, within
 from auvid_cli.simulation.plan import Plan
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.dynamics import (
@@ -77,33 +78,9 @@ def simulate_motion(
         If the vehicle has no positive-definite mass matrix or lacks coefficients.
     """
     stated = vehicle.all_coefficients()
-    known = vehicle.known_parameters()
-    constants = vehicle_constants(known)
+    constants = vehicle_constants(vehicle.known_parameters())
     coefficients = np.array([stated[symbol] for symbol in SYMBOLS])
-    autopilot, limits = manoeuvre.autopilot, manoeuvre.limits
-    depth_hold = autopilot.vertical == "depth"
-    # Per newton of thrust, so that an idle propeller makes no torque.
-    torque = known["K_prop"] / known["X_prop"] if known["X_prop"] else 0.0
-    drag = -stated["X_u|u|"]
-    if isinstance(manoeuvre, Recorded):
-        # What was recorded is all the thrust and torque there was.
-        torque = drag = 0.0
-    controls = _Controls(
-        drag=drag,
-        surge_gain=constants[0] * autopilot.bandwidth * float(autopilot.speed),
-        length_time=vehicle.size.length / manoeuvre.speed,
-        rudder_gain=np.copysign(autopilot.bandwidth, stated["N_uudr"]) * float(autopilot.horizontal == "turn_rate"),
-        elevator_gain=np.copysign(autopilot.bandwidth, stated["M_uude"]) * float(autopilot.vertical != "none"),
-        pitch=plan.pitch,
-        depth_gain=float(depth_hold) / (10.0 * vehicle.size.length),
-        fin_angle=limits.fin_angle,
-        fin_rate=limits.fin_rate,
-        largest_force=limits.surge_force,
-        torque=torque,
-        zigzag_rudder=np.copysign(plan.zigzag[0], stated["N_uudr"]) if plan.zigzag[0] else 0.0,
-        zigzag_heading=plan.zigzag[1],
-        zigzag_start=plan.zigzag[2],
-    )
+    controls = controls_of(vehicle, manoeuvre, plan)
     n = plan.time.size
     motion, position, inputs = np.zeros((n, N_MOTION)), np.zeros((n, 3)), np.zeros((n, 4))
     motion[0, 0] = plan.speed[0] if manoeuvre.initial_speed is None else manoeuvre.initial_speed
@@ -112,7 +89,7 @@ def simulate_motion(
         (plan.time, plan.speed, plan.turn_rate),
         plan.feedforward,
         controls,
-        np.array([0.0, 0.0, 0.0, 1.0]),
+        np.array(INITIAL_MEMORY),
         constants,
         np.repeat(coefficients, LANES),
         longest_step,
@@ -129,33 +106,6 @@ def simulate_motion(
     return Truth(plan.time, inputs, motion, position, constants, coefficients)
 
 
-class _Controls(NamedTuple):
-    """Autopilot and limits, SI."""
-
-    drag: float
-    surge_gain: float
-    length_time: float
-    rudder_gain: float
-    elevator_gain: float
-    pitch: float
-    depth_gain: float
-    fin_angle: float
-    fin_rate: float
-    largest_force: float
-    torque: float
-    zigzag_rudder: float
-    zigzag_heading: float
-    zigzag_start: float
-
-
-_CONTROLS = types.NamedUniTuple(types.float64, len(_Controls._fields), _Controls)
-
-
-@compiled(types.float64(types.float64, types.float64))
-def _within(value, limit):
-    return min(max(value, -limit), limit)
-
-
 @compiled(types.void(_vector, _vector))
 def _velocity_over_ground(block, velocity):
     """Velocity in the NED frame, eqs. (1) and (2), of the state in lane 0."""
@@ -168,32 +118,6 @@ def _velocity_over_ground(block, velocity):
     velocity[0] = cos_psi * ahead - sin_psi * aside
     velocity[1] = sin_psi * ahead + cos_psi * aside
     velocity[2] = -sin_theta * u + cos_theta * (sin_phi * v + cos_phi * w)
-
-
-@compiled(
-    types.void(_CONTROLS, *[types.float64] * 5, _vector, _vector, _vector, _vector),
-)
-def _steer(controls, time, period, speed, turn_rate, depth, motion, feedforward, memory, inputs):
-    """Fill in the inputs of a tick, fins still without their limits; `memory` holds three integrals and the side."""
-    speed_error = speed - motion[0]
-    memory[0] += 0.2 * controls.surge_gain * speed_error * period
-    force = controls.drag * speed**2 + controls.surge_gain * speed_error + memory[0] + feedforward[2]
-    force = _within(force, controls.largest_force)
-
-    turn_error = turn_rate - motion[5]
-    memory[1] = _within(memory[1] + turn_error * period, controls.fin_angle)
-    rudder = controls.rudder_gain * (1.5 * controls.length_time * turn_error + memory[1]) + feedforward[0]
-    if controls.zigzag_rudder != 0.0 and time >= controls.zigzag_start:
-        if memory[3] * motion[8] >= controls.zigzag_heading:
-            memory[3] = -memory[3]
-        rudder += memory[3] * controls.zigzag_rudder
-
-    wanted = _within(controls.depth_gain * depth, 0.35) if controls.depth_gain > 0.0 else controls.pitch
-    pitch_error = wanted - motion[7]
-    memory[2] = _within(memory[2] + 0.3 * pitch_error / controls.length_time * period, controls.fin_angle)
-    elevator = 1.5 * pitch_error - 1.5 * controls.length_time * motion[4] + memory[2]
-    inputs[0], inputs[1] = rudder, controls.elevator_gain * elevator + feedforward[1]
-    inputs[2], inputs[3] = force, controls.torque * force + feedforward[3]
 
 
 @compiled(types.void(_vector, _vector, _vector, _vector, types.float64, _vector, _matrix, _vector))
@@ -221,7 +145,7 @@ def _reason_to_stop(motion):
 
 @compiled(
     types.UniTuple(types.int64, 2)(
-        *(types.UniTuple(_vector, 3), _matrix, _CONTROLS, _vector, _vector, _vector, types.float64),
+        *(types.UniTuple(_vector, 3), _matrix, CONTROLS, _vector, _vector, _vector, types.float64),
         *(types.UniTuple(_matrix, 3), _vector, _matrix, _vector),
     ),
 )
@@ -235,7 +159,7 @@ def _fly(wanted, feedforward, controls, memory, constants, coefficients, longest
     for tick in range(n):
         period = time[tick + 1] - time[tick] if tick + 1 < n else time[tick] - time[tick - 1]
         now = inputs[tick]
-        _steer(
+        steer(
             controls,
             time[tick],
             period,
@@ -248,7 +172,7 @@ def _fly(wanted, feedforward, controls, memory, constants, coefficients, longest
             now,
         )
         for fin in range(2):
-            now[fin] = _within(now[fin], controls.fin_angle)
+            now[fin] = within(now[fin], controls.fin_angle)
             if tick > 0:
                 before, change = inputs[tick - 1, fin], controls.fin_rate * period
                 now[fin] = min(max(now[fin], before - change), before + change)

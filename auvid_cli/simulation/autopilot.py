@@ -1,0 +1,136 @@
+"""What commands the simulated fins and thrust: speed, turn rate and pitch or depth held, excitation on top."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+
+from auvid_cli.compilation import compiled
+from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
+from auvid_cli.config.vehicle import VehicleSettings
+from auvid_cli.simulation.plan import Plan
+from auvid_cli.vehicle.matrices import mass_matrix
+
+
+class Controls(NamedTuple):
+    """Gains and limits of an autopilot, SI; a gain is zero where it has nothing to hold.
+
+    Attributes
+    ----------
+    drag, surge_gain : float
+        Thrust by the square of the wanted speed, and by the speed that is lacking.
+    length_time : float
+        Of the vehicle's length at the speed of the manoeuvre, s.
+    rudder_gain, elevator_gain, depth_gain : float
+    pitch : float
+        To be held where depth is not.
+    fin_angle, fin_rate, largest_force : float
+        Limits.
+    torque : float
+        Roll moment of the propeller by its thrust, m.
+    zigzag_rudder, zigzag_heading, zigzag_start : float
+        Rudder to either side, changed over at this heading, from this time on.
+    """
+
+    drag: float
+    surge_gain: float
+    length_time: float
+    rudder_gain: float
+    elevator_gain: float
+    pitch: float
+    depth_gain: float
+    fin_angle: float
+    fin_rate: float
+    largest_force: float
+    torque: float
+    zigzag_rudder: float
+    zigzag_heading: float
+    zigzag_start: float
+
+
+_vector = types.float64[::1]
+CONTROLS = types.NamedUniTuple(types.float64, len(Controls._fields), Controls)
+# Integrals of the errors of speed, turn rate and pitch, and the side to which a zigzag steers.
+INITIAL_MEMORY = (0.0, 0.0, 0.0, 1.0)
+
+
+def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Plan) -> Controls:
+    """The autopilot of a manoeuvre, tuned to a vehicle.
+
+    Raises
+    ------
+    ConfigError
+        If the vehicle has no positive-definite mass matrix or lacks coefficients.
+    """
+    stated, known = vehicle.all_coefficients(), vehicle.known_parameters()
+    autopilot, limits = manoeuvre.autopilot, manoeuvre.limits
+    # Per newton of thrust, so that an idle propeller makes no torque.
+    torque = known["K_prop"] / known["X_prop"] if known["X_prop"] else 0.0
+    drag = -stated["X_u|u|"]
+    if isinstance(manoeuvre, Recorded):
+        # What was recorded is all the thrust and torque there was.
+        torque = drag = 0.0
+    return Controls(
+        drag=drag,
+        surge_gain=mass_matrix(known)[0, 0] * autopilot.bandwidth * float(autopilot.speed),
+        length_time=vehicle.size.length / manoeuvre.speed,
+        rudder_gain=np.copysign(autopilot.bandwidth, stated["N_uudr"]) * float(autopilot.horizontal == "turn_rate"),
+        elevator_gain=np.copysign(autopilot.bandwidth, stated["M_uude"]) * float(autopilot.vertical != "none"),
+        pitch=plan.pitch,
+        depth_gain=float(autopilot.vertical == "depth") / (10.0 * vehicle.size.length),
+        fin_angle=limits.fin_angle,
+        fin_rate=limits.fin_rate,
+        largest_force=limits.surge_force,
+        torque=torque,
+        zigzag_rudder=np.copysign(plan.zigzag[0], stated["N_uudr"]) if plan.zigzag[0] else 0.0,
+        zigzag_heading=plan.zigzag[1],
+        zigzag_start=plan.zigzag[2],
+    )
+
+
+@compiled(types.float64(types.float64, types.float64))
+def within(value, limit):
+    """The value, or the limit on its side."""
+    return min(max(value, -limit), limit)
+
+
+@compiled(types.void(CONTROLS, *[types.float64] * 5, _vector, _vector, _vector, _vector))
+def steer(controls, time, period, speed, turn_rate, depth, motion, feedforward, memory, inputs):
+    """Command rudder and elevator, still without their limits, force and torque for one tick.
+
+    Parameters
+    ----------
+    controls : Controls
+    time, period : float
+        Of the tick, s.
+    speed, turn_rate : float
+        Wanted.
+    depth : float
+        m.
+    motion : ndarray, shape (9,)
+    feedforward : ndarray, shape (4,)
+        Added to the inputs.
+    memory : ndarray, shape (4,)
+        Starts as `INITIAL_MEMORY`.
+    inputs : ndarray, shape (4,)
+        Filled in.
+    """
+    speed_error = speed - motion[0]
+    memory[0] += 0.2 * controls.surge_gain * speed_error * period
+    force = controls.drag * speed**2 + controls.surge_gain * speed_error + memory[0] + feedforward[2]
+    force = within(force, controls.largest_force)
+
+    turn_error = turn_rate - motion[5]
+    memory[1] = within(memory[1] + turn_error * period, controls.fin_angle)
+    rudder = controls.rudder_gain * (1.5 * controls.length_time * turn_error + memory[1]) + feedforward[0]
+    if controls.zigzag_rudder != 0.0 and time >= controls.zigzag_start:
+        if memory[3] * motion[8] >= controls.zigzag_heading:
+            memory[3] = -memory[3]
+        rudder += memory[3] * controls.zigzag_rudder
+
+    wanted = within(controls.depth_gain * depth, 0.35) if controls.depth_gain > 0.0 else controls.pitch
+    pitch_error = wanted - motion[7]
+    memory[2] = within(memory[2] + 0.3 * pitch_error / controls.length_time * period, controls.fin_angle)
+    elevator = 1.5 * pitch_error - 1.5 * controls.length_time * motion[4] + memory[2]
+    inputs[0], inputs[1] = rudder, controls.elevator_gain * elevator + feedforward[1]
+    inputs[2], inputs[3] = force, controls.torque * force + feedforward[3]
