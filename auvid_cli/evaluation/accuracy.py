@@ -7,7 +7,8 @@ import numpy as np
 
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.identification.prior import natural_magnitude
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
 # The part of the run that counts as steady state.
 STEADY_SHARE = 0.1
@@ -36,7 +37,7 @@ class CoefficientResult(NamedTuple):
         one it claims more, or its prior does.
     identified : bool
         Whether the bound is at most 20 % of the value (the true one, else the estimate), and the standard deviation
-        at most 20 % of the estimate.
+        at most 20 % of the estimate; where the truth is zero, both of the natural magnitude of a body of this size.
     """
 
     filter: str
@@ -69,7 +70,11 @@ def coefficient_results(
             if true != 0.0:
                 error = float(abs(series[steady].mean() - true) / abs(true) * 100.0)
         final, deviation, bound = float(series[-1]), float(estimate.standard_deviation[-1, i]), bounds.get(symbol)
-        largest_bound = LARGEST_RELATIVE_DEVIATION * abs(final if true is None else true)
+        sizes = abs(final), abs(final if true is None else true)
+        if true == 0.0:
+            natural = natural_magnitude(COEFFICIENTS[SYMBOLS.index(symbol)], estimate.experiment.vehicle.size)
+            sizes = natural, natural
+        of_estimate, of_value = (LARGEST_RELATIVE_DEVIATION * size for size in sizes)
         results.append(
             CoefficientResult(
                 estimate.filter,
@@ -82,7 +87,7 @@ def coefficient_results(
                 error,
                 bound,
                 None if bound is None else deviation / bound,
-                deviation <= LARGEST_RELATIVE_DEVIATION * abs(final) and (bound is None or bound <= largest_bound),
+                deviation <= of_estimate and (bound is None or bound <= of_value),
             )
         )
     return results

@@ -22,7 +22,7 @@ class CoefficientBound(NamedTuple):
     cramer_rao_bound : float
         Smallest standard deviation of any unbiased estimate, SI; infinite where the data say nothing.
     percent : float
-        Of the value; infinite where that is zero.
+        Of the value; where that is zero, of the natural magnitude of a body of this size.
     verdict : str
         One of `CLASSES`.
     best_sensor : str

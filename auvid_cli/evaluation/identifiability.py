@@ -1,6 +1,7 @@
 """What data can say about the coefficients at best, before any filter runs: bounds, verdicts, what goes together."""
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,19 @@ from auvid_cli.evaluation.sensor_errors import is_observed
 from auvid_cli.filters.information import Information
 from auvid_cli.identification.biases import sensor_errors
 from auvid_cli.identification.fisher import information_at
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+from auvid_cli.identification.prior import natural_magnitude
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
 
 Array = NDArray[np.float64]
+
+
+class Assessed(NamedTuple):
+    """A coefficient: its value, its unit, and the size by which percentages go, SI."""
+
+    value: float
+    unit: str
+    size: float
+
 
 # Correlation from which coefficients are said to go together.
 LARGEST_CORRELATION = 0.95
@@ -38,8 +49,12 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
             "that has them (--at FILE), or give the vehicle those of a similar one"
         )
     information = information_at(dataset, known, true_start(dataset))
-    units = {c.symbol: c.unit for c in COEFFICIENTS}
-    values = {symbol: (known[symbol], units[symbol]) for symbol in information.state if symbol in SYMBOLS}
+    size = dataset.experiment.vehicle.size
+    values = {
+        c.symbol: Assessed(known[c.symbol], c.unit, abs(known[c.symbol]) or natural_magnitude(c, size))
+        for c in COEFFICIENTS
+        if c.symbol in information.state
+    }
     errors = sensor_errors(dataset.experiment.identification.estimate)
     spreads = {error.symbol: (information.state.index(error.symbol), error.spread) for error in errors}
     return assess(information.by_sensor, information.growing, values, information.scale, spreads)
@@ -48,7 +63,7 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
 def assess(
     by_sensor: Mapping[str, Information],
     growing: Sequence[tuple[float, Information]],
-    values: Mapping[str, tuple[float, str]],
+    values: Mapping[str, Assessed],
     to_si: Array,
     spreads: Mapping[str, tuple[int, float]],
 ) -> Identifiability:
@@ -59,27 +74,27 @@ def assess(
     by_sensor : mapping of Information
     growing : sequence of (float, Information)
         Of all sensors together after so many seconds, the whole last.
-    values : mapping of (float, str)
-        Of each coefficient the value, SI, and the unit, in the order of the state.
+    values : mapping of Assessed
+        In the order of the state.
     to_si : ndarray, shape (n,)
         Units of the state.
     spreads : mapping of (int, float)
         Of each constant sensor error the place in the state, and its standard deviation before any data, SI.
     """
     n = len(values)
-    value = np.array([v for v, _ in values.values()])
+    value, size = (np.array([getattr(one, name) for one in values.values()]) for name in ("value", "size"))
     pick = np.eye(to_si.size)[:n] * to_si[:n, None]
     uncertainty = growing[-1][1].uncertainty()
     bound = uncertainty.deviation(pick)
     covariance = uncertainty.covariance(pick)
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(bound, bound)
-    percent = _percent(bound, value)
+    percent = 100.0 * bound / size
     shares = _shares(by_sensor, growing[-1][1], n)
     names = tuple(values)
-    groups = _collinear(names, value, covariance, correlation, percent)
+    groups = _collinear(names, value, size, covariance, correlation, percent)
     bounds = []
-    for j, (name, (_, unit)) in enumerate(values.items()):
+    for j, (name, (_, unit, _)) in enumerate(values.items()):
         best = max(shares, key=lambda sensor: shares[sensor][j])
         others = [other for group in groups if name in group.members for other in group.members if other != name]
         verdict = next(label for limit, label in CLASSES if percent[j] <= limit)
@@ -96,7 +111,7 @@ def assess(
                 ", ".join(others),
             )
         )
-    growth = [(time, _percent(information.uncertainty().deviation(pick), value)) for time, information in growing]
+    growth = [(time, 100.0 * information.uncertainty().deviation(pick) / size) for time, information in growing]
     errors = {}
     for symbol, (place, spread) in spreads.items():
         row = np.zeros(to_si.size)
@@ -104,11 +119,6 @@ def assess(
         deviation = float(uncertainty.deviation(row))
         errors[symbol] = SensorErrorBound(deviation, spread, is_observed(joint_deviation(deviation, spread), spread))
     return Identifiability(bounds, groups, shares, correlation, growth, errors)
-
-
-def _percent(bound: Array, value: Array) -> Array:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(value == 0.0, np.inf, 100.0 * bound / np.abs(value))
 
 
 def _shares(by_sensor: Mapping[str, Information], whole: Information, n: int) -> dict[str, Array]:
@@ -121,7 +131,7 @@ def _shares(by_sensor: Mapping[str, Information], whole: Information, n: int) ->
 
 
 def _collinear(
-    names: tuple[str, ...], value: Array, covariance: Array, correlation: Array, percent: Array
+    names: tuple[str, ...], value: Array, size: Array, covariance: Array, correlation: Array, percent: Array
 ) -> list[Collinear]:
     """Groups linked by correlations, and of each the combination that is known best in proportion."""
     linked = np.abs(np.nan_to_num(correlation)) > LARGEST_CORRELATION
@@ -135,11 +145,11 @@ def _collinear(
         members = sorted(j for j in group if np.isfinite(percent[j]))
         if len(members) < 2:
             continue
-        size = np.abs(value[members])
-        relative = covariance[np.ix_(members, members)] / np.outer(size, size)
+        own = size[members]
+        relative = covariance[np.ix_(members, members)] / np.outer(own, own)
         _, directions = np.linalg.eigh(relative)
-        weights = directions[:, 0] / size
-        weights = weights / weights[np.argmax(np.abs(weights * size))]
+        weights = directions[:, 0] / own
+        weights = weights / weights[np.argmax(np.abs(weights * own))]
         deviation = float(np.sqrt(weights @ covariance[np.ix_(members, members)] @ weights))
         combined = float(abs(weights @ value[members]))
         groups.append(

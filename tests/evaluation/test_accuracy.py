@@ -80,6 +80,16 @@ def test_what_is_known_to_a_fifth_of_its_value_is_identified(hand_made, truth_of
     assert [result.times_bound for result in results] == pytest.approx([2.5, 2.5, 0.25 / 1.1, 0.0])
 
 
+def test_a_true_zero_is_identified_by_the_natural_magnitude_of_the_vehicle(hand_made, truth_of):
+    """Of Y_url that is 46 kg/rad: 3 rho/2 d^2 L/2 of the shipped vehicle."""
+    estimate = hand_made([0, 1], {"Y_url": [0.0, 0.1]})
+    size = estimate.experiment.vehicle.size
+    natural = 3.0 * 0.5 * size.density * size.diameter**2 * 0.5 * size.length
+    for bound, identified in ((0.19 * natural, True), (0.21 * natural, False)):
+        (result,) = coefficient_results(estimate, truth_of(), {"Y_url": bound})
+        assert result.identified is identified
+
+
 def test_without_a_bound_the_standard_deviation_decides(hand_made):
     estimate = hand_made([0, 1], {"Y_url": [0.0, 1.3], "N_url": [0.0, -1.2]})
     results = coefficient_results(estimate, None, {})

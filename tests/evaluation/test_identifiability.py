@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.evaluation.identifiability import assess
+from auvid_cli.evaluation.identifiability import Assessed, assess
 from auvid_cli.filters.information import Information
 
 NAMES = ("X_u|u|", "Y_uvl", "Y_uudr", "K_p|p|")
@@ -21,7 +21,7 @@ def judged(by_sensor, values=VALUES, to_si=(1.0, 1.0, 1.0, 1.0)):
     whole = Information.none(4)
     for part in by_sensor.values():
         whole = whole.join(part)
-    named = {name: (value, "kg") for name, value in zip(NAMES, values, strict=True)}
+    named = {name: Assessed(v, "kg", abs(v) or 40.0) for name, v in zip(NAMES, values, strict=True)}
     return assess(by_sensor, [(10.0, whole)], named, np.array(to_si), {})
 
 
@@ -43,12 +43,12 @@ def test_verdicts_follow_the_bound_in_percent():
     assert [b.verdict for b in found.bounds] == ["within 1 %", "within 5 %", "within 20 %", "not identified"]
 
 
-def test_what_no_reading_sees_has_no_bound_and_a_zero_no_percentage():
+def test_what_no_reading_sees_has_no_bound_and_a_zero_goes_by_its_natural_magnitude():
     found = judged({"dvl": information([100, 0, 0, 0], [0, 100, 0, 0], [0, 0, 100, 0])}, values=(-4.0, 0.0, 6.0, 0.5))
     assert found.bounds[3].cramer_rao_bound == np.inf
     assert found.bounds[3].verdict == "not identified"
-    assert np.isfinite(found.bounds[1].cramer_rao_bound)
-    assert found.bounds[1].percent == np.inf
+    assert found.bounds[1].cramer_rao_bound == pytest.approx(0.01)
+    assert found.bounds[1].percent == pytest.approx(1.0 / 40.0)
     assert found.bounds[0].verdict == "within 1 %"
 
 
@@ -78,7 +78,7 @@ def test_only_a_combination_is_determined():
 
 def test_bounds_fall_with_the_duration_and_sensor_errors_stand_beside_their_priors():
     half, whole = information(*np.eye(4)), information(*np.eye(4), *np.eye(4))
-    named = {name: (value, "kg") for name, value in zip(NAMES[:3], VALUES[:3], strict=True)}
+    named = {name: Assessed(v, "kg", abs(v)) for name, v in zip(NAMES[:3], VALUES[:3], strict=True)}
     found = assess({"dvl": whole}, [(5.0, half), (10.0, whole)], named, np.ones(4), {"bias_p": (3, 0.4)})
     (first, before), (last, after) = found.growth
     assert (first, last) == (5.0, 10.0)
