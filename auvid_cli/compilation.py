@@ -13,7 +13,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from typing import Any
 import platformdirs
 from numba import njit
 from numba.core import config
+from numba.core.event import Event, Listener, install_listener
 
 _KEPT = 5
 # An interrupt at the terminal ends it at once; the process that started it says so.
@@ -74,9 +76,29 @@ def compiled(*signature: Any, reassociate: bool = False, inline: bool = False) -
     return decorate
 
 
-def nothing_compiled() -> bool:
-    """Whether the cache is empty, so that what is loaded now has to be compiled."""
-    return not any(_cache_folder().rglob("*.nbc"))
+def is_compiled(module: str) -> bool:
+    """Whether the cache has something of a module, and so of all that it needs, which is compiled before."""
+    return any(_cache_folder().glob(f"*/{module.rpartition('.')[2]}.*.nbc"))
+
+
+class _Told(Listener):
+    """Calls a function when numba begins to compile something, whatever else it then does."""
+
+    def __init__(self, tell: Callable[[], None]) -> None:
+        self._tell = tell
+
+    def on_start(self, event: Event) -> None:
+        self._tell()
+
+    def on_end(self, event: Event) -> None:
+        pass
+
+
+@contextmanager
+def told_of_compilation(tell: Callable[[], None]) -> Iterator[None]:
+    """Call a function whenever something is compiled, and not taken from the cache, within a block."""
+    with install_listener("numba:compile", _Told(tell)):
+        yield
 
 
 def compile_elsewhere(*modules: str) -> subprocess.Popen:
@@ -85,7 +107,9 @@ def compile_elsewhere(*modules: str) -> subprocess.Popen:
     Where that fails this process finds nothing there, compiles for itself, and says what is wrong.
     """
     command = [sys.executable, "-P", "-c", _IMPORT_ALL, *modules]
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(_cache_folder().parent)}
+    # This very package, wherever it was found.
+    path = os.pathsep.join(filter(None, [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH")]))
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(_cache_folder().parent), "PYTHONPATH": path}
     quiet = subprocess.DEVNULL
     return subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, env=environment)
 

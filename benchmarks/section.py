@@ -4,14 +4,15 @@ from pathlib import Path
 
 from auvid_cli.data.files import write_text
 
-PERFORMANCE = Path(__file__).parents[1] / "docs" / "performance.md"
+_DOCS = Path(__file__).parents[1] / "docs"
 
 
-def replace_section(name: str, text: str) -> None:
-    """Put text between the marks of a section, in place of what is there."""
+def replace_section(name: str, text: str, page: str = "performance") -> None:
+    """Put text between the marks of a section of a page, in place of what is there."""
+    path = _DOCS / f"{page}.md"
     begin, end = f"<!-- {name}: measured -->\n", f"<!-- {name}: end -->"
-    before, found, rest = PERFORMANCE.read_text(encoding="utf-8").partition(begin)
+    before, found, rest = path.read_text(encoding="utf-8").partition(begin)
     _, closed, after = rest.partition(end)
     if not (found and closed):
-        raise SystemExit(f"{PERFORMANCE}: has no section {name!r}")
-    write_text(PERFORMANCE, f"{before}{begin}\n{text.strip()}\n\n{end}{after}")
+        raise SystemExit(f"{path}: has no section {name!r}")
+    write_text(path, f"{before}{begin}\n{text.strip()}\n\n{end}{after}")

@@ -17,18 +17,15 @@ def check(
 
         terminal = Terminal(quiet, verbose)
         with terminal.compiling():
-            from auvid_cli.evaluation.bounds import cramer_rao_bounds
+            from auvid_cli.evaluation.bounds import BoundsOf
             from auvid_cli.evaluation.checks import check_estimate, failed
             from auvid_cli.report.csv_tables import write_checks
             from auvid_cli.report.screen import print_checks
         dataset, estimates = pipeline.read_results(results)
-        with terminal.stage("bounds"):
-            bounds = cramer_rao_bounds(dataset, estimates)
+        bounds_of = BoundsOf(dataset)
         with terminal.stage("check"):
             checks = [
-                verdict
-                for estimate in estimates
-                for verdict in check_estimate(dataset, estimate, bounds[estimate.filter])
+                verdict for estimate in estimates for verdict in check_estimate(dataset, estimate, bounds_of(estimate))
             ]
         print_checks(terminal.out, checks)
         terminal.say(str(write_checks(checks, results / "tables")))

@@ -21,6 +21,7 @@ from auvid_cli.data.files import replacing
 from auvid_cli.errors import ConfigError, FileError
 
 if TYPE_CHECKING:
+    from auvid_cli.evaluation.bounds import BoundsOf
     from auvid_cli.identification.identify import FilterRun
     from auvid_cli.report.figures.draw import FigureQueue
 
@@ -134,19 +135,28 @@ def _run_filter(filter_run: "FilterRun", path: Path, progress: Callable[[float, 
     return read_estimate(path)
 
 
+def bounds_of(dataset: Dataset, terminal: Terminal) -> "BoundsOf":
+    """What finds the bounds of a dataset's estimates."""
+    with terminal.compiling():
+        from auvid_cli.evaluation.bounds import BoundsOf
+    return BoundsOf(dataset)
+
+
 def report_to(
-    folder: Path, dataset: Dataset, estimates: list[Estimate], terminal: Terminal, figures: "FigureQueue"
+    folder: Path,
+    dataset: Dataset,
+    estimates: list[Estimate],
+    bounds_of: "BoundsOf",
+    terminal: Terminal,
+    figures: "FigureQueue",
 ) -> int:
     """Write tables and figures, print the summary; the exit code says whether a verdict failed."""
     with terminal.compiling():
-        from auvid_cli.evaluation.bounds import cramer_rao_bounds
         from auvid_cli.evaluation.evaluate import evaluate
         from auvid_cli.report.screen import print_summary
         from auvid_cli.report.write import write_tables
-    with terminal.stage("bounds"):
-        bounds = cramer_rao_bounds(dataset, estimates)
     with terminal.stage("evaluate"):
-        evaluation = evaluate(dataset, estimates, bounds)
+        evaluation = evaluate(dataset, estimates, bounds_of)
     figures.add_others(dataset, estimates, evaluation)
     paths = write_tables(evaluation, folder / "tables")
     with terminal.progress("figures") as (progress,):

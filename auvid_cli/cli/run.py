@@ -1,5 +1,7 @@
 """auvid run."""
 
+from typing import TYPE_CHECKING
+
 import typer
 
 from auvid_cli.cli.options import (
@@ -14,6 +16,9 @@ from auvid_cli.cli.options import (
     overrides,
 )
 from auvid_cli.cli.terminal import Terminal, reporting_errors
+
+if TYPE_CHECKING:
+    from auvid_cli.data.estimate import Estimate
 
 
 def run(
@@ -43,6 +48,13 @@ def run(
             with terminal.compiling():
                 import auvid_cli.identification.process  # noqa: F401
         chosen = tuple(filters or loaded.identification.filters)
+        bounds_of = pipeline.bounds_of(dataset, terminal)
         with pipeline.drawing(folder) as figures:
-            estimates = pipeline.identify_to(folder, dataset, chosen, terminal, figures.add_innovations)
-            raise typer.Exit(pipeline.report_to(folder, dataset, estimates, terminal, figures))
+
+            def look_at(estimate: "Estimate") -> None:
+                figures.add_innovations(estimate)
+                # The same for all filters, and known before the slowest of them is done.
+                bounds_of(estimate)
+
+            estimates = pipeline.identify_to(folder, dataset, chosen, terminal, look_at)
+            raise typer.Exit(pipeline.report_to(folder, dataset, estimates, bounds_of, terminal, figures))

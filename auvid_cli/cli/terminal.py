@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,7 +20,7 @@ def reporting_errors() -> Iterator[None]:
     from auvid_cli.errors import AuvidError
 
     # Ended from outside as by Ctrl-C: whoever is writing takes away what is half written.
-    signal.signal(signal.SIGTERM, _end)
+    before = signal.signal(signal.SIGTERM, _end)
     try:
         yield
     except AuvidError as error:
@@ -38,17 +39,12 @@ def reporting_errors() -> Iterator[None]:
     except OSError as error:
         print(f"auvid: {error.filename or 'output'}: {error.strerror or error}", file=sys.stderr)
         raise typer.Exit(WRONG_INPUT) from None
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _end(number: int, frame: FrameType | None) -> None:
     raise SystemExit(128 + number)
-
-
-def _leave_at_once(number: int, frame: FrameType | None) -> None:
-    # A spinner hides the cursor and leaves its line half written.
-    tidy = b"\x1b[?25h\r\x1b[K" if sys.stderr.isatty() else b""
-    os.write(sys.stderr.fileno(), tidy + b"auvid: interrupted while compiling; nothing was lost\n")
-    os._exit(INTERRUPTED)
 
 
 class Terminal:
@@ -68,56 +64,80 @@ class Terminal:
         self.out = Console(quiet=quiet, highlight=False)
         # Progress goes to the error stream, so that output can be piped.
         self._err = Console(stderr=True, quiet=quiet)
+        self._partner: subprocess.Popen | None = None
+        self._said = False
 
     def say(self, message: str) -> None:
         """Print a line, as it is."""
         self.out.print(message, markup=False, soft_wrap=True)
 
     @contextmanager
-    def stage(self, label: str) -> Iterator[None]:
-        """Show that something is going on; with --verbose say how long it took."""
-        start = perf_counter()
+    def stage(self, label: str) -> Iterator[Callable[[str], None]]:
+        """Show that something is going on; with --verbose say how long it took. Yields what changes the label."""
+        start, labels = perf_counter(), [label]
         if self._err.is_terminal and not self.quiet:
-            with self._err.status(label):
-                yield
+            with self._err.status(label) as status:
+
+                def change(text: str) -> None:
+                    labels.append(text)
+                    status.update(text)
+
+                yield change
         else:
-            yield
+            yield labels.append
         if self.verbose:
-            self.say(f"{label}: {perf_counter() - start:.2f} s")
+            self.say(f"{labels[-1]}: {perf_counter() - start:.2f} s")
 
     @contextmanager
-    def compiling(self) -> Iterator[None]:
-        """Load the compiled core. The compiler swallows an interrupt, so one ends the process on the spot."""
-        from auvid_cli.compilation import nothing_compiled
+    def compiling(self) -> Iterator[Callable[[], None]]:
+        """Load the compiled core, and say so where it has to be compiled; yields what says so.
 
-        before = signal.signal(signal.SIGINT, _leave_at_once)
-        label = "loading the compiled core"
-        if nothing_compiled():
-            label = "compiling the numerical core, once: some 10 s"
-            if not self._err.is_terminal and not self.quiet:
-                print(f"auvid: {label}", file=sys.stderr)
+        The compiler swallows an interrupt, so one ends the process on the spot.
+        """
+        from auvid_cli.compilation import told_of_compilation
+
+        before = signal.signal(signal.SIGINT, self._leave_at_once)
         try:
-            with self.stage(label):
-                yield
+            with self.stage("loading the compiled core") as change:
+
+                def say_so() -> None:
+                    label = "compiling the numerical core, once: some 10 to 20 s"
+                    change(label)
+                    if not self._err.is_terminal and not self.quiet and not self._said:
+                        print(f"auvid: {label}", file=sys.stderr)
+                    self._said = True
+
+                with told_of_compilation(say_so):
+                    yield say_so
         finally:
             signal.signal(signal.SIGINT, before)
 
+    def _leave_at_once(self, number: int, frame: FrameType | None) -> None:
+        if self._partner is not None:
+            self._partner.kill()
+        # A spinner hides the cursor and leaves its line half written.
+        tidy = b"\x1b[?25h\r\x1b[K" if sys.stderr.isatty() else b""
+        os.write(sys.stderr.fileno(), tidy + b"auvid: interrupted while compiling; nothing was lost\n")
+        os._exit(INTERRUPTED)
+
     @contextmanager
     def compiling_beside(self, *modules: str) -> Iterator[None]:
-        """If nothing is compiled yet, let another process do so with some modules meanwhile."""
-        from auvid_cli.compilation import compile_elsewhere, nothing_compiled
+        """Let another process compile modules meanwhile, if the first of them is not compiled yet."""
+        from auvid_cli.compilation import compile_elsewhere, is_compiled
 
-        if not nothing_compiled():
+        if is_compiled(modules[0]):
             yield
             return
-        partner = compile_elsewhere(*modules)
+        self._partner = compile_elsewhere(*modules)
         try:
             yield
-            with self.compiling():
-                partner.wait()
+            with self.compiling() as say_so:
+                say_so()
+                self._partner.wait()
         finally:
-            partner.kill()
-            partner.wait()
+            self._partner.kill()
+            self._partner.wait()
+            self._partner = None
 
     @contextmanager
     def progress(self, *labels: str, unit: str = "") -> Iterator[list[Callable[[float, float], None]]]:

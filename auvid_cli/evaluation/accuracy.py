@@ -12,8 +12,8 @@ from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
 # The part of the run that counts as steady state.
 STEADY_SHARE = 0.1
-# Of its value: a coefficient that is known no better is not identified.
-LARGEST_RELATIVE_DEVIATION = 0.2
+# A coefficient whose uncertainty is more than this share of its value is not identified.
+LARGEST_SHARE_OF_VALUE = 0.2
 
 
 class CoefficientResult(NamedTuple):
@@ -34,10 +34,9 @@ class CoefficientResult(NamedTuple):
         Least standard deviation that the data allow, see `auvid_cli.evaluation.bounds`; None where it is not known.
     times_bound : float or None
         ``standard_deviation / cramer_rao_bound``: how much of what the data hold the filter claims to have got. Below
-        one it claims more, or its prior does.
+        one it claims more, or its prior does. None also after divergence.
     identified : bool
-        Whether the bound is at most 20 % of the value (the true one, else the estimate), and the standard deviation
-        at most 20 % of the estimate; where the truth is zero, both of the natural magnitude of a body of this size.
+        Whether its share of the value, see `shares_of_value`, is small enough; not after divergence.
     """
 
     filter: str
@@ -57,7 +56,7 @@ def coefficient_results(
     estimate: Estimate, truth: TruthRecord | None, bounds: Mapping[str, float]
 ) -> list[CoefficientResult]:
     """Results of one filter, in the order of its state; `bounds` are Cramer-Rao's by symbol, as far as known."""
-    steady = steady_part(estimate)
+    steady, shares = steady_part(estimate), shares_of_value(estimate, truth, bounds)
     results = []
     for i, symbol in enumerate(estimate.state):
         if symbol not in SYMBOLS:
@@ -69,28 +68,43 @@ def coefficient_results(
             rmse = float(np.sqrt(np.mean((series - true) ** 2)))
             if true != 0.0:
                 error = float(abs(series[steady].mean() - true) / abs(true) * 100.0)
-        final, deviation, bound = float(series[-1]), float(estimate.standard_deviation[-1, i]), bounds.get(symbol)
-        sizes = abs(final), abs(final if true is None else true)
-        if true == 0.0:
-            natural = natural_magnitude(COEFFICIENTS[SYMBOLS.index(symbol)], estimate.experiment.vehicle.size)
-            sizes = natural, natural
-        of_estimate, of_value = (LARGEST_RELATIVE_DEVIATION * size for size in sizes)
+        bound = bounds.get(symbol)
         results.append(
             CoefficientResult(
                 estimate.filter,
                 symbol,
                 estimate.unit[i],
                 true,
-                final,
-                deviation,
+                float(series[-1]),
+                float(estimate.standard_deviation[-1, i]),
                 rmse,
                 error,
                 bound,
-                None if bound is None else deviation / bound,
-                deviation <= of_estimate and (bound is None or bound <= of_value),
+                float(estimate.standard_deviation[-1, i]) / bound if bound is not None and estimate.completed else None,
+                estimate.completed and shares[symbol] <= LARGEST_SHARE_OF_VALUE,
             )
         )
     return results
+
+
+def shares_of_value(estimate: Estimate, truth: TruthRecord | None, bounds: Mapping[str, float]) -> dict[str, float]:
+    """How large the uncertainty of each coefficient is in proportion, by symbol.
+
+    The larger of: the standard deviation over the estimate, and the Cramer-Rao bound, where it is known, over the true
+    value, else over the estimate. Where the truth is zero: both over the natural magnitude of a body of this size.
+    """
+    shares = {}
+    for i, symbol in enumerate(estimate.state):
+        if symbol not in SYMBOLS:
+            continue
+        final, deviation = abs(float(estimate.mean[-1, i])), float(estimate.standard_deviation[-1, i])
+        value = abs(truth.coefficients[symbol]) if truth is not None else final
+        if truth is not None and value == 0.0:
+            size = estimate.experiment.vehicle.size
+            final = value = natural_magnitude(COEFFICIENTS[SYMBOLS.index(symbol)], size)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares[symbol] = float(np.maximum(np.divide(deviation, final), np.divide(bounds.get(symbol, 0.0), value)))
+    return shares
 
 
 def steady_part(estimate: Estimate) -> slice:

@@ -1,12 +1,12 @@
 """What estimates are held against: the least standard deviation that their data allow."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
@@ -17,41 +17,57 @@ Array = NDArray[np.float64]
 
 
 class Bounds(NamedTuple):
-    """Cramer-Rao bounds of the coefficients of an estimate.
+    """Cramer-Rao bounds of the coefficients of an estimate, SI, by symbol; all empty if there are none.
 
     Attributes
     ----------
-    by_symbol : dict of float
-        Standard deviations, SI; infinite where the data say nothing, empty if there are none.
+    of_data : dict of float
+        From the data alone; infinite where they say nothing.
+    with_prior : dict of float
+        From the data and the prior that the filter was given, which helps a coefficient through others, too. Empty
+        where that prior is an earlier estimate.
     remark : str
         Why there are none.
     """
 
-    by_symbol: dict[str, float]
+    of_data: dict[str, float]
+    with_prior: dict[str, float]
     remark: str = ""
 
 
-def cramer_rao_bounds(dataset: Dataset, estimates: Sequence[Estimate]) -> dict[str, Bounds]:
-    """Bounds by filter: at the truth where there is one, else at the values that the filter came to.
+class BoundsOf:
+    """Function from an estimate to its bounds: at the truth where there is one, else at the values it came to.
 
-    White noise as large as the sensors state is presumed, no process noise, and no prior.
+    White noise as large as the sensors state is presumed, and no process noise. At the truth the bounds of several
+    filters are the same, and are found only once.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        From which the estimates were made.
     """
-    found: dict[str, Bounds] = {}
-    at_truth: dict[str, Bounds] = {}
-    for estimate in estimates:
-        if dataset.truth is None:
-            found[estimate.filter] = _bounds(dataset, estimate)
-            continue
-        settings = estimate.experiment.model_dump_json()
-        if settings not in at_truth:
-            at_truth[settings] = _bounds(dataset, estimate)
-        found[estimate.filter] = at_truth[settings]
-    return found
+
+    def __init__(self, dataset: Dataset) -> None:
+        self._dataset = dataset
+        self._found: dict[str, Bounds] = {}
+
+    def __call__(self, estimate: Estimate) -> Bounds:
+        """Bounds of an estimate, with the settings with which it was made."""
+        key = estimate.experiment.model_dump_json()
+        if self._dataset.truth is None:
+            key += estimate.filter
+        if key not in self._found:
+            self._found[key] = _bounds(self._dataset, estimate)
+        found = self._found[key]
+        settings = estimate.experiment.identification.output_error
+        if estimate.filter == FilterName.OUTPUT_ERROR and not settings.use_prior:
+            return found._replace(with_prior=found.of_data)
+        return found
 
 
 def _bounds(dataset: Dataset, estimate: Estimate) -> Bounds:
-    # As it was identified; an earlier estimate would only be looked up for its prior, which has no part in this.
     settings = estimate.experiment.identification
+    # An earlier estimate may have gone since.
     prior = settings.prior.model_copy(update={"from_estimate": None})
     identification = settings.model_copy(update={"prior": prior})
     experiment = estimate.experiment.model_copy(update={"identification": identification})
@@ -59,19 +75,13 @@ def _bounds(dataset: Dataset, estimate: Estimate) -> Bounds:
     try:
         information = information_at(replace(dataset, experiment=experiment), values, true_start(dataset))
     except DataError as error:
-        return Bounds({}, str(error))
-    return Bounds(information.bound())
-
-
-def joint_deviation(bound: float, prior: float) -> float:
-    """Standard deviation where a prior is added to what the data say; infinite where neither says anything."""
-    precision = float(np.hypot(1.0 / bound, 1.0 / prior))
-    return 1.0 / precision if precision else np.inf
+        return Bounds({}, {}, str(error))
+    return Bounds(information.bound(), {} if settings.prior.from_estimate else information.bound_with_prior())
 
 
 def true_start(dataset: Dataset) -> Array | None:
-    """The true motion where filters start, shape (9,); None without truth."""
+    """The true motion next to where filters start, shape (9,); None without truth."""
     if dataset.truth is None:
         return None
     start, _ = initial_motion(dataset, measuring_sensors(dataset))
-    return dataset.truth.motion[np.searchsorted(dataset.truth.time, start - 1e-9)]
+    return dataset.truth.motion[np.argmin(np.abs(dataset.truth.time - start))]

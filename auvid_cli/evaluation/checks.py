@@ -8,8 +8,8 @@ from scipy.stats import chi2
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import Dataset, TruthRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.accuracy import LARGEST_RELATIVE_DEVIATION
-from auvid_cli.evaluation.bounds import Bounds, joint_deviation
+from auvid_cli.evaluation.accuracy import LARGEST_SHARE_OF_VALUE, shares_of_value
+from auvid_cli.evaluation.bounds import Bounds
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.data_checks import data_checks
 from auvid_cli.evaluation.innovation_checks import innovation_checks
@@ -22,6 +22,8 @@ _LARGEST_SHARE = 0.5
 # Standard deviation of an estimate in terms of the least that data and prior allow: the bound is that of the true
 # values, and a filter linearises, hence some room below.
 _LEAST_OF_BOUND, _LARGEST_OF_BOUND = 0.8, 3.0
+# Standard deviations from a limit at which a fit has ended there.
+_AT_LIMIT = 0.01
 # Times the natural magnitude of a plain body of that size.
 _LARGEST_SIZE = 30.0
 _SIGMAS = 3.0
@@ -32,17 +34,22 @@ _CONFIDENCE = 0.99
 
 
 def check_estimate(dataset: Dataset, estimate: Estimate, bounds: Bounds) -> list[Check]:
-    """All verdicts on one estimate, those that need the truth only where there is one."""
+    """All verdicts on one estimate; of one that did not end well only those on the data and the innovations."""
     checks = [_finished(estimate), *data_checks(dataset, estimate.filter, list(estimate.innovations))]
-    checks += [*innovation_checks(dataset, estimate), *_information(estimate)]
-    checks += _against_bounds(estimate, bounds)
-    checks += [*_plausibility(estimate), *_sensor_errors(estimate)]
-    if dataset.truth is not None and estimate.completed:
+    checks += innovation_checks(dataset, estimate)
+    if not estimate.completed:
+        return checks
+    checks += [*_information(estimate, dataset.truth, bounds), *_against_bounds(estimate, bounds)]
+    checks += [*_at_limits(estimate), *_plausibility(estimate), *_sensor_errors(estimate)]
+    if dataset.truth is not None:
         checks += _against_truth(estimate, dataset.truth)
     return checks
 
 
 def _finished(estimate: Estimate) -> Check:
+    advice = "Narrow the prior, start more gently, or look at that sensor at that time."
+    if estimate.filter == FilterName.OUTPUT_ERROR:
+        advice = "The data do not determine the model, or it is unstable in open loop: use a filter, or a prior."
     return Check.of(
         estimate.filter,
         "run",
@@ -50,71 +57,66 @@ def _finished(estimate: Estimate) -> Check:
         f"{estimate.time[-1]:.6g} s",
         "to the end of the data",
         estimate.completed,
-        f"{estimate.status}. Narrow the prior, start more gently, or look at that sensor at that time.",
-    )
-
-
-def _priors(estimate: Estimate) -> dict[str, float]:
-    settings = estimate.experiment.identification
-    return prior_standard_deviations(
-        estimate.experiment.vehicle.size, settings.prior.factor, settings.prior.standard_deviation
+        f"{estimate.status}. {advice}",
     )
 
 
 def _against_bounds(estimate: Estimate, bounds: Bounds) -> list[Check]:
-    """Whether the filter claims more than the data hold, or got much less."""
-    if not estimate.completed:
-        return []
+    """Whether the filter claims more than data and prior hold, or got much less."""
     if bounds.remark:
         advice = f"No Cramer-Rao bound: {bounds.remark}. The coefficients do not make a model of this vehicle."
         return [Check.of(estimate.filter, "coefficients", "bound", "none", "known", False, advice)]
-    settings = estimate.experiment.identification
-    # An earlier estimate as the prior says more than the prior that is looked at here.
-    priors = _priors(estimate) if settings.prior.from_estimate is None else {}
-    if estimate.filter == FilterName.OUTPUT_ERROR and not settings.output_error.use_prior:
-        priors = {}
     ratio = {}
-    for symbol, bound in bounds.by_symbol.items():
+    for symbol, least in bounds.with_prior.items():
         if symbol in SYMBOLS:
-            least = joint_deviation(bound, priors.get(symbol, np.inf))
             deviation = float(estimate.standard_deviation[-1, estimate.state.index(symbol)])
             ratio[symbol] = 1.0 if deviation == least == np.inf else deviation / least
-    own = estimate.filter, "coefficients"
-    checks = [
-        Check.of_largest(
-            *own,
-            "near the bound",
-            ratio,
-            _LARGEST_OF_BOUND,
-            "times the least standard deviation that data and prior allow",
-            "The data hold more than this filter got out of them: lower the process noise, or use output_error.",
-            fails=False,
-        )
+    if not ratio:
+        return []
+    own, meaning = (estimate.filter, "coefficients"), "times the least standard deviation that data and prior allow"
+    above = "The data hold more than this filter got out of them: lower the process noise, or use output_error."
+    below = (
+        "The filter claims more than the data hold: do not use its standard deviations. Its linearisation fails; "
+        "narrow the prior, or use a sigma-point filter or output_error."
+    )
+    if estimate.filter == FilterName.OUTPUT_ERROR:
+        above = below = "The bound is another at the true values: the fit is far from them."
+    return [
+        Check.of_largest(*own, "near the bound", ratio, _LARGEST_OF_BOUND, meaning, above, fails=False),
+        Check.of_smallest(*own, "not below the bound", ratio, _LEAST_OF_BOUND, meaning, below),
     ]
-    if settings.prior.from_estimate is None:
-        checks.append(
-            Check.of_smallest(
-                *own,
-                "not below the bound",
-                ratio,
-                _LEAST_OF_BOUND,
-                "times the least standard deviation that data and prior allow",
-                "The filter claims more than the data hold: do not use its standard deviations. Its linearisation "
-                "fails; narrow the prior, or use a sigma-point filter or output_error.",
-            )
-        )
-    return checks
 
 
-def _information(estimate: Estimate) -> list[Check]:
+def _at_limits(estimate: Estimate) -> list[Check]:
+    """Coefficients of a fit that ended at the limits set for them."""
+    limits = estimate.experiment.identification.output_error.bounds
+    if estimate.filter != FilterName.OUTPUT_ERROR or not limits:
+        return []
+    held = []
+    for symbol, interval in limits.items():
+        i = estimate.state.index(symbol)
+        distance = np.abs(estimate.mean[-1, i] - np.array(interval)).min()
+        if distance < _AT_LIMIT * estimate.standard_deviation[-1, i]:
+            held.append(symbol)
+    advice = (
+        "These are the limits in `identification.output_error.bounds`, not estimates; their standard deviations know "
+        "nothing of the limits. Widen them, or find out why the data want to go beyond."
+    )
+    return [Check.of_names(estimate.filter, "within its limits", held, "none at a limit", advice)]
+
+
+def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) -> list[Check]:
     """What the data added to the prior, and how much of each value is known."""
-    priors = _priors(estimate)
-    left, vague = {}, {}
+    settings = estimate.experiment.identification
+    priors = prior_standard_deviations(
+        estimate.experiment.vehicle.size, settings.prior.factor, settings.prior.standard_deviation
+    )
+    left = {}
     for i, symbol in enumerate(estimate.state):
         if symbol in SYMBOLS:
-            deviation = estimate.standard_deviation[-1, i]
-            left[symbol] = deviation / priors[symbol]
-            vague[symbol] = deviation / abs(estimate.mean[-1, i])
+            # What an earlier estimate knew is what the filter begins with.
+            before = priors[symbol] if settings.prior.from_estimate is None else estimate.standard_deviation[0, i]
+            left[symbol] = float(estimate.standard_deviation[-1, i] / before)
     return [
         Check.of_largest(
             estimate.filter,
@@ -124,15 +126,15 @@ def _information(estimate: Estimate) -> list[Check]:
             _LARGEST_SHARE,
             "of the prior's standard deviation is left",
             "The data hardly moved these: excite them, hold them at known values (`identification.coefficients`), or "
-            "report them as unknown.",
+            "report them as unknown, or as what the earlier estimate knew.",
         ),
         Check.of_largest(
             estimate.filter,
             "coefficients",
             "identified",
-            vague,
-            LARGEST_RELATIVE_DEVIATION,
-            "of the value is its standard deviation",
+            shares_of_value(estimate, truth, bounds.of_data),
+            LARGEST_SHARE_OF_VALUE,
+            "of the value is its uncertainty",
             "The data do not determine these; do not use the numbers. A longer or livelier manoeuvre may.",
         ),
     ]

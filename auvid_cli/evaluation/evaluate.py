@@ -1,6 +1,6 @@
 """Everything the report needs to know of a dataset and its estimates."""
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from typing import NamedTuple
 
 from auvid_cli.data.dataset import Dataset
@@ -41,13 +41,14 @@ class Evaluation(NamedTuple):
     remarks: list[str]
 
 
-def evaluate(dataset: Dataset, estimates: list[Estimate], bounds: Mapping[str, Bounds]) -> Evaluation:
-    """Evaluate estimates against the dataset they came from, its truth where it has one, and bounds by filter."""
+def evaluate(dataset: Dataset, estimates: list[Estimate], bounds_of: Callable[[Estimate], Bounds]) -> Evaluation:
+    """Evaluate estimates against the dataset they came from, its truth where it has one, and their bounds."""
+    bounds = {estimate.filter: bounds_of(estimate) for estimate in estimates}
     remarks = {f"no Cramer-Rao bound: {found.remark}" for found in bounds.values() if found.remark}
     evaluation = Evaluation([], [], [], [], [], {}, sorted(remarks))
     for estimate in estimates:
         run, errors = free_run(dataset, estimate)
-        results = coefficient_results(estimate, dataset.truth, bounds[estimate.filter].by_symbol)
+        results = coefficient_results(estimate, dataset.truth, bounds[estimate.filter].of_data)
         steps = max(estimate.steps, 1)
         evaluation.coefficients.extend(results)
         evaluation.summary.append(

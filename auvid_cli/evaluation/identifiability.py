@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Collinear, Identifiability, SensorErrorBound
-from auvid_cli.evaluation.bounds import joint_deviation, true_start
+from auvid_cli.evaluation.bounds import true_start
 from auvid_cli.evaluation.sensor_errors import is_observed
 from auvid_cli.filters.information import Information
 from auvid_cli.identification.biases import sensor_errors
@@ -117,7 +117,8 @@ def assess(
         row = np.zeros(to_si.size)
         row[place] = to_si[place]
         deviation = float(uncertainty.deviation(row))
-        errors[symbol] = SensorErrorBound(deviation, spread, is_observed(joint_deviation(deviation, spread), spread))
+        together = 1.0 / np.hypot(1.0 / deviation, 1.0 / spread)
+        errors[symbol] = SensorErrorBound(deviation, spread, is_observed(together, spread))
     return Identifiability(bounds, groups, shares, correlation, growth, errors)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
 from auvid_cli.filters.information import Information
+from auvid_cli.filters.problem import Belief
 from auvid_cli.filters.sensitivities import responses
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.vehicle.coefficients import SYMBOLS
@@ -29,6 +30,8 @@ class DatasetInformation:
     scale : ndarray, shape (n,)
         SI value of one unit of each in which the information is given: of a coefficient its prior standard deviation,
         of a motion state one.
+    prior : Belief
+        That a filter would start from, in the same units.
     by_sensor : dict of Information
         Of each sensor that measures motion.
     growing : tuple of (float, Information)
@@ -37,6 +40,7 @@ class DatasetInformation:
 
     state: tuple[str, ...]
     scale: Array
+    prior: Belief
     by_sensor: dict[str, Information]
     growing: tuple[tuple[float, Information], ...]
 
@@ -50,7 +54,13 @@ class DatasetInformation:
 
         Infinite for what the readings do not tell from the rest.
         """
-        information = self.total if sensor is None else self.by_sensor[sensor]
+        return self._deviations(self.total if sensor is None else self.by_sensor[sensor])
+
+    def bound_with_prior(self) -> dict[str, float]:
+        """The same from all sensors and the prior together, on all of the state."""
+        return self._deviations(self.total.join(Information.of_belief(self.prior, self.prior.mean)))
+
+    def _deviations(self, information: Information) -> dict[str, float]:
         deviation = self.scale * information.uncertainty().deviation(np.eye(self.scale.size))
         return dict(zip(self.state, deviation.tolist(), strict=True))
 
@@ -94,4 +104,4 @@ def information_at(
             by_sensor[name] = by_sensor[name].with_response(response, own)
         duration = float(response.timeline.time[-1]) - problem.timelines.span[0]
         growing.append((duration, reduce(Information.join, by_sensor.values())))
-    return DatasetInformation(problem.state, problem.scale, by_sensor, tuple(growing))
+    return DatasetInformation(problem.state, problem.scale, problem.prior, by_sensor, tuple(growing))

@@ -77,8 +77,10 @@ class FilterRun:
             reached = float(timeline.time[min(good, timeline.time.size - 1)])
             if readings := timeline.reading_offset[good]:
                 heard = int(timeline.reading_sensor[readings - 1])
-            if len(records.nis):
-                sigmas = float(np.sqrt(records.nis[-1]))
+            # Of the readings at which it failed some may not have been looked at.
+            judged = records.nis[np.isfinite(records.nis)]
+            if judged.size:
+                sigmas = float(np.sqrt(judged[-1]))
             filtering[:] -= _clocks()
 
         filtering -= _clocks()

@@ -37,7 +37,10 @@ class Unidentified(NamedTuple):
 # None, like a number that is not finite, is a value that should stand here and does not.
 Cell: TypeAlias = str | float | Symbol | Unit | PlusMinus | Unidentified | None
 # Where the mark is explained.
-UNIDENTIFIED = "† not identified: the standard deviation, or the least that the data allow, is above 20 % of the value."
+UNIDENTIFIED = (
+    "† not identified: the standard deviation, or the least that the data allow, is above 20 % of the value, or the "
+    "filter diverged."
+)
 
 
 class Column(NamedTuple):

@@ -54,8 +54,10 @@ def test_without_truth_there_are_estimates_but_no_errors(hand_made):
 
 def test_after_divergence_there_are_no_errors(hand_made, truth_of):
     estimate = hand_made([0, 1], {"Y_url": [0.0, 2.0]}, status="diverged at t = 2.000 s: why")
-    (result,) = coefficient_results(estimate, truth_of(Y_url=1.0), {})
+    (result,) = coefficient_results(estimate, truth_of(Y_url=1.0), {"Y_url": 0.1})
     assert (result.rmse, result.steady_state_error_percent) == (None, None)
+    assert result.times_bound is None
+    assert not result.identified
 
 
 def test_only_coefficients_have_results_in_the_order_of_the_state(hand_made, truth_of):

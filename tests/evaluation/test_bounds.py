@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.evaluation.bounds import Bounds, cramer_rao_bounds, joint_deviation
+from auvid_cli.evaluation.bounds import Bounds, BoundsOf
 from auvid_cli.evaluation.checks import check_estimate, failed
+from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
@@ -17,42 +19,70 @@ def ckf(short_estimates):
     return short_estimates[FilterName.CKF]
 
 
+def with_identification(estimate, **changes):
+    """The same estimate with other settings, as if it had been made with them."""
+    settings = estimate.experiment.identification.model_copy(update=changes)
+    return replace(estimate, experiment=estimate.experiment.model_copy(update={"identification": settings}))
+
+
 def test_with_truth_the_bound_is_one_for_all_and_that_of_the_true_motion(short_run, short_estimates):
-    bounds = cramer_rao_bounds(short_run, list(short_estimates.values()))
-    assert list(bounds) == [name.value for name in short_estimates]
-    assert all(found == bounds["ckf"] for found in bounds.values())
+    bounds_of = BoundsOf(short_run)
+    bounds = {name: bounds_of(estimate).of_data for name, estimate in short_estimates.items()}
+    assert all(found is bounds[FilterName.CKF] for found in bounds.values())
     truth = short_run.truth
     at_start = truth.motion[np.argmin(np.abs(truth.time - short_estimates[FilterName.CKF].time[0]))]
-    assert bounds["ckf"].by_symbol == information_at(short_run, truth.coefficients, at_start).bound()
-    assert set(SYMBOLS) < set(bounds["ckf"].by_symbol)
+    assert bounds[FilterName.CKF] == information_at(short_run, truth.coefficients, at_start).bound()
+    assert set(SYMBOLS) < set(bounds[FilterName.CKF])
 
 
 def test_without_truth_it_is_that_of_each_estimate_and_nearly_the_same(short_run, short_estimates):
-    estimates = [short_estimates[FilterName.CKF], short_estimates[FilterName.OUTPUT_ERROR]]
-    with_truth = cramer_rao_bounds(short_run, estimates)["ckf"].by_symbol
-    bounds = cramer_rao_bounds(short_run.without_truth(), estimates)
-    assert bounds["ckf"] != bounds["output_error"]
-    for found in bounds.values():
-        ratio = [found.by_symbol[symbol] / with_truth[symbol] for symbol in SYMBOLS]
+    with_truth = BoundsOf(short_run)(short_estimates[FilterName.CKF]).of_data
+    bounds_of = BoundsOf(short_run.without_truth())
+    found = [bounds_of(short_estimates[name]).of_data for name in (FilterName.CKF, FilterName.OUTPUT_ERROR)]
+    assert found[0] != found[1]
+    for bounds in found:
+        ratio = [bounds[symbol] / with_truth[symbol] for symbol in SYMBOLS]
         assert np.abs(np.log(ratio)).max() < 0.2
 
 
+def test_with_the_prior_it_is_that_of_both_informations_together(simulated_with, ckf):
+    """On 10 s of data the prior on one coefficient helps others a good deal; checked with plain matrices."""
+    dataset = simulated_with("manoeuvre.duration=10 s")
+    estimate = replace(ckf, experiment=dataset.experiment)
+    bounds = BoundsOf(dataset)(estimate)
+    start = dataset.truth.motion[np.argmin(np.abs(dataset.truth.time - 0.01))]
+    information = information_at(dataset, dataset.truth.coefficients, start)
+    prior = augmented_problem(dataset).prior
+    total = information.total.factor.T @ information.total.factor + np.linalg.inv(prior.factor @ prior.factor.T)
+    expected = information.scale * np.sqrt(np.diag(np.linalg.inv(total)))
+    assert_allclose([bounds.with_prior[symbol] for symbol in information.state], expected, rtol=1e-6)
+    each_alone = [1.0 / np.hypot(1.0 / bounds.of_data[s], 1.0 / scale) for s, scale in zip(SYMBOLS, information.scale)]
+    assert np.min(np.array([bounds.with_prior[s] for s in SYMBOLS]) / each_alone) < 0.8
+
+
+def test_the_prior_counts_for_the_output_error_method_only_if_it_was_used(short_run, short_estimates):
+    bounds_of, estimate = BoundsOf(short_run), short_estimates[FilterName.OUTPUT_ERROR]
+    assert bounds_of(estimate).with_prior == bounds_of(estimate).of_data
+    settings = estimate.experiment.identification.output_error.model_copy(update={"use_prior": True})
+    used = bounds_of(with_identification(estimate, output_error=settings))
+    assert used.with_prior != used.of_data
+
+
 def test_the_settings_are_those_of_the_estimate_and_an_earlier_one_is_not_looked_up(short_run, ckf):
-    settings = ckf.experiment.identification
-    prior = settings.prior.model_copy(update={"from_estimate": "no such file.h5"})
-    changed = settings.model_copy(update={"prior": prior, "coefficients": ("X_u|u|", "N_url")})
-    estimate = replace(ckf, experiment=ckf.experiment.model_copy(update={"identification": changed}))
-    few, all_of_them = (cramer_rao_bounds(short_run, [e])["ckf"].by_symbol for e in (estimate, ckf))
-    assert few.keys() & set(SYMBOLS) == {"X_u|u|", "N_url"}
-    assert few["N_url"] < all_of_them["N_url"]
+    prior = ckf.experiment.identification.prior.model_copy(update={"from_estimate": "no such file.h5"})
+    bounds_of = BoundsOf(short_run)
+    few = bounds_of(with_identification(ckf, prior=prior, coefficients=("X_u|u|", "N_url")))
+    assert few.of_data.keys() & set(SYMBOLS) == {"X_u|u|", "N_url"}
+    assert few.of_data["N_url"] < bounds_of(ckf).of_data["N_url"]
+    assert few.with_prior == {}
 
 
 def test_coefficients_that_make_no_model_have_no_bound_and_fail_the_check(short_run, ckf):
     ckf = replace(ckf, mean=ckf.mean.copy())
     ckf.mean[-1, ckf.state.index("X_u|u|")] = 1e6
     dataset = short_run.without_truth()
-    bounds = cramer_rao_bounds(dataset, [ckf])["ckf"]
-    assert bounds.by_symbol == {}
+    bounds = BoundsOf(dataset)(ckf)
+    assert bounds.of_data == bounds.with_prior == {}
     assert "blows up" in bounds.remark
     assert "bound" in {check.check for check in failed(check_estimate(dataset, ckf, bounds))}
 
@@ -60,16 +90,35 @@ def test_coefficients_that_make_no_model_have_no_bound_and_fail_the_check(short_
 @pytest.mark.parametrize(("share", "failing", "noted"), [(1.0, False, False), (0.5, True, False), (4.0, False, True)])
 def test_standard_deviations_are_checked_against_the_least_that_are_possible(short_run, ckf, share, failing, noted):
     places = [ckf.state.index(symbol) for symbol in SYMBOLS]
-    known = {symbol: ckf.standard_deviation[-1, i] for symbol, i in zip(SYMBOLS, places, strict=True)}
-    # Priors are so wide that they do not count.
-    bounds = Bounds({symbol: deviation / share for symbol, deviation in known.items()})
-    checks = {check.check: check.passed for check in check_estimate(short_run, ckf, bounds)}
+    known = {symbol: ckf.standard_deviation[-1, i] / share for symbol, i in zip(SYMBOLS, places, strict=True)}
+    checks = {check.check: check.passed for check in check_estimate(short_run, ckf, Bounds({}, known))}
     assert checks["not below the bound"] is not failing
     assert checks["near the bound"] is (None if noted else True)
 
 
-def test_data_and_prior_add_their_information():
-    assert joint_deviation(3.0, 4.0) == pytest.approx(2.4)
-    assert joint_deviation(np.inf, 4.0) == 4.0
-    assert joint_deviation(3.0, np.inf) == 3.0
-    assert joint_deviation(np.inf, np.inf) == np.inf
+def test_a_fit_that_ends_at_a_limit_is_no_estimate_and_that_is_said(short_run, short_estimates):
+    estimate = short_estimates[FilterName.OUTPUT_ERROR]
+    place = estimate.state.index("N_uvl")
+    value, deviation = estimate.mean[-1, place], estimate.standard_deviation[-1, place]
+    for upper, passed in ((value + 1e-6 * deviation, False), (value + 0.5 * deviation, True)):
+        settings = estimate.experiment.identification.output_error.model_copy(
+            update={"bounds": {"N_uvl": (0.0, upper)}}
+        )
+        limited = with_identification(estimate, output_error=settings)
+        checks = {check.check: check.passed for check in check_estimate(short_run, limited, Bounds({}, {}))}
+        assert checks["within its limits"] is passed
+
+
+def test_with_an_earlier_estimate_the_information_is_what_was_added_to_it(short_run, ckf):
+    prior = ckf.experiment.identification.prior.model_copy(update={"from_estimate": "earlier.h5"})
+    estimate = with_identification(ckf, prior=prior)
+    nothing_new = replace(estimate, standard_deviation=np.repeat(estimate.standard_deviation[-1:], 6360, axis=0))
+    for one, passed in ((estimate, True), (nothing_new, False)):
+        checks = {check.check: check.passed for check in check_estimate(short_run, one, Bounds({}, {}))}
+        assert checks["information"] is passed
+
+
+def test_of_a_diverged_estimate_nothing_is_said_of_the_coefficients(short_run, ckf):
+    diverged = replace(ckf, status="diverged at t = 1 s: why")
+    subjects = {check.subject for check in check_estimate(short_run, diverged, BoundsOf(short_run)(diverged))}
+    assert "coefficients" not in subjects

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.evaluation.bounds import cramer_rao_bounds
+from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.checks import check_estimate, failed
 from auvid_cli.identification.identify import identify
 
@@ -40,7 +40,7 @@ def long_enough(simulated_with):
 def verdicts(dataset, filter_name=FilterName.TUKF):
     """All, and the names of those that failed, as (subject, check)."""
     estimate = identify(dataset, filter_name)
-    checks = check_estimate(dataset, estimate, cramer_rao_bounds(dataset, [estimate])[filter_name])
+    checks = check_estimate(dataset, estimate, BoundsOf(dataset)(estimate))
     return checks, {(check.subject, check.check) for check in failed(checks)}
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.evaluation.bounds import cramer_rao_bounds
+from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.evaluation.free_run import free_run
 from auvid_cli.vehicle.coefficients import SYMBOLS
@@ -88,7 +88,7 @@ def test_a_model_that_blows_up_has_no_error(noiseless, with_coefficients):
 
 def test_evaluation_holds_a_row_for_each_filter_and_coefficient(short_run, short_estimates):
     estimates = list(short_estimates.values())
-    evaluation = evaluate(short_run, estimates, cramer_rao_bounds(short_run, estimates))
+    evaluation = evaluate(short_run, estimates, BoundsOf(short_run))
     filters = [name.value for name in short_estimates]
     assert [row.filter for row in evaluation.summary] == filters
     assert [(row.filter, row.coefficient) for row in evaluation.coefficients] == [
@@ -104,7 +104,7 @@ def test_evaluation_holds_a_row_for_each_filter_and_coefficient(short_run, short
 
 def test_evaluation_without_truth_has_velocity_errors_only(short_run, short_estimates):
     dataset, estimates = short_run.without_truth(), list(short_estimates.values())
-    evaluation = evaluate(dataset, estimates, cramer_rao_bounds(dataset, estimates))
+    evaluation = evaluate(dataset, estimates, BoundsOf(dataset))
     assert all(row.rmse is None and row.steady_state_error_percent is None for row in evaluation.coefficients)
     assert all(row.average_steady_state_error_percent is None for row in evaluation.summary)
     assert all(row.mean_absolute_error is not None for row in evaluation.velocity_errors)

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from auvid_cli.config.experiment import FilterName
 from auvid_cli.errors import ConfigError, DataError
-from auvid_cli.evaluation.bounds import cramer_rao_bounds
+from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.consistency import sensor_consistency, verdict
 from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.identification.fisher import information_at
@@ -104,7 +104,7 @@ def test_one_evaluation_is_not_enough_and_that_is_said(white_run, with_settings)
     assert estimate.status.startswith("unconverged")
     assert "max_evaluations = 1;" in estimate.status
     assert not estimate.completed
-    (row,) = evaluate(white_run, [estimate], cramer_rao_bounds(white_run, [estimate])).summary
+    (row,) = evaluate(white_run, [estimate], BoundsOf(white_run)).summary
     assert row.status == estimate.status
     assert row.average_steady_state_error_percent is None
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from auvid_cli.config.load import find_experiment, load_experiment
-from auvid_cli.evaluation.bounds import cramer_rao_bounds
+from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.identification.identify import identify
 from auvid_cli.report.csv_tables import write_csv_tables
@@ -30,7 +30,7 @@ def tables(tmp_path_factory, request):
     experiment = load_experiment(find_experiment("spiral"))
     dataset = simulate(experiment)
     estimates = [identify(dataset, name) for name in experiment.identification.filters]
-    evaluation = evaluate(dataset, estimates, cramer_rao_bounds(dataset, estimates))
+    evaluation = evaluate(dataset, estimates, BoundsOf(dataset))
     folder = tmp_path_factory.mktemp("tables")
     if request.config.getoption("--update-reference"):
         folder = REFERENCE
