@@ -53,7 +53,13 @@ def assess_to(folder: Path, dataset: Dataset, at: Path | None, terminal: Termina
 
     The coefficients are those of an estimate file, if one is named.
     """
-    known = read_estimate(at).final_coefficients() if at is not None else None
+    known, where = None, "the true coefficients" if dataset.truth is not None else "those of the vehicle file"
+    vehicle = dataset.experiment.vehicle.name
+    if at is not None:
+        earlier = read_estimate(at)
+        known, where = earlier.final_coefficients(), f"those of {at}"
+        if earlier.experiment.vehicle.name != vehicle:
+            where += f", which is of another vehicle ({earlier.experiment.vehicle.name})"
     with terminal.compiling():
         from auvid_cli.evaluation.identifiability import assess_dataset
         from auvid_cli.report.csv_tables import write_identifiability
@@ -64,6 +70,7 @@ def assess_to(folder: Path, dataset: Dataset, at: Path | None, terminal: Termina
     with drawing(folder) as figures, terminal.progress("figures") as (progress,):
         figures.add_identifiability(found)
         paths += figures.finish(progress)
+    terminal.say(f"{vehicle}, at {where}:")
     print_identifiability(terminal.out, found)
     for path in paths:
         terminal.say(str(path))

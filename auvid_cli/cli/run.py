@@ -40,6 +40,8 @@ def run(
         if dry_run:
             pipeline.print_settings(loaded)
             return
+        chosen = tuple(filters or loaded.identification.filters)
+        loaded.identification.check_filters(chosen)
         terminal = Terminal(quiet, verbose)
         folder = pipeline.results_folder(loaded, output)
         # The filters know nothing of vehicles, so the halves have no function in common.
@@ -47,7 +49,6 @@ def run(
             dataset = pipeline.simulate_to(folder, loaded, terminal)
             with terminal.compiling():
                 import auvid_cli.identification.process  # noqa: F401
-        chosen = tuple(filters or loaded.identification.filters)
         bounds_of = pipeline.bounds_of(dataset, terminal)
         with pipeline.drawing(folder) as figures:
 

@@ -65,7 +65,8 @@ class Terminal:
         # Progress goes to the error stream, so that output can be piped.
         self._err = Console(stderr=True, quiet=quiet)
         self._partner: subprocess.Popen | None = None
-        self._said = False
+        # Whether compiling has begun in the present block, and whether that stands on a screen that keeps its lines.
+        self._compiles = self._printed = False
 
     def say(self, message: str) -> None:
         """Print a line, as it is."""
@@ -92,7 +93,7 @@ class Terminal:
     def compiling(self) -> Iterator[Callable[[], None]]:
         """Load the compiled core, and say so where it has to be compiled; yields what says so.
 
-        The compiler swallows an interrupt, so one ends the process on the spot.
+        The compiler swallows an interrupt, so from then on one ends the process on the spot.
         """
         from auvid_cli.compilation import told_of_compilation
 
@@ -103,16 +104,19 @@ class Terminal:
                 def say_so() -> None:
                     label = "compiling the numerical core, once: some 10 to 20 s"
                     change(label)
-                    if not self._err.is_terminal and not self.quiet and not self._said:
+                    if not self._err.is_terminal and not self.quiet and not self._printed:
                         print(f"auvid: {label}", file=sys.stderr)
-                    self._said = True
+                    self._compiles = self._printed = True
 
                 with told_of_compilation(say_so):
                     yield say_so
         finally:
+            self._compiles = False
             signal.signal(signal.SIGINT, before)
 
     def _leave_at_once(self, number: int, frame: FrameType | None) -> None:
+        if not self._compiles:
+            raise KeyboardInterrupt
         if self._partner is not None:
             self._partner.kill()
         # A spinner hides the cursor and leaves its line half written.

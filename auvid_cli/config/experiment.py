@@ -1,5 +1,7 @@
 """Settings of an experiment: vehicle, sensors, manoeuvre, and how to identify."""
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -11,6 +13,7 @@ from auvid_cli.config.model import Settings
 from auvid_cli.config.quantity import Unit, parse_quantity
 from auvid_cli.config.sensors import SensorSuite
 from auvid_cli.config.vehicle import VehicleSettings
+from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
 
@@ -162,6 +165,17 @@ class Identification(Settings):
     def estimated(self) -> tuple[str, ...]:
         """Symbols of the coefficients to estimate, in the order of the table."""
         return SYMBOLS if self.coefficients == "all" else tuple(self.coefficients)
+
+    def check_filters(self, filters: Sequence[FilterName]) -> None:
+        """Raise ConfigError or FileError if filters cannot run with these settings, whatever the data."""
+        if self.gate is not None and FilterName.OUTPUT_ERROR in filters:
+            raise ConfigError(
+                "identification.gate has no meaning for output_error, which weighs all readings at once; leave out "
+                "the gate or the filter"
+            )
+        earlier = self.prior.from_estimate
+        if earlier is not None and not Path(earlier).is_file():
+            raise FileError(f"identification.prior.from_estimate: {earlier}: no such estimate file")
 
 
 def check_symbol(symbol: str) -> None:

@@ -1,12 +1,14 @@
 """How far each coefficient came from the truth."""
 
 from collections.abc import Mapping
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
 
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.identification.prior import natural_magnitude
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
@@ -34,9 +36,9 @@ class CoefficientResult(NamedTuple):
         Least standard deviation that the data allow, see `auvid_cli.evaluation.bounds`; None where it is not known.
     times_bound : float or None
         ``standard_deviation / cramer_rao_bound``: how much of what the data hold the filter claims to have got. Below
-        one it claims more, or its prior does. None also after divergence.
+        one it claims more, or its prior does. None also after divergence, and where the bound is infinite.
     identified : bool
-        Whether its share of the value, see `shares_of_value`, is small enough; not after divergence.
+        Whether its share of the value, see `shares_of_value`, is small enough, and nothing is wrong with the filter.
     """
 
     filter: str
@@ -57,6 +59,7 @@ def coefficient_results(
 ) -> list[CoefficientResult]:
     """Results of one filter, in the order of its state; `bounds` are Cramer-Rao's by symbol, as far as known."""
     steady, shares = steady_part(estimate), shares_of_value(estimate, truth, bounds)
+    sound = verdict(estimate) == "completed"
     results = []
     for i, symbol in enumerate(estimate.state):
         if symbol not in SYMBOLS:
@@ -68,7 +71,7 @@ def coefficient_results(
             rmse = float(np.sqrt(np.mean((series - true) ** 2)))
             if true != 0.0:
                 error = float(abs(series[steady].mean() - true) / abs(true) * 100.0)
-        bound = bounds.get(symbol)
+        deviation, bound = float(estimate.standard_deviation[-1, i]), bounds.get(symbol)
         results.append(
             CoefficientResult(
                 estimate.filter,
@@ -76,12 +79,12 @@ def coefficient_results(
                 estimate.unit[i],
                 true,
                 float(series[-1]),
-                float(estimate.standard_deviation[-1, i]),
+                deviation,
                 rmse,
                 error,
                 bound,
-                float(estimate.standard_deviation[-1, i]) / bound if bound is not None and estimate.completed else None,
-                estimate.completed and shares[symbol] <= LARGEST_SHARE_OF_VALUE,
+                deviation / bound if bound is not None and isfinite(bound) and estimate.completed else None,
+                sound and shares[symbol] <= LARGEST_SHARE_OF_VALUE,
             )
         )
     return results
@@ -90,20 +93,18 @@ def coefficient_results(
 def shares_of_value(estimate: Estimate, truth: TruthRecord | None, bounds: Mapping[str, float]) -> dict[str, float]:
     """How large the uncertainty of each coefficient is in proportion, by symbol.
 
-    The larger of: the standard deviation over the estimate, and the Cramer-Rao bound, where it is known, over the true
-    value, else over the estimate. Where the truth is zero: both over the natural magnitude of a body of this size.
+    The larger of the standard deviation and, where it is known, the Cramer-Rao bound, over the true value, else over
+    the estimate. Where the truth is zero: over the natural magnitude of a body of this size.
     """
     shares = {}
     for i, symbol in enumerate(estimate.state):
         if symbol not in SYMBOLS:
             continue
-        final, deviation = abs(float(estimate.mean[-1, i])), float(estimate.standard_deviation[-1, i])
-        value = abs(truth.coefficients[symbol]) if truth is not None else final
+        value = abs(truth.coefficients[symbol] if truth is not None else float(estimate.mean[-1, i]))
         if truth is not None and value == 0.0:
-            size = estimate.experiment.vehicle.size
-            final = value = natural_magnitude(COEFFICIENTS[SYMBOLS.index(symbol)], size)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            shares[symbol] = float(np.maximum(np.divide(deviation, final), np.divide(bounds.get(symbol, 0.0), value)))
+            value = natural_magnitude(COEFFICIENTS[SYMBOLS.index(symbol)], estimate.experiment.vehicle.size)
+        uncertainty = max(float(estimate.standard_deviation[-1, i]), bounds.get(symbol, 0.0))
+        shares[symbol] = uncertainty / value if value else np.inf
     return shares
 
 

@@ -95,6 +95,8 @@ class Identifiability(NamedTuple):
         Duration, s, and bounds in percent after it.
     sensor_errors : dict of SensorErrorBound
         By symbol.
+    remark : str
+        What is missing.
     """
 
     bounds: list[CoefficientBound]
@@ -103,3 +105,4 @@ class Identifiability(NamedTuple):
     correlation: Array
     growth: list[tuple[float, Array]]
     sensor_errors: dict[str, SensorErrorBound]
+    remark: str = ""

@@ -16,6 +16,11 @@ from auvid_cli.identification.timeline import initial_motion, measuring_sensors
 Array = NDArray[np.float64]
 
 
+UNSTABLE = (
+    "the motion is unstable in open loop, and after {:.3g} s its sensitivities differ by more than numbers can hold"
+)
+
+
 class Bounds(NamedTuple):
     """Cramer-Rao bounds of the coefficients of an estimate, SI, by symbol; all empty if there are none.
 
@@ -76,6 +81,8 @@ def _bounds(dataset: Dataset, estimate: Estimate) -> Bounds:
         information = information_at(replace(dataset, experiment=experiment), values, true_start(dataset))
     except DataError as error:
         return Bounds({}, {}, str(error))
+    if information.lost_after is not None:
+        return Bounds({}, {}, UNSTABLE.format(information.lost_after))
     return Bounds(information.bound(), {} if settings.prior.from_estimate else information.bound_with_prior())
 
 

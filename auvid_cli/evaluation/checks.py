@@ -64,8 +64,7 @@ def _finished(estimate: Estimate) -> Check:
 def _against_bounds(estimate: Estimate, bounds: Bounds) -> list[Check]:
     """Whether the filter claims more than data and prior hold, or got much less."""
     if bounds.remark:
-        advice = f"No Cramer-Rao bound: {bounds.remark}. The coefficients do not make a model of this vehicle."
-        return [Check.of(estimate.filter, "coefficients", "bound", "none", "known", False, advice)]
+        return [Check.of(estimate.filter, "coefficients", "bound", "none", "known", None, f"{bounds.remark}.")]
     ratio = {}
     for symbol, least in bounds.with_prior.items():
         if symbol in SYMBOLS:
@@ -192,7 +191,7 @@ def _sensor_errors(estimate: Estimate) -> list[Check]:
             "sensor errors observed",
             names,
             "less than half of the prior left",
-            "This manoeuvre does not show these errors: their values are the prior's. The rest is not harmed by it.",
+            "This manoeuvre does not show these errors: do not use their values. The rest is not harmed by it.",
             fails=False,
         )
     ]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Collinear, Identifiability, SensorErrorBound
-from auvid_cli.evaluation.bounds import true_start
+from auvid_cli.evaluation.bounds import UNSTABLE, true_start
 from auvid_cli.evaluation.sensor_errors import is_observed
 from auvid_cli.filters.information import Information
 from auvid_cli.identification.biases import sensor_errors
@@ -57,7 +57,11 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     }
     errors = sensor_errors(dataset.experiment.identification.estimate)
     spreads = {error.symbol: (information.state.index(error.symbol), error.spread) for error in errors}
-    return assess(information.by_sensor, information.growing, values, information.scale, spreads)
+    found = assess(information.by_sensor, information.growing, values, information.scale, spreads)
+    lost = information.lost_after
+    return (
+        found if lost is None else found._replace(remark=f"{UNSTABLE.format(lost)}: only what comes before is judged")
+    )
 
 
 def assess(

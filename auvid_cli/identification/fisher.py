@@ -18,6 +18,9 @@ from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
 
+# A bound that grows by more than this with more data is rounding.
+_ROUNDED = 1.05
+
 
 @dataclass(frozen=True)
 class DatasetInformation:
@@ -36,6 +39,9 @@ class DatasetInformation:
         Of each sensor that measures motion.
     growing : tuple of (float, Information)
         Of all of them together up to some times, s, from the beginning; the whole last.
+    lost_after : float or None
+        s, from the beginning: what is said holds for the data up to there, because after it the sensitivities of a
+        motion that is unstable in open loop differ by more than doubles can hold.
     """
 
     state: tuple[str, ...]
@@ -43,6 +49,7 @@ class DatasetInformation:
     prior: Belief
     by_sensor: dict[str, Information]
     growing: tuple[tuple[float, Information], ...]
+    lost_after: float | None
 
     @property
     def total(self) -> Information:
@@ -94,14 +101,22 @@ def information_at(
         first = problem.state.index(MOTION_SYMBOLS[0])
         start[first : first + len(motion)] = motion
     by_sensor = dict.fromkeys(problem.measuring, Information.none(start.size))
-    growing = []
+    growing: list[tuple[float, Information]] = []
+    least, lost_after = np.full(start.size, np.inf), None
     for response in responses(problem.process, problem.sensors, problem.timelines, start):
         if response.blew_up:
             time = response.timeline.time[len(response.mean)]
             raise DataError(f"with these coefficients the model blows up at t = {time:.3f} s")
-        for sensor, name in enumerate(by_sensor):
-            own = response.timeline.reading_sensor == sensor
-            by_sensor[name] = by_sensor[name].with_response(response, own)
-        duration = float(response.timeline.time[-1]) - problem.timelines.span[0]
-        growing.append((duration, reduce(Information.join, by_sensor.values())))
-    return DatasetInformation(problem.state, problem.scale, problem.prior, by_sensor, tuple(growing))
+        longer = {
+            name: by_sensor[name].with_response(response, response.timeline.reading_sensor == sensor)
+            for sensor, name in enumerate(by_sensor)
+        }
+        together = reduce(Information.join, longer.values())
+        deviation = together.uncertainty().deviation(np.eye(start.size))
+        # More data cannot say less: if it seems so, rounding has the last word.
+        if (deviation > _ROUNDED * least).any():
+            lost_after = growing[-1][0]
+            break
+        by_sensor, least = longer, deviation
+        growing.append((float(response.timeline.time[-1]) - problem.timelines.span[0], together))
+    return DatasetInformation(problem.state, problem.scale, problem.prior, by_sensor, tuple(growing), lost_after)

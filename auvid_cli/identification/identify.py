@@ -12,7 +12,6 @@ from auvid_cli.config.experiment import Identification
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate, EstimateHeader, EstimatePart, Innovations, Outcome
-from auvid_cli.errors import ConfigError
 from auvid_cli.filters import problem
 from auvid_cli.filters.point_sets import cubature, transformed, unscented
 from auvid_cli.filters.problem import Belief, Ending, Receiver, Records, Timeline
@@ -185,6 +184,7 @@ def set_up_filters(
     ConfigError, DataError
         As `augmented_problem`.
     """
+    dataset.experiment.identification.check_filters(filter_names)
     augmented = augmented_problem(dataset)
     timelines = _Watched(augmented.timelines, before_each)
     return [
@@ -230,11 +230,6 @@ def _chosen_filter(
             from auvid_cli.filters.output_error import run_output_error
 
             stated = settings.output_error
-            if settings.gate is not None:
-                raise ConfigError(
-                    "identification.gate has no meaning for output_error, which weighs all readings at once; leave out "
-                    "the gate or the filter"
-                )
             run = partial(
                 run_output_error,
                 max_evaluations=stated.max_evaluations,

@@ -223,8 +223,7 @@ def unobserved(evaluation: Evaluation) -> list[str]:
         states = [row.state for row in evaluation.sensor_errors if row.filter == name and not row.observed]
         if states:
             sentences.append(
-                f"{filter_label(name)}: {', '.join(states)} cannot be observed on this manoeuvre; more than half of "
-                "the prior's standard deviation is left."
+                f"{filter_label(name)}: {', '.join(states)} cannot be observed on this manoeuvre; do not use the value."
             )
     return sentences
 

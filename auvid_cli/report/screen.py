@@ -73,19 +73,9 @@ def print_checks(console: Console, checks: Sequence[Check]) -> None:
 
 def print_identifiability(console: Console, found: Identifiability) -> None:
     """Print bounds by verdict, who contributes, what goes together, how bounds fall, and unseen sensor errors."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for header in ("symbol", "unit", "value", "bound", "bound %", "verdict", "mostly from", "goes with"):
-        numeric = header in ("value", "bound", "bound %")
-        table.add_column(header, justify="right" if numeric else "left", no_wrap=header != "goes with")
-    ranks = {label: rank for rank, (_, label) in enumerate(CLASSES)}
-    for bound in sorted(found.bounds, key=lambda one: ranks[one.verdict]):
-        cells = (
-            *(bound.coefficient, _printable(console, unit_text(bound.unit), bound.unit)),
-            *(_printed(bound.value), _printed(bound.cramer_rao_bound, 2), _printed(bound.percent, 2)),
-            *(bound.verdict, f"{bound.best_sensor} {bound.best_share:.0%}", bound.group),
-        )
-        table.add_row(*(Text(cell) for cell in cells))
-    console.print(table)
+    console.print(_bounds_that_fit(console, found))
+    if found.remark:
+        console.print(Text(f"{found.remark[0].upper()}{found.remark[1:]}."))
     for group in found.groups:
         console.print(
             Text(
@@ -98,12 +88,37 @@ def print_identifiability(console: Console, found: Identifiability) -> None:
         console.print(Text(f"{symbol}: bound {_printed(error.bound, 2)}, prior {_printed(error.prior, 2)}{unseen}"))
     half = min(found.growth, key=lambda entry: abs(entry[0] - 0.5 * found.growth[-1][0]))
     whole = found.growth[-1]
-    console.print(
-        Text(
-            f"median bound {np.median(half[1]):.2g} % after {half[0]:.4g} s, {np.median(whole[1]):.2g} % after "
-            f"{whole[0]:.4g} s"
-        )
-    )
+    medians = [f"{np.median(percent):.2g} % after {time:.4g} s" for time, percent in dict([half, whole]).items()]
+    console.print(Text(f"median bound {', '.join(medians)}"))
+
+
+def _bounds_that_fit(console: Console, found: Identifiability) -> Table:
+    """With as many columns as there is room for; symbol, bound in percent and verdict always."""
+    ranks = {label: rank for rank, (_, label) in enumerate(CLASSES)}
+    bounds = sorted(found.bounds, key=lambda one: ranks[one.verdict])
+    columns = {
+        "symbol": [bound.coefficient for bound in bounds],
+        "unit": [_printable(console, unit_text(bound.unit), bound.unit) for bound in bounds],
+        "value": [_printed(bound.value) for bound in bounds],
+        "bound": [_printed(bound.cramer_rao_bound, 2) for bound in bounds],
+        "bound %": [_printed(bound.percent, 2) for bound in bounds],
+        "verdict": [bound.verdict for bound in bounds],
+        "mostly from": [f"{bound.best_sensor} {bound.best_share:.0%}" for bound in bounds],
+        "goes with": [bound.group for bound in bounds],
+    }
+    if not found.groups:
+        del columns["goes with"]
+    unlimited, table = console.options.update(max_width=10_000), Table()
+    for dropped in ("", "goes with", "unit", "value", "bound", "mostly from"):
+        columns.pop(dropped, None)
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        for header in columns:
+            table.add_column(header, justify="right" if header in ("value", "bound", "bound %") else "left")
+        for row in zip(*columns.values(), strict=True):
+            table.add_row(*(Text(cell) for cell in row))
+        if console.measure(table, options=unlimited).maximum <= console.width:
+            break
+    return table
 
 
 def _tables_that_fit(console: Console, evaluation: Evaluation, filters: list[str]) -> list[Table]:

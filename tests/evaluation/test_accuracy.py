@@ -74,12 +74,15 @@ def test_the_average_is_over_those_that_have_an_error(hand_made, truth_of):
 
 def test_what_is_known_to_a_fifth_of_its_value_is_identified(hand_made, truth_of):
     """By the standard deviation of 0.25 that the estimates here state, and by the bound."""
-    estimate = hand_made([0, 1], {"Y_url": [0.0, 1.3], "N_url": [0.0, 1.2], "N_uvl": [0.0, 5.0], "Z_uql": [0.0, 5.0]})
-    bounds = {"Y_url": 0.1, "N_url": 0.1, "N_uvl": 1.1, "Z_uql": np.inf}
-    results = coefficient_results(estimate, truth_of(Y_url=1.0, N_url=1.0, N_uvl=5.0, Z_uql=5.0), bounds)
+    symbols = ("Y_url", "N_url", "N_uvl", "Z_uql")
+    # A wrong estimate is no better known for being large.
+    estimate = hand_made([0, 1], {symbol: [0.0, 100.0] for symbol in symbols})
+    bounds = dict(zip(symbols, (0.1, 0.1, 1.1, np.inf), strict=True))
+    results = coefficient_results(estimate, truth_of(Y_url=1.3, N_url=1.2, N_uvl=5.0, Z_uql=5.0), bounds)
     assert [result.identified for result in results] == [True, False, False, False]
     assert [result.cramer_rao_bound for result in results] == [0.1, 0.1, 1.1, np.inf]
-    assert [result.times_bound for result in results] == pytest.approx([2.5, 2.5, 0.25 / 1.1, 0.0])
+    assert [result.times_bound for result in results[:3]] == pytest.approx([2.5, 2.5, 0.25 / 1.1])
+    assert results[3].times_bound is None
 
 
 def test_a_true_zero_is_identified_by_the_natural_magnitude_of_the_vehicle(hand_made, truth_of):

@@ -7,10 +7,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.evaluation.bounds import Bounds, BoundsOf
-from auvid_cli.evaluation.checks import check_estimate, failed
+from auvid_cli.evaluation.checks import check_estimate
+from auvid_cli.evaluation.identifiability import assess_dataset
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.fisher import information_at
+from auvid_cli.identification.identify import identify
+from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 
@@ -56,7 +60,8 @@ def test_with_the_prior_it_is_that_of_both_informations_together(simulated_with,
     total = information.total.factor.T @ information.total.factor + np.linalg.inv(prior.factor @ prior.factor.T)
     expected = information.scale * np.sqrt(np.diag(np.linalg.inv(total)))
     assert_allclose([bounds.with_prior[symbol] for symbol in information.state], expected, rtol=1e-6)
-    each_alone = [1.0 / np.hypot(1.0 / bounds.of_data[s], 1.0 / scale) for s, scale in zip(SYMBOLS, information.scale)]
+    alone = np.array([bounds.of_data[symbol] for symbol in SYMBOLS]), information.scale[: len(SYMBOLS)]
+    each_alone = 1.0 / np.hypot(1.0 / alone[0], 1.0 / alone[1])
     assert np.min(np.array([bounds.with_prior[s] for s in SYMBOLS]) / each_alone) < 0.8
 
 
@@ -77,14 +82,29 @@ def test_the_settings_are_those_of_the_estimate_and_an_earlier_one_is_not_looked
     assert few.with_prior == {}
 
 
-def test_coefficients_that_make_no_model_have_no_bound_and_fail_the_check(short_run, ckf):
+def test_coefficients_whose_model_blows_up_have_no_bound_and_that_is_said(short_run, ckf):
     ckf = replace(ckf, mean=ckf.mean.copy())
     ckf.mean[-1, ckf.state.index("X_u|u|")] = 1e6
     dataset = short_run.without_truth()
     bounds = BoundsOf(dataset)(ckf)
     assert bounds.of_data == bounds.with_prior == {}
     assert "blows up" in bounds.remark
-    assert "bound" in {check.check for check in failed(check_estimate(dataset, ckf, bounds))}
+    (check,) = (check for check in check_estimate(dataset, ckf, bounds) if check.check == "bound")
+    assert check.passed is None
+    assert "blows up" in check.advice
+
+
+def test_a_motion_too_unstable_for_sensitivities_is_judged_as_long_as_they_hold():
+    """More data cannot say less; after 300 s this vehicle's seem to say nothing at all."""
+    dataset = simulate(load_experiment(find_experiment("dive")))
+    found = assess_dataset(dataset)
+    assert "unstable in open loop" in found.remark
+    assert found.growth[-1][0] < 200.0
+    assert all(bound.cramer_rao_bound < np.inf for bound in found.bounds)
+    estimate = identify(dataset, FilterName.CKF)
+    bounds = BoundsOf(dataset)(estimate)
+    assert bounds.of_data == {}
+    assert "unstable in open loop" in bounds.remark
 
 
 @pytest.mark.parametrize(("share", "failing", "noted"), [(1.0, False, False), (0.5, True, False), (4.0, False, True)])

@@ -17,13 +17,13 @@ _LARGEST = 1e4
 def bounds_figure(found: Identifiability) -> Figure:
     """Bounds in percent of the value, and how they fall with the duration."""
     n = len(found.bounds)
-    figure = new_figure(11.0, 0.26 * n + 1.4)
+    figure = new_figure(11.0, 0.26 * max(n, 6) + 1.4)
     bars, growth = figure.subplots(1, 2, width_ratios=[1.5, 1.0])
     percents = np.array([min(bound.percent, _LARGEST) for bound in found.bounds])
     smallest = max(float(percents.min()), 1e-6)
     bars.barh(range(n), percents, color=[_COLORS[bound.verdict] for bound in found.bounds])
     bars.set_xscale("log")
-    bars.set_xlim(left=0.3 * smallest)
+    bars.set_xlim(0.3 * smallest, 3.0 * max(float(percents.max()), CLASSES[-2][0]))
     _tidy_log(bars)
     bars.set_yticks(range(n), [symbol_math(bound.coefficient) for bound in found.bounds])
     bars.invert_yaxis()
@@ -47,7 +47,7 @@ def bounds_figure(found: Identifiability) -> Figure:
 def correlation_figure(found: Identifiability) -> Figure:
     """Correlations of the errors of an estimate that reaches the bound."""
     n = len(found.bounds)
-    figure = new_figure(0.36 * n + 2.2, 0.33 * n + 1.6)
+    figure = new_figure(0.36 * max(n, 6) + 2.2, 0.33 * max(n, 6) + 1.6)
     axes = figure.subplots()
     image = axes.imshow(found.correlation, vmin=-1.0, vmax=1.0, cmap="RdBu")
     names = [symbol_math(bound.coefficient) for bound in found.bounds]

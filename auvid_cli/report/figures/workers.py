@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import forkserver
+from multiprocessing import forkserver, resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -34,9 +34,12 @@ def figure_workers() -> Iterator[Executor]:
     context = multiprocessing.get_context(method)
     context.set_forkserver_preload(["auvid_cli.report.figures.kinds"])
     if method == "forkserver":
+        # The server would bring this one along, which undoes the mask.
+        resource_tracker.ensure_running()
         # It inherits the mask: an interrupt at the terminal is for the command to handle, not for what loads here.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        forkserver.ensure_running()
+        with _without_the_current_folder():
+            forkserver.ensure_running()
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     try:
         workers: Executor = ProcessPoolExecutor(count, mp_context=context, initializer=_prepare)
@@ -52,6 +55,20 @@ def figure_workers() -> Iterator[Executor]:
         ) from error
     finally:
         workers.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _without_the_current_folder() -> Iterator[None]:
+    """Keep a new Python from importing what lies in the current folder before what is installed."""
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["PYTHONSAFEPATH"]
+        else:
+            os.environ["PYTHONSAFEPATH"] = before
 
 
 def _prepare() -> None:
