@@ -90,7 +90,7 @@ def _seed_rows(setting: str, runs: Iterable[list[Outcome]]) -> list[str]:
         said = ", ".join(f"{count} {text}" for text, count in Counter(one.verdict for one in of_filter).most_common())
         unseen = ", ".join(f"{s} ({n})" for s, n in Counter(s for one in of_filter for s in one.unobserved).items())
         efficiency = np.sqrt(np.mean(np.square([one.errors for one in of_filter])))
-        claimed = np.median([one.deviations for one in of_filter])
+        claimed = np.median(np.concatenate([one.deviations for one in of_filter]))
         rows.append(
             f"| {setting} | {filter_label(of_filter[0].filter)} | {np.mean(errors):.3g} ± {np.std(errors):.2g} | "
             f"{max(errors):.3g} | {efficiency:.3g} | {claimed:.3g} | {nis} | {said} | {unseen} |"

@@ -225,21 +225,43 @@ def test_a_results_path_that_is_a_file_is_one_clear_complaint(tmp_path):
     assert_one_clear_complaint(auvid("simulate", *SHORT, cwd=tmp_path), "cannot be written")
 
 
-def test_interrupting_leaves_no_half_written_file(tmp_path):
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize("wait", [0.5, 2.5])
+def test_interrupting_leaves_no_half_written_file(tmp_path, number, code, wait):
+    """Whatever it is at; an interrupt at the terminal reaches those who draw figures as well."""
     command = [sys.executable, "-m", "auvid_cli", "run", "--filter", "ekf"]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command,
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
     dataset = tmp_path / "results/spiral/dataset.h5"
     deadline = time.monotonic() + 240
     while not dataset.is_file() and time.monotonic() < deadline:
         time.sleep(0.05)
-    time.sleep(0.5)
-    process.send_signal(signal.SIGINT)
+    time.sleep(wait)
+    if number == signal.SIGINT:
+        os.killpg(process.pid, number)
+    else:
+        process.send_signal(number)
     _, stderr = process.communicate(timeout=60)
-    assert process.returncode == 130, stderr
-    assert "Traceback" not in stderr
+    assert process.returncode == code, stderr
+    assert all(line.startswith("auvid: ") for line in stderr.splitlines()), stderr
     assert not leftovers(tmp_path)
     with h5py.File(dataset) as file:
         assert file["sensors/gyroscope/p"].shape == (30001,)
+
+
+def test_figures_are_not_drawn_by_what_lies_in_the_current_folder(results, tmp_path):
+    folder, _ = results
+    (tmp_path / "pydantic.py").write_text("raise RuntimeError('not what is installed')")
+    command = [sys.executable, "-P", "-m", "auvid_cli", "report", str(folder / "results/spiral")]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert result.stderr == ""
+    assert result.returncode in (0, 1)
 
 
 def test_help_imports_nothing_heavy():

@@ -1,5 +1,6 @@
 """From a dataset to estimates: what the filters know, and what they stand."""
 
+import re
 from dataclasses import replace
 from functools import partial
 
@@ -139,6 +140,8 @@ def test_with_wide_priors_a_filter_is_right_or_says_what_went_wrong(default_run,
         assert distance_in_deviations(estimate, default_run.truth) < 5.0
     else:
         assert said.startswith(("diverged", "inconsistent", "unconverged"))
+        if said.startswith("diverged") and filter_name != FilterName.OUTPUT_ERROR:
+            assert re.search(r"\(last innovation [\d.e+]+ sigma, condition of the factor [\d.e+]+\)$", said), said
 
 
 def test_the_exact_transition_of_the_ekf_is_at_least_as_good(short_run, short_estimates, with_settings):
