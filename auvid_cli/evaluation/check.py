@@ -45,7 +45,7 @@ class Check(NamedTuple):
         return cls(filter_name, subject, check, statistic, threshold, passed, "" if passed else advice)
 
     @classmethod
-    def of_largest(
+    def of_values(
         cls,
         filter_name: str,
         subject: str,
@@ -54,31 +54,18 @@ class Check(NamedTuple):
         limit: float,
         meaning: str,
         advice: str,
+        *,
         fails: bool = True,
+        is_least: bool = False,
     ) -> "Check":
-        """A verdict on named numbers of which none may exceed a limit; names those that do, largest first."""
-        beyond = sorted((name for name, value in values.items() if not value <= limit), key=lambda name: -values[name])
-        largest = max(values, key=lambda name: values[name])
-        statistic = ", ".join(f"{name} {values[name]:.3g}" for name in beyond or [largest])
+        """A verdict on named numbers of which none may be beyond a limit; names those that are, the farthest first."""
+        sign = -1.0 if is_least else 1.0
+        ordered = sorted(values, key=lambda name: -sign * values[name])
+        beyond = [name for name in ordered if not sign * values[name] <= sign * limit]
+        statistic = ", ".join(f"{name} {values[name]:.3g}" for name in beyond or ordered[:1])
+        threshold = f"{'>=' if is_least else '<='} {limit:.3g} {meaning}"
         passed = True if not beyond else False if fails else None
-        return cls.of(filter_name, subject, check, statistic, f"<= {limit:.3g} {meaning}", passed, advice)
-
-    @classmethod
-    def of_smallest(
-        cls,
-        filter_name: str,
-        subject: str,
-        check: str,
-        values: Mapping[str, float],
-        limit: float,
-        meaning: str,
-        advice: str,
-    ) -> "Check":
-        """A verdict on named numbers of which none may be below a limit; names those that are, smallest first."""
-        below = sorted((name for name, value in values.items() if not value >= limit), key=lambda name: values[name])
-        smallest = min(values, key=lambda name: values[name])
-        statistic = ", ".join(f"{name} {values[name]:.3g}" for name in below or [smallest])
-        return cls.of(filter_name, subject, check, statistic, f">= {limit:.3g} {meaning}", not below, advice)
+        return cls.of(filter_name, subject, check, statistic, threshold, passed, advice)
 
     @classmethod
     def of_names(

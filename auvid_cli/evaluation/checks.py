@@ -81,8 +81,8 @@ def _against_bounds(estimate: Estimate, bounds: Bounds) -> list[Check]:
     if estimate.filter == FilterName.OUTPUT_ERROR:
         above = below = "The bound is another at the true values: the fit is far from them."
     return [
-        Check.of_largest(*own, "near the bound", ratio, _LARGEST_OF_BOUND, meaning, above, fails=False),
-        Check.of_smallest(*own, "not below the bound", ratio, _LEAST_OF_BOUND, meaning, below),
+        Check.of_values(*own, "near the bound", ratio, _LARGEST_OF_BOUND, meaning, above, fails=False),
+        Check.of_values(*own, "not below the bound", ratio, _LEAST_OF_BOUND, meaning, below, is_least=True),
     ]
 
 
@@ -117,7 +117,7 @@ def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) 
             before = priors[symbol] if settings.prior.from_estimate is None else estimate.standard_deviation[0, i]
             left[symbol] = float(estimate.standard_deviation[-1, i] / before)
     return [
-        Check.of_largest(
+        Check.of_values(
             estimate.filter,
             "coefficients",
             "information",
@@ -127,7 +127,7 @@ def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) 
             "The data hardly moved these: excite them, hold them at known values (`identification.coefficients`), or "
             "report them as unknown, or as what the earlier estimate knew.",
         ),
-        Check.of_largest(
+        Check.of_values(
             estimate.filter,
             "coefficients",
             "identified",
@@ -168,7 +168,7 @@ def _plausibility(estimate: Estimate) -> list[Check]:
             "The fin angles are counted the other way round than in the shipped vehicles (positive rudder: force to "
             "starboard at the stern): turn the sign of rudder or elevator, or keep it so wherever these are used.",
         ),
-        Check.of_largest(
+        Check.of_values(
             estimate.filter,
             "coefficients",
             "size",
@@ -207,7 +207,7 @@ def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
     nees = float((error / deviation) @ np.linalg.solve(covariance, error / deviation))
     limit = float(chi2.ppf(_CONFIDENCE, len(rows)))
     return [
-        Check.of_largest(
+        Check.of_values(
             estimate.filter,
             "coefficients",
             "within 3 sigma of truth",

@@ -155,7 +155,7 @@ def _uncorrelated(
     A sensor told to be more than twice as bad as it is, as an AHRS is, has paid for the memory of its errors.
     """
     limit = _LARGEST_CORRELATION + 3.0 / np.sqrt(len(innovations.time))
-    check = Check.of_largest(filter_name, sensor, name, found, limit, meaning, advice)
+    check = Check.of_values(filter_name, sensor, name, found, limit, meaning, advice)
     tally = innovations.tally()
     small = tally.squares.sum() < 0.25 * tally.components.sum()
     return check._replace(passed=None) if check.passed is False and small else check
