@@ -13,7 +13,13 @@ from auvid_cli.filters.problem import Belief, Process, Sensors
 from auvid_cli.identification.biases import constant_errors, sensor_errors, walking_errors
 from auvid_cli.identification.prior import earlier_belief, prior_standard_deviations
 from auvid_cli.identification.process import vehicle_process
-from auvid_cli.identification.timeline import Timelines, initial_motion, measurement_model, measuring_sensors
+from auvid_cli.identification.timeline import (
+    PART,
+    Timelines,
+    initial_motion,
+    measurement_model,
+    measuring_sensors,
+)
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.dynamics import vehicle_constants
 from auvid_cli.vehicle.parameters import MOTION
@@ -55,8 +61,14 @@ class AugmentedProblem:
     prior: Belief
 
 
-def augmented_problem(dataset: Dataset) -> AugmentedProblem:
+def augmented_problem(dataset: Dataset, part: int = PART) -> AugmentedProblem:
     """Set up the estimation of a dataset's coefficients; no truth is looked at.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    part : int
+        Most readings of one sensor that are worked on at once.
 
     Raises
     ------
@@ -116,7 +128,7 @@ def augmented_problem(dataset: Dataset) -> AugmentedProblem:
         ),
         sensors=measurement_model(measuring, state, errors, np.inf if settings.gate is None else settings.gate),
         measuring=measuring,
-        timelines=Timelines(dataset, measuring, start, settings.integration_step),
+        timelines=Timelines(dataset, measuring, start, settings.integration_step, part),
         prior=prior,
     )
 

@@ -13,11 +13,14 @@ from auvid_cli.filters.information import Information
 from auvid_cli.filters.problem import Belief
 from auvid_cli.filters.sensitivities import responses
 from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.identification.timeline import PART, measuring_sensors
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
 
+# In how many steps a run is gone through, at least: to see the bound fall, and how far it can be found at all.
+_STAGES = 12
 # A bound that grows by more than this with more data is rounding.
 _ROUNDED = 1.05
 
@@ -92,7 +95,8 @@ def information_at(
     DataError
         If the model blows up with these coefficients.
     """
-    problem = augmented_problem(dataset)
+    busiest = max(record.time.size for record in measuring_sensors(dataset).values())
+    problem = augmented_problem(dataset, min(PART, busiest // _STAGES + 1))
     start = problem.prior.mean.copy()
     for i, symbol in enumerate(problem.state):
         if symbol in SYMBOLS:
