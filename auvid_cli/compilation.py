@@ -34,7 +34,9 @@ for module in sys.argv[1:]:
 """
 
 
-def compiled(*signature: Any, reassociate: bool = False, inline: bool = False) -> Callable[[Callable], Any]:
+def compiled(
+    *signature: Any, reassociate: bool = False, inline: bool = False, internal: bool = False
+) -> Callable[[Callable], Any]:
     """Decorator: compile for exactly this signature, now, or take the machine code from the cache.
 
     Parameters
@@ -44,8 +46,10 @@ def compiled(*signature: Any, reassociate: bool = False, inline: bool = False) -
         Whether sums may be reordered, which vectorises dot products. It would cancel the range reduction
         of a sine, so only linear algebra asks for it; fused multiply-add is always allowed.
     inline : bool
-        Whether to insist on inlining: handing over a tuple of many arrays costs as much as a short function. Such a
-        function can only be called from compiled ones.
+        Whether to insist on inlining: handing over a tuple of many arrays costs as much as a short function.
+    internal : bool
+        Whether only compiled functions call it, as they do those that are inlined: a door for Python takes a while to
+        compile.
 
     Notes
     -----
@@ -59,8 +63,8 @@ def compiled(*signature: Any, reassociate: bool = False, inline: bool = False) -
         "error_model": "numpy",
         "fastmath": {"contract", "reassoc"} if reassociate else {"contract"},
         "forceinline": inline,
-        "no_cpython_wrapper": inline,
-        "no_cfunc_wrapper": inline,
+        "no_cpython_wrapper": inline or internal,
+        "no_cfunc_wrapper": inline or internal,
         # numba has no public name for it.
         "_nrt": False,
     }

@@ -131,7 +131,7 @@ def all_finite(n, values):
     return np.isfinite(total)
 
 
-@compiled(types.UniTuple(types.int64, 2)(BASIS))
+@compiled(types.UniTuple(types.int64, 2)(BASIS), internal=True)
 def blocks_and_lanes(basis):
     """How many blocks of points a map has to work on, and how many lanes of the last: the centre needs one."""
     n_tiles = basis.directions.shape[0]

@@ -53,7 +53,7 @@ def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration
     runge_kutta_step(motion, coefficients, inputs, constants[:N_CONSTANTS], n_lanes, duration, work)
 
 
-@compiled(types.int64(_vector))
+@compiled(types.int64(_vector), internal=True)
 def _first_motion_row(constants):
     return int(constants[constants.size - 3])
 
@@ -74,7 +74,7 @@ def _observe(moving, parameters, sensor, constants, selection, n_lanes, seen):
         seen[2 * LANES + k] = gain * w
 
 
-@compiled(types.void(_vector, _vector, _indices, _vector))
+@compiled(types.void(_vector, _vector, _indices, _vector), internal=True)
 def _all_coefficients(mean, constants, selection, coefficients):
     for m in range(N_COEFFICIENTS):
         coefficients[m] = constants[_HELD + m]
@@ -82,7 +82,7 @@ def _all_coefficients(mean, constants, selection, coefficients):
         coefficients[selection[j]] = constants[_SCALE + j] * mean[j]
 
 
-@compiled(types.void(_matrix, _vector, _indices, _matrix))
+@compiled(types.void(_matrix, _vector, _indices, _matrix), internal=True)
 def _fill_in(sensitivity, constants, selection, matrix):
     """Sensitivities to motion and to all 22 coefficients, to the moving rows of a transition matrix."""
     n_coefficients, n_parameters = selection.size, _first_motion_row(constants)

@@ -108,12 +108,12 @@ _matrix = types.float64[:, ::1]
 _AHRS = types.NamedTuple((*[_matrix] * 3, *[_vector] * 8), _Ahrs)
 
 
-@compiled(types.boolean(_vector))
+@compiled(types.boolean(_vector), internal=True)
 def _missing(values):
     return np.isnan(values[0] + values[1] + values[2])
 
 
-@compiled(types.void(_AHRS, types.float64, types.float64))
+@compiled(types.void(_AHRS, types.float64, types.float64), internal=True)
 def _correct(ahrs, residual, variance):
     """Kalman update of error and covariance by one scalar, the product of `row` and the error."""
     row, error, gain, covariance = ahrs.row, ahrs.error, ahrs.gain, ahrs.covariance
@@ -134,7 +134,7 @@ def _correct(ahrs, residual, variance):
             covariance[i, j] -= gain[i] * gain[j] / total
 
 
-@compiled(types.void(_matrix, _vector))
+@compiled(types.void(_matrix, _vector), internal=True)
 def _turn_on_the_left(rotation, angle):
     """Replace a rotation by exp(angle x) rotation, Rodrigues' formula."""
     norm = np.sqrt(angle[0] ** 2 + angle[1] ** 2 + angle[2] ** 2)
@@ -148,7 +148,7 @@ def _turn_on_the_left(rotation, angle):
         rotation[2, column] = z + a * cz + b * (angle[0] * cy - angle[1] * cx)
 
 
-@compiled(types.void(_AHRS))
+@compiled(types.void(_AHRS), internal=True)
 def _apply(ahrs):
     """Take the error over into attitude and bias, and begin a new one."""
     _turn_on_the_left(ahrs.rotation, ahrs.error)
@@ -158,7 +158,7 @@ def _apply(ahrs):
         ahrs.error[i] = 0.0
 
 
-@compiled(types.void(_AHRS))
+@compiled(types.void(_AHRS), internal=True)
 def _to_navigation(ahrs):
     """The vector `body` in NED, to `turn`."""
     rotation, body = ahrs.rotation, ahrs.body
@@ -166,7 +166,7 @@ def _to_navigation(ahrs):
         ahrs.turn[i] = rotation[i, 0] * body[0] + rotation[i, 1] * body[1] + rotation[i, 2] * body[2]
 
 
-@compiled(types.void(_AHRS, _vector, types.float64, types.float64))
+@compiled(types.void(_AHRS, _vector, types.float64, types.float64), internal=True)
 def _propagate(ahrs, rate, interval, rate_density):
     """Turn with the mean of the last rate and this one."""
     rotation, covariance, moved = ahrs.rotation, ahrs.covariance, ahrs.moved
@@ -193,7 +193,7 @@ def _propagate(ahrs, rate, interval, rate_density):
     _turn_on_the_left(rotation, ahrs.turn)
 
 
-@compiled(types.void(_AHRS, _vector))
+@compiled(types.void(_AHRS, _vector), internal=True)
 def _feel(ahrs, force):
     """Specific force without what the turn adds to it, to `body`: gravity, upwards."""
     rate, bias, velocity = ahrs.rate, ahrs.bias, ahrs.velocity
@@ -202,7 +202,7 @@ def _feel(ahrs, force):
         ahrs.body[i] = force[i] - (rate[j] - bias[j]) * velocity[k] + (rate[k] - bias[k]) * velocity[j]
 
 
-@compiled(types.void(_AHRS, types.float64, _vector))
+@compiled(types.void(_AHRS, types.float64, _vector), internal=True)
 def _begin(ahrs, heading, noise):
     """Level by the force felt, and take a heading."""
     body, rotation, covariance = ahrs.body, ahrs.rotation, ahrs.covariance
@@ -217,7 +217,7 @@ def _begin(ahrs, heading, noise):
         covariance[3 + i, 3 + i] = noise[3] ** 2
 
 
-@compiled(types.void(_AHRS, types.float64))
+@compiled(types.void(_AHRS, types.float64), internal=True)
 def _level(ahrs, variance):
     """Correct roll and pitch by the force felt, in units of g."""
     _to_navigation(ahrs)
@@ -228,7 +228,7 @@ def _level(ahrs, variance):
     _apply(ahrs)
 
 
-@compiled(types.void(_AHRS, types.float64, types.float64))
+@compiled(types.void(_AHRS, types.float64, types.float64), internal=True)
 def _align(ahrs, heading, variance):
     """Correct by a heading."""
     rotation, row = ahrs.rotation, ahrs.row

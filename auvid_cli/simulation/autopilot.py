@@ -88,13 +88,13 @@ def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Plan) -
     )
 
 
-@compiled(types.float64(types.float64, types.float64))
+@compiled(types.float64(types.float64, types.float64), internal=True)
 def within(value, limit):
     """The value, or the limit on its side."""
     return min(max(value, -limit), limit)
 
 
-@compiled(types.void(CONTROLS, *[types.float64] * 5, _vector, _vector, _vector, _vector))
+@compiled(types.void(CONTROLS, *[types.float64] * 5, _vector, _vector, _vector, _vector), internal=True)
 def steer(controls, time, period, speed, turn_rate, depth, motion, feedforward, memory, inputs):
     """Command rudder and elevator, still without their limits, force and torque for one tick.
 

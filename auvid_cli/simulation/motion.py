@@ -106,7 +106,7 @@ def simulate_motion(
     return Truth(plan.time, inputs, motion, position, constants, coefficients)
 
 
-@compiled(types.void(_vector, _vector))
+@compiled(types.void(_vector, _vector), internal=True)
 def _velocity_over_ground(block, velocity):
     """Velocity in the NED frame, eqs. (1) and (2), of the state in lane 0."""
     u, v, w = block[0], block[LANES], block[2 * LANES]
@@ -120,7 +120,7 @@ def _velocity_over_ground(block, velocity):
     velocity[2] = -sin_theta * u + cos_theta * (sin_phi * v + cos_phi * w)
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, types.float64, _vector, _matrix, _vector))
+@compiled(types.void(_vector, _vector, _vector, _vector, types.float64, _vector, _matrix, _vector), internal=True)
 def _move(block, coefficients, inputs, constants, step, position, velocity, work):
     """Integrate motion and position; Simpson's rule on half steps is as accurate as the motion itself."""
     _velocity_over_ground(block, velocity[0])
@@ -131,7 +131,7 @@ def _move(block, coefficients, inputs, constants, step, position, velocity, work
         position[axis] += step / 6.0 * (velocity[0, axis] + 4.0 * velocity[1, axis] + velocity[2, axis])
 
 
-@compiled(types.int64(_vector))
+@compiled(types.int64(_vector), internal=True)
 def _reason_to_stop(motion):
     total = 0.0
     for i in range(N_MOTION):
