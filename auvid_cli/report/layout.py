@@ -84,7 +84,7 @@ def _accuracy(evaluation: Evaluation, with_paper: bool) -> Table:
             ["Average", "", "", *nothing, *average, *theirs("average")],
             ["CPU time", "s", "", *cpu_time, *nothing, *theirs("cpu_time_s")],
         ],
-        (*([NOTE] if in_paper else []), *_mark_explained(evaluation)),
+        (*([NOTE] if in_paper else []), *mark_explained(evaluation)),
     )
 
 
@@ -92,7 +92,8 @@ def _marked(row: CoefficientResult, cell: float | PlusMinus | None) -> Cell:
     return cell if row.identified or cell is None else Unidentified(cell)
 
 
-def _mark_explained(evaluation: Evaluation) -> list[str]:
+def mark_explained(evaluation: Evaluation) -> list[str]:
+    """The sentence that explains the mark, if anything is marked."""
     return [] if all(row.identified for row in evaluation.coefficients) else [UNIDENTIFIED]
 
 
@@ -112,7 +113,7 @@ def _estimates(evaluation: Evaluation) -> Table:
             *_columns("Estimate ± standard deviation", filters),
         ),
         rows,
-        notes=tuple(_mark_explained(evaluation)),
+        notes=tuple(mark_explained(evaluation)),
     )
 
 

@@ -15,13 +15,12 @@ from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.assessment import CLASSES, Identifiability
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.report.layout import rejections, unobserved
+from auvid_cli.report.layout import mark_explained, rejections, unobserved
 from auvid_cli.report.notation import filter_label, unit_text
-from auvid_cli.report.table import DEVIATION_DIGITS, UNIDENTIFIED, number
+from auvid_cli.report.table import DEVIATION_DIGITS, number
 
 _MISSING = "-"
 _ERROR_DIGITS = 2
-_EXPLAINED = UNIDENTIFIED, UNIDENTIFIED.replace("†", "?")
 
 
 def print_summary(console: Console, evaluation: Evaluation, files: Sequence[Path] = ()) -> None:
@@ -43,7 +42,7 @@ def print_summary(console: Console, evaluation: Evaluation, files: Sequence[Path
     for row in evaluation.summary:
         if row.status != "completed":
             console.print(Text(f"{filter_label(row.filter)} {row.status}"))
-    marked = [] if all(row.identified for row in evaluation.coefficients) else [_printable(console, *_EXPLAINED)]
+    marked = [_printable(console, text, text.replace("†", "?")) for text in mark_explained(evaluation)]
     for sentence in [*marked, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:
         console.print(Text(sentence))
     for folder, count in Counter(path.parent for path in files).items():
