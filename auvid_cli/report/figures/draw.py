@@ -38,6 +38,11 @@ class FigureQueue:
         if estimate.innovations:
             self._add(f"innovations_{estimate.filter}", "innovations", estimate.course((), with_innovations=True))
 
+    def add_path(self, dataset: Dataset, estimates: Sequence[Estimate] = ()) -> None:
+        """Where the vehicle went, which takes an estimate where the truth is not known; once."""
+        if "path" not in self._drawn and (dataset.truth is not None or estimates):
+            self._add("path", "path", dataset.truth, [estimate.course(MOTION_SYMBOLS) for estimate in estimates])
+
     def add_others(self, dataset: Dataset, estimates: list[Estimate], evaluation: Evaluation) -> None:
         """What shows all filters together, those that take longest first; free runs against the measurements."""
         state = {symbol for estimate in estimates for symbol in estimate.state}
@@ -51,9 +56,7 @@ class FigureQueue:
             for name, quantities in (("velocities", MOTION[:6]), ("attitude", MOTION[6:])):
                 sensors = _seen(quantities, dataset.sensors)
                 self._add(name, "motion", quantities, sensors, evaluation.free_runs)
-        if dataset.truth is not None or estimates:
-            courses = [estimate.course(MOTION_SYMBOLS) for estimate in estimates]
-            self._add("path", "path", dataset.truth, courses)
+        self.add_path(dataset, estimates)
 
     def add_identifiability(self, found: Identifiability) -> None:
         """What the data can say before any filter runs."""
