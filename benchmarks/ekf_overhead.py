@@ -15,26 +15,21 @@ def filterpy_alone(problem: Problem) -> Callable[[], None]:
     piece = event.held[None, :], np.zeros(1, dtype=np.int64), np.array([event.duration])
     scratch = np.zeros(process.scratch_size)
     process.transition(problem.prior.mean.copy(), *piece, process.constants, process.selection, transition, scratch)
-    matrices, noises = tuple(sensors.matrix), [np.diag(variance) for variance in sensors.variance]
-    nothing = np.zeros(sensors.matrix.shape[1])
-    readings = [
-        [(int(timeline.reading_sensor[k]), timeline.reading[k]) for k in range(first, last)]
-        for first, last in zip(timeline.reading_offset[:-1], timeline.reading_offset[1:], strict=True)
-    ]
+    spans = [slice(*span) for span in zip(timeline.reading_offset[:-1], timeline.reading_offset[1:], strict=True)]
+    kinds = [tuple(timeline.reading_sensor[span].tolist()) for span in spans]
+    matrices = {kind: np.concatenate(sensors.matrix[list(kind)]) for kind in set(kinds)}
+    noises = {kind: np.diag(sensors.variance[list(kind)].ravel()) for kind in set(kinds)}
+    heard = [(matrices[k], noises[k], timeline.reading[span].ravel()) for k, span in zip(kinds, spans, strict=True)]
 
     def run() -> None:
-        ekf = ExtendedKalmanFilter(N_STATE, nothing.size)
+        ekf = ExtendedKalmanFilter(N_STATE, 1)
         ekf.x, ekf.P = problem.prior.mean.copy(), problem.covariance.copy()
         ekf.F, ekf.Q = transition, event.process_noise
-        for k, heard in enumerate(readings):
+        for k, (matrix, noise, reading) in enumerate(heard):
             if k:
                 ekf.predict()
-            for sensor, reading in heard:
-                ekf.update(
-                    reading,
-                    HJacobian=lambda _, matrix=matrices[sensor]: matrix,
-                    Hx=lambda _: nothing,
-                    R=noises[sensor],
-                )
+            ekf.update(
+                reading, HJacobian=lambda _, matrix=matrix: matrix, Hx=lambda _, reading=reading: 0.0 * reading, R=noise
+            )
 
     return run

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Iterable
+from functools import cache, partial
 from math import isfinite
 
 import numpy as np
@@ -22,6 +23,7 @@ from auvid_cli.filters.problem import (
     empty_records,
     until,
 )
+from auvid_cli.filters.stacked import Stack, is_definite
 
 Array = NDArray[np.float64]
 
@@ -55,25 +57,25 @@ class _ProcessEkf(ExtendedKalmanFilter):
         self._noise[:] = self._density * piece_duration.sum()
         self.predict()
 
-    def _see(self, view: "_View") -> tuple[Array, Array]:
-        """What a sensor is predicted to say, and the derivative."""
-        if view.nonlinear:
-            assert self._process.linearise is not None, "a nonlinear sensor needs `Process.linearise`"
-            predicted, matrix = self._process.linearise(self.x, view.sensor)
-            return predicted[view.present], matrix[view.present]
-        return view.matrix @ self.x, view.matrix
-
-    def beyond(self, gate: float, view: "_View", reading: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def beyond(self, gate: float, stack: Stack, reading: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Innovation of every present component, and whether its square is beyond so many times its variance."""
-        predicted, matrix = self._see(view)
-        innovation = view.residual(reading, predicted)
-        variance = np.einsum("ij,jk,ik->i", matrix, self.P, matrix) + view.noise.diagonal()
+        predicted, matrix = self._see(stack)
+        innovation = stack.residual(reading, predicted)
+        variance = np.einsum("ij,jk,ik->i", matrix, self.P, matrix) + stack.noise.diagonal()
         return innovation, innovation**2 > gate * variance
 
-    def hear(self, view: "_View", reading: Array) -> None:
-        """Update with the present components of a reading."""
-        predicted, matrix = self._see(view)
-        self.update(reading, HJacobian=lambda x: matrix, Hx=lambda x: predicted, R=view.noise, residual=view.residual)
+    def hear(self, stack: Stack, reading: Array) -> None:
+        """Update with the present components of some readings."""
+        predicted, matrix = self._see(stack)
+        self.update(reading, HJacobian=lambda x: matrix, Hx=lambda x: predicted, R=stack.noise, residual=stack.residual)
+
+    def _see(self, stack: Stack) -> tuple[Array, Array]:
+        """What is predicted to be read, and its derivative."""
+        if stack.nonlinear:
+            assert self._process.linearise is not None, "a nonlinear sensor needs `Process.linearise`"
+            predicted, matrix = self._process.linearise(self.x, stack.sensors[0])
+            return predicted[stack.places], matrix[stack.places]
+        return stack.matrix @ self.x, stack.matrix
 
     def predict_x(self, u: float = 0) -> None:
         """Integrate the mean and set F to its transition matrix."""
@@ -81,36 +83,73 @@ class _ProcessEkf(ExtendedKalmanFilter):
         process.transition(self.x, *self._pieces, process.constants, process.selection, self.F, self._scratch)
 
 
-class _View:
-    """What does not change between readings of a sensor with the same components missing."""
+class _BrokenError(Exception):
+    """A reading left nothing to go on with."""
 
-    def __init__(self, sensors: Sensors, sensor: int, missing: NDArray[np.bool_]) -> None:
+    def __init__(self, sensor: int) -> None:
+        super().__init__(sensor)
         self.sensor = sensor
-        # A slice is several times faster than a list of places.
-        self.present = np.flatnonzero(~missing) if missing.any() else slice(None)
-        self.silent = bool(missing.all())
-        self.nonlinear = bool(sensors.nonlinear[sensor])
-        self.matrix = sensors.matrix[sensor, self.present]
-        self.noise = np.diag(sensors.variance[sensor, self.present])
-        angular = sensors.angular[sensor, self.present]
-
-        def wrapped_residual(a: Array, b: Array) -> Array:
-            return np.where(angular, (a - b + np.pi) % (2.0 * np.pi) - np.pi, a - b)
-
-        self.residual = wrapped_residual if angular.any() else np.subtract
 
 
-def _views(sensors: Sensors, timeline: Timeline) -> list[_View]:
-    """The view of each reading; those that are alike share one."""
-    missing = np.isnan(timeline.reading)
-    patterns = (missing @ (1 << np.arange(missing.shape[1]))).tolist()
-    views: dict[tuple[int, int], _View] = {}
-    of_reading = []
-    for row, key in enumerate(zip(timeline.reading_sensor.tolist(), patterns, strict=True)):
-        if key not in views:
-            views[key] = _View(sensors, key[0], missing[row])
-        of_reading.append(views[key])
-    return of_reading
+class _Listener:
+    """Updates a filter with the readings of a timeline, and writes down what they say."""
+
+    def __init__(self, ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, records: Records) -> None:
+        self._ekf = ekf
+        self._gate = sensors.gate
+        self._reading = timeline.reading
+        self._records = records
+        self._stack_of = cache(partial(Stack, sensors))
+        missing = np.isnan(timeline.reading)
+        patterns = (missing @ (1 << np.arange(missing.shape[1]))).tolist()
+        self._kinds = list(zip(timeline.reading_sensor.tolist(), patterns, strict=True))
+        # What is rejected of a reading, and where a nonlinear sensor is linearised, depends on those before it.
+        self._at_once = sensors.gate == np.inf and not sensors.nonlinear.any()
+
+    def hear(self, begin: int, end: int) -> int:
+        """Update with consecutive readings of one moment; the last sensor heard, `PREDICTION` if there was none.
+
+        Raises
+        ------
+        _BrokenError
+            If a reading has no positive, finite innovation covariance.
+        """
+        spans = [(begin, end)] if self._at_once else [(k, k + 1) for k in range(begin, end)]
+        last_heard = PREDICTION
+        for first, last in spans:
+            stack = self._stack_of(tuple(self._kinds[first:last]))
+            if self._gate < np.inf:
+                stack = self._accepted(stack, first)
+            self._records.nis[first:last] = 0.0
+            if stack.sensors:
+                last_heard = stack.sensors[-1]
+                self._update(stack, slice(first, last))
+        return last_heard
+
+    def _accepted(self, stack: Stack, k: int) -> Stack:
+        """What a gate leaves of a reading."""
+        if not stack.sensors:
+            return stack
+        innovation, rejected = self._ekf.beyond(self._gate, stack, self._reading[k, stack.places])
+        self._records.innovation[k, stack.places] = innovation
+        sensor, missing = self._kinds[k]
+        components = np.arange(self._reading.shape[1])[stack.places][rejected]
+        return self._stack_of(((sensor, missing | int((1 << components).sum())),))
+
+    def _update(self, stack: Stack, span: slice) -> None:
+        ekf, places = self._ekf, stack.places
+        try:
+            ekf.hear(stack, self._reading[span].reshape(-1)[places])
+            innovation, variance, nis = stack.one_by_one(ekf.y, ekf.S, ekf.SI)
+        except (np.linalg.LinAlgError, ValueError):
+            # Of scipy's inverse: a singular matrix, or one that is not finite.
+            nis = np.full(len(stack.sensors), np.nan)
+        else:
+            self._records.innovation[span].reshape(-1)[places] = innovation
+            self._records.innovation_variance[span].reshape(-1)[places] = variance
+        self._records.nis[span][stack.readings] = nis
+        if not isfinite(nis.sum()):
+            raise _BrokenError(stack.first_broken(ekf.y, ekf.S))
 
 
 def run_extended_filter(
@@ -139,19 +178,19 @@ def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, receive: Receiv
     n_events = timeline.time.size
     sound, covariance = 0, ekf.P
     records = empty_records(timeline, ekf.x.size)
-    views = _views(sensors, timeline)
+    listener = _Listener(ekf, sensors, timeline, records)
     culprit, event = OK, 0
     for event in range(n_events):
         before = ekf.P
-        culprit = _step(ekf, sensors, timeline, views, event, records)
+        culprit = _step(ekf, listener, timeline, event)
         if culprit != OK:
-            if _is_definite(before):
+            if is_definite(before):
                 sound, covariance = event, before
             break
         records.mean[event] = ekf.x
         records.standard_deviation[event] = np.sqrt(ekf.P.diagonal())
         if event % _CHECK == _CHECK - 1 or event == n_events - 1:
-            if not _is_definite(ekf.P):
+            if not is_definite(ekf.P):
                 culprit = PREDICTION
                 break
             sound, covariance = event + 1, ekf.P
@@ -159,39 +198,16 @@ def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, receive: Receiv
     return Ending(covariance, sound, culprit)
 
 
-def _step(
-    ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, views: list[_View], event: int, records: Records
-) -> int:
+def _step(ekf: _ProcessEkf, listener: _Listener, timeline: Timeline, event: int) -> int:
     """Predict to an event and update with its readings; what failed, or `OK`."""
     first, last = timeline.piece_offset[event], timeline.piece_offset[event + 1]
     if last > first:
         ekf.move(timeline.inputs, timeline.piece_input[first:last], timeline.piece_duration[first:last])
-    culprit = PREDICTION
-    for k in range(timeline.reading_offset[event], timeline.reading_offset[event + 1]):
-        view = views[k]
-        records.nis[k] = 0.0
-        if sensors.gate < np.inf and not view.silent:
-            innovation, rejected = ekf.beyond(sensors.gate, view, timeline.reading[k, view.present])
-            if rejected.any():
-                records.innovation[k, view.present] = innovation
-                missing = np.isnan(timeline.reading[k])
-                missing[np.flatnonzero(~missing)[rejected]] = True
-                view = _View(sensors, view.sensor, missing)
-        if view.silent:
-            continue
-        culprit = view.sensor
-        try:
-            ekf.hear(view, timeline.reading[k, view.present])
-        except (np.linalg.LinAlgError, ValueError):
-            # Of scipy's inverse: a singular matrix, or one that is not finite.
-            records.nis[k] = np.nan
-            return culprit if _was_sound(ekf) else PREDICTION
-        records.innovation[k, view.present] = ekf.y
-        records.innovation_variance[k, view.present] = ekf.S.diagonal()
-        records.nis[k] = nis = float(ekf.y @ ekf.SI @ ekf.y)
-        if not 0.0 <= nis < np.inf:
-            return culprit if _was_sound(ekf) else PREDICTION
-    return OK if _is_sound(ekf) else culprit
+    try:
+        last_heard = listener.hear(timeline.reading_offset[event], timeline.reading_offset[event + 1])
+    except _BrokenError as broken:
+        return broken.sensor if _was_sound(ekf) else PREDICTION
+    return OK if _is_sound(ekf) else last_heard
 
 
 def _was_sound(ekf: _ProcessEkf) -> bool:
@@ -203,13 +219,3 @@ def _is_sound(ekf: _ProcessEkf) -> bool:
     """Finite state and positive, finite variances."""
     variances = ekf.P.diagonal()
     return isfinite(ekf.x.sum() + variances.sum()) and variances.min() > 0.0
-
-
-def _is_definite(covariance: Array) -> bool:
-    # Scaled to unit diagonal first, so that rounding is judged against each state's own size.
-    scale = 1.0 / np.sqrt(np.diagonal(covariance))
-    try:
-        np.linalg.cholesky(covariance * np.outer(scale, scale))
-    except np.linalg.LinAlgError:
-        return False
-    return True

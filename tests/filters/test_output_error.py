@@ -79,7 +79,7 @@ def test_without_process_noise_the_kalman_filter_ends_where_the_fit_ends(linear_
     fit, ekf = run_whole(partial(run_output_error, use_prior=True), p), run_whole(run_extended_filter, p)
     assert_allclose(fit.records.mean[-1], ekf.records.mean[-1], rtol=1e-6, atol=1e-6)
     assert_allclose(fit.covariance, ekf.covariance, rtol=1e-6, atol=1e-7)
-    p.prior = Belief(p.prior.mean, 1e3 * np.eye(p.prior.mean.size))
+    p.prior = Belief(p.prior.mean, 1e2 * np.eye(p.prior.mean.size))
     fit, ekf = run_whole(run_output_error, p), run_whole(run_extended_filter, p)
     deviation = fit.records.standard_deviation[-1]
     # The wide prior still holds what the readings hardly tell.

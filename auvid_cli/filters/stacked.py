@@ -1,0 +1,103 @@
+"""Readings that a filter with a covariance hears at once."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.filters.problem import Sensors
+
+Array = NDArray[np.float64]
+
+# A sensor, and what its reading lacks: bit c for component c.
+Kind = tuple[int, int]
+
+
+class Stack:
+    """What does not change between readings of the same sensors with the same components missing.
+
+    Parameters
+    ----------
+    sensors : Sensors
+    kinds : tuple of (int, int)
+        One nonlinear sensor, or any number of linear ones; each with what its reading lacks.
+
+    Attributes
+    ----------
+    sensors, readings : list of int
+        Sensors that say anything, and the places of their readings in the stack.
+    begins : ndarray of int
+        Where the components of each of them begin.
+    places : slice or ndarray of int
+        Of the components that are present, in readings laid end to end.
+    nonlinear : bool
+    matrix, noise : ndarray
+        Measurement matrix and noise covariance.
+    """
+
+    def __init__(self, sensors: Sensors, kinds: tuple[Kind, ...]) -> None:
+        width = sensors.variance.shape[1]
+        present = [(k, c) for k, (_, missing) in enumerate(kinds) for c in range(width) if not missing >> c & 1]
+        of_reading = np.array([k for k, _ in present], dtype=np.int64)
+        self.readings = np.unique(of_reading).tolist()
+        self.sensors = [kinds[k][0] for k in self.readings]
+        self.begins = np.searchsorted(of_reading, self.readings)
+        self._same_reading = np.equal.outer(of_reading, of_reading)
+        # A slice is several times faster than a list of places.
+        places = [k * width + c for k, c in present]
+        self.places = slice(len(places)) if places == list(range(len(places))) else np.array(places)
+        rows = [kinds[k][0] for k, _ in present], [c for _, c in present]
+        self.nonlinear = any(sensors.nonlinear[sensor] for sensor in self.sensors)
+        self.matrix = sensors.matrix[rows]
+        self.noise = np.diag(sensors.variance[rows])
+        self._angular = sensors.angular[rows] if sensors.angular[rows].any() else None
+
+    def residual(self, reading: Array, predicted: Array) -> Array:
+        """Difference of the components present, angles wrapped to [-pi, pi)."""
+        difference = reading - predicted
+        if self._angular is None:
+            return difference
+        return np.where(self._angular, (difference + np.pi) % (2.0 * np.pi) - np.pi, difference)
+
+    def one_by_one(self, innovation: Array, covariance: Array, inverse: Array) -> tuple[Array, Array, Array]:
+        """What the innovations would have been, had the readings been heard one after the other.
+
+        With the factor L of their covariance, L^-1 y is white, and its part of a reading is what this says beyond
+        those before; the diagonal block of L carries it back to the units of the reading.
+
+        Parameters
+        ----------
+        innovation : ndarray, shape (m,)
+        covariance, inverse : ndarray, shape (m, m)
+            Of the innovation.
+
+        Returns
+        -------
+        innovation, variance : ndarray, shape (m,)
+        nis : ndarray
+            Normalised innovation squared of each of `sensors`.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If the covariance is not positive definite.
+        """
+        factor = np.linalg.cholesky(covariance)
+        white = factor.T @ (inverse @ innovation)
+        own = factor * self._same_reading
+        return own @ white, (own**2).sum(axis=1), np.add.reduceat(white**2, self.begins)
+
+    def first_broken(self, innovation: Array, covariance: Array) -> int:
+        """The first of `sensors` up to which innovations are not finite or not positive definite, or the last."""
+        ends = [*self.begins[1:], len(covariance)]
+        whole = (np.isfinite(innovation[:end]).all() and is_definite(covariance[:end, :end]) for end in ends)
+        return next((s for s, sound in zip(self.sensors, whole, strict=True) if not sound), self.sensors[-1])
+
+
+def is_definite(covariance: Array) -> bool:
+    """Whether a matrix is positive definite, each row judged by its own size."""
+    # Scaled to unit diagonal first, so that rounding is judged against each state's own size.
+    scale = 1.0 / np.sqrt(np.diagonal(covariance))
+    try:
+        np.linalg.cholesky(covariance * np.outer(scale, scale))
+    except np.linalg.LinAlgError:
+        return False
+    return True
