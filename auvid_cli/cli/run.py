@@ -44,12 +44,13 @@ def run(
         loaded.identification.check_filters(chosen)
         terminal = Terminal(quiet, verbose)
         folder = pipeline.results_folder(loaded, output)
-        # The filters know nothing of vehicles, so the halves have no function in common.
-        with terminal.compiling_beside("auvid_cli.filters.square_root", "auvid_cli.filters.information"):
-            dataset = pipeline.simulate_to(folder, loaded, terminal)
-            with terminal.compiling():
-                import auvid_cli.identification.process  # noqa: F401
+        # Entered first: what draws loads while others simulate.
         with pipeline.drawing(folder) as figures:
+            # The filters know nothing of vehicles, so the halves have no function in common.
+            with terminal.compiling_beside("auvid_cli.filters.square_root", "auvid_cli.filters.information"):
+                dataset = pipeline.simulate_to(folder, loaded, terminal)
+                with terminal.compiling():
+                    import auvid_cli.identification.process  # noqa: F401
             figures.add_path(dataset)
             bounds_of = pipeline.bounds_of(dataset, terminal)
 
