@@ -179,8 +179,8 @@ def drawing(folder: Path) -> Iterator["FigureQueue"]:
     from auvid_cli.report.figures.draw import FigureQueue
     from auvid_cli.report.figures.workers import figure_workers
 
-    with figure_workers() as workers:
-        yield FigureQueue(folder / "figures", workers)
+    with figure_workers() as submit:
+        yield FigureQueue(folder / "figures", submit)
 
 
 def exit_code(estimates: list[Estimate]) -> int:

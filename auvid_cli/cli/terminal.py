@@ -67,6 +67,7 @@ class Terminal:
         self._partner: subprocess.Popen | None = None
         # Whether compiling has begun in the present block, and whether that stands on a screen that keeps its lines.
         self._compiles = self._printed = False
+        self._interrupted = False
 
     def say(self, message: str) -> None:
         """Print a line, as it is."""
@@ -93,11 +94,12 @@ class Terminal:
     def compiling(self) -> Iterator[Callable[[], None]]:
         """Load the compiled core, and say so where it has to be compiled; yields what says so.
 
-        The compiler swallows an interrupt, so from then on one ends the process on the spot.
+        The compiler swallows an interrupt, so from then on one ends the process on the spot; so does whoever imports
+        something now and then, so until then it waits until all is loaded, less than a second.
         """
         from auvid_cli.compilation import told_of_compilation
 
-        before = signal.signal(signal.SIGINT, self._leave_at_once)
+        before = signal.signal(signal.SIGINT, self._interrupt)
         try:
             with self.stage("loading the compiled core") as change:
 
@@ -107,16 +109,23 @@ class Terminal:
                     if not self._err.is_terminal and not self.quiet and not self._printed:
                         print(f"auvid: {label}", file=sys.stderr)
                     self._compiles = self._printed = True
+                    if self._interrupted:
+                        self._leave_at_once()
 
                 with told_of_compilation(say_so):
                     yield say_so
+                if self._interrupted:
+                    raise KeyboardInterrupt
         finally:
             self._compiles = False
             signal.signal(signal.SIGINT, before)
 
-    def _leave_at_once(self, number: int, frame: FrameType | None) -> None:
-        if not self._compiles:
-            raise KeyboardInterrupt
+    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+        self._interrupted = True
+        if self._compiles:
+            self._leave_at_once()
+
+    def _leave_at_once(self) -> None:
         if self._partner is not None:
             self._partner.kill()
         # A spinner hides the cursor and leaves its line half written.

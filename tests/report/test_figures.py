@@ -33,7 +33,7 @@ def draw_figures():
     with ThreadPoolExecutor(1) as executor:
 
         def draw(dataset, estimates, evaluation, folder):
-            figures = FigureQueue(folder, executor)
+            figures = FigureQueue(folder, executor.submit)
             for estimate in estimates:
                 figures.add_innovations(estimate)
             figures.add_others(dataset, estimates, evaluation)

@@ -1,17 +1,20 @@
 """Which figures a run gets."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, Future, as_completed
+from concurrent.futures import Future, as_completed
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.assessment import Identifiability
-from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.report.figures.workers import draw_and_save
+from auvid_cli.report.figures.workers import Submit, draw_and_save
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, Quantity
+
+if TYPE_CHECKING:
+    # They bring the compiled core along, which is loaded elsewhere, and said to be.
+    from auvid_cli.evaluation.assessment import Identifiability
+    from auvid_cli.evaluation.evaluate import Evaluation
 
 # Of one sensor, as many as any figure can show.
 _MOST_SAMPLES = 100_000
@@ -24,13 +27,14 @@ class FigureQueue:
     ----------
     folder : pathlib.Path
         Made if it is missing.
-    workers : Executor
-        Who draws. They are handed no more data than a figure needs: it may travel to another process.
+    submit : callable
+        As `Executor.submit`, to those who draw. They are handed no more data than a figure needs: it may travel to
+        another process.
     """
 
-    def __init__(self, folder: Path, workers: Executor) -> None:
+    def __init__(self, folder: Path, submit: Submit) -> None:
         self._folder = folder
-        self._workers = workers
+        self._submit = submit
         self._drawn: dict[str, Future[list[Path]]] = {}
 
     def add_innovations(self, estimate: Estimate) -> None:
@@ -43,7 +47,7 @@ class FigureQueue:
         if "path" not in self._drawn and (dataset.truth is not None or estimates):
             self._add("path", "path", dataset.truth, [estimate.course(MOTION_SYMBOLS) for estimate in estimates])
 
-    def add_others(self, dataset: Dataset, estimates: list[Estimate], evaluation: Evaluation) -> None:
+    def add_others(self, dataset: Dataset, estimates: list[Estimate], evaluation: "Evaluation") -> None:
         """What shows all filters together, those that take longest first; free runs against the measurements."""
         state = {symbol for estimate in estimates for symbol in estimate.state}
         true = dataset.truth.coefficients if dataset.truth is not None else {}
@@ -58,7 +62,7 @@ class FigureQueue:
                 self._add(name, "motion", quantities, sensors, evaluation.free_runs)
         self.add_path(dataset, estimates)
 
-    def add_identifiability(self, found: Identifiability) -> None:
+    def add_identifiability(self, found: "Identifiability") -> None:
         """What the data can say before any filter runs."""
         self._add("identifiability_bounds", "bounds", found)
         self._add("identifiability_correlation", "correlation", found)
@@ -85,7 +89,7 @@ class FigureQueue:
         return [path for future in self._drawn.values() for path in future.result()]
 
     def _add(self, name: str, kind: str, *arguments: Any) -> None:
-        self._drawn[name] = self._workers.submit(draw_and_save, kind, arguments, self._folder, name)
+        self._drawn[name] = self._submit(draw_and_save, kind, arguments, self._folder, name)
 
 
 def _seen(quantities: Sequence[Quantity], sensors: dict[str, SensorRecord]) -> dict[str, SensorRecord]:

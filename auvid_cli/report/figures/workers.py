@@ -4,23 +4,32 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from functools import partial
 from multiprocessing import forkserver, resource_tracker
+from multiprocessing.context import BaseContext
 from pathlib import Path
 from typing import Any
 
 from auvid_cli.errors import FileError
+
+Submit = Callable[..., Future[Any]]
 
 # More than a few would wait for each other's memory, and there are only nine figures.
 _MOST = 4
 
 
 @contextmanager
-def figure_workers() -> Iterator[Executor]:
+def figure_workers() -> Iterator[Submit]:
     """Processes that are there from the first figure on; what they have not begun when the block ends is dropped.
+
+    Yields
+    ------
+    callable
+        As `Executor.submit`.
 
     Raises
     ------
@@ -32,7 +41,7 @@ def figure_workers() -> Iterator[Executor]:
     # None starts before there is something to draw: an interrupt while the core is compiled finds nobody to tell.
     method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
     context = multiprocessing.get_context(method)
-    context.set_forkserver_preload(["auvid_cli.report.figures.kinds"])
+    context.set_forkserver_preload(["auvid_cli.report.figures.patience", "auvid_cli.report.figures.kinds"])
     if method == "forkserver":
         # The server would bring this one along, which undoes the mask.
         resource_tracker.ensure_running()
@@ -41,20 +50,47 @@ def figure_workers() -> Iterator[Executor]:
         with _without_the_current_folder():
             forkserver.ensure_running()
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    pool = _Pool(count, context)
+    # A process is there only when its server has loaded everything: who has a figure to draw need not wait for that.
+    threads = ThreadPoolExecutor(count)
     try:
-        workers: Executor = ProcessPoolExecutor(count, mp_context=context, initializer=_prepare)
-    except OSError:
-        # No shared memory for the locks between processes, as in some containers: one thread draws as well.
-        workers = ThreadPoolExecutor(1)
-    try:
-        yield workers
+        yield partial(threads.submit, pool.run)
     except BrokenProcessPool as error:
         raise FileError(
             "figures: a process that draws them was ended from outside, perhaps for want of memory; "
             "the estimates are written, `auvid report` draws again"
         ) from error
     finally:
-        workers.shutdown(cancel_futures=True)
+        threads.shutdown(cancel_futures=True)
+        pool.shutdown()
+
+
+class _Pool:
+    """Processes, made when there is something to do: the locks between them are left behind if all end on the spot."""
+
+    def __init__(self, count: int, context: BaseContext) -> None:
+        self._count = count
+        self._context = context
+        self._lock = threading.Lock()
+        self._workers: Executor | None = None
+
+    def run(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        """Let one of them call a function, and wait for what it says."""
+        with self._lock:
+            self._workers = self._workers or self._made()
+        return self._workers.submit(function, *arguments).result()
+
+    def shutdown(self) -> None:
+        """Wait until they are gone."""
+        if self._workers is not None:
+            self._workers.shutdown()
+
+    def _made(self) -> Executor:
+        try:
+            return ProcessPoolExecutor(self._count, mp_context=self._context, initializer=_prepare)
+        except OSError:
+            # No shared memory for the locks between processes, as in some containers: one thread draws as well.
+            return ThreadPoolExecutor(1)
 
 
 @contextmanager
@@ -74,9 +110,8 @@ def _without_the_current_folder() -> Iterator[None]:
 def _prepare() -> None:
     # An interrupt is for the command to handle, which then ends its workers.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Filters go first; a figure has time until they are done.
-    if hasattr(os, "nice"):
-        os.nice(10)
+    import auvid_cli.report.figures.patience  # noqa: F401
+
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
