@@ -101,8 +101,7 @@ def _extended(problem: Problem) -> Callable[[], Answer]:
 
 
 _BASE = (
-    "The class that auvid's EKF is built on, with the same transition, but without auvid's records and checks, and "
-    "with one update by all readings of an event."
+    "The class that auvid's EKF is built on, with the same transition, but without auvid's records and checks."
 )
 _STALE = (
     "filterpy's CKF updates with the points that the process has moved, which lack the process noise, instead of "

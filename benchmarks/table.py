@@ -32,8 +32,8 @@ in posterior standard deviations of the latter. `sd / auvid's`: ratio of the pos
 largest. Ratios of times are medians of the ratios within a round.
 
 What does not depend on the state (Q, R, H, readings by event) is prepared before the clock starts. auvid also writes
-down mean, standard deviations, innovations and NIS of every event, and updates with one reading after the other; the
-others keep their last state, and update with all readings of an event at once.
+down mean, standard deviations, innovations and NIS of every event, and its sigma-point filters update with one reading
+after the other; the others keep their last state, and update with all readings of an event at once.
 """
 
 
