@@ -3,7 +3,7 @@
 numba judges a cached function by the time stamp and size of its own file. It does not see that a
 function compiled into it has changed in another file, and installers give all files one time stamp, so
 after an upgrade it could run yesterday's physics. The cache therefore lives in a folder named after the
-content of the whole package.
+content of every part of the package that has compiled functions, or constants of theirs.
 """
 
 import atexit
@@ -24,6 +24,7 @@ from numba import njit
 from numba.core import config
 from numba.core.event import Event, Listener, install_listener
 
+CORE = "vehicle", "simulation", "filters", "identification", "blocks.py", "compilation.py"
 _KEPT = 5
 # An interrupt at the terminal ends it at once; the process that started it says so.
 _IMPORT_ALL = """
@@ -121,8 +122,10 @@ def compile_elsewhere(*modules: str) -> subprocess.Popen:
 @cache
 def _cache_folder() -> Path:
     content = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        content.update(path.read_bytes())
+    package = Path(__file__).parent
+    for path in sorted(path for part in CORE for path in [package / part, *(package / part).glob("*.py")]):
+        if path.is_file():
+            content.update(path.read_bytes())
     base = Path(os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_path("auvid"))
     folder = base / content.hexdigest()[:16]
     try:

@@ -100,9 +100,7 @@ def _extended(problem: Problem) -> Callable[[], Answer]:
     return run
 
 
-_BASE = (
-    "The class that auvid's EKF is built on, with the same transition, but without auvid's records and checks."
-)
+_BASE = "The class that auvid's EKF is built on, with the same transition, but without auvid's records and checks."
 _STALE = (
     "filterpy's CKF updates with the points that the process has moved, which lack the process noise, instead of "
     "points drawn from the predicted covariance: its answer is another one, how much so depends on that noise."

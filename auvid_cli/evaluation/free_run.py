@@ -4,28 +4,19 @@ from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.blocks import LANES
-from auvid_cli.compilation import compiled
 from auvid_cli.data.dataset import SENSORS, Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.motion import FreeRun
-from auvid_cli.filters.problem import TIMELINE
+from auvid_cli.identification.free_motion import move_freely
 from auvid_cli.identification.timeline import Timelines, initial_motion, measuring_sensors
 from auvid_cli.vehicle.coefficients import SYMBOLS
-from auvid_cli.vehicle.dynamics import (
-    N_WORK,
-    runge_kutta_step,
-    vehicle_constants,
-)
+from auvid_cli.vehicle.dynamics import N_WORK, vehicle_constants
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
-
-_vector = types.float64[::1]
-_matrix = types.float64[:, ::1]
 
 # Samples of a free run that are kept to be drawn.
 _MOST_KEPT = 100_000
@@ -38,17 +29,6 @@ class VelocityError(NamedTuple):
     component: str
     unit: str
     mean_absolute_error: float | None
-
-
-@compiled(types.void(_vector, _vector, _vector, TIMELINE, _matrix, _vector))
-def _run(block, coefficients, constants, timeline, predicted, work):
-    """Fill in the motion at every event; `block` is where it starts and, afterwards, where it ends."""
-    for event in range(timeline.time.size):
-        for piece in range(timeline.piece_offset[event], timeline.piece_offset[event + 1]):
-            held = timeline.inputs[timeline.piece_input[piece]]
-            runge_kutta_step(block, coefficients, held, constants, 1, timeline.piece_duration[piece], work)
-        for i in range(N_MOTION):
-            predicted[event, i] = block[i * LANES]
 
 
 def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[VelocityError]]:
@@ -72,7 +52,7 @@ def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[Veloci
     runs, n_events = [], 0
     for timeline in Timelines(dataset, measuring, start, dataset.experiment.identification.integration_step):
         predicted = np.empty((timeline.time.size, N_MOTION))
-        _run(block, coefficients, constants, timeline, predicted, work)
+        move_freely(block, coefficients, constants, timeline, predicted, work)
         kept = slice(-n_events % every, None, every)
         runs.append(FreeRun(timeline.time[kept], predicted[kept].copy()))
         n_events += timeline.time.size
