@@ -10,7 +10,7 @@ from threading import Event
 from typing import TYPE_CHECKING
 
 from auvid_cli.cli.terminal import DONE, VERDICT_FAILED, Terminal
-from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.experiment import Experiment, RunSettings
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import dump_experiment
 from auvid_cli.data.dataset import Dataset
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from auvid_cli.report.figures.draw import FigureQueue
 
 
-def results_folder(experiment: Experiment, output: Path | None) -> Path:
+def results_folder(experiment: RunSettings, output: Path | None) -> Path:
     """Where an experiment's results go."""
     return output if output is not None else Path("results") / experiment.name
 
@@ -190,7 +190,7 @@ def exit_code(estimates: list[Estimate]) -> int:
     return DONE if all(verdict(estimate) == "completed" for estimate in estimates) else VERDICT_FAILED
 
 
-def dataset_of(experiment: Experiment, folder: Path) -> Dataset:
+def dataset_of(experiment: RunSettings, folder: Path) -> Dataset:
     """The simulated dataset of an experiment, with the experiment's present identification settings.
 
     Raises
@@ -203,7 +203,7 @@ def dataset_of(experiment: Experiment, folder: Path) -> Dataset:
         raise FileError(f"{path}: no such dataset; make it with `auvid simulate`, or do all with `auvid run`")
     dataset = read_dataset(path)
     for part in ("seed", "vehicle", "sensors", "manoeuvre"):
-        if getattr(dataset.experiment, part) != getattr(experiment, part):
+        if getattr(dataset.experiment, part, None) != getattr(experiment, part, None):
             raise FileError(
                 f"{path}: was simulated with other settings of `{part}` than the experiment has now; run "
                 "`auvid simulate` again, give the same --set here, or name the dataset file to identify it as it is"
@@ -270,6 +270,6 @@ def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:
     return dataset, estimates
 
 
-def print_settings(experiment: Experiment) -> None:
+def print_settings(experiment: RunSettings) -> None:
     """Resolved settings as YAML on the standard output."""
     print(dump_experiment(experiment), end="")

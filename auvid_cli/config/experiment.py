@@ -188,12 +188,38 @@ def check_symbol(symbol: str) -> None:
         raise ValueError(f"{symbol!r} is not a coefficient{hint}")
 
 
-class Experiment(Settings):
-    """A whole experiment file."""
+class RecordedFile(Settings):
+    """A file of a log."""
+
+    name: str
+    sha256: str
+
+
+class Recording(Settings):
+    """Where an imported dataset comes from."""
+
+    files: tuple[RecordedFile, ...]
+    map: Annotated[str, Field(description="text of the map by which they were read")]
+    origin: Annotated[float, Unit("s"), Field(description="time of the log at which the dataset's begins")]
+
+
+class RunSettings(Settings):
+    """What is known of a run that was made or recorded: the vehicle, and how to identify."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/")]
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True, description="of every random stream")] = 1
     vehicle: VehicleSettings
+    identification: Identification = Identification()
+
+
+class ImportedRun(RunSettings):
+    """A run that a vehicle recorded."""
+
+    recording: Recording
+
+
+class Experiment(RunSettings):
+    """A whole experiment file: a run to simulate."""
+
     sensors: SensorSuite
     manoeuvre: AnyManoeuvre
-    identification: Identification = Identification()

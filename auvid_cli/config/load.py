@@ -2,15 +2,17 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 from pydantic import ValidationError
 
 from auvid_cli.config.assemble import assemble, read_source
-from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.experiment import Experiment, ImportedRun, RunSettings
 from auvid_cli.config.locate import locate
-from auvid_cli.config.position import Source, report
+from auvid_cli.config.model import Settings
+from auvid_cli.config.position import Mistake, Source, report
+from auvid_cli.config.tree import Tree
 from auvid_cli.errors import ConfigError
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -40,7 +42,25 @@ def load_experiment(path: Path, overrides: Sequence[str] = ()) -> Experiment:
         source = read_source(path)
     except ValueError as error:
         raise ConfigError(f"{path}: {error}") from None
-    return _experiment(source, overrides)
+    return _settings(Experiment, *assemble(source, overrides))
+
+
+def parse_run(text: str, name: str, overrides: Sequence[str] = ()) -> RunSettings:
+    """Validate the settings inside a data file: those of an experiment, or of a run that was recorded.
+
+    Parameters
+    ----------
+    text, name, overrides
+        As of `parse_experiment`.
+
+    Raises
+    ------
+    ConfigError
+        With every mistake at once.
+    """
+    tree, mistakes = assemble(Source(name, Path(), text), overrides)
+    is_recorded = isinstance(tree.data, dict) and "recording" in tree.data
+    return _settings(ImportedRun if is_recorded else Experiment, tree, mistakes)
 
 
 def parse_experiment(text: str, name: str, overrides: Sequence[str] = ()) -> Experiment:
@@ -60,11 +80,11 @@ def parse_experiment(text: str, name: str, overrides: Sequence[str] = ()) -> Exp
     ConfigError
         With every mistake at once.
     """
-    return _experiment(Source(name, Path(), text), overrides)
+    return _settings(Experiment, *assemble(Source(name, Path(), text), overrides))
 
 
-def dump_experiment(experiment: Experiment) -> str:
-    """Resolved settings as YAML in SI numbers, which `parse_experiment` reads back to an equal object."""
+def dump_experiment(experiment: RunSettings) -> str:
+    """Resolved settings as YAML in SI numbers, which `parse_run` reads back to an equal object."""
     settings = _given(experiment.model_dump(mode="json", by_alias=True))
     # Where PyYAML was built without libyaml its own dumper writes the same, only more slowly.
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
@@ -104,16 +124,18 @@ def find_experiment(name: str | None) -> Path:
     )
 
 
-def _experiment(source: Source, overrides: Sequence[str]) -> Experiment:
-    tree, mistakes = assemble(source, overrides)
+AnySettings = TypeVar("AnySettings", bound=Settings)
+
+
+def _settings(model: type[AnySettings], tree: Tree, mistakes: list[Mistake]) -> AnySettings:
     try:
-        experiment = Experiment.model_validate(tree.data)
+        settings = model.model_validate(tree.data)
     except ValidationError as error:
-        found = locate(error, Experiment, tree)
+        found = locate(error, model, tree)
         mistakes += (m for m in found if all(node.readable for node in tree.descend(m.path)))
     else:
         if not mistakes:
-            return experiment
+            return settings
     raise ConfigError(report(mistakes))
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.experiment import Experiment
-from auvid_cli.vehicle.parameters import MOTION, Quantity
+from auvid_cli.config.experiment import RunSettings
+from auvid_cli.vehicle.parameters import MOTION, POSITION, Quantity
 
 Array = NDArray[np.float64]
 
@@ -23,6 +23,7 @@ SENSORS: dict[str, tuple[Quantity, ...]] = {
     "magnetometer": (Quantity("heading", "rad", "heading", "AHRS"),),
     "dvl": (_MOTION["u"], _MOTION["v"], _MOTION["w"]),
     "attitude": (_MOTION["phi"], _MOTION["theta"], _MOTION["psi"]),
+    "depth": (POSITION[2],),
 }
 
 
@@ -79,7 +80,7 @@ class Dataset:
 
     inputs: InputRecord
     sensors: dict[str, SensorRecord]
-    experiment: Experiment
+    experiment: RunSettings
     truth: TruthRecord | None = None
     sha256: str = ""
 

@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.load import dump_experiment, parse_experiment
+from auvid_cli.config.load import dump_experiment, parse_run
 from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord, TruthRecord
 from auvid_cli.data.netcdf import (
     count_rows,
@@ -90,7 +90,7 @@ def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:
         If the settings inside, with the overrides, are not valid.
     """
     with open_file(path, "dataset") as file:
-        experiment = parse_experiment(read_attribute(file, "settings"), f"{path} (settings)", overrides)
+        experiment = parse_run(read_attribute(file, "settings"), f"{path} (settings)", overrides)
         group = subgroup(file, "inputs")
         inputs = InputRecord(read_array(group, "time"), read_table(group, [quantity.symbol for quantity in INPUTS]))
         sensors = {name: _read_sensor(path, group, name) for name, group in subgroups(file, "sensors").items()}

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.experiment import RunSettings
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 Array = NDArray[np.float64]
@@ -107,7 +107,7 @@ class EstimateHeader:
     ----------
     filter : str
         "ekf", "ckf", "tukf", "ukf" or "output_error".
-    experiment : Experiment
+    experiment : RunSettings
         Settings it is made with.
     state : tuple of str
         Symbols: estimated coefficients, constant sensor errors, the nine motion states, walking sensor errors.
@@ -119,7 +119,7 @@ class EstimateHeader:
     """
 
     filter: str
-    experiment: Experiment
+    experiment: RunSettings
     state: tuple[str, ...]
     unit: tuple[str, ...]
     held: dict[str, float]

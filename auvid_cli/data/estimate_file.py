@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.load import dump_experiment, parse_experiment
+from auvid_cli.config.load import dump_experiment, parse_run
 from auvid_cli.data.dataset import SENSORS
 from auvid_cli.data.estimate import Estimate, EstimateHeader, EstimatePart, Innovations, Outcome
 from auvid_cli.data.netcdf import (
@@ -112,7 +112,7 @@ def read_estimate(path: Path) -> Estimate:
         every = 1 + count_rows(file, "time") // _MOST_STATES
         return Estimate(
             filter=read_attribute(file, "filter"),
-            experiment=parse_experiment(read_attribute(file, "settings"), f"{path} (settings)"),
+            experiment=parse_run(read_attribute(file, "settings"), f"{path} (settings)"),
             state=read_names(file, "state"),
             unit=read_names(file, "unit"),
             time=read_array(file, "time", every),

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.experiment import RunSettings
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import ConfigError
 from auvid_cli.filters.problem import Belief, Process, Sensors
@@ -133,7 +133,7 @@ def augmented_problem(dataset: Dataset, part: int = PART) -> AugmentedProblem:
     )
 
 
-def held_coefficients(experiment: Experiment) -> dict[str, float]:
+def held_coefficients(experiment: RunSettings) -> dict[str, float]:
     """Values, SI, of the coefficients that are not estimated.
 
     Raises

@@ -42,7 +42,7 @@ def test_whole_entry(text):
         (
             "name: small",
             "name: a\nqq: 1",
-            "2:1: qq: unknown key 'qq'; known keys: name, seed, vehicle, sensors,",
+            "2:1: qq: unknown key 'qq'; known keys: name, seed, vehicle, identification,",
         ),
         (
             "    rate: 7 Hz\n",

@@ -1,0 +1,1 @@
+"""Logs of vehicles as they come: what is in them, and the numbers."""
