@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.filters.problem import Belief, Ending, Process, Receiver, Sensors, Timeline
+from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.identify import FilterRun, set_up_filters
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.dynamics import N_CONSTANTS
@@ -134,12 +135,16 @@ def make_problem(n_events: int) -> Problem:
     experiment = dataset.experiment.model_copy(update={"identification": exact})
     (exact_ekf,) = set_up_filters(replace(dataset, experiment=experiment), [FilterName.EKF])
 
-    process, sensors, data, prior = _call(runs[0]).args[-4:]
-    whole = next(iter(data))
+    problem = augmented_problem(dataset)
+    process, sensors = _call(runs[0]).args[-2:]
+    whole = next(iter(problem.segments[0].timelines))
     if not 0 < n_events <= whole.time.size:
         raise ValueError(f"--events must be from 1 to {whole.time.size}")
     timeline = _first(whole._replace(reading=_unwrapped(whole, sensors)), n_events)
-    filters = {run.header.filter: _on_timelines(run) for run in runs} | {"ekf exact": _on_timelines(exact_ekf)}
+    prior = problem.prior
+    filters = {run.header.filter: _from_prior(run, prior) for run in runs} | {
+        "ekf exact": _from_prior(exact_ekf, prior)
+    }
     unscented = settings.ukf.alpha, settings.ukf.beta, settings.ukf.kappa
     covariance = prior.factor @ prior.factor.T
     return Problem(
@@ -153,16 +158,14 @@ def units_of(process: Process) -> Array:
 
 
 def _call(run: FilterRun) -> partial[Ending]:
-    """auvid's filter with its arguments: for some a point set, then process, sensors, data and prior."""
+    """auvid's filter with its arguments: for some a point set, then process and sensors."""
     assert isinstance(run.filter, partial)
-    return run.filter
+    return run.filter.args[0]
 
 
-def _on_timelines(run: FilterRun) -> Callable[[list[Timeline], Receiver], Ending]:
+def _from_prior(run: FilterRun, prior: Belief) -> Callable[[list[Timeline], Receiver], Ending]:
     """auvid's filter with other data than its own."""
-    call = _call(run)
-    *before, _, prior = call.args
-    return lambda timelines, receive: call.func(*before, timelines, prior, receive)
+    return lambda timelines, receive: _call(run)(timelines, prior, receive)
 
 
 def _first(timeline: Timeline, n_events: int) -> Timeline:

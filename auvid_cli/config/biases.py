@@ -1,4 +1,4 @@
-"""Which sensor errors are estimated along with the coefficients, and what is known of them beforehand."""
+"""Which sensor errors, and which current, are estimated along with the coefficients, and what is known beforehand."""
 
 from enum import StrEnum
 from typing import Annotated
@@ -15,6 +15,7 @@ class BiasName(StrEnum):
     GYRO = "gyro"
     ATTITUDE = "attitude"
     DVL = "dvl"
+    CURRENT = "current"
 
 
 class GyroBias(Settings):
@@ -44,12 +45,23 @@ class DvlError(Settings):
     yaw_walk: Annotated[float, Unit("rad/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
 
 
+class Current(Settings):
+    """Horizontal current, north and east: what a DVL sees over ground beyond the motion through the water."""
+
+    spread: Annotated[float, Unit("m/s"), Field(gt=0, description="standard deviation before any data")] = 0.3
+    walk: Annotated[
+        float, Unit("m/s/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
+    ] = 1e-3
+
+
 class Estimate(Settings):
     """What is estimated besides coefficients and motion."""
 
     biases: Annotated[
-        tuple[BiasName, ...], Field(description="of `gyro`, `attitude` and `dvl`: sensors whose errors are states")
+        tuple[BiasName, ...],
+        Field(description="blocks of further states: `gyro`, `attitude`, `dvl`, `current`"),
     ] = ()
     gyro: GyroBias = GyroBias()
     attitude: AttitudeBias = AttitudeBias()
     dvl: DvlError = DvlError()
+    current: Current = Current()

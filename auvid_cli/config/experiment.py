@@ -1,6 +1,7 @@
 """Settings of an experiment: vehicle, sensors, manoeuvre, and how to identify."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -50,6 +51,7 @@ class ProcessNoise(Settings):
     velocity: Annotated[float, Unit("m/s^2/Hz^0.5"), Field(gt=0, description="of u, v, w")] = 1e-4
     rate: Annotated[float, Unit("rad/s^2/Hz^0.5"), Field(gt=0, description="of p, q, r")] = 1e-4
     attitude: Annotated[float, Unit("rad/s/Hz^0.5"), Field(gt=0, description="of phi, theta, psi")] = 1e-5
+    depth: Annotated[float, Unit("m/s/Hz^0.5"), Field(gt=0, description="of the depth, where it is measured")] = 1e-3
 
 
 class InitialMotion(Settings):
@@ -58,6 +60,40 @@ class InitialMotion(Settings):
     velocity: Annotated[float, Unit("m/s"), Field(gt=0)] = 0.1
     rate: Annotated[float, Unit("rad/s"), Field(gt=0)] = 0.05
     attitude: Annotated[float, Unit("rad"), Field(gt=0)] = 0.05
+    depth: Annotated[float, Unit("m"), Field(gt=0)] = 0.5
+
+
+class Use(Settings):
+    """Which of the data are used; each stretch starts with a motion of its own and the coefficients found so far."""
+
+    spans: Annotated[
+        tuple[tuple[float, float], ...], Field(description="[begin, end], s, each; empty: from beginning to end")
+    ] = ()
+    least_speed: Annotated[
+        float | None, Unit("m/s"), Field(gt=0, description="leave out what is slower by the DVL")
+    ] = None
+    longest_gap: Annotated[
+        float | None, Unit("s"), Field(gt=0, description="a sensor that is silent for longer ends a stretch")
+    ] = None
+    shortest: Annotated[float, Unit("s"), Field(ge=0, description="leave out stretches that last less")] = 2.0
+
+    @field_validator("spans", mode="before")
+    @classmethod
+    def _times(cls, value: Any) -> Any:
+        if not isinstance(value, list | tuple):
+            raise ValueError("expected a list of [begin, end]")
+        parsed = []
+        for stated in value:
+            if not isinstance(stated, list | tuple) or len(stated) != 2:
+                raise ValueError("expected [begin, end] for each span")
+            begin, end = (parse_quantity(bound, "s") for bound in stated)
+            if not begin < end:
+                raise ValueError(f"the span [{begin:g}, {end:g}] s must begin before it ends")
+            parsed.append((begin, end))
+        for (_, end), (begin, _) in pairwise(sorted(parsed)):
+            if begin < end:
+                raise ValueError(f"two spans overlap from {begin:g} s to {end:g} s")
+        return parsed
 
 
 class EkfSettings(Settings):
@@ -126,6 +162,10 @@ class Identification(Settings):
         Literal["all"] | tuple[str, ...],
         Field(description="'all', or a list; the others are held at the vehicle file's values"),
     ] = "all"
+    use: Use = Use()
+    fin_time_constant: Annotated[
+        float, Unit("s"), Field(ge=0, description="of fins that follow the recorded command with a first-order lag")
+    ] = 0.0
     estimate: Estimate = Estimate()
     prior: Prior = Prior()
     process_noise: ProcessNoise = ProcessNoise()

@@ -99,6 +99,8 @@ class ManoeuvreSettings(Settings):
     initial_speed: Annotated[
         float | None, Unit("m/s"), Field(ge=0, description="speed at the start, if another one")
     ] = None
+    current_north: Annotated[float, Unit("m/s"), Field(description="velocity of the water, north")] = 0.0
+    current_east: Annotated[float, Unit("m/s"), Field(description="velocity of the water, east")] = 0.0
     initial_pitch: Annotated[Radians, Field(description="pitch at the start")] = 0.0
     input_rate: Annotated[float, Unit("Hz"), Field(gt=0, le=1e4, description="inputs change this often")] = 100.0
     limits: Limits = Limits()

@@ -116,6 +116,13 @@ class Dvl(SensorSettings):
     mounting_yaw: Annotated[float, Unit("rad"), Field(description="how far it is turned to starboard")] = 0.0
 
 
+class Depth(SensorSettings):
+    """Depth below the surface."""
+
+    unit = "m"
+    components = ("down",)
+
+
 class AhrsSettings(Settings):
     """How the AHRS computes attitude, and how far a filter may trust it."""
 
@@ -170,3 +177,4 @@ class SensorSuite(Settings):
     magnetometer: Magnetometer
     dvl: Dvl
     attitude: Attitude
+    depth: Depth | None = None

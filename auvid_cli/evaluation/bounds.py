@@ -11,7 +11,7 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.identification.fisher import information_at
-from auvid_cli.identification.timeline import initial_motion, measuring_sensors
+from auvid_cli.identification.segments import stretches
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,8 @@ def _bounds(dataset: Dataset, estimate: Estimate) -> Bounds:
     experiment = estimate.experiment.model_copy(update={"identification": identification})
     values = dataset.truth.coefficients if dataset.truth is not None else estimate.final_coefficients()
     try:
-        information = information_at(replace(dataset, experiment=experiment), values, true_start(dataset))
+        data = replace(dataset, experiment=experiment)
+        information = information_at(data, values, true_start(data))
     except DataError as error:
         return Bounds({}, {}, str(error))
     if information.lost_after is not None:
@@ -90,5 +91,5 @@ def true_start(dataset: Dataset) -> Array | None:
     """The true motion next to where filters start, shape (9,); None without truth."""
     if dataset.truth is None:
         return None
-    start, _ = initial_motion(dataset, measuring_sensors(dataset))
+    start, _ = stretches(dataset)[0].timelines.span
     return dataset.truth.motion[np.argmin(np.abs(dataset.truth.time - start))]

@@ -1,6 +1,7 @@
 """The list of verdicts on an estimate: each a number, what it may be, and what to do where it is not."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -15,6 +16,7 @@ from auvid_cli.evaluation.data_checks import data_checks
 from auvid_cli.evaluation.innovation_checks import innovation_checks
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
 from auvid_cli.identification.prior import natural_magnitude, prior_standard_deviations
+from auvid_cli.identification.segments import used_part
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
 # Share of the prior's standard deviation that may be left.
@@ -35,7 +37,8 @@ _CONFIDENCE = 0.99
 
 def check_estimate(dataset: Dataset, estimate: Estimate, bounds: Bounds) -> list[Check]:
     """All verdicts on one estimate; of one that did not end well only those on the data and the innovations."""
-    checks = [_finished(estimate), *data_checks(dataset, estimate.filter, list(estimate.innovations))]
+    used = used_part(replace(dataset, experiment=estimate.experiment))
+    checks = [_finished(estimate), *data_checks(used, estimate.filter, list(estimate.innovations))]
     checks += innovation_checks(dataset, estimate)
     if not estimate.completed:
         return checks

@@ -1,6 +1,7 @@
 """Everything the report needs to know of a dataset and its estimates."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 from auvid_cli.data.dataset import Dataset
@@ -47,7 +48,7 @@ def evaluate(dataset: Dataset, estimates: list[Estimate], bounds_of: Callable[[E
     remarks = {f"no Cramer-Rao bound: {found.remark}" for found in bounds.values() if found.remark}
     evaluation = Evaluation([], [], [], [], [], {}, sorted(remarks))
     for estimate in estimates:
-        run, errors = free_run(dataset, estimate)
+        run, errors = free_run(replace(dataset, experiment=estimate.experiment), estimate)
         results = coefficient_results(estimate, dataset.truth, bounds[estimate.filter].of_data)
         steps = max(estimate.steps, 1)
         evaluation.coefficients.extend(results)

@@ -11,7 +11,8 @@ from auvid_cli.data.dataset import SENSORS, Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.motion import FreeRun
 from auvid_cli.identification.free_motion import move_freely
-from auvid_cli.identification.timeline import Timelines, initial_motion, measuring_sensors
+from auvid_cli.identification.segments import stretches
+from auvid_cli.identification.timeline import measuring_sensors
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.dynamics import N_WORK, vehicle_constants
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
@@ -42,28 +43,33 @@ def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[Veloci
         Mean absolute difference from every reading of a velocity or rate, as in the paper's Table V.
     """
     measuring = measuring_sensors(dataset)
-    start, motion = initial_motion(dataset, measuring)
     constants = vehicle_constants(dataset.experiment.vehicle.known_parameters())
     final = estimate.final_coefficients()
-    block, coefficients = (np.repeat(each, LANES) for each in (motion, [final[symbol] for symbol in SYMBOLS]))
-    work = np.zeros(N_WORK)
+    coefficients, work = np.repeat([final[symbol] for symbol in SYMBOLS], LANES), np.zeros(N_WORK)
     every = 1 + sum(record.time.size for record in measuring.values()) // _MOST_KEPT
     sums, counts = np.zeros(N_MOTION), np.zeros(N_MOTION)
     runs, n_events = [], 0
-    for timeline in Timelines(dataset, measuring, start, dataset.experiment.identification.integration_step):
-        predicted = np.empty((timeline.time.size, N_MOTION))
-        move_freely(block, coefficients, constants, timeline, predicted, work)
-        kept = slice(-n_events % every, None, every)
-        runs.append(FreeRun(timeline.time[kept], predicted[kept].copy()))
-        n_events += timeline.time.size
-        event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.reading_offset))
-        for sensor, name in enumerate(measuring):
-            own = timeline.reading_sensor == sensor
-            for component, quantity in enumerate(SENSORS[name]):
-                column = MOTION_SYMBOLS.index(quantity.symbol)
-                said = own & ~np.isnan(timeline.reading[:, component])
-                sums[column] += np.abs(predicted[event[said], column] - timeline.reading[said, component]).sum()
-                counts[column] += np.count_nonzero(said)
+    for stretch in stretches(dataset):
+        block = np.repeat(stretch.motion, LANES)
+        if runs:
+            # A line that is drawn through is broken between two stretches.
+            runs.append(FreeRun(runs[-1].time[-1:], np.full((1, N_MOTION), np.nan)))
+        for timeline in stretch.timelines:
+            predicted = np.empty((timeline.time.size, N_MOTION))
+            move_freely(block, coefficients, constants, timeline, predicted, work)
+            kept = slice(-n_events % every, None, every)
+            runs.append(FreeRun(timeline.time[kept], predicted[kept].copy()))
+            n_events += timeline.time.size
+            event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.reading_offset))
+            for sensor, name in enumerate(measuring):
+                own = timeline.reading_sensor == sensor
+                for component, quantity in enumerate(SENSORS[name]):
+                    if quantity.symbol not in MOTION_SYMBOLS:
+                        continue
+                    column = MOTION_SYMBOLS.index(quantity.symbol)
+                    said = own & ~np.isnan(timeline.reading[:, component])
+                    sums[column] += np.abs(predicted[event[said], column] - timeline.reading[said, component]).sum()
+                    counts[column] += np.count_nonzero(said)
     errors = []
     for column, quantity in enumerate(MOTION[:6]):
         known = counts[column] and isfinite(sums[column])

@@ -1,6 +1,8 @@
 """A dataset as an estimation problem: the augmented state, its prior, process, sensors and timeline."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +15,12 @@ from auvid_cli.filters.problem import Belief, Process, Sensors
 from auvid_cli.identification.biases import constant_errors, sensor_errors, walking_errors
 from auvid_cli.identification.prior import earlier_belief, prior_standard_deviations
 from auvid_cli.identification.process import vehicle_process
+from auvid_cli.identification.segments import stretches
+from auvid_cli.identification.start import starting_belief
 from auvid_cli.identification.timeline import (
+    DEPTH,
     PART,
     Timelines,
-    initial_motion,
     measurement_model,
     measuring_sensors,
 )
@@ -28,14 +32,29 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class Segment:
+    """A stretch of the data.
+
+    Attributes
+    ----------
+    timelines : Timelines
+    begin : callable
+        From what is known of the parameters to what is known of the whole state at the first event.
+    """
+
+    timelines: Timelines
+    begin: Callable[[Belief], Belief]
+
+
+@dataclass(frozen=True)
 class AugmentedProblem:
     """What filters are given, coefficients as multiples of their priors, and what it is in SI.
 
     Attributes
     ----------
     state, unit : tuple of str
-        Symbols of the estimated coefficients, of constant sensor errors, of the nine motion states and of walking
-        sensor errors; SI units.
+        Symbols of the estimated coefficients, of constant sensor errors, of the nine motion states, of the depth where
+        it is measured, and of walking sensor errors; SI units.
     scale : ndarray, shape (n,)
         SI value of one unit of each.
     held : dict
@@ -45,9 +64,10 @@ class AugmentedProblem:
     sensors : Sensors
     measuring : dict of SensorRecord
         Records of these sensors by name, in their order.
-    timelines : Timelines
-    prior : Belief
-        At the first event.
+    parameters : Belief
+        Of coefficients and constant sensor errors, before any data.
+    segments : list of Segment
+        In time order.
     """
 
     state: tuple[str, ...]
@@ -57,8 +77,18 @@ class AugmentedProblem:
     process: Process
     sensors: Sensors
     measuring: dict[str, SensorRecord]
-    timelines: Timelines
-    prior: Belief
+    parameters: Belief
+    segments: list[Segment]
+
+    @property
+    def prior(self) -> Belief:
+        """Of the whole state at the first event."""
+        return self.segments[0].begin(self.parameters)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time, s."""
+        return self.segments[0].timelines.span[0], self.segments[-1].timelines.span[1]
 
 
 def augmented_problem(dataset: Dataset, part: int = PART) -> AugmentedProblem:
@@ -85,34 +115,27 @@ def augmented_problem(dataset: Dataset, part: int = PART) -> AugmentedProblem:
     held = held_coefficients(experiment)
     errors = sensor_errors(settings.estimate)
     constant, walking = constant_errors(errors), walking_errors(errors)
+    measuring = measuring_sensors(dataset)
+    has_depth = "depth" in measuring
     units = {c.symbol: c.unit for c in COEFFICIENTS}
     blocks = [(symbol, units[symbol]) for symbol in estimated]
     blocks += [(error.symbol, error.unit) for error in constant]
-    blocks += [(quantity.symbol, quantity.unit) for quantity in MOTION]
+    blocks += [(quantity.symbol, quantity.unit) for quantity in (*MOTION, *([DEPTH] * has_depth))]
     blocks += [(error.symbol, error.unit) for error in walking]
     state, unit = zip(*blocks, strict=True)
     priors = prior_standard_deviations(
         experiment.vehicle.size, settings.prior.factor, settings.prior.standard_deviation
     )
     scale = np.array([priors[symbol] for symbol in estimated])
-    measuring = measuring_sensors(dataset)
-    start, motion = initial_motion(dataset, measuring)
     known, factor = np.zeros(len(estimated)), np.eye(len(estimated))
     if settings.prior.from_estimate is not None:
         known, factor = earlier_belief(Path(settings.prior.from_estimate), dataset, estimated, scale)
-    spread = settings.initial_motion
-    prior = Belief(
-        np.concatenate([known, np.zeros(len(constant)), motion, np.zeros(len(walking))]),
-        np.diag(
-            [
-                *np.ones(len(estimated)),
-                *(error.spread for error in constant),
-                *np.repeat([spread.velocity, spread.rate, spread.attitude], 3),
-                *(error.spread for error in walking),
-            ]
-        ),
+    parameters = Belief(
+        np.concatenate([known, np.zeros(len(constant))]),
+        np.diag([*np.zeros(len(estimated)), *(error.spread for error in constant)]),
     )
-    prior.factor[: len(estimated), : len(estimated)] = factor
+    parameters.factor[: len(estimated), : len(estimated)] = factor
+    begin = partial(starting_belief, errors=errors, spread=settings.initial_motion)
     return AugmentedProblem(
         state=state,
         unit=unit,
@@ -125,11 +148,15 @@ def augmented_problem(dataset: Dataset, part: int = PART) -> AugmentedProblem:
             scale,
             settings.process_noise,
             errors,
+            has_depth,
         ),
         sensors=measurement_model(measuring, state, errors, np.inf if settings.gate is None else settings.gate),
         measuring=measuring,
-        timelines=Timelines(dataset, measuring, start, settings.integration_step, part),
-        prior=prior,
+        parameters=parameters,
+        segments=[
+            Segment(stretch.timelines, partial(begin, motion=stretch.motion, depth=stretch.depth))
+            for stretch in stretches(dataset, part)
+        ],
     )
 
 

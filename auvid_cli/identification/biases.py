@@ -1,4 +1,7 @@
-"""Sensor errors as blocks of the augmented state: constant ones among the parameters, walking ones behind motion."""
+"""Sensor errors as blocks of the augmented state: constant ones among the parameters, walking ones behind motion.
+
+A current is one of them: an error of the DVL that would measure the motion through the water.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -6,7 +9,7 @@ from typing import NamedTuple
 from auvid_cli.config.biases import BiasName, Estimate
 from auvid_cli.data.dataset import SENSORS
 
-DVL_ERRORS = "dvl_scale", "dvl_yaw"
+DVL_ERRORS = "dvl_scale", "dvl_yaw", "current_north", "current_east"
 
 
 class SensorError(NamedTuple):
@@ -40,9 +43,12 @@ def sensor_errors(estimate: Estimate) -> list[SensorError]:
         match block:
             case BiasName.DVL:
                 dvl = estimate.dvl
-                scale, yaw = DVL_ERRORS
+                scale, yaw, *_ = DVL_ERRORS
                 errors.append(SensorError(scale, "1", "dvl", -1, dvl.scale_spread, dvl.scale_walk))
                 errors.append(SensorError(yaw, "rad", "dvl", -1, dvl.yaw_spread, dvl.yaw_walk))
+            case BiasName.CURRENT:
+                spread, walk = estimate.current.spread, estimate.current.walk
+                errors.extend(SensorError(symbol, "m/s", "dvl", -1, spread, walk) for symbol in DVL_ERRORS[2:])
             case BiasName.GYRO:
                 errors.extend(_additive("gyroscope", estimate.gyro.spread, estimate.gyro.walk))
             case BiasName.ATTITUDE:

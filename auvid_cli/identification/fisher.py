@@ -97,7 +97,10 @@ def information_at(
     """
     busiest = max(record.time.size for record in measuring_sensors(dataset).values())
     problem = augmented_problem(dataset, min(PART, busiest // _STAGES + 1))
-    start = problem.prior.mean.copy()
+    if len(problem.segments) > 1:
+        raise DataError("bounds are found for one stretch of data only; here are several (identification.use)")
+    timelines, prior = problem.segments[0].timelines, problem.prior
+    start = prior.mean.copy()
     for i, symbol in enumerate(problem.state):
         if symbol in SYMBOLS:
             start[i] = coefficients[symbol] / problem.scale[i]
@@ -107,7 +110,7 @@ def information_at(
     by_sensor = dict.fromkeys(problem.measuring, Information.none(start.size))
     growing: list[tuple[float, Information]] = []
     least, lost_after = np.full(start.size, np.inf), None
-    for response in responses(problem.process, problem.sensors, problem.timelines, start):
+    for response in responses(problem.process, problem.sensors, timelines, start):
         if response.blew_up:
             time = response.timeline.time[len(response.mean)]
             raise DataError(f"with these coefficients the model blows up at t = {time:.3f} s")
@@ -122,5 +125,5 @@ def information_at(
             lost_after = growing[-1][0]
             break
         by_sensor, least = longer, deviation
-        growing.append((float(response.timeline.time[-1]) - problem.timelines.span[0], together))
-    return DatasetInformation(problem.state, problem.scale, problem.prior, by_sensor, tuple(growing), lost_after)
+        growing.append((float(response.timeline.time[-1]) - timelines.span[0], together))
+    return DatasetInformation(problem.state, problem.scale, prior, by_sensor, tuple(growing), lost_after)

@@ -12,6 +12,7 @@ from auvid_cli.config.experiment import Identification
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate, EstimateHeader, EstimatePart, Innovations, Outcome
+from auvid_cli.errors import DataError
 from auvid_cli.filters import problem
 from auvid_cli.filters.point_sets import cubature, transformed, unscented
 from auvid_cli.filters.problem import Belief, Ending, Receiver, Records, Timeline
@@ -184,9 +185,14 @@ def set_up_filters(
     ConfigError, DataError
         As `augmented_problem`.
     """
-    dataset.experiment.identification.check_filters(filter_names)
+    settings = dataset.experiment.identification
+    settings.check_filters(filter_names)
     augmented = augmented_problem(dataset)
-    timelines = _Watched(augmented.timelines, before_each)
+    if len(augmented.segments) > 1 and FilterName.OUTPUT_ERROR in filter_names:
+        raise DataError(
+            f"output_error fits one stretch of data, here are {len(augmented.segments)} (identification.use); "
+            "name one of them, or use a filter"
+        )
     return [
         FilterRun(
             EstimateHeader(
@@ -197,8 +203,13 @@ def set_up_filters(
                 held=augmented.held,
                 dataset_sha256=dataset.sha256,
             ),
-            augmented.timelines.span,
-            _chosen_filter(name, augmented, timelines, dataset.experiment.identification),
+            augmented.span,
+            partial(
+                _over_segments,
+                _chosen_filter(name, augmented, dataset.experiment.identification),
+                augmented,
+                before_each,
+            ),
             augmented.prior,
             augmented.scale,
             augmented.measuring,
@@ -215,9 +226,9 @@ def identify(dataset: Dataset, filter_name: FilterName) -> Estimate:
 
 
 def _chosen_filter(
-    name: FilterName, augmented: AugmentedProblem, timelines: Iterable[Timeline], settings: Identification
-) -> Callable[[Receiver], Ending]:
-    process, n = augmented.process, augmented.prior.mean.size
+    name: FilterName, augmented: AugmentedProblem, settings: Identification
+) -> Callable[[Iterable[Timeline], Belief, Receiver], Ending]:
+    process, n = augmented.process, len(augmented.state)
     match name:
         case FilterName.EKF:
             # filterpy is slow to load and large, and no other filter needs it.
@@ -243,7 +254,44 @@ def _chosen_filter(
         case FilterName.UKF:
             points = unscented(n, settings.ukf.alpha, settings.ukf.beta, settings.ukf.kappa)
             run = partial(run_square_root_filter, points)
-    return partial(run, process, augmented.sensors, timelines, augmented.prior)
+    return partial(run, process, augmented.sensors)
+
+
+def _over_segments(
+    run: Callable[[Iterable[Timeline], Belief, Receiver], Ending],
+    augmented: AugmentedProblem,
+    before_each: Callable[[], None],
+    receive: Receiver,
+) -> Ending:
+    """Run a filter on one segment after the other; each begins with what the one before says of the parameters."""
+    parameters, n_good = augmented.parameters, 0
+    final = parameters.mean
+    ending = Ending(np.zeros((0, 0)), 0, problem.OK)
+
+    def keep_and_pass_on(timeline: Timeline, records: Records) -> None:
+        nonlocal final
+        if len(records.mean):
+            final = records.mean[-1]
+        receive(timeline, records)
+
+    for k, segment in enumerate(augmented.segments):
+        if k:
+            try:
+                parameters = _marginal(final, ending.covariance, parameters.mean.size)
+            except np.linalg.LinAlgError:
+                return ending._replace(n_good=n_good, culprit=problem.PREDICTION)
+        ending = run(_Watched(segment.timelines, before_each), segment.begin(parameters), keep_and_pass_on)
+        n_good += ending.n_good
+        if ending.culprit != problem.OK:
+            break
+    return ending._replace(n_good=n_good)
+
+
+def _marginal(mean: Array, covariance: Array, n: int) -> Belief:
+    """The first n components of a state."""
+    scale = np.sqrt(np.diagonal(covariance)[:n])
+    correlation = covariance[:n, :n] / np.outer(scale, scale)
+    return Belief(mean[:n].copy(), np.asarray(scale[:, None] * np.linalg.cholesky(correlation), dtype=np.float64))
 
 
 def _bounds(augmented: AugmentedProblem, stated: dict[str, tuple[float, float]]) -> tuple[Array, Array]:

@@ -6,11 +6,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
+from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord
 from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Indices, Sensors, Timeline
 from auvid_cli.identification.biases import SensorError
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, N_MOTION
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, N_MOTION, POSITION
 
 Array = NDArray[np.float64]
 # Times in whole nanoseconds.
@@ -19,13 +19,14 @@ Ticks = NDArray[np.int64]
 # Heading is known modulo a turn; roll and pitch are treated alike, which costs nothing.
 _ANGULAR = ("phi", "theta", "psi")
 _NANOSECOND = 1e-9
+DEPTH = POSITION[2]
 
 # Most readings of one sensor in a part: some 60 ms of work for a sigma-point filter.
 PART = 8000
 
 
 def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
-    """The sensors that measure motion states and have at least one valid sample.
+    """The sensors that measure motion states or the depth and have at least one valid sample.
 
     Raises
     ------
@@ -34,8 +35,8 @@ def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
     """
     measuring = {}
     for name, record in dataset.sensors.items():
-        symbols = [quantity.symbol for quantity in SENSORS[name]]
-        if set(symbols) <= set(MOTION_SYMBOLS) and np.isfinite(record.values).any():
+        symbols = {quantity.symbol for quantity in SENSORS[name]}
+        if symbols <= {*MOTION_SYMBOLS, DEPTH.symbol} and np.isfinite(record.values).any():
             if not (record.standard_deviation > 0.0).all():
                 raise DataError(f"sensor {name}: its standard deviation must be greater than 0 for a filter")
             measuring[name] = record
@@ -104,9 +105,15 @@ def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tupl
     for name, record in measuring.items():
         for component, quantity in enumerate(SENSORS[name]):
             said = np.isfinite(record.values[:, component]) & (record.time <= start)
-            if said.any():
+            if said.any() and quantity != DEPTH:
                 motion[MOTION_SYMBOLS.index(quantity.symbol)] = record.values[said, component][-1]
     return start, motion
+
+
+def initial_depth(record: SensorRecord, start: float) -> float:
+    """What a depth sensor said last by a start, s; or, if it was silent until then, first."""
+    time, depth = (values[np.isfinite(record.values[:, 0])] for values in (record.time, record.values[:, 0]))
+    return float(depth[max(np.searchsorted(time, start, side="right") - 1, 0)])
 
 
 class Timelines:
@@ -114,8 +121,8 @@ class Timelines:
 
     Parameters
     ----------
-    dataset : Dataset
-        Its inputs are constant from each of their times to the next.
+    inputs : InputRecord
+        Constant from each of their times to the next.
     measuring : dict of SensorRecord
     start : float
         s.
@@ -137,7 +144,7 @@ class Timelines:
     """
 
     def __init__(
-        self, dataset: Dataset, measuring: dict[str, SensorRecord], start: float, step: float, part: int = PART
+        self, inputs: InputRecord, measuring: dict[str, SensorRecord], start: float, step: float, part: int = PART
     ) -> None:
         self.span = start, float(max(_last_reading(record) for record in measuring.values()))
         self._begin, self._end = _nanoseconds(np.array(self.span))
@@ -145,8 +152,8 @@ class Timelines:
             raise DataError(f"no reading is left at or after t = {start:g} s, where inputs and all sensors have begun")
         self._records = tuple(measuring.values())
         self._ticks = [_nanoseconds(record.time) for record in self._records]
-        self._inputs = np.ascontiguousarray(dataset.inputs.values)
-        self._changes = _nanoseconds(dataset.inputs.time)
+        self._inputs = np.ascontiguousarray(inputs.values)
+        self._changes = _nanoseconds(inputs.time)
         _check_coverage(self._changes, self._end)
         self._step, self._part = step, part
 
@@ -198,7 +205,7 @@ def _pieces(changes: Ticks, before: np.int64, events: Ticks, step: float) -> tup
 
 
 def _last_reading(record: SensorRecord) -> float:
-    return record.time[np.isfinite(record.values).any(axis=1)][-1]
+    return float(record.time[np.isfinite(record.values).any(axis=1)].max(initial=-np.inf))
 
 
 def _check_coverage(changes: Ticks, last: np.int64) -> None:

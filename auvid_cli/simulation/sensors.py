@@ -1,9 +1,11 @@
 """Raw sensors: what each of them reports of the true motion, at its own times."""
 
+from functools import partial
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from auvid_cli.config.sensors import Dvl, SensorSettings, SensorSuite
 from auvid_cli.data.dataset import SensorRecord
@@ -16,13 +18,15 @@ GRAVITY = 9.80665
 _BLOCK = 50_000
 
 
-def measure(truth: Truth, suite: SensorSuite, seed: int) -> dict[str, SensorRecord]:
-    """Samples of gyroscope, accelerometer, magnetometer and DVL, and of a direct attitude sensor.
+def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict[str, SensorRecord]:
+    """Samples of gyroscope, accelerometer, magnetometer and DVL, of a direct attitude sensor and of a depth sensor.
 
     Parameters
     ----------
     truth : Truth
     suite : SensorSuite
+    current : ndarray, shape (3,)
+        Velocity of the water, north, east, down, m/s.
     seed : int
         Each sensor and each of its imperfections draws from a stream of its own, derived from the
         seed and the sensor's name, so that changing one leaves the others' noise as it was.
@@ -31,7 +35,7 @@ def measure(truth: Truth, suite: SensorSuite, seed: int) -> dict[str, SensorReco
         "gyroscope": _rates,
         "accelerometer": _specific_force,
         "magnetometer": _heading,
-        "dvl": _velocity,
+        "dvl": partial(_velocity_over_ground, current),
     }
     if suite.attitude.source == "direct":
         readings["attitude"] = _attitude
@@ -44,6 +48,10 @@ def measure(truth: Truth, suite: SensorSuite, seed: int) -> dict[str, SensorReco
         if isinstance(settings, Dvl):
             true = true @ _seen_by(settings).T
         records[name] = corrupt(times, true, settings, name, seed)
+    if suite.depth is not None:
+        times = sample_times(suite.depth, truth.time[-1])
+        depth = np.interp(times, truth.time, truth.position[:, 2])
+        records["depth"] = corrupt(times, depth[:, None], suite.depth, "depth", seed)
     return records
 
 
@@ -83,8 +91,11 @@ def _rates(motion: Array, rate: Array) -> Array:
     return motion[:, 3:6]
 
 
-def _velocity(motion: Array, rate: Array) -> Array:
-    return motion[:, :3]
+def _velocity_over_ground(current: Array, motion: Array, rate: Array) -> Array:
+    """That through the water, and that of the water in body axes."""
+    if not current.any():
+        return motion[:, :3]
+    return motion[:, :3] + Rotation.from_euler("ZYX", motion[:, 8:5:-1]).apply(current, inverse=True)
 
 
 def _seen_by(dvl: Dvl) -> Array:

@@ -1,5 +1,7 @@
 """A whole simulated run: plan, true motion, raw sensors, attitude."""
 
+import numpy as np
+
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.data.dataset import Dataset, InputRecord, TruthRecord
 from auvid_cli.simulation.ahrs import attitude_reference
@@ -18,13 +20,20 @@ def simulate(experiment: Experiment) -> Dataset:
     ConfigError
         If the vehicle's parameters are impossible or a recorded manoeuvre cannot be read.
     """
-    truth = simulate_motion(experiment.vehicle, experiment.manoeuvre, make_plan(experiment.manoeuvre))
-    records = measure(truth, experiment.sensors, experiment.seed)
+    manoeuvre = experiment.manoeuvre
+    truth = simulate_motion(experiment.vehicle, manoeuvre, make_plan(manoeuvre))
+    current = np.array([manoeuvre.current_north, manoeuvre.current_east, 0.0])
+    records = measure(truth, experiment.sensors, current, experiment.seed)
     if experiment.sensors.attitude.source == "ahrs":
         records["attitude"] = attitude_reference(records, experiment.sensors, float(truth.time[-1]))
     return Dataset(
         inputs=InputRecord(truth.time, truth.inputs),
         sensors=records,
         experiment=experiment,
-        truth=TruthRecord(truth.time, truth.motion, truth.position, experiment.vehicle.all_coefficients()),
+        truth=TruthRecord(
+            truth.time,
+            truth.motion,
+            truth.position + truth.time[:, None] * current,
+            experiment.vehicle.all_coefficients(),
+        ),
     )

@@ -56,7 +56,7 @@ def default_run(simulated_with):
 
 def in_parts_of(readings):
     """What stands in for `Timelines`, with parts of another length."""
-    return lambda dataset, measuring, start, step, part: Timelines(dataset, measuring, start, step, readings)
+    return lambda inputs, measuring, start, step, part: Timelines(inputs, measuring, start, step, readings)
 
 
 def assert_same(a, b):
@@ -238,7 +238,7 @@ def test_each_sensors_innovations_stand_at_its_own_times(short_run, short_estima
 def test_parts_of_any_length_follow_each_other_and_make_the_whole(
     short_run, short_estimates, kalman_filter, monkeypatch
 ):
-    monkeypatch.setattr("auvid_cli.identification.augmented.Timelines", in_parts_of(333))
+    monkeypatch.setattr("auvid_cli.identification.segments.Timelines", in_parts_of(333))
     (run,), parts = set_up_filters(short_run, [kalman_filter]), []
     outcome = run.run(parts.append)
     assert len(parts) > 15
@@ -249,7 +249,7 @@ def test_parts_of_any_length_follow_each_other_and_make_the_whole(
 
 def test_a_filter_can_be_stopped_whenever_it_asks_for_data(short_run, filter_name, monkeypatch):
     """A fit hands over nothing until its end; it asks for the data again and again."""
-    monkeypatch.setattr("auvid_cli.identification.augmented.Timelines", in_parts_of(2000))
+    monkeypatch.setattr("auvid_cli.identification.segments.Timelines", in_parts_of(2000))
     asked = []
 
     def stop():

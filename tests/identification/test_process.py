@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from auvid_cli.blocks import LANES
-from auvid_cli.config.biases import DvlError, Estimate
+from auvid_cli.config.biases import Current, DvlError, Estimate
 from auvid_cli.config.experiment import ProcessNoise
 from auvid_cli.identification.biases import constant_errors, sensor_errors, walking_errors
 from auvid_cli.identification.process import first_order_transition, vehicle_process
@@ -18,8 +19,8 @@ INPUTS = np.array([[0.1, -0.05, 30.0, 1.0], [-0.1, 0.07, 35.0, -1.0]])
 MOTION = np.array([2.0, 0.1, -0.1, 0.02, 0.03, -0.05, 0.1, -0.2, 0.3])
 
 
-@pytest.fixture
-def state_and_flow(experiment_with):
+@pytest.fixture(params=[False, True], ids=["motion", "depth"])
+def state_and_flow(request, experiment_with):
     """A state, and a function from it, a duration and a kind of transition to the next state and the matrix."""
     vehicle = experiment_with().vehicle
     true = vehicle.all_coefficients()
@@ -27,7 +28,8 @@ def state_and_flow(experiment_with):
     noise = ProcessNoise()
 
     def flow(state, duration, exact=True, inputs=INPUTS):
-        process = vehicle_process(constants, np.zeros(N_COEFFICIENTS), np.arange(N_COEFFICIENTS), SCALE, noise)
+        held, selection = np.zeros(N_COEFFICIENTS), np.arange(N_COEFFICIENTS)
+        process = vehicle_process(constants, held, selection, SCALE, noise, has_depth=request.param)
         if not exact:
             process = process._replace(transition=first_order_transition)
         moved, matrix = state.copy(), np.eye(state.size)
@@ -36,7 +38,7 @@ def state_and_flow(experiment_with):
         process.transition(moved, inputs, *pieces, process.constants, process.selection, matrix, scratch)
         return moved, matrix
 
-    state = np.concatenate([np.array([true[symbol] for symbol in SYMBOLS]) / SCALE, MOTION])
+    state = np.concatenate([np.array([true[symbol] for symbol in SYMBOLS]) / SCALE, MOTION, [7.0] * request.param])
     return state, flow
 
 
@@ -96,6 +98,71 @@ def test_a_dvl_with_scale_error_and_mounting_yaw(walks, experiment_with):
         difference = (process.linearise(state + step, 0)[0] - process.linearise(state - step, 0)[0]) / 2e-6
         assert_allclose(matrix[:, j], difference, atol=1e-8)
 
+    block = np.repeat(state[:, None], LANES, axis=1)
+    moving, parameters = block[n_parameters:].ravel(), block[:n_parameters].ravel()
+    by_points = np.zeros(3 * LANES)
+    process.observe(moving, parameters, 0, process.constants, process.selection, 5, by_points)
+    assert_allclose(by_points.reshape(3, LANES)[:, :5], np.repeat(expected[:, None], 5, axis=1), rtol=1e-9)
+
+
+def test_the_depth_follows_the_vertical_velocity_in_every_way_of_moving_it(experiment_with):
+    """Against an integral over many small steps of the velocity along the rotation matrix's third row."""
+    vehicle = experiment_with().vehicle
+    true, constants = vehicle.all_coefficients(), vehicle_constants(vehicle.known_parameters())
+    coefficients = np.array([true[symbol] for symbol in SYMBOLS]) / SCALE
+    process = vehicle_process(
+        constants, np.zeros(N_COEFFICIENTS), np.arange(N_COEFFICIENTS), SCALE, ProcessNoise(), has_depth=True
+    )
+    state, scratch = np.concatenate([coefficients, MOTION, [7.0]]), np.zeros(process.scratch_size)
+    depth, n, duration = 7.0, 4000, 0.4
+    fine = state.copy()
+    rates = []
+    for k in range(n + 1):
+        u, v, w, *_, phi, theta, _ = fine[N_COEFFICIENTS:-1]
+        down = [-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)]
+        rates.append(down @ np.array([u, v, w]))
+        if k < n:
+            pieces = np.array([0]), np.array([duration / n])
+            model = process.constants, process.selection, np.eye(fine.size), scratch
+            process.transition(fine, INPUTS, *pieces, *model)
+    depth += duration / n * (np.sum(rates) - 0.5 * (rates[0] + rates[-1]))
+    assert abs(depth - 7.0) > 0.05
+
+    moved = state.copy()
+    pieces = np.zeros(20, dtype=np.int64), np.full(20, duration / 20)
+    process.transition(moved, INPUTS, *pieces, process.constants, process.selection, np.eye(moved.size), scratch)
+    assert moved[-1] == pytest.approx(depth, abs=1e-5)
+
+    parameters, moving = np.repeat(coefficients, LANES), np.repeat(state[N_COEFFICIENTS:], LANES)
+    for _ in range(20):
+        process.advance(moving, parameters, INPUTS[0], process.constants, process.selection, 5, duration / 20, scratch)
+    assert_allclose(moving.reshape(-1, LANES)[:, :5], np.repeat(moved[N_COEFFICIENTS:, None], 5, axis=1), rtol=1e-12)
+
+
+@pytest.mark.parametrize("blocks", [("current",), ("dvl", "current")])
+@pytest.mark.parametrize("walk", [0.0, 1e-3])
+@pytest.mark.parametrize("has_depth", [False, True])
+def test_a_dvl_over_ground_sees_the_current(blocks, walk, has_depth, experiment_with):
+    """As scipy turns it; and the derivative is that of what is seen."""
+    errors = sensor_errors(Estimate(biases=blocks, current=Current(walk=walk)))
+    known = experiment_with().vehicle.known_parameters()
+    vehicle = vehicle_constants(known), np.zeros(N_COEFFICIENTS), np.arange(2), SCALE[:2]
+    process = vehicle_process(*vehicle, ProcessNoise(), errors, has_depth)
+    symbols = [*"ab", *(e.symbol for e in constant_errors(errors)), *MOTION_SYMBOLS, *(["down"] * has_depth)]
+    symbols += [e.symbol for e in walking_errors(errors)]
+    n_parameters = symbols.index("u")
+    current = {"current_north": 0.3, "current_east": -0.4}
+    values = dict(zip(MOTION_SYMBOLS, MOTION, strict=True)) | current
+    state = np.array([values.get(symbol, 0.0) for symbol in symbols])
+    turn = Rotation.from_euler("ZYX", [0.3, -0.2, 0.1])
+    expected = MOTION[:3] + turn.apply([0.3, -0.4, 0.0], inverse=True)
+    seen, matrix = process.linearise(state, 0)
+    assert_allclose(seen, expected, rtol=1e-12)
+    for j in range(state.size):
+        step = np.zeros(state.size)
+        step[j] = 1e-6
+        difference = (process.linearise(state + step, 0)[0] - process.linearise(state - step, 0)[0]) / 2e-6
+        assert_allclose(matrix[:, j], difference, atol=1e-8)
     block = np.repeat(state[:, None], LANES, axis=1)
     moving, parameters = block[n_parameters:].ravel(), block[:n_parameters].ravel()
     by_points = np.zeros(3 * LANES)

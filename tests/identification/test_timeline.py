@@ -59,7 +59,7 @@ def test_pieces_fill_the_gaps_between_events_with_the_input_that_holds(
     dataset = a_dataset(experiment_with(), inputs_at, dvl=dvl, gyroscope=gyroscope)
     measuring = measuring_sensors(dataset)
     start, _ = initial_motion(dataset, measuring)
-    timeline = joined(Timelines(dataset, measuring, start, step, part=5))
+    timeline = joined(Timelines(dataset.inputs, measuring, start, step, part=5))
 
     read_at = np.concatenate([dvl, gyroscope])
     expected = np.unique(read_at[read_at >= start])
@@ -85,7 +85,7 @@ def test_every_reading_from_the_start_on_appears_once_at_its_time(dvl, gyroscope
     measuring = measuring_sensors(dataset)
     start, _ = initial_motion(dataset, measuring)
     assert start == max(times[0] for times in clocks.values())
-    timeline = joined(Timelines(dataset, measuring, start, 0.02, part=4))
+    timeline = joined(Timelines(dataset.inputs, measuring, start, 0.02, part=4))
     event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.reading_offset))
     assert event.size == len(timeline.reading)
     for sensor, (name, times) in enumerate(clocks.items()):
@@ -99,7 +99,7 @@ def test_missing_components_stay_and_missing_samples_go(experiment_with):
     dataset = a_dataset(experiment_with(), [0.0], dvl=[0.0, 1.0, 2.0])
     values = dataset.sensors["dvl"].values
     values[1], values[2, 0] = np.nan, np.nan
-    (timeline,) = Timelines(dataset, measuring_sensors(dataset), 0.0, 0.1)
+    (timeline,) = Timelines(dataset.inputs, measuring_sensors(dataset), 0.0, 0.1)
     assert_allclose(timeline.time, [0.0, 2.0])
     assert np.array_equal(timeline.reading, [[0.0, 1.0, 2.0], [np.nan, 7.0, 8.0]], equal_nan=True)
 
@@ -109,7 +109,7 @@ def test_clocks_that_differ_by_rounding_share_an_event(experiment_with):
     summed = np.cumsum(np.full(50, 0.1)) - 0.1
     assert np.any(tenths != summed)
     dataset = a_dataset(experiment_with(), [0.0], dvl=tenths, gyroscope=summed)
-    parts = list(Timelines(dataset, measuring_sensors(dataset), 0.0, 1.0, part=2))
+    parts = list(Timelines(dataset.inputs, measuring_sensors(dataset), 0.0, 1.0, part=2))
     assert sum(part.time.size for part in parts) == 50
     assert len(parts) == 25
 
@@ -121,10 +121,10 @@ def test_inputs_that_end_long_before_the_readings_are_refused(last_input, covers
     inputs = InputRecord(np.array([0.0, 2.0, last_input]), dataset.inputs.values[:3])
     dataset = Dataset(inputs, dataset.sensors, dataset.experiment)
     if covers:
-        Timelines(dataset, measuring_sensors(dataset), 0.0, 1.0)
+        Timelines(dataset.inputs, measuring_sensors(dataset), 0.0, 1.0)
     else:
         with pytest.raises(DataError, match=r"inputs end at t = 2.9 s, the readings go on to 5 s"):
-            Timelines(dataset, measuring_sensors(dataset), 0.0, 1.0)
+            Timelines(dataset.inputs, measuring_sensors(dataset), 0.0, 1.0)
 
 
 def test_a_filter_starts_when_every_sensor_has_spoken_at_what_each_said_last(experiment_with):
@@ -180,7 +180,7 @@ def test_no_part_is_longer_than_asked_for_whichever_sensor_is_alive(experiment_w
     early, late = np.arange(300) * 0.01, 3.0 + np.arange(200) * 0.01
     dataset = a_dataset(experiment_with(), [0.0], gyroscope=early, dvl=late, attitude=late)
     measuring = measuring_sensors(dataset)
-    parts = list(Timelines(dataset, measuring, 0.0, 0.02, part=20))
+    parts = list(Timelines(dataset.inputs, measuring, 0.0, 0.02, part=20))
     assert max(np.bincount(part.reading_sensor).max() for part in parts) <= 21
     assert sum(len(part.reading) for part in parts) == 700
 
@@ -190,7 +190,7 @@ def test_no_reading_is_lost_on_a_clock_that_counts_from_long_ago(since, experime
     dataset = a_dataset(
         experiment_with(), [since], dvl=since + np.arange(50) * 0.1, gyroscope=since + np.arange(500) * 0.01
     )
-    parts = list(Timelines(dataset, measuring_sensors(dataset), since, 0.02, part=30))
+    parts = list(Timelines(dataset.inputs, measuring_sensors(dataset), since, 0.02, part=30))
     assert sum(len(part.reading) for part in parts) == 550
-    (alone,) = Timelines(dataset, measuring_sensors(dataset), since + 4.99, 0.02)
+    (alone,) = Timelines(dataset.inputs, measuring_sensors(dataset), since + 4.99, 0.02)
     assert alone.time.size == 1

@@ -90,7 +90,7 @@ def test_heading_stays_smooth_where_it_wraps(spiral):
 
 def test_a_heading_that_flickers_between_plus_and_minus_180_degrees_is_south(standing_still, experiment_with):
     suite = experiment_with("sensors.magnetometer={rate: 10 Hz, noise: 0.5 deg}").sensors
-    records = measure(standing_still(60.0, (0.1, -0.05, np.pi)), suite, 1)
+    records = measure(standing_still(60.0, (0.1, -0.05, np.pi)), suite, np.zeros(3), 1)
     compass = replace(records["magnetometer"], values=wrap(records["magnetometer"].values))
     flickers = np.abs(np.diff(compass.values[:, 0])) > np.pi
     assert flickers.sum() > 100

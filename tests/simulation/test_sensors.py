@@ -8,6 +8,7 @@ from scipy import stats
 from auvid_cli.simulation.sensors import GRAVITY, measure, wrap
 
 RAW = ("gyroscope", "accelerometer", "magnetometer", "dvl")
+STILL_WATER = np.zeros(3)
 NOISELESS = tuple(f"sensors.{name}={{rate: 50 Hz, noise: 0}}" for name in RAW)
 
 
@@ -17,7 +18,7 @@ def reading(experiment_with, standing_still):
 
     def read(name: str, settings: str, duration: float, seed: int = 1):
         suite = experiment_with(f"sensors.{name}={settings}").sensors
-        return measure(standing_still(duration), suite, seed)[name]
+        return measure(standing_still(duration), suite, STILL_WATER, seed)[name]
 
     return read
 
@@ -126,8 +127,8 @@ def test_outliers_hit_the_stated_share_with_the_stated_size(reading):
 def test_changing_one_sensor_leaves_the_others_bit_identical(changed, change, experiment_with, standing_still):
     truth = standing_still(5.0)
     plain = [f"sensors.{name}={{rate: 20 Hz, noise: 0.01, bias_spread: 0.01}}" for name in RAW]
-    before = measure(truth, experiment_with(*plain).sensors, 1)
-    after = measure(truth, experiment_with(*plain, f"sensors.{changed}.{change}").sensors, 1)
+    before = measure(truth, experiment_with(*plain).sensors, STILL_WATER, 1)
+    after = measure(truth, experiment_with(*plain, f"sensors.{changed}.{change}").sensors, STILL_WATER, 1)
     for name in RAW:
         same = np.array_equal(before[name].values, after[name].values, equal_nan=True)
         assert same == (name != changed)
@@ -136,14 +137,14 @@ def test_changing_one_sensor_leaves_the_others_bit_identical(changed, change, ex
 def test_seeds_differ_and_repeat(experiment_with, standing_still):
     suite, truth = experiment_with().sensors, standing_still(1.0)
     for name in RAW:
-        first, again, other = (measure(truth, suite, seed)[name].values for seed in (1, 1, 2))
+        first, again, other = (measure(truth, suite, STILL_WATER, seed)[name].values for seed in (1, 1, 2))
         assert np.array_equal(first, again)
         assert not np.any(first == other)
 
 
 def test_sensors_do_not_share_their_noise(experiment_with, standing_still):
     suite = experiment_with(*(f"sensors.{name}={{rate: 20 Hz, noise: 1}}" for name in RAW)).sensors
-    records = measure(standing_still(2.0), suite, 1)
+    records = measure(standing_still(2.0), suite, STILL_WATER, 1)
     drawn = [records[name].values[:, 0] - records[name].values[:, 0].mean() for name in RAW]
     correlation = np.corrcoef(drawn)
     assert np.abs(correlation - np.eye(len(RAW))).max() < 0.75
@@ -151,11 +152,11 @@ def test_sensors_do_not_share_their_noise(experiment_with, standing_still):
 
 def test_an_accelerometer_at_rest_feels_gravity_upwards(experiment_with, standing_still):
     suite = experiment_with(*NOISELESS).sensors
-    level = measure(standing_still(1.0), suite, 1)["accelerometer"].values
+    level = measure(standing_still(1.0), suite, STILL_WATER, 1)["accelerometer"].values
     assert_allclose(level, np.tile([0.0, 0.0, -GRAVITY], (51, 1)), atol=1e-12)
-    bow_up = measure(standing_still(1.0, (0.0, np.pi / 6, 1.0)), suite, 1)["accelerometer"].values
+    bow_up = measure(standing_still(1.0, (0.0, np.pi / 6, 1.0)), suite, STILL_WATER, 1)["accelerometer"].values
     assert_allclose(bow_up[0], [GRAVITY / 2, 0.0, -GRAVITY * np.sqrt(0.75)], atol=1e-12)
-    to_starboard = measure(standing_still(1.0, (np.pi / 6, 0.0, 0.0)), suite, 1)["accelerometer"].values
+    to_starboard = measure(standing_still(1.0, (np.pi / 6, 0.0, 0.0)), suite, STILL_WATER, 1)["accelerometer"].values
     assert_allclose(to_starboard[0], [0.0, -GRAVITY / 2, -GRAVITY * np.sqrt(0.75)], atol=1e-12)
 
 
@@ -170,7 +171,7 @@ def rotation(attitude):
 def test_specific_force_is_the_acceleration_over_ground_less_gravity(fly, experiment_with):
     truth = fly(None, "manoeuvre.duration=40 s")
     suite = experiment_with("sensors.accelerometer={rate: 100 Hz, noise: 0, start: 0.005 s}").sensors
-    felt = measure(truth, suite, 1)["accelerometer"].values
+    felt = measure(truth, suite, STILL_WATER, 1)["accelerometer"].values
     over_ground = np.array([rotation(m[6:]) @ m[:3] for m in truth.motion])
     acceleration = np.diff(over_ground, axis=0) / truth.time[1]
     middle = 0.5 * (truth.motion[1:, 6:] + truth.motion[:-1, 6:])
@@ -182,7 +183,7 @@ def test_specific_force_is_the_acceleration_over_ground_less_gravity(fly, experi
 def test_specific_force_of_a_steady_turn_is_omega_cross_v_and_gravity(fly, experiment_with):
     circle = "{type: turning_circle, duration: 120 s, speed: 3 m/s, rudder: -8 deg, approach: 5 s}"
     truth = fly(circle)
-    felt = measure(truth, experiment_with(*NOISELESS).sensors, 1)["accelerometer"].values[-1]
+    felt = measure(truth, experiment_with(*NOISELESS).sensors, STILL_WATER, 1)["accelerometer"].values[-1]
     motion = truth.motion[-1]
     centripetal = np.cross(motion[3:6], motion[:3])
     assert np.abs(centripetal).max() > 0.2
@@ -192,7 +193,7 @@ def test_specific_force_of_a_steady_turn_is_omega_cross_v_and_gravity(fly, exper
 def test_the_other_sensors_read_the_motion_itself(fly, experiment_with):
     truth = fly(None, "manoeuvre.duration=60 s")
     direct = "sensors.attitude={source: direct, rate: 50 Hz, noise: 0}"
-    records = measure(truth, experiment_with(*NOISELESS, direct).sensors, 1)
+    records = measure(truth, experiment_with(*NOISELESS, direct).sensors, STILL_WATER, 1)
     every_other = truth.motion[::2]
     assert every_other[-1, 8] > np.pi, "the test should turn past south"
     assert_allclose(records["gyroscope"].values, every_other[:, 3:6], atol=1e-12)

@@ -1,0 +1,94 @@
+"""Data that lack what a laboratory has: depth instead of rates, a DVL in a current."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
+from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.identification.identify import identify
+
+DIRECT = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
+DEPTH = "sensors.depth={rate: 10 Hz, noise: 0.02 m}"
+CURRENT = "manoeuvre.current_north=0.2 m/s", "manoeuvre.current_east=-0.15 m/s"
+
+
+def without(dataset, *names):
+    return replace(dataset, sensors={name: record for name, record in dataset.sensors.items() if name not in names})
+
+
+def average_error(dataset, estimate):
+    return average_steady_state_error(coefficient_results(estimate, dataset.truth, {}))
+
+
+@pytest.fixture(scope="module")
+def with_depth(simulated_with):
+    return simulated_with("manoeuvre.duration=60 s", DIRECT, DEPTH)
+
+
+def test_depth_is_a_state_where_it_is_measured(with_depth, filter_name):
+    estimate = identify(with_depth, filter_name)
+    assert verdict(estimate) == "completed"
+    assert estimate.state[-1] == "down"
+    true = np.interp(estimate.time, with_depth.truth.time, with_depth.truth.position[:, 2])
+    error = (estimate.mean[:, -1] - true)[100:]
+    assert np.abs(error).max() < 0.1
+    assert (np.abs(error) < 4.0 * estimate.standard_deviation[100:, -1]).all()
+
+
+def test_depth_and_pitch_stand_in_for_a_dvl(with_depth):
+    """The speed then follows from how fast it sinks, and from nothing without the depth."""
+    silent = without(with_depth, "dvl")
+    with_it, without_it = (identify(data, FilterName.CKF) for data in (silent, without(silent, "depth")))
+    known = [e.standard_deviation[-1, e.state.index("u")] for e in (with_it, without_it)]
+    assert known[0] < 0.3 * known[1]
+
+
+@pytest.fixture(scope="module")
+def drifting(simulated_with):
+    return simulated_with("manoeuvre.duration=60 s", DIRECT, *CURRENT)
+
+
+@pytest.mark.parametrize(("name", "factor"), [(FilterName.OUTPUT_ERROR, 3.0), (FilterName.EKF, 0.3)])
+def test_a_current_is_found_and_no_longer_taken_for_drag(name, factor, drifting, with_settings):
+    """By the EKF from a narrow prior only: an unsure current makes for unsure speeds, and the model is nonlinear."""
+    blind = identify(with_settings(drifting, f"identification.prior.factor={factor}"), name)
+    settings = "identification.estimate.biases=[current]", "identification.estimate.current.walk=0"
+    seeing = identify(with_settings(drifting, f"identification.prior.factor={factor}", *settings), name)
+    assert verdict(blind).startswith("inconsistent")
+    assert verdict(seeing) == "completed"
+    for symbol, true in (("current_north", 0.2), ("current_east", -0.15)):
+        i = seeing.state.index(symbol)
+        assert abs(seeing.mean[-1, i] - true) < 4.0 * seeing.standard_deviation[-1, i]
+        assert seeing.standard_deviation[-1, i] < 0.001
+    assert average_error(drifting, seeing) < 0.3 * average_error(drifting, blind)
+
+
+def test_a_filter_that_a_current_leads_astray_says_so(drifting, with_settings, kalman_filter):
+    estimate = identify(with_settings(drifting, "identification.estimate.biases=[current]"), kalman_filter)
+    error = average_error(drifting, estimate)
+    assert verdict(estimate).startswith("inconsistent") or error < 1.0
+
+
+def test_a_current_carries_the_vehicle_away(simulated_with):
+    still, drifting = (simulated_with("manoeuvre.duration=10 s", *current) for current in ((), CURRENT))
+    apart = drifting.truth.position - still.truth.position
+    assert np.allclose(apart, still.truth.time[:, None] * [0.2, -0.15, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("missing", [("gyroscope",), ("gyroscope", "accelerometer", "magnetometer")])
+def test_without_a_gyroscope_and_without_roll_coefficients_are_found(with_depth, missing):
+    """What a compass, a pressure gauge and a DVL give."""
+    attitude = with_depth.sensors["attitude"]
+    no_roll = attitude.values.copy()
+    no_roll[:, 0] = np.nan
+    poor = without(with_depth, *missing)
+    poor = replace(poor, sensors=poor.sensors | {"attitude": replace(attitude, values=no_roll)})
+    estimate = identify(poor, FilterName.CKF)
+    assert verdict(estimate) == "completed"
+    rows = {row.coefficient: row for row in coefficient_results(estimate, with_depth.truth, {})}
+    for symbol in ("X_u|u|", "N_uudr", "Y_uudr", "M_uude"):
+        row = rows[symbol]
+        assert abs(row.estimate - row.true) < 4.0 * row.standard_deviation, symbol

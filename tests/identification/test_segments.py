@@ -1,0 +1,115 @@
+"""Stretches of the data that are used, each with a motion of its own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.errors import ConfigError, DataError
+from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
+from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.evaluation.free_run import free_run
+from auvid_cli.identification.identify import identify
+from auvid_cli.identification.segments import segments, used_part, used_spans
+
+TWO = "identification.use.spans=[[5, 25], [40 s, 60 s]]"
+
+
+def test_each_stretch_has_its_own_readings_and_no_others(short_run, with_settings):
+    parts = segments(with_settings(short_run, TWO))
+    for part, (begin, end) in zip(parts, [(5.0, 25.0), (40.0, 60.0)], strict=True):
+        for name, record in part.sensors.items():
+            whole = short_run.sensors[name]
+            inside = (whole.time >= begin) & (whole.time <= end)
+            assert np.array_equal(record.time, whole.time[inside])
+            assert np.array_equal(record.values, whole.values[inside], equal_nan=True)
+    used = used_part(with_settings(short_run, TWO))
+    assert used.sensors["dvl"].time.size == sum(part.sensors["dvl"].time.size for part in parts)
+
+
+def test_two_stretches_count_as_two_runs_of_which_the_second_knows_the_first(short_run, with_settings, kalman_filter):
+    """What the first says of the coefficients is the prior of the second: as if it were another dataset."""
+    both = identify(with_settings(short_run, TWO), kalman_filter)
+    alone = identify(with_settings(short_run, "identification.use.spans=[[5, 25]]"), kalman_filter)
+    assert verdict(both) == "completed"
+    assert both.time[0] >= 5.0
+    assert both.time[-1] == pytest.approx(60.0)
+    assert not ((both.time > 25.0) & (both.time < 40.0)).any()
+    n = alone.time.size
+    assert np.array_equal(both.mean[:n], alone.mean)
+    assert both.steps == both.time.size
+    # The coefficients go on where they were, the motion starts anew with the spread of the settings.
+    u, drag = both.state.index("u"), both.state.index("X_u|u|")
+    assert both.standard_deviation[n, drag] <= alone.standard_deviation[-1, drag] * (1 + 1e-9)
+    assert both.mean[n, drag] == pytest.approx(alone.mean[-1, drag], abs=alone.standard_deviation[-1, drag])
+    assert both.standard_deviation[n, u] > 0.0
+    errors = [average_steady_state_error(coefficient_results(e, short_run.truth, {})) for e in (alone, both)]
+    assert errors[1] < errors[0]
+
+
+def test_one_stretch_of_everything_is_the_plain_run(short_run, short_estimates, with_settings):
+    estimate = identify(with_settings(short_run, "identification.use.spans=[[0, 1000]]"), FilterName.CKF)
+    assert np.array_equal(estimate.mean, short_estimates[FilterName.CKF].mean)
+
+
+def test_a_free_run_starts_anew_in_each_stretch(short_run, with_settings):
+    dataset = with_settings(short_run, TWO)
+    run, errors = free_run(dataset, identify(dataset, FilterName.CKF))
+    broken = np.flatnonzero(np.isnan(run.motion).any(axis=1))
+    assert broken.size == 1
+    assert run.time[broken[0] + 1] >= 40.0
+    assert all(error.mean_absolute_error is not None for error in errors)
+
+
+def test_a_long_silence_ends_a_stretch(short_run, with_settings):
+    dvl = short_run.sensors["dvl"]
+    heard = (dvl.time < 20.0) | (dvl.time > 30.0)
+    silent = SensorRecord(dvl.time[heard], dvl.values[heard], dvl.standard_deviation)
+    dataset = replace(short_run, sensors=short_run.sensors | {"dvl": silent})
+    use = with_settings(dataset, "identification.use.longest_gap=2 s").experiment.identification.use
+    (first, second) = used_spans(dataset, use)
+    assert first == (0.0, dvl.time[dvl.time < 20.0][-1])
+    assert second == (dvl.time[dvl.time > 30.0][0], 60.0)
+
+
+def test_slow_stretches_are_left_out_but_a_spike_is_not_slow(short_run, with_settings):
+    dvl = short_run.sensors["dvl"]
+    values = dvl.values.copy()
+    values[(dvl.time > 30.0) & (dvl.time < 40.0), 0] = 0.1
+    values[150, 0] = 0.0
+    dataset = replace(short_run, sensors=short_run.sensors | {"dvl": replace(dvl, values=values)})
+    use = with_settings(dataset, "identification.use.least_speed=1 m/s").experiment.identification.use
+    first, second = used_spans(dataset, use)
+    # The spiral begins slowly.
+    assert dvl.values[np.searchsorted(dvl.time, first[0]), 0] == pytest.approx(1.0, abs=0.03)
+    assert 29.7 < first[1] <= 30.0
+    assert 40.0 <= second[0] < 40.3
+
+
+def test_output_error_fits_one_stretch(short_run, with_settings):
+    with pytest.raises(DataError, match=r"one stretch of data, here are 2 \(identification.use\)"):
+        identify(with_settings(short_run, TWO), FilterName.OUTPUT_ERROR)
+    one = identify(with_settings(short_run, "identification.use.spans=[[20, 60]]"), FilterName.OUTPUT_ERROR)
+    assert one.completed
+
+
+def test_nothing_left_is_said(short_run, with_settings):
+    with pytest.raises(DataError, match="leaves nothing of the data from t = 0 s to 60 s"):
+        segments(with_settings(short_run, "identification.use.spans=[[100, 200]]"))
+
+
+@pytest.mark.parametrize(
+    ("spans", "words"),
+    [
+        ("[[1, 1]]", "must begin before it ends"),
+        ("[[1, 5], [4, 6]]", "two spans overlap from 4 s to 5 s"),
+        ("[[1, 2, 3]]", r"expected \[begin, end\]"),
+        ("5", r"expected a list of \[begin, end\]"),
+        ("[[1 m, 2]]", "expected a time"),
+    ],
+)
+def test_wrong_spans_are_refused_in_plain_words(spans, words, experiment_with):
+    with pytest.raises(ConfigError, match=words):
+        experiment_with(f"identification.use.spans={spans}")
