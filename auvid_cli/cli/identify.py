@@ -9,6 +9,7 @@ from auvid_cli.cli.options import (
     OutputOption,
     QuietOption,
     SetOption,
+    UseOption,
     VerboseOption,
     overrides,
 )
@@ -19,6 +20,7 @@ def identify(
     source: DataArgument = None,
     filters: FilterOption = None,
     settings: SetOption = None,
+    use: UseOption = None,
     output: OutputOption = None,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
@@ -29,7 +31,7 @@ def identify(
         from auvid_cli.cli import pipeline
         from auvid_cli.config.load import find_experiment, load_experiment
 
-        changes = overrides(settings, None)
+        changes = overrides(settings, use=use)
         path = pipeline.dataset_path(source)
         dataset = pipeline.foreign_dataset(path, changes) if path else None
         experiment = dataset.experiment if dataset else load_experiment(find_experiment(source), changes)

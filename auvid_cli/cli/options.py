@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.errors import ConfigError
 
 ExperimentArgument = Annotated[
     str | None,
@@ -46,6 +47,15 @@ SeedOption = Annotated[
     int | None,
     typer.Option("--seed", min=0, help="Seed of all noise. Default: the experiment's.", show_default=False),
 ]
+UseOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--use",
+        metavar="BEGIN:END",
+        help="Use only this time of the data, s; repeatable. Each starts with a motion of its own.",
+        show_default=False,
+    ),
+]
 OutputOption = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="DIR", help="Results folder. Default: results/NAME.", show_default=False),
@@ -55,6 +65,28 @@ VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Also say h
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Print the resolved settings as YAML and stop.")]
 
 
-def overrides(settings: list[str] | None, seed: int | None) -> tuple[str, ...]:
-    """Overrides in the order in which they apply; `--seed` is short for one of them."""
-    return (*(settings or ()), *(() if seed is None else (f"seed={seed}",)))
+def overrides(settings: list[str] | None, seed: int | None = None, use: list[str] | None = None) -> tuple[str, ...]:
+    """Overrides in the order in which they apply; `--seed` and `--use` are short for one each.
+
+    Raises
+    ------
+    ConfigError
+        If a span is no pair.
+    """
+    seeds = () if seed is None else (f"seed={seed}",)
+    return (*(settings or ()), *seeds, *((f"identification.use.spans={spans(use)}",) if use else ()))
+
+
+def spans(stated: list[str]) -> str:
+    """Spans as `--use` takes them, as a list in YAML.
+
+    Raises
+    ------
+    ConfigError
+        If one is no pair of times.
+    """
+    pairs = [span.split(":") for span in stated]
+    for span, pair in zip(stated, pairs, strict=True):
+        if len(pair) != 2 or not all(time.strip() for time in pair):
+            raise ConfigError(f"--use {span}: expected BEGIN:END in seconds, such as 0:80")
+    return "[" + ", ".join(f"[{begin}, {end}]" for begin, end in pairs) + "]"
