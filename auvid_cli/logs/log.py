@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-# s since the epoch, or since the log's own zero: when a row was recorded, and when its sender says that it was measured.
+# s since the epoch, or since the log's own zero: when a row was recorded, and when its sender says it was measured.
 LOG_TIME, HEADER_STAMP = "@log_time", "@header_stamp"
 
 ColumnValues = NDArray[np.float64] | NDArray[np.str_]
