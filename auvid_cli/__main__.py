@@ -8,6 +8,7 @@ import typer
 
 from auvid_cli import __version__
 from auvid_cli.cli.check import check
+from auvid_cli.cli.export import export
 from auvid_cli.cli.identifiability import identifiability
 from auvid_cli.cli.identify import identify
 from auvid_cli.cli.report import report
@@ -21,7 +22,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
-for command in (run, simulate, identify, report, check, identifiability):
+for command in (run, simulate, identify, report, check, identifiability, export):
     app.command()(command)
 
 

@@ -6,7 +6,10 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "auvid_cli"
-ROOMS = ("config", "vehicle", "simulation", "data", "filters", "identification", "evaluation", "report", "cli")
+ROOMS = (
+    *("config", "vehicle", "simulation", "data", "logs", "filters"),
+    *("identification", "evaluation", "export", "report", "cli"),
+)
 # Plain value types that an earlier room may name.
 VALUES = {
     "auvid_cli.vehicle.coefficients",

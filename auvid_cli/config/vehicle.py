@@ -17,6 +17,7 @@ class Entry(Settings):
     value: float
     status: Annotated[str, Field(description="read, derived or assumed, and how")] = "stated"
     source: Annotated[str | None, Field(description="where from, if not the vehicle file's own source")] = None
+    standard_deviation: Annotated[float | None, Field(description="how sure it is, in the unit of the value")] = None
 
     @model_validator(mode="before")
     @classmethod
@@ -30,7 +31,12 @@ _POSITIVE = ("m", "W", "B", "Ixx", "Iyy", "Izz")
 
 def _entry(unit: str, positive: bool = False) -> type[Entry]:
     limits = Field(gt=0) if positive else Field()
-    return create_model("Entry", __base__=Entry, value=(Annotated[float, Unit(unit), limits], ...))
+    return create_model(
+        "Entry",
+        __base__=Entry,
+        value=(Annotated[float, Unit(unit), limits], ...),
+        standard_deviation=(Annotated[float | None, Unit(unit), Field(gt=0)], None),
+    )
 
 
 def _identifier(symbol: str) -> str:

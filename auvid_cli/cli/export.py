@@ -1,0 +1,82 @@
+"""auvid export."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from auvid_cli.cli.options import QuietOption, VerboseOption
+from auvid_cli.cli.terminal import Terminal, reporting_errors
+from auvid_cli.export.format_name import FormatName
+
+if TYPE_CHECKING:
+    from auvid_cli.data.dataset import Dataset
+
+
+def export(
+    path: Annotated[Path, typer.Argument(metavar="ESTIMATE", help="Estimate file, results/NAME/estimates/FILTER.h5.")],
+    target: Annotated[FormatName, typer.Option("--to", help="Form of the model.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="File to write. Default: export/VEHICLE_FILTER.* in the results folder.",
+            show_default=False,
+        ),
+    ] = None,
+    dataset: Annotated[
+        Path | None,
+        typer.Option(
+            "--dataset",
+            metavar="DATASET",
+            help="Dataset that the estimate was made from. Default: dataset.h5 of the results folder.",
+            show_default=False,
+        ),
+    ] = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+) -> None:
+    """Write an identified model for other programs, and say what they cannot hold of it."""
+    with reporting_errors():
+        from datetime import UTC, datetime
+
+        from auvid_cli import __version__
+        from auvid_cli.data.estimate_file import read_estimate
+        from auvid_cli.data.files import write_text
+        from auvid_cli.data.netcdf import digest
+
+        terminal = Terminal(quiet, verbose)
+        estimate = read_estimate(path)
+        home = path.parent.parent if path.parent.name == "estimates" else path.parent
+        data = _dataset_of(path, estimate.dataset_sha256, dataset or home / "dataset.h5")
+        with terminal.compiling():
+            from auvid_cli.evaluation.bounds import BoundsOf
+            from auvid_cli.export.formats import FORMATS, check_stem, default_stem
+            from auvid_cli.export.heading import doubts
+            from auvid_cli.export.losses import loss_lines
+            from auvid_cli.export.model import Origin, identified_model
+        created = datetime.now(UTC).isoformat(timespec="seconds")
+        origin = Origin(data.sha256, digest(path), __version__, created)
+        with terminal.stage("bounds"):
+            bounds = BoundsOf(data)(estimate).of_data if estimate.completed else {}
+        model, form = identified_model(estimate, data, bounds, origin), FORMATS[target]
+        file = output or home / "export" / f"{default_stem(model)}{form.suffix}"
+        check_stem(target, file.stem)
+        losses = form.losses(model)
+        write_text(file, form.text(model, losses, file.stem))
+        for line in [*doubts(model), *loss_lines(losses), str(file)]:
+            terminal.say(line)
+
+
+def _dataset_of(path: Path, sha256: str, dataset: Path) -> "Dataset":
+    from auvid_cli.data.dataset_file import read_dataset
+    from auvid_cli.errors import FileError
+
+    if not dataset.is_file():
+        raise FileError(f"{dataset}: no such dataset; name the one that {path} was made from with --dataset")
+    data = read_dataset(dataset)
+    if data.sha256 != sha256:
+        raise FileError(f"{dataset}: is not the dataset that {path} was made from; name that one with --dataset")
+    return data

@@ -1,0 +1,1 @@
+"""An identified model in the forms that other programs read."""

@@ -1,0 +1,53 @@
+"""An identified model as JSON, with everything that is known of it."""
+
+import json
+
+import yaml
+
+from auvid_cli.config.load import dump_experiment
+from auvid_cli.export.heading import doubts
+from auvid_cli.export.losses import Losses, losses_of
+from auvid_cli.export.model import IdentifiedModel
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.parameters import PARAMETERS
+
+SCHEMA_VERSION = 1
+
+
+def json_losses(model: IdentifiedModel) -> Losses:
+    """Nothing."""
+    return losses_of(model, (), ())
+
+
+def json_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
+    """The whole file; numbers in SI, angles in radians."""
+    vehicle = model.experiment.vehicle
+    known = vehicle.known_parameters()
+    held = {
+        "kind": "auvid model",
+        "schema_version": SCHEMA_VERSION,
+        "name": name,
+        "vehicle": vehicle.name,
+        "size": vehicle.size.model_dump(mode="json"),
+        "filter": model.filter,
+        "status": model.verdict,
+        "doubts": doubts(model),
+        "parameters": {q.symbol: {"value": known[q.symbol], "unit": q.unit, "meaning": q.meaning} for q in PARAMETERS},
+        "coefficients": {
+            each.symbol: {
+                "value": each.value,
+                "unit": each.unit,
+                "standard_deviation": each.standard_deviation,
+                "estimated": each.standard_deviation is not None,
+                "identified": each.identified,
+                "meaning": coefficient.meaning,
+                "equation": coefficient.equation,
+            }
+            for each, coefficient in zip(model.coefficients, COEFFICIENTS, strict=True)
+        },
+        "covariance": {"order": model.estimated(), "values": model.covariance.tolist()},
+        "terms": [size._asdict() for size in model.term_sizes],
+        "lost": {"terms": [size._asdict() for size in losses.terms], "notes": losses.notes},
+        "provenance": model.origin._asdict() | {"settings": yaml.safe_load(dump_experiment(model.experiment))},
+    }
+    return json.dumps(held, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

@@ -1,0 +1,58 @@
+"""The forms in which a model can be exported, as one table."""
+
+import re
+from collections.abc import Callable
+from typing import NamedTuple
+
+from auvid_cli.errors import ConfigError
+from auvid_cli.export.as_json import json_losses, json_text
+from auvid_cli.export.format_name import FormatName
+from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
+from auvid_cli.export.losses import Losses
+from auvid_cli.export.matlab_function import matlab_losses, matlab_text
+from auvid_cli.export.model import IdentifiedModel
+from auvid_cli.export.python_function import python_losses, python_text
+from auvid_cli.export.vehicle_yaml import yaml_losses, yaml_text
+
+
+class Format(NamedTuple):
+    """How to write a form.
+
+    Attributes
+    ----------
+    suffix : str
+        Of its files.
+    losses : callable
+        What it cannot hold of a model.
+    text : callable
+        The file's text from the model, those losses, and the file's name without suffix.
+    """
+
+    suffix: str
+    losses: Callable[[IdentifiedModel], Losses]
+    text: Callable[[IdentifiedModel, Losses, str], str]
+
+
+FORMATS = {
+    FormatName.YAML: Format(".yaml", yaml_losses, yaml_text),
+    FormatName.JSON: Format(".json", json_losses, json_text),
+    FormatName.PYTHON: Format(".py", python_losses, python_text),
+    FormatName.MATLAB: Format(".m", matlab_losses, matlab_text),
+    FormatName.SDF: Format(".sdf", gazebo_losses, gazebo_text),
+}
+
+
+def default_stem(model: IdentifiedModel) -> str:
+    """File name without suffix, from vehicle and filter; also a name for Python and MATLAB."""
+    words = re.sub(r"[^a-z0-9]+", "_", model.experiment.vehicle.name.lower()).strip("_")
+    return f"{words if words[:1].isalpha() else f'vehicle_{words}'}_{model.filter}"
+
+
+def check_stem(target: FormatName, stem: str) -> None:
+    """Raise ConfigError if a file of that name could not be used: Python imports and MATLAB calls it by its name."""
+    called_by_name = target in (FormatName.PYTHON, FormatName.MATLAB)
+    if called_by_name and not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,62}", stem):
+        raise ConfigError(
+            f"--output: a {target} file is used by its name, and {stem!r} is none: "
+            "letters, digits and _ only, a letter first, 63 at most"
+        )

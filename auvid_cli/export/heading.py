@@ -1,0 +1,39 @@
+"""What stands above an exported model, in plain words."""
+
+from auvid_cli.evaluation.accuracy import LARGEST_SHARE_OF_VALUE
+from auvid_cli.export.losses import Losses, loss_lines
+from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
+
+
+def heading_lines(model: IdentifiedModel, losses: Losses) -> list[str]:
+    """Vehicle, filter, origin, doubts and losses; a line each, with nothing in it that could end a comment line."""
+    experiment, origin = model.experiment, model.origin
+    lines = [
+        f"{experiment.vehicle.name}: coefficients identified by {model.filter}",
+        f"Exported by auvid {origin.auvid_version} at {origin.created}",
+        f"from the estimate with SHA-256 {origin.estimate_sha256},",
+        f"made from the dataset with SHA-256 {origin.dataset_sha256}",
+        f"(experiment {experiment.name}, seed {experiment.seed}; all settings stand in the estimate file).",
+        *doubts(model),
+        *loss_lines(losses),
+    ]
+    return [" ".join(line.split()) if not line.startswith("  ") else line for line in lines]
+
+
+def doubts(model: IdentifiedModel) -> list[str]:
+    """What speaks against the estimate and its coefficients, a sentence each."""
+    sentences = []
+    if model.verdict != "completed":
+        sentences.append(f"Do not rely on these values: the filter is {model.verdict}.")
+    elif model.not_identified():
+        share = f"uncertain by more than {LARGEST_SHARE_OF_VALUE:.0%} of their value"
+        sentences.append(f"Not identified by these data, {share}: {', '.join(model.not_identified())}.")
+    return sentences
+
+
+def certainty(coefficient: IdentifiedCoefficient) -> str:
+    """How sure a coefficient is, as a remark beside its value."""
+    if coefficient.standard_deviation is None:
+        return "held, not estimated"
+    remark = f"standard deviation {coefficient.standard_deviation!r}"
+    return remark if coefficient.identified else f"{remark}; identified: false"

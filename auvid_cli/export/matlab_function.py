@@ -1,0 +1,45 @@
+"""An identified model as a MATLAB function without toolboxes."""
+
+from auvid_cli.export.equations import constants, mass_rows, statements
+from auvid_cli.export.heading import heading_lines
+from auvid_cli.export.losses import Losses, losses_of
+from auvid_cli.export.model import IdentifiedModel
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
+
+_HELP = """Time derivative of the motion [u v w p q r phi theta psi], SI and radians.
+Body axes forward, starboard, down; angles to north, east, down.
+inputs: [rudder elevator surge_force roll_moment], rad, rad, N, N m.
+For example: [t, x] = ode45(@(t, x) {name}(x, [0 0 100 0]), [0 10], [2 0 0 0 0 0 0 0 0]);
+"""
+
+
+def matlab_losses(model: IdentifiedModel) -> Losses:
+    """The covariances; standard deviations are only in comments."""
+    note = "The covariances between coefficients are lost; their standard deviations stand in comments."
+    return losses_of(model, (), (note,))
+
+
+def matlab_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
+    """The whole function; `name` is that of the file without ``.m``."""
+    rows = "; ...\n".join("    " + " ".join(f"{number:.17g}" for number in row) for row in mass_rows(model))
+    signals = [f"{symbol} = motion({i})" for i, symbol in enumerate(MOTION_SYMBOLS, 1) if symbol != "psi"]
+    signals += [f"{symbol} = inputs({i})" for i, symbol in enumerate(INPUT_SYMBOLS, 1)]
+    momentum = [f"{axis} = momentum({i})" for i, axis in enumerate(("a1", "a2", "a3", "b1", "b2", "b3"), 1)]
+    body = [
+        *signals,
+        "momentum = MASS * [u; v; w; p; q; r]",
+        *momentum,
+        *statements(),
+        "acceleration = MASS \\ [X; Y; Z; K; M; N]",
+        "derivative = [acceleration; phi_rate; theta_rate; psi_rate]",
+    ]
+    lines = [
+        f"function derivative = {name}(motion, inputs)\n",
+        *(f"% {line}\n" for line in [*_HELP.format(name=name).splitlines(), *heading_lines(model, losses)]),
+        f"\n% Rigid-body and added mass, kg, kg m, kg m^2.\nMASS = [ ...\n{rows}];\n",
+        *(f"{c.name} = {c.value:.17g}; % {c.remark}\n" for c in constants(model)),
+        "\n",
+        *(f"{statement};\n" for statement in body),
+        "end\n",
+    ]
+    return "".join(lines)

@@ -1,0 +1,144 @@
+"""What is exported: the coefficients that a filter found, with how sure they are and where they come from."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.experiment import RunSettings
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.errors import DataError
+from auvid_cli.evaluation.accuracy import coefficient_results
+from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.export.terms import TermSize, held_inputs, term_histories, term_sizes
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
+
+Array = NDArray[np.float64]
+
+
+class IdentifiedCoefficient(NamedTuple):
+    """One of the 22.
+
+    Attributes
+    ----------
+    symbol, unit : str
+    value : float
+        SI.
+    standard_deviation : float or None
+        SI; None of one that was held.
+    identified : bool or None
+        As the tables of a report mark it; None of one that was held.
+    """
+
+    symbol: str
+    unit: str
+    value: float
+    standard_deviation: float | None
+    identified: bool | None
+
+
+class Origin(NamedTuple):
+    """Where a model comes from.
+
+    Attributes
+    ----------
+    dataset_sha256, estimate_sha256 : str
+        Of the files, in hexadecimal.
+    auvid_version : str
+    created : str
+        When it was exported, UTC.
+    """
+
+    dataset_sha256: str
+    estimate_sha256: str
+    auvid_version: str
+    created: str
+
+
+@dataclass(frozen=True)
+class IdentifiedModel:
+    """A vehicle with the coefficients that a filter found.
+
+    Attributes
+    ----------
+    experiment : RunSettings
+        With which they were found; its vehicle has the known parameters.
+    filter : str
+    verdict : str
+        "completed", or what the innovations hold against it.
+    coefficients : tuple of IdentifiedCoefficient
+        All 22, in the order of the table.
+    covariance : ndarray, shape (k, k)
+        Of those that were estimated, in that order, SI.
+    term_sizes : tuple of TermSize
+        Of all 22 along the estimated motion.
+    origin : Origin
+    """
+
+    experiment: RunSettings
+    filter: str
+    verdict: str
+    coefficients: tuple[IdentifiedCoefficient, ...]
+    covariance: Array
+    term_sizes: tuple[TermSize, ...]
+    origin: Origin
+
+    def estimated(self) -> tuple[str, ...]:
+        """Symbols of the coefficients that were not held."""
+        return tuple(each.symbol for each in self.coefficients if each.standard_deviation is not None)
+
+    def not_identified(self) -> tuple[str, ...]:
+        """Symbols of those that were estimated in vain."""
+        return tuple(each.symbol for each in self.coefficients if each.identified is False)
+
+
+def identified_model(
+    estimate: Estimate, dataset: Dataset, bounds: Mapping[str, float], origin: Origin
+) -> IdentifiedModel:
+    """Take the model out of an estimate.
+
+    Parameters
+    ----------
+    estimate : Estimate
+    dataset : Dataset
+        From which it was made: its inputs tell how large each term was, and its truth, where it has one, what counts
+        as identified.
+    bounds : mapping
+        Cramer-Rao's by symbol, as far as they are known.
+    origin : Origin
+
+    Raises
+    ------
+    DataError
+        If the filter did not end well: its last values are no model of anything.
+    """
+    if not estimate.completed:
+        raise DataError(
+            f"the estimate of {estimate.filter} {estimate.status}; that is no model of the vehicle, "
+            "so nothing is exported"
+        )
+    values = estimate.final_coefficients()
+    found = {result.coefficient: result for result in coefficient_results(estimate, dataset.truth, bounds)}
+    coefficients = []
+    for coefficient in COEFFICIENTS:
+        result = found.get(coefficient.symbol)
+        certainty = (None, None) if result is None else (result.standard_deviation, result.identified)
+        coefficients.append(
+            IdentifiedCoefficient(coefficient.symbol, coefficient.unit, values[coefficient.symbol], *certainty)
+        )
+    kept = [estimate.state.index(symbol) for symbol in SYMBOLS if symbol in found]
+    motion = estimate.mean[:, [estimate.state.index(symbol) for symbol in MOTION_SYMBOLS]]
+    inputs = held_inputs(estimate.time, dataset.inputs.time, dataset.inputs.values)
+    return IdentifiedModel(
+        experiment=estimate.experiment,
+        filter=estimate.filter,
+        verdict=verdict(estimate),
+        coefficients=tuple(coefficients),
+        covariance=estimate.covariance[np.ix_(kept, kept)],
+        term_sizes=tuple(term_sizes(term_histories(values, motion, inputs))),
+        origin=origin,
+    )

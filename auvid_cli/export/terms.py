@@ -1,0 +1,96 @@
+"""How large the force or moment of each coefficient is along a motion."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
+
+Array = NDArray[np.float64]
+
+ROWS = "XYZKMN"
+
+
+class TermSize(NamedTuple):
+    """One coefficient's term of the equations of motion.
+
+    Attributes
+    ----------
+    symbol : str
+    row : str
+        "X", "Y", "Z", "K", "M" or "N".
+    unit : str
+        "N" or "N*m".
+    rms : float
+        Root mean square of the force or moment.
+    percent : float
+        Of all terms of the row together, the root of the sum of their mean squares: unlike their sum, that does
+        not grow small where terms balance each other.
+    """
+
+    symbol: str
+    row: str
+    unit: str
+    rms: float
+    percent: float
+
+
+def term_histories(coefficients: Mapping[str, float], motion: Array, inputs: Array) -> Array:
+    """Force or moment of every coefficient, Sabet et al. 2018, eq. (13).
+
+    Parameters
+    ----------
+    coefficients : mapping
+        The 22 by symbol, SI.
+    motion : ndarray, shape (n, 9)
+        u, v, w, p, q, r, phi, theta, psi; m/s, rad/s, rad.
+    inputs : ndarray, shape (n, 4)
+        Rudder, elevator (rad), surge force (N), roll moment (N m).
+
+    Returns
+    -------
+    ndarray, shape (n, 22)
+        N or N m, in the order of `COEFFICIENTS`.
+    """
+    signals = dict(zip(MOTION_SYMBOLS, motion.T, strict=True)) | dict(zip(INPUT_SYMBOLS, inputs.T, strict=True))
+    terms = np.empty((len(motion), len(COEFFICIENTS)))
+    for column, coefficient in enumerate(COEFFICIENTS):
+        first, *rest = (signals[name] for name in coefficient.signals)
+        regressor = np.abs(first) if coefficient.group == "damping" else first
+        terms[:, column] = coefficients[coefficient.symbol] * np.prod([regressor, *rest], axis=0)
+    return terms
+
+
+def term_sizes(terms: Array) -> list[TermSize]:
+    """Size of every term from its history; `terms` as of `term_histories`."""
+    squares = np.mean(terms**2, axis=0)
+    rows = np.array([coefficient.row for coefficient in COEFFICIENTS])
+    of_rows = np.sqrt(np.bincount(rows, squares, minlength=len(ROWS)))
+    sizes = []
+    for coefficient, square in zip(COEFFICIENTS, squares, strict=True):
+        rms, whole = float(np.sqrt(square)), float(of_rows[coefficient.row])
+        unit = "N" if coefficient.row < 3 else "N*m"
+        percent = 100.0 * rms / whole if whole else 0.0
+        sizes.append(TermSize(coefficient.symbol, ROWS[coefficient.row], unit, rms, percent))
+    return sizes
+
+
+def held_inputs(time: Array, input_time: Array, values: Array) -> Array:
+    """Inputs in force at given times; each holds from its own time to the next.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        s, none before the first of `input_time`.
+    input_time : ndarray, shape (k,)
+        s, increasing.
+    values : ndarray, shape (k, 4)
+
+    Returns
+    -------
+    ndarray, shape (n, 4)
+    """
+    return values[np.searchsorted(input_time, time, side="right") - 1]

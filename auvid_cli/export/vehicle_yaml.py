@@ -1,0 +1,57 @@
+"""An identified model as a vehicle file, which an experiment can name."""
+
+from typing import Any
+
+import yaml
+
+from auvid_cli.export.heading import heading_lines
+from auvid_cli.export.losses import COVARIANCES, Losses, losses_of
+from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
+from auvid_cli.vehicle.parameters import PARAMETERS
+
+
+def yaml_losses(model: IdentifiedModel) -> Losses:
+    """The covariances."""
+    return losses_of(model, (), (COVARIANCES,))
+
+
+def yaml_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
+    """The whole file; what was not estimated stands as in the vehicle file before."""
+    before = model.experiment.vehicle.model_dump(mode="json", by_alias=True, exclude_none=True)
+    units = {quantity.symbol: quantity.unit for quantity in PARAMETERS}
+    parameters = {symbol: _with_unit(entry, units[symbol]) for symbol, entry in before["parameters"].items()}
+    coefficients = {
+        each.symbol: _with_unit(before["coefficients"][each.symbol], each.unit)
+        if each.standard_deviation is None
+        else _estimated(each, model)
+        for each in model.coefficients
+    }
+    notes = [*before["notes"], _provenance(model)]
+    vehicle = before | {"notes": notes, "parameters": parameters, "coefficients": coefficients}
+    lines = [f"# {line}\n" for line in heading_lines(model, losses)]
+    text = yaml.safe_dump(vehicle, sort_keys=False, width=160, default_flow_style=None, allow_unicode=True)
+    return "".join(lines) + text
+
+
+def _estimated(coefficient: IdentifiedCoefficient, model: IdentifiedModel) -> dict[str, Any]:
+    doubt = "" if coefficient.identified else ", identified: false"
+    return {
+        "value": f"{coefficient.value!r} {coefficient.unit}",
+        "standard_deviation": f"{coefficient.standard_deviation!r} {coefficient.unit}",
+        "status": f"estimated by {model.filter}{doubt}",
+        "source": f"estimate {model.origin.estimate_sha256[:12]}",
+    }
+
+
+def _provenance(model: IdentifiedModel) -> str:
+    origin, experiment = model.origin, model.experiment
+    return (
+        f"Coefficients estimated by {model.filter} ({model.verdict}) with auvid {origin.auvid_version}; estimate "
+        f"with SHA-256 {origin.estimate_sha256}, from the dataset with SHA-256 {origin.dataset_sha256}, "
+        f"experiment {experiment.name}, seed {experiment.seed}."
+    )
+
+
+def _with_unit(entry: dict[str, Any], unit: str) -> dict[str, Any]:
+    quantities = {key: f"{entry[key]!r} {unit}" for key in ("value", "standard_deviation") if key in entry}
+    return entry | quantities

@@ -1,0 +1,130 @@
+import json
+import shutil
+import sys
+import typing
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import typer
+from scipy.integrate import solve_ivp
+from typer.testing import CliRunner
+
+from auvid_cli.cli.export import export
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.data.dataset_file import read_dataset, write_dataset
+from auvid_cli.data.estimate_file import new_estimate
+from auvid_cli.export.format_name import FormatName
+from auvid_cli.identification.identify import identify
+
+SUFFIXES = {"yaml": ".yaml", "json": ".json", "python": ".py", "matlab": ".m", "sdf": ".sdf"}
+
+
+def run(*arguments):
+    app = typer.Typer()
+    app.command()(export)
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def results(simulated_with, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("results")
+    write_dataset(folder / "dataset.h5", simulated_with("manoeuvre.duration=30 s"))
+    estimate = identify(read_dataset(folder / "dataset.h5"), FilterName.TUKF)
+    with new_estimate(folder / "estimates/tukf.h5", estimate) as writer:
+        writer.append(estimate)
+        writer.finish(estimate)
+    return folder
+
+
+@pytest.fixture
+def own_results(results, tmp_path) -> Path:
+    """A copy to do harm to."""
+    return Path(shutil.copytree(results, tmp_path / "own"))
+
+
+def assert_one_clear_complaint(result, *words):
+    assert result.exit_code == 2
+    assert result.stderr.startswith("auvid: ")
+    assert "Traceback" not in result.stderr
+    for word in words:
+        assert word in result.stderr
+
+
+@pytest.mark.parametrize("target", list(SUFFIXES))
+def test_every_form_is_written_into_the_results_and_says_what_is_lost(target, results):
+    result = run(results / "estimates/tukf.h5", "--to", target)
+    assert result.exit_code == 0, result.stderr
+    path = results / f"export/virginia_tech_690_tukf{SUFFIXES[target]}"
+    assert str(path) in result.stdout
+    text = path.read_text(encoding="utf-8")
+    if target == "json":
+        assert "Nothing is lost." in result.stdout
+        assert json.loads(text)["lost"] == {"terms": [], "notes": []}
+    elif target == "sdf":
+        assert "N_uudr in N:" in result.stdout
+        assert "N_uudr in N:" in text
+    else:
+        assert "No term of the equations of motion is lost." in result.stdout
+        assert "No term of the equations of motion is lost." in text
+
+
+def test_every_form_is_tested():
+    assert set(SUFFIXES) == {name.value for name in FormatName}
+
+
+def test_the_python_file_sails(results, tmp_path, monkeypatch):
+    assert run(results / "estimates/tukf.h5", "--to", "python", "-o", tmp_path / "vt690_found.py", "-q").stdout == ""
+    monkeypatch.syspath_prepend(tmp_path)
+    import vt690_found  # pyright: ignore
+
+    monkeypatch.delitem(sys.modules, "vt690_found")
+    start = [3.9, *np.zeros(8)]
+    thrust = [0.0, 0.0, 73.8, 0.0]
+    found = solve_ivp(lambda t, motion: vt690_found.motion_derivative(motion, thrust), (0.0, 10.0), start, rtol=1e-8)
+    assert found.success
+    assert found.y[0, -1] == pytest.approx(3.9, abs=0.05)
+
+
+def test_the_yaml_file_is_the_vehicle_of_an_experiment(results, tmp_path):
+    path = tmp_path / "found.yaml"
+    assert run(results / "estimates/tukf.h5", "--to", "yaml", "-o", path).exit_code == 0
+    vehicle = load_experiment(find_experiment(None), (f"vehicle={path}",)).vehicle
+    with h5py.File(results / "estimates/tukf.h5") as file:
+        state = list(typing.cast(h5py.Dataset, file["state"]).asstr()[...])
+        final = dict(zip(state, typing.cast(h5py.Dataset, file["mean"])[-1], strict=True))
+    assert vehicle.all_coefficients() == {symbol: final[symbol] for symbol in vehicle.all_coefficients()}
+
+
+def test_a_diverged_estimate_is_refused_and_nothing_is_written(own_results, tmp_path):
+    with h5py.File(own_results / "estimates/tukf.h5", "r+") as file:
+        file.attrs["status"] = "diverged at t = 9.000 s: the state was not finite"
+    result = run(own_results / "estimates/tukf.h5", "--to", "json", "-o", tmp_path / "model.json")
+    assert_one_clear_complaint(result, "tukf diverged at t = 9.000 s", "nothing is exported")
+    assert not (tmp_path / "model.json").exists()
+
+
+def test_another_dataset_is_refused(own_results):
+    with h5py.File(own_results / "dataset.h5", "r+") as file:
+        file.attrs["remark"] = "not the same any more"
+    assert_one_clear_complaint(run(own_results / "estimates/tukf.h5", "--to", "sdf"), "dataset.h5", "--dataset")
+
+
+def test_the_dataset_may_be_elsewhere(own_results, tmp_path):
+    (own_results / "dataset.h5").rename(tmp_path / "mission.h5")
+    lonely = own_results / "estimates/tukf.h5"
+    assert_one_clear_complaint(run(lonely, "--to", "json"), "no such dataset", "--dataset")
+    assert run(lonely, "--to", "json", "--dataset", tmp_path / "mission.h5").exit_code == 0
+
+
+@pytest.mark.parametrize(("target", "name"), [("python", "my-model.py"), ("matlab", "690.m")])
+def test_a_name_that_could_not_be_called_is_refused(target, name, results, tmp_path):
+    result = run(results / "estimates/tukf.h5", "--to", target, "-o", tmp_path / name)
+    assert_one_clear_complaint(result, "--output", repr(Path(name).stem))
+    assert not (tmp_path / name).exists()
+
+
+def test_a_missing_estimate_is_one_line(tmp_path):
+    assert_one_clear_complaint(run(tmp_path / "nothing.h5", "--to", "yaml"), "nothing.h5")

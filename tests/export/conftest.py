@@ -1,0 +1,80 @@
+"""Models made by hand, and one state at a time out of the compiled core."""
+
+import numpy as np
+import pytest
+
+from auvid_cli.blocks import LANES
+from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel, Origin
+from auvid_cli.export.terms import term_histories, term_sizes
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.dynamics import motion_derivative, vehicle_constants
+from auvid_cli.vehicle.parameters import N_MOTION
+
+# Centres off every axis and weight other than buoyancy, so that no lever vanishes.
+SKEWED = {"xG": 0.02, "yG": -0.01, "zG": 0.03, "xB": -0.03, "yB": 0.02, "zB": -0.01, "B": 480.0}
+
+
+def make_model(experiment, held=(), not_identified=(), verdict="completed") -> IdentifiedModel:
+    """A vehicle with its own coefficients for estimates."""
+    values, coefficients = experiment.vehicle.all_coefficients(), []
+    for c in COEFFICIENTS:
+        deviation = None if c.symbol in held else 1e-3 * (abs(values[c.symbol]) + 1.0)
+        identified = None if c.symbol in held else c.symbol not in not_identified
+        coefficients.append(IdentifiedCoefficient(c.symbol, c.unit, values[c.symbol], deviation, identified))
+    deviations = np.array([c.standard_deviation for c in coefficients if c.standard_deviation is not None])
+    rng = np.random.default_rng(1)
+    terms = term_histories(values, rng.standard_normal((50, 9)), rng.standard_normal((50, 4)))
+    return IdentifiedModel(
+        experiment=experiment,
+        filter="tukf",
+        verdict=verdict,
+        coefficients=tuple(coefficients),
+        covariance=0.9 * np.diag(deviations**2) + 0.1 * np.outer(deviations, deviations),
+        term_sizes=tuple(term_sizes(terms)),
+        origin=Origin("d" * 64, "e" * 64, "1.2.3", "2026-01-01T00:00:00+00:00"),
+    )
+
+
+@pytest.fixture(scope="session")
+def model_with():
+    """Function: the model of a shipped vehicle, with other settings as on the command line."""
+
+    def make(*overrides, vehicle_file="vt690.yaml", **options) -> IdentifiedModel:
+        experiment = load_experiment(find_experiment(None), (f"vehicle=vehicles/{vehicle_file}", *overrides))
+        return make_model(experiment, **options)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def skewed(model_with) -> IdentifiedModel:
+    """The default vehicle with its weight and buoyancy off its axes."""
+    return model_with(*(f"vehicle.parameters.{symbol}={value}" for symbol, value in SKEWED.items()))
+
+
+@pytest.fixture(scope="session")
+def derivative_of():
+    """Function: what the compiled core says of a model, or of its vehicle with other coefficients."""
+
+    def derivative(model, motion, inputs, coefficients=None):
+        values = [each.value for each in model.coefficients] if coefficients is None else coefficients
+        constants = vehicle_constants(model.experiment.vehicle.known_parameters())
+        result = np.zeros(N_MOTION * LANES)
+        blocks = (np.repeat(np.asarray(each, dtype=float), LANES) for each in (motion, values))
+        motion_derivative(*blocks, np.asarray(inputs, dtype=float), constants, 1, result)
+        return result[::LANES].copy()
+
+    return derivative
+
+
+@pytest.fixture(scope="session")
+def draw():
+    """Function: a random motion and inputs of ordinary size."""
+
+    def draw(seed):
+        rng = np.random.default_rng(seed)
+        motion = np.concatenate([rng.uniform(-4, 4, 3), rng.uniform(-0.8, 0.8, 3), rng.uniform(-1.3, 1.3, 3)])
+        return motion, np.concatenate([rng.uniform(-0.4, 0.4, 2), rng.uniform(-50.0, 50.0, 2)])
+
+    return draw

@@ -1,0 +1,49 @@
+import json
+
+import numpy as np
+
+from auvid_cli.config.load import parse_experiment
+from auvid_cli.export.as_json import json_losses, json_text
+from auvid_cli.export.losses import loss_lines
+
+
+def written(model):
+    return json.loads(json_text(model, json_losses(model), "identified"))
+
+
+def test_everything_is_there(model_with):
+    model = model_with(held=("N_uudr",), not_identified=("Y_r|r|",))
+    held = written(model)
+    assert {symbol: entry["value"] for symbol, entry in held["coefficients"].items()} == {
+        each.symbol: each.value for each in model.coefficients
+    }
+    known = model.experiment.vehicle.known_parameters()
+    assert {symbol: entry["value"] for symbol, entry in held["parameters"].items()} == known
+    assert held["parameters"]["m"]["unit"] == "kg"
+    drag, rudder = held["coefficients"]["X_u|u|"], held["coefficients"]["N_uudr"]
+    assert (drag["unit"], drag["estimated"], drag["identified"]) == ("kg/m", True, True)
+    assert (rudder["standard_deviation"], rudder["estimated"], rudder["identified"]) == (None, False, None)
+    assert held["coefficients"]["Y_r|r|"]["identified"] is False
+    assert "Y_r|r|" in held["doubts"][0]
+    assert (held["filter"], held["status"]) == ("tukf", "completed")
+
+
+def test_the_covariance_is_of_the_estimated_in_their_order(model_with):
+    model = model_with(held=("X_u|u|", "N_uudr"))
+    covariance = written(model)["covariance"]
+    assert tuple(covariance["order"]) == tuple(c.symbol for c in model.coefficients)[1:-1]
+    assert np.array_equal(covariance["values"], model.covariance)
+
+
+def test_its_settings_are_those_of_the_estimate(model_with):
+    model = model_with()
+    provenance = written(model)["provenance"]
+    assert parse_experiment(json.dumps(provenance["settings"]), "test") == model.experiment
+    assert provenance["dataset_sha256"] == "d" * 64
+    assert provenance["estimate_sha256"] == "e" * 64
+
+
+def test_nothing_is_lost(model_with):
+    model = model_with()
+    assert written(model)["lost"] == {"terms": [], "notes": []}
+    assert loss_lines(json_losses(model)) == ["Nothing is lost."]

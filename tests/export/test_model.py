@@ -1,0 +1,93 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.errors import DataError
+from auvid_cli.evaluation.accuracy import coefficient_results
+from auvid_cli.export.heading import doubts, heading_lines
+from auvid_cli.export.losses import Losses
+from auvid_cli.export.model import Origin, identified_model
+from auvid_cli.export.terms import ROWS
+from auvid_cli.identification.identify import identify
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
+
+ORIGIN = Origin("d" * 64, "e" * 64, "1.2.3", "2026-01-01T00:00:00+00:00")
+CHOSEN = ("X_u|u|", "Z_uude", "N_uudr")
+
+
+@pytest.fixture(scope="module")
+def dataset(simulated_with):
+    return simulated_with(f"identification.coefficients=[{', '.join(CHOSEN)}]", "manoeuvre.duration=4 s")
+
+
+@pytest.fixture(scope="module")
+def estimate(dataset):
+    return identify(dataset, FilterName.TUKF)
+
+
+@pytest.fixture(scope="module")
+def model(estimate, dataset):
+    return identified_model(estimate, dataset, {}, ORIGIN)
+
+
+def test_values_are_the_last_of_the_estimate_and_those_held(model, estimate, dataset):
+    final = dict(zip(estimate.state, zip(estimate.mean[-1], estimate.standard_deviation[-1], strict=True), strict=True))
+    for coefficient in model.coefficients:
+        if coefficient.symbol in CHOSEN:
+            assert (coefficient.value, coefficient.standard_deviation) == final[coefficient.symbol]
+        else:
+            assert coefficient.value == dataset.experiment.vehicle.all_coefficients()[coefficient.symbol]
+            assert (coefficient.standard_deviation, coefficient.identified) == (None, None)
+    assert model.estimated() == CHOSEN
+
+
+def test_the_covariance_is_that_of_the_coefficients(model):
+    deviations = [each.standard_deviation for each in model.coefficients if each.standard_deviation is not None]
+    np.testing.assert_allclose(np.sqrt(np.diag(model.covariance)), deviations, rtol=1e-9)
+    assert np.array_equal(model.covariance, model.covariance.T)
+
+
+def test_what_is_identified_is_what_the_tables_say(estimate, dataset):
+    bounds = {"Z_uude": np.inf}
+    found = identified_model(estimate, dataset, bounds, ORIGIN)
+    assert "Z_uude" in found.not_identified()
+    said = {result.coefficient: result.identified for result in coefficient_results(estimate, dataset.truth, bounds)}
+    assert {c.symbol: c.identified for c in found.coefficients if c.identified is not None} == said
+    assert "Z_uude" in doubts(found)[0]
+
+
+def test_terms_are_sized_along_the_estimated_motion_with_the_inputs_of_the_dataset(model, estimate, dataset):
+    """The elevator's heave force by hand, event by event."""
+    u = estimate.mean[:, estimate.state.index("u")]
+    value = next(each.value for each in model.coefficients if each.symbol == "Z_uude")
+    squares = 0.0
+    for time, speed in zip(estimate.time, u, strict=True):
+        row = max(i for i, begin in enumerate(dataset.inputs.time) if begin <= time)
+        squares += (value * speed**2 * dataset.inputs.values[row, 1]) ** 2
+    size = next(size for size in model.term_sizes if size.symbol == "Z_uude")
+    assert size.rms == pytest.approx(np.sqrt(squares / estimate.time.size), rel=1e-9)
+    assert size.rms > 0.01
+    for row in ROWS:
+        shares = [size.percent for size in model.term_sizes if size.row == row]
+        assert np.hypot.reduce(shares) == pytest.approx(100.0)
+    assert [size.symbol for size in model.term_sizes] == [c.symbol for c in COEFFICIENTS]
+
+
+@pytest.mark.parametrize("status", ["diverged at t = 2 s: not finite", "unconverged: out of evaluations"])
+def test_an_estimate_that_did_not_end_well_is_refused(status, estimate, dataset):
+    with pytest.raises(DataError, match=f"tukf {status.split(':')[0]}.*nothing is exported"):
+        identified_model(replace(estimate, status=status), dataset, {}, ORIGIN)
+
+
+def test_an_estimate_that_its_data_belie_is_not_to_be_relied_on(estimate, dataset):
+    belied = {
+        name: replace(one, innovation=10 * one.innovation, nis=100 * one.nis)
+        for name, one in estimate.innovations.items()
+    }
+    found = identified_model(replace(estimate, innovations=belied), dataset, {}, ORIGIN)
+    assert found.not_identified() == CHOSEN
+    lines = heading_lines(found, Losses((), ()))
+    assert any(line.startswith("Do not rely on these values: the filter is inconsistent") for line in lines)
+    assert "Nothing is lost." in lines

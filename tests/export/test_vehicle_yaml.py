@@ -1,0 +1,60 @@
+from dataclasses import replace
+
+import pytest
+import yaml
+
+from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.export.vehicle_yaml import yaml_losses, yaml_text
+
+
+@pytest.fixture(scope="module")
+def load_as_vehicle(tmp_path_factory):
+    """Function: the settings of an experiment that names the written file as its vehicle."""
+
+    def load(text):
+        path = tmp_path_factory.mktemp("vehicle") / "identified.yaml"
+        path.write_text(text, encoding="utf-8")
+        return load_experiment(find_experiment(None), (f"vehicle={path}",)).vehicle
+
+    return load
+
+
+def written(model):
+    return yaml_text(model, yaml_losses(model), "identified")
+
+
+def test_an_experiment_takes_it_and_gets_every_number_back(vehicle_file, model_with, load_as_vehicle):
+    model = model_with(vehicle_file=vehicle_file)
+    vehicle, before = load_as_vehicle(written(model)), model.experiment.vehicle
+    assert vehicle.all_coefficients() == {each.symbol: each.value for each in model.coefficients}
+    assert vehicle.parameters == before.parameters
+    assert (vehicle.name, vehicle.source, vehicle.size) == (before.name, before.source, before.size)
+
+
+def test_standard_deviations_and_origin_stand_beside_the_values(model_with, load_as_vehicle):
+    model = model_with(held=("N_uudr",), not_identified=("Y_r|r|",))
+    vehicle, before = load_as_vehicle(written(model)), model.experiment.vehicle
+    entries = vehicle.coefficients
+    drag = entries.X_u_u_
+    assert drag.standard_deviation == model.coefficients[0].standard_deviation
+    assert (drag.status, drag.source) == ("estimated by tukf", f"estimate {'e' * 12}")
+    assert entries.Y_r_r_.status == "estimated by tukf, identified: false"
+    assert entries.N_uudr == before.coefficients.N_uudr
+    assert vehicle.notes[:-1] == before.notes
+    for part in ("d" * 64, "e" * 64, "auvid 1.2.3", "experiment spiral", "seed 1"):
+        assert part in vehicle.notes[-1]
+
+
+def test_a_model_exported_again_reads_the_same(model_with, load_as_vehicle):
+    model = model_with(held=("N_uudr",))
+    vehicle = load_as_vehicle(written(model))
+    later = replace(model, experiment=model.experiment.model_copy(update={"vehicle": vehicle}))
+    text = yaml_text(later, yaml_losses(later), "again")
+    assert load_as_vehicle(text).coefficients == vehicle.coefficients
+
+
+def test_it_says_above_what_is_lost(skewed):
+    heading = [line for line in written(skewed).splitlines() if line.startswith("#")]
+    assert "# No term of the equations of motion is lost." in heading
+    assert any("covariances" in line for line in heading)
+    assert set(yaml.safe_load(written(skewed))) == {"name", "source", "notes", "size", "parameters", "coefficients"}
