@@ -34,7 +34,8 @@ def _advance(state, duration, held, vehicle, scale, coefficients, stage, slope):
 def compiled_point(process: Process) -> Callable[[Array, float, Array], Array]:
     """``advance(state, duration, held)``: a new state, one Runge-Kutta step later."""
     vehicle, scale = process.constants[:N_CONSTANTS], units_of(process)
-    scratch = np.zeros(N_COEFFICIENT_BLOCK), np.zeros(N_BLOCK), np.zeros(N_BLOCK)
+    # Ones, because the last of them is how many times the stated thrust acts.
+    scratch = np.ones(N_COEFFICIENT_BLOCK), np.zeros(N_BLOCK), np.zeros(N_BLOCK)
 
     def advance(state: Array, duration: float, held: Array) -> Array:
         return _advance(state, duration, held, vehicle, scale, *scratch)

@@ -16,6 +16,7 @@ class BiasName(StrEnum):
     ATTITUDE = "attitude"
     DVL = "dvl"
     CURRENT = "current"
+    THRUST = "thrust"
 
 
 class GyroBias(Settings):
@@ -54,14 +55,22 @@ class Current(Settings):
     ] = 1e-3
 
 
+class ThrustScale(Settings):
+    """Scale error of the stated surge force: that of a propeller whose gain is a guess."""
+
+    spread: Annotated[float, Field(gt=0, description="standard deviation before any data")] = 0.3
+    walk: Annotated[float, Unit("1/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
+
+
 class Estimate(Settings):
     """What is estimated besides coefficients and motion."""
 
     biases: Annotated[
         tuple[BiasName, ...],
-        Field(description="blocks of further states: `gyro`, `attitude`, `dvl`, `current`"),
+        Field(description="blocks of further states: `gyro`, `attitude`, `dvl`, `current`, `thrust`"),
     ] = ()
     gyro: GyroBias = GyroBias()
     attitude: AttitudeBias = AttitudeBias()
     dvl: DvlError = DvlError()
     current: Current = Current()
+    thrust: ThrustScale = ThrustScale()

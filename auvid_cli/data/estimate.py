@@ -223,6 +223,10 @@ class Estimate(EstimateHeader, EstimatePart, Outcome):
             self.completed,
         )
 
+    def final_thrust(self) -> float:
+        """How many times the stated surge force acts, at the last time."""
+        return 1.0 + float(self.mean[-1, self.state.index("thrust_scale")]) if "thrust_scale" in self.state else 1.0
+
     def final_coefficients(self) -> dict[str, float]:
         """The 22 coefficients at the last time, estimated or held, SI."""
         return self.held | {symbol: float(self.mean[-1, i]) for i, symbol in enumerate(self.state) if symbol in SYMBOLS}

@@ -13,8 +13,7 @@ from auvid_cli.evaluation.motion import FreeRun
 from auvid_cli.identification.free_motion import move_freely
 from auvid_cli.identification.segments import stretches
 from auvid_cli.identification.timeline import measuring_sensors
-from auvid_cli.vehicle.coefficients import SYMBOLS
-from auvid_cli.vehicle.dynamics import N_WORK, vehicle_constants
+from auvid_cli.vehicle.dynamics import N_WORK, factors, vehicle_constants
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
@@ -44,8 +43,8 @@ def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[Veloci
     """
     measuring = measuring_sensors(dataset)
     constants = vehicle_constants(dataset.experiment.vehicle.known_parameters())
-    final = estimate.final_coefficients()
-    coefficients, work = np.repeat([final[symbol] for symbol in SYMBOLS], LANES), np.zeros(N_WORK)
+    final = factors(estimate.final_coefficients(), estimate.final_thrust())
+    coefficients, work = np.repeat(final, LANES), np.zeros(N_WORK)
     every = 1 + sum(record.time.size for record in measuring.values()) // _MOST_KEPT
     sums, counts = np.zeros(N_MOTION), np.zeros(N_MOTION)
     runs, n_events = [], 0

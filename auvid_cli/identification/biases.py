@@ -1,6 +1,7 @@
 """Sensor errors as blocks of the augmented state: constant ones among the parameters, walking ones behind motion.
 
-A current is one of them: an error of the DVL that would measure the motion through the water.
+A current is one of them: an error of the DVL that would measure the motion through the water. So is the scale error of
+the thrust, which is nobody's reading.
 """
 
 from collections.abc import Sequence
@@ -11,6 +12,8 @@ from auvid_cli.data.dataset import SENSORS
 
 DVL_ERRORS = "dvl_scale", "dvl_yaw", "current_north", "current_east"
 
+THRUST_SCALE = "thrust_scale"
+
 
 class SensorError(NamedTuple):
     """One state that stands for an error of a sensor.
@@ -19,7 +22,7 @@ class SensorError(NamedTuple):
     ----------
     symbol, unit : str
     sensor : str
-        Whose error it is.
+        Whose error it is; or "thrust".
     component : int
         Of the reading that it adds to; -1 for a nonlinear one.
     spread : float
@@ -49,6 +52,10 @@ def sensor_errors(estimate: Estimate) -> list[SensorError]:
             case BiasName.CURRENT:
                 spread, walk = estimate.current.spread, estimate.current.walk
                 errors.extend(SensorError(symbol, "m/s", "dvl", -1, spread, walk) for symbol in DVL_ERRORS[2:])
+            case BiasName.THRUST:
+                errors.append(
+                    SensorError(THRUST_SCALE, "1", "thrust", -1, estimate.thrust.spread, estimate.thrust.walk)
+                )
             case BiasName.GYRO:
                 errors.extend(_additive("gyroscope", estimate.gyro.spread, estimate.gyro.walk))
             case BiasName.ATTITUDE:

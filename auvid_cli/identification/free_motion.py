@@ -20,7 +20,7 @@ def move_freely(block, coefficients, constants, timeline, predicted, work):
     ----------
     block : ndarray, shape (9 * LANES,)
         Motion where it starts and, afterwards, where it ends, in every lane.
-    coefficients : ndarray, shape (22 * LANES,)
+    coefficients : ndarray, shape (N_FACTORS * LANES,)
     constants : ndarray
         From `auvid_cli.vehicle.dynamics.vehicle_constants`.
     timeline : Timeline

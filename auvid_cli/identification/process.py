@@ -10,12 +10,13 @@ from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.config.experiment import ProcessNoise
 from auvid_cli.filters.problem import OBSERVATION_SIGNATURE, PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Process
-from auvid_cli.identification.biases import DVL_ERRORS, SensorError, constant_errors, walking_errors
+from auvid_cli.identification.biases import DVL_ERRORS, THRUST_SCALE, SensorError, constant_errors, walking_errors
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
     N_COEFFICIENT_BLOCK,
     N_CONSTANTS,
+    N_FACTORS,
     N_WORK,
     runge_kutta_step,
     sine_cosine,
@@ -31,11 +32,11 @@ _indices = types.int64[::1]
 
 # Layout of `constants`: the vehicle, the 22 held values, one scale for each estimated coefficient; last, how many
 # parameters there are, whether the depth is a state, behind the motion, and in which rows of the state the DVL's
-# scale error and mounting yaw and the current stand.
+# scale error and mounting yaw, the current and the thrust's scale error stand.
 _HELD = N_CONSTANTS
 _SCALE = N_CONSTANTS + N_COEFFICIENTS
 _NOWHERE = -1.0
-_FIRST_MOTION_ROW, _HAS_DEPTH, _DVL_SCALE, _DVL_YAW, _CURRENT_NORTH, _CURRENT_EAST = range(6, 0, -1)
+_FIRST_MOTION_ROW, _HAS_DEPTH, _DVL_SCALE, _DVL_YAW, _CURRENT_NORTH, _CURRENT_EAST, _THRUST_SCALE = range(7, 0, -1)
 
 
 @compiled(types.int64(_vector), internal=True)
@@ -58,6 +59,15 @@ def _sink(moving, n_lanes, duration):
         moving[N_MOTION * LANES + k] += duration * (cos_theta * across - sin_theta * moving[k])
 
 
+@compiled(types.float64(_vector, types.int64, _vector, _vector, types.int64), internal=True)
+def _stated(constants, which, parameters, moving, k):
+    """One lane of one of the last entries of `constants`, wherever in the state it stands; 0 if nowhere."""
+    row, n_parameters = int(constants[constants.size - which]), _first_motion_row(constants)
+    if row < 0:
+        return 0.0
+    return parameters[row * LANES + k] if row < n_parameters else moving[(row - n_parameters) * LANES + k]
+
+
 @compiled(PROCESS_SIGNATURE)
 def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration, scratch):
     coefficients, work = scratch[:N_COEFFICIENT_BLOCK], scratch[N_COEFFICIENT_BLOCK:]
@@ -72,20 +82,14 @@ def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration
         else:
             for k in range(LANES):
                 row[k] = constants[_HELD + m]
+    thrust = coefficients[N_COEFFICIENTS * LANES :]
+    for k in range(LANES):
+        thrust[k] = 1.0 + _stated(constants, _THRUST_SCALE, parameters, motion, k)
     if _has_depth(constants):
         _sink(motion, n_lanes, 0.5 * duration)
     runge_kutta_step(motion, coefficients, inputs, constants[:N_CONSTANTS], n_lanes, duration, work)
     if _has_depth(constants):
         _sink(motion, n_lanes, 0.5 * duration)
-
-
-@compiled(types.float64(_vector, types.int64, _vector, _vector, types.int64), internal=True)
-def _stated(constants, which, parameters, moving, k):
-    """One lane of one of the last entries of `constants`, wherever in the state it stands; 0 if nowhere."""
-    row, n_parameters = int(constants[constants.size - which]), _first_motion_row(constants)
-    if row < 0:
-        return 0.0
-    return parameters[row * LANES + k] if row < n_parameters else moving[(row - n_parameters) * LANES + k]
 
 
 @compiled(OBSERVATION_SIGNATURE)
@@ -117,18 +121,27 @@ def _all_coefficients(mean, constants, selection, coefficients):
         coefficients[m] = constants[_HELD + m]
     for j in range(selection.size):
         coefficients[selection[j]] = constants[_SCALE + j] * mean[j]
+    row = int(constants[constants.size - _THRUST_SCALE])
+    coefficients[N_COEFFICIENTS] = 1.0 + mean[row] if row >= 0 else 1.0
+
+
+@compiled(types.void(_vector, _vector, _indices, _vector), internal=True)
+def _fill_in_row(sensitivity, constants, selection, row):
+    n_coefficients, n_parameters = selection.size, _first_motion_row(constants)
+    for j in range(n_coefficients):
+        row[j] = sensitivity[N_MOTION + selection[j]] * constants[_SCALE + j]
+    for j in range(N_MOTION):
+        row[n_parameters + j] = sensitivity[j]
+    thrust = int(constants[constants.size - _THRUST_SCALE])
+    if thrust >= 0:
+        row[thrust] = sensitivity[N_MOTION + N_COEFFICIENTS]
 
 
 @compiled(types.void(_matrix, _vector, _indices, _matrix), internal=True)
 def _fill_in(sensitivity, constants, selection, matrix):
-    """Sensitivities to motion and to all 22 coefficients, to the moving rows of a transition matrix."""
-    n_coefficients, n_parameters = selection.size, _first_motion_row(constants)
+    """Sensitivities to motion and to all factors, to the moving rows of a transition matrix."""
     for i in range(N_MOTION):
-        row = matrix[n_parameters + i]
-        for j in range(n_coefficients):
-            row[j] = sensitivity[i, N_MOTION + selection[j]] * constants[_SCALE + j]
-        for j in range(N_MOTION):
-            row[n_parameters + j] = sensitivity[i, j]
+        _fill_in_row(sensitivity[i], constants, selection, matrix[_first_motion_row(constants) + i])
 
 
 @compiled(types.void(_vector, _matrix, types.float64, _vector), internal=True)
@@ -148,17 +161,13 @@ def _sink_rate(motion, sensitivity, duration, sinking):
 @compiled(types.void(_vector, _vector, _vector, _indices, _matrix), internal=True)
 def _fill_in_depth(sinking, mean, constants, selection, matrix):
     """What was added up, to the depth and to its row of a transition matrix."""
-    n_coefficients, n_parameters = selection.size, _first_motion_row(constants)
-    mean[n_parameters + N_MOTION] += sinking[N_COLUMNS]
-    row = matrix[n_parameters + N_MOTION]
-    for j in range(n_coefficients):
-        row[j] = sinking[N_MOTION + selection[j]] * constants[_SCALE + j]
-    for j in range(N_MOTION):
-        row[n_parameters + j] = sinking[j]
+    depth = _first_motion_row(constants) + N_MOTION
+    mean[depth] += sinking[N_COLUMNS]
+    _fill_in_row(sinking, constants, selection, matrix[depth])
 
 
 # Where in the scratch of a transition all coefficients, the sensitivities of motion and depth, and the rest stand.
-_SENSITIVITY = N_COEFFICIENTS
+_SENSITIVITY = N_FACTORS
 _SINKING = _SENSITIVITY + N_MOTION * N_COLUMNS
 _REST = _SINKING + N_COLUMNS + 1
 # And in the rest of a first-order one, motion and depth, the coefficients, and the work of a step.
@@ -170,7 +179,7 @@ _STEP = _BLOCK + N_COEFFICIENT_BLOCK
 def _exact_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix, scratch):
     """The variational equation along the integration."""
     motion = mean[_first_motion_row(constants) :][:N_MOTION]
-    coefficients, sinking, work = scratch[:N_COEFFICIENTS], scratch[_SINKING:_REST], scratch[_REST:]
+    coefficients, sinking, work = scratch[:N_FACTORS], scratch[_SINKING:_REST], scratch[_REST:]
     sensitivity = scratch[_SENSITIVITY:_SINKING].reshape(N_MOTION, N_COLUMNS)
     _all_coefficients(mean, constants, selection, coefficients)
     for i in range(N_MOTION):
@@ -194,7 +203,7 @@ def _exact_transition(mean, inputs, piece_input, piece_duration, constants, sele
 def first_order_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix, scratch):
     """The paper's I + A dt, Table A1: linearised once, where the interval begins."""
     motion = mean[_first_motion_row(constants) :][:N_MOTION]
-    coefficients, sinking, work = scratch[:N_COEFFICIENTS], scratch[_SINKING:_REST], scratch[_REST:]
+    coefficients, sinking, work = scratch[:N_FACTORS], scratch[_SINKING:_REST], scratch[_REST:]
     sensitivity = scratch[_SENSITIVITY:_SINKING].reshape(N_MOTION, N_COLUMNS)
     vehicle, elapsed = constants[:N_CONSTANTS], 0.0
     _all_coefficients(mean, constants, selection, coefficients)
@@ -218,7 +227,7 @@ def first_order_transition(mean, inputs, piece_input, piece_duration, constants,
     for i in range(N_MOTION):
         block[i * LANES] = motion[i]
     block[N_MOTION * LANES] = 0.0
-    for m in range(N_COEFFICIENTS):
+    for m in range(N_FACTORS):
         coefficient_block[m * LANES] = coefficients[m]
     for piece in range(piece_duration.size):
         held, duration = inputs[piece_input[piece]], piece_duration[piece]
@@ -267,7 +276,8 @@ def vehicle_process(
     order = [*constant, *([None] * (N_MOTION + has_depth)), *walking]
     place = {error.symbol: float(selection.size + row) for row, error in enumerate(order) if error is not None}
     dvl = [place.get(symbol, _NOWHERE) for symbol in DVL_ERRORS]
-    constants = np.concatenate([vehicle, held, scale, [n_parameters, has_depth], dvl])
+    thrust = place.get(THRUST_SCALE, _NOWHERE)
+    constants = np.concatenate([vehicle, held, scale, [n_parameters, has_depth, *dvl, thrust]])
 
     def linearise(mean: Array, sensor: int) -> tuple[Array, Array]:
         motion = mean[n_parameters : n_parameters + N_MOTION]

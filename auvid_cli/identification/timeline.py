@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord
 from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Indices, Sensors, Timeline
-from auvid_cli.identification.biases import SensorError
+from auvid_cli.identification.biases import THRUST_SCALE, SensorError
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, N_MOTION, POSITION
 
 Array = NDArray[np.float64]
@@ -76,6 +76,8 @@ def measurement_model(
             variance[sensor, component] = record.standard_deviation[component] ** 2
             angular[sensor, component] = quantity.symbol in _ANGULAR
     for error in errors:
+        if error.symbol == THRUST_SCALE:
+            continue
         if error.sensor not in measuring:
             raise DataError(
                 f"identification.estimate.biases asks for {error.symbol}, but the dataset has no valid sample of "

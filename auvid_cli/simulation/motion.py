@@ -13,10 +13,10 @@ from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import SimulationError
 from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, controls_of, steer, within
 from auvid_cli.simulation.plan import Plan
-from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
     N_WORK,
+    factors,
     motion_derivative,
     runge_kutta_step,
     sine_cosine,
@@ -54,7 +54,7 @@ class Truth(NamedTuple):
     position : ndarray, shape (n, 3)
         North, east, down, m.
     constants, coefficients : ndarray
-        The vehicle, as `vehicle_constants` and as the 22 true coefficients.
+        The vehicle, as `vehicle_constants` and as `factors`.
     """
 
     time: Array
@@ -77,9 +77,8 @@ def simulate_motion(
     ConfigError
         If the vehicle has no positive-definite mass matrix or lacks coefficients.
     """
-    stated = vehicle.all_coefficients()
     constants = vehicle_constants(vehicle.known_parameters())
-    coefficients = np.array([stated[symbol] for symbol in SYMBOLS])
+    coefficients = factors(vehicle.all_coefficients())
     controls = controls_of(vehicle, manoeuvre, plan)
     n = plan.time.size
     motion, position, inputs = np.zeros((n, N_MOTION)), np.zeros((n, 3)), np.zeros((n, 4))

@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 
 from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
-from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
 
 Array = NDArray[np.float64]
 
 N_CONSTANTS = 36 + 36 + 4
+# What the regressors are multiplied by: the coefficients, and how many times the stated surge force acts.
+N_FACTORS = N_COEFFICIENTS + 1
 _ROW = np.uint64(LANES)
 _vector = types.float64[::1]
 
@@ -43,6 +45,19 @@ def vehicle_constants(parameters: Mapping[str, float]) -> Array:
     levers = [parameters[f"{a}G"] * parameters["W"] - parameters[f"{a}B"] * parameters["B"] for a in "xyz"]
     excess = parameters["W"] - parameters["B"]
     return np.array([*mass.ravel(), *np.linalg.inv(mass).ravel(), excess, *levers])
+
+
+def factors(coefficients: Mapping[str, float], thrust: float = 1.0) -> Array:
+    """What the regressors are multiplied by, shape (N_FACTORS,).
+
+    Parameters
+    ----------
+    coefficients : mapping
+        All 22 by symbol, SI.
+    thrust : float
+        How many times the stated surge force acts.
+    """
+    return np.array([*(coefficients[symbol] for symbol in SYMBOLS), thrust])
 
 
 @compiled(types.UniTuple(types.float64, 2)(types.float64))
@@ -79,8 +94,8 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
     ----------
     motion : ndarray, shape (9 * LANES,)
         Rows u, v, w, p, q, r, phi, theta, psi; m/s, rad/s, rad.
-    coefficients : ndarray, shape (22 * LANES,)
-        One row per coefficient, in the order of `COEFFICIENTS`, SI.
+    coefficients : ndarray, shape (N_FACTORS * LANES,)
+        One row per coefficient, in the order of `COEFFICIENTS`, SI; then how many times the stated surge force acts.
     inputs : ndarray, shape (4,)
         Rudder, elevator (rad), surge force (N), roll moment (N m), the same for all lanes.
     constants : ndarray, shape (N_CONSTANTS,)
@@ -112,7 +127,7 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
 
         uu, uv, uw, uq, ur = u * u, u * v, u * w, u * q, u * r
         vv, ww, pp, qq, rr = abs(v) * v, abs(w) * w, abs(p) * p, abs(q) * q, abs(r) * r
-        x = r * a2 - q * a3 - excess * sin_theta + surge_force + omega[k] * abs(u) * u
+        x = r * a2 - q * a3 - excess * sin_theta + omega[22 * n + k] * surge_force + omega[k] * abs(u) * u
         y = p * a3 - r * a1 + excess * down_y
         y += omega[n + k] * vv + omega[2 * n + k] * rr
         y += omega[10 * n + k] * ur + omega[11 * n + k] * uv + omega[18 * n + k] * uu * rudder
@@ -146,7 +161,7 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
 
 N_WORK = 3 * N_MOTION * LANES
 N_BLOCK = N_MOTION * LANES
-N_COEFFICIENT_BLOCK = N_COEFFICIENTS * LANES
+N_COEFFICIENT_BLOCK = N_FACTORS * LANES
 
 
 @compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, types.float64, _vector))

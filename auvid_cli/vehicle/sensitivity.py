@@ -6,7 +6,7 @@ from numba import types
 from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS
-from auvid_cli.vehicle.dynamics import N_BLOCK, N_COEFFICIENT_BLOCK, motion_derivative, sine_cosine
+from auvid_cli.vehicle.dynamics import N_BLOCK, N_COEFFICIENT_BLOCK, N_FACTORS, motion_derivative, sine_cosine
 from auvid_cli.vehicle.parameters import N_MOTION
 
 _SIGNAL = ("u", "v", "w", "p", "q", "r", "rudder", "elevator")
@@ -18,22 +18,22 @@ _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
 
-N_COLUMNS = N_MOTION + N_COEFFICIENTS
+N_COLUMNS = N_MOTION + N_FACTORS
 N_JACOBIAN_WORK = 6 * 8 + 6
 
 
 @compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _vector))
 def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
-    """Analytic derivative of `motion_derivative` by the motion states and by the 22 coefficients.
+    """Analytic derivative of `motion_derivative` by the motion states, the 22 coefficients and the thrust's factor.
 
     Parameters
     ----------
     motion : ndarray, shape (9,)
-    coefficients : ndarray, shape (22,)
+    coefficients : ndarray, shape (N_FACTORS,)
     inputs : ndarray, shape (4,)
     constants : ndarray, shape (N_CONSTANTS,)
         From `vehicle_constants`.
-    jacobian : ndarray, shape (9, 9 + 22)
+    jacobian : ndarray, shape (9, 9 + N_FACTORS)
         Filled in: A of Sabet et al. 2018, Table A1, motion part, then the regressor B(x); the equations are linear
         in the coefficients.
     work : ndarray, shape (N_JACOBIAN_WORK,)
@@ -95,6 +95,8 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
             force[row, 0] += coefficients[m] * 2.0 * surge * signal
         for i in range(6):
             jacobian[i, N_MOTION + m] = inverse[i, row] * regressor
+    for i in range(6):
+        jacobian[i, N_MOTION + N_COEFFICIENTS] = inverse[i, 0] * inputs[2]
 
     for i in range(6):
         for k in range(6):
@@ -129,7 +131,7 @@ def transition_step(motion, coefficients, inputs, constants, duration, transitio
         As for `motion_jacobian`.
     duration : float
         Step, s.
-    transition : ndarray, shape (9, 9 + 22)
+    transition : ndarray, shape (9, 9 + N_FACTORS)
         Sensitivity of the motion to the initial motion and to the coefficients; start from [I 0].
     work : ndarray, shape (N_TRANSITION_WORK,)
         Overwritten.
@@ -142,7 +144,7 @@ def transition_step(motion, coefficients, inputs, constants, duration, transitio
     start, stage, vectors = vectors[:N_MOTION], vectors[N_MOTION : 2 * N_MOTION], vectors[2 * N_MOTION :]
     block, slope, vectors = vectors[:N_BLOCK], vectors[N_BLOCK : 2 * N_BLOCK], vectors[2 * N_BLOCK :]
     coefficient_block, jacobian_work = vectors[:N_COEFFICIENT_BLOCK], vectors[N_COEFFICIENT_BLOCK:]
-    for m in range(N_COEFFICIENTS):
+    for m in range(N_FACTORS):
         coefficient_block[m * LANES] = coefficients[m]
     for i in range(N_MOTION):
         start[i] = stage[i] = motion[i]

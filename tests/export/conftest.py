@@ -61,7 +61,7 @@ def derivative_of():
         values = [each.value for each in model.coefficients] if coefficients is None else coefficients
         constants = vehicle_constants(model.experiment.vehicle.known_parameters())
         result = np.zeros(N_MOTION * LANES)
-        blocks = (np.repeat(np.asarray(each, dtype=float), LANES) for each in (motion, values))
+        blocks = (np.repeat(np.asarray(each, dtype=float), LANES) for each in (motion, [*values, 1.0]))
         motion_derivative(*blocks, np.asarray(inputs, dtype=float), constants, 1, result)
         return result[::LANES].copy()
 

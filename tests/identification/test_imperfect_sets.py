@@ -92,3 +92,17 @@ def test_without_a_gyroscope_and_without_roll_coefficients_are_found(with_depth,
     for symbol in ("X_u|u|", "N_uudr", "Y_uudr", "M_uude"):
         row = rows[symbol]
         assert abs(row.estimate - row.true) < 4.0 * row.standard_deviation, symbol
+
+
+def test_the_gain_of_a_propeller_is_found(with_depth, with_settings, kalman_filter):
+    """The mass is known, so the coast and the steps of the thrust tell force from drag."""
+    inputs = with_depth.inputs
+    weaker = replace(with_depth, inputs=replace(inputs, values=inputs.values / [1.0, 1.0, 1.2, 1.0]))
+    blind = identify(weaker, kalman_filter)
+    seeing = identify(with_settings(weaker, "identification.estimate.biases=[thrust]"), kalman_filter)
+    assert verdict(seeing) == "completed"
+    assert seeing.final_thrust() == pytest.approx(1.2, rel=0.01)
+    wrong, right = ({r.coefficient: r for r in coefficient_results(e, with_depth.truth, {})} for e in (blind, seeing))
+    drag = right["X_u|u|"]
+    assert abs(drag.estimate - drag.true) < 4.0 * drag.standard_deviation
+    assert abs(drag.estimate - drag.true) < 0.1 * abs(wrong["X_u|u|"].estimate - drag.true)

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from auvid_cli.blocks import LANES
-from auvid_cli.config.biases import Current, DvlError, Estimate
+from auvid_cli.config.biases import Current, DvlError, Estimate, ThrustScale
 from auvid_cli.config.experiment import ProcessNoise
 from auvid_cli.identification.biases import constant_errors, sensor_errors, walking_errors
 from auvid_cli.identification.process import first_order_transition, vehicle_process
@@ -168,3 +168,40 @@ def test_a_dvl_over_ground_sees_the_current(blocks, walk, has_depth, experiment_
     by_points = np.zeros(3 * LANES)
     process.observe(moving, parameters, 0, process.constants, process.selection, 5, by_points)
     assert_allclose(by_points.reshape(3, LANES)[:, :5], np.repeat(expected[:, None], 5, axis=1), rtol=1e-9)
+
+
+@pytest.mark.parametrize("walk", [0.0, 1e-3])
+@pytest.mark.parametrize("exact", [True, False])
+def test_the_scale_of_the_thrust_acts_on_it_and_has_its_column(walk, exact, experiment_with):
+    """As if the inputs themselves were larger; the column is a difference."""
+    errors = sensor_errors(Estimate(biases=("thrust",), thrust=ThrustScale(walk=walk)))
+    vehicle = experiment_with().vehicle
+    true = vehicle.all_coefficients()
+    constants, held = vehicle_constants(vehicle.known_parameters()), np.array([true[symbol] for symbol in SYMBOLS])
+    process = vehicle_process(constants, held, np.zeros(0, np.int64), np.zeros(0), ProcessNoise(), errors)
+    if not exact:
+        process = process._replace(transition=first_order_transition)
+    plain = vehicle_process(constants, held, np.zeros(0, np.int64), np.zeros(0), ProcessNoise())
+    if not exact:
+        plain = plain._replace(transition=first_order_transition)
+    place = 0 if walk == 0.0 else MOTION.size
+
+    def moved(process, state, inputs):
+        state, matrix, scratch = state.copy(), np.eye(state.size), np.zeros(process.scratch_size)
+        pieces = np.array([0]), np.array([0.004])
+        process.transition(state, inputs, *pieces, process.constants, process.selection, matrix, scratch)
+        return state, matrix
+
+    state = np.insert(MOTION, place, 0.25)
+    after, matrix = moved(process, state, INPUTS)
+    assert_allclose(np.delete(after, place), moved(plain, MOTION, INPUTS * [1.0, 1.0, 1.25, 1.0])[0], rtol=1e-12)
+    step = np.insert(np.zeros(MOTION.size), place, 1e-4)
+    difference = (moved(process, state + step, INPUTS)[0] - moved(process, state - step, INPUTS)[0]) / 2e-4
+    assert_allclose(matrix[:, place], difference, rtol=1e-5 if exact else 0.05, atol=1e-9 if exact else 1e-4)
+
+    block = np.repeat(state[:, None], LANES, axis=1)
+    parameters, moving = (block[:1], block[1:]) if walk == 0.0 else (block[:0], block)
+    moving, scratch = moving.ravel().copy(), np.zeros(process.scratch_size)
+    model = process.constants, process.selection, 5, 0.004, scratch
+    process.advance(moving, parameters.ravel().copy(), INPUTS[0], *model)
+    assert_allclose(moving.reshape(-1, LANES)[:, 0], after[1:] if walk == 0.0 else after, rtol=1e-12)

@@ -17,19 +17,23 @@ def _block(values):
     return block
 
 
+def _factors(coefficients, thrust=1.0):
+    return np.append(coefficients, thrust) if coefficients.size == N_COEFFICIENTS else coefficients
+
+
 @pytest.fixture(scope="session")
 def core():
     """`derivative(motion, coefficients, inputs, constants)` and `advance(..., steps, step)` on plain vectors."""
 
     def derivative(motion, coefficients, inputs, constants):
         result = np.zeros(N_MOTION * LANES)
-        motion_derivative(_block(motion), _block(coefficients), inputs, constants, 1, result)
+        motion_derivative(_block(motion), _block(_factors(coefficients)), inputs, constants, 1, result)
         return result[::LANES].copy()
 
     def advance(motion, coefficients, inputs, constants, steps, step):
         """Motion after every step, the start first: shape (steps + 1, 9)."""
         block, work, path = _block(motion), np.zeros(N_WORK), [np.array(motion)]
-        coefficient_block = _block(coefficients)
+        coefficient_block = _block(_factors(coefficients))
         for _ in range(steps):
             runge_kutta_step(block, coefficient_block, inputs, constants, 1, step, work)
             path.append(block[::LANES].copy())

@@ -12,7 +12,13 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.blocks import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.dynamics import motion_derivative, runge_kutta_step, sine_cosine, vehicle_constants
+from auvid_cli.vehicle.dynamics import (
+    N_FACTORS,
+    motion_derivative,
+    runge_kutta_step,
+    sine_cosine,
+    vehicle_constants,
+)
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS, N_MOTION, PARAMETER_SYMBOLS
 
 seeds = st.integers(0, 2**32 - 1)
@@ -162,9 +168,10 @@ def test_lanes_are_independent_of_each_other(n_lanes, rng, core, random_vehicle,
     constants = vehicle_constants(random_vehicle(rng))
     states = [random_state(rng, 100.0) for _ in range(n_lanes)]
     inputs = states[0][2]
-    motion, coefficients = np.zeros((N_MOTION, LANES)), np.zeros((N_COEFFICIENTS, LANES))
+    motion, coefficients = np.zeros((N_MOTION, LANES)), np.zeros((N_FACTORS, LANES))
     motion[:, :n_lanes] = np.transpose([state[0] for state in states])
-    coefficients[:, :n_lanes] = np.transpose([state[1] for state in states])
+    coefficients[:N_COEFFICIENTS, :n_lanes] = np.transpose([state[1] for state in states])
+    coefficients[N_COEFFICIENTS] = 1.0
     derivative = np.full(N_MOTION * LANES, 7.0)
     motion_derivative(motion.ravel(), coefficients.ravel(), inputs, constants, n_lanes, derivative)
     alone = [core.derivative(m, c, inputs, constants) for m, c, _ in states]
