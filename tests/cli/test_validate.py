@@ -1,0 +1,90 @@
+"""`auvid validate` from the command line."""
+
+import csv
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from auvid_cli.cli.validate import validate
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.dataset_file import read_dataset, write_dataset
+from auvid_cli.data.estimate_file import new_estimate
+from auvid_cli.identification.identify import identify
+
+WHITE = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
+CIRCLE = "manoeuvre={type: turning_circle, duration: 60 s, speed: 3.9 m/s, rudder: -15 deg, approach: 10 s}"
+
+
+def run(*arguments):
+    app = typer.Typer()
+    app.command()(validate)
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def results(simulated_with, tmp_path_factory) -> Path:
+    """A results folder with an estimate from a spiral, and a turning circle beside it."""
+    folder = tmp_path_factory.mktemp("results")
+    write_dataset(folder / "dataset.h5", simulated_with("manoeuvre.duration=100 s", WHITE))
+    estimate = identify(read_dataset(folder / "dataset.h5"), FilterName.CKF)
+    with new_estimate(folder / "estimates/ckf.h5", estimate) as writer:
+        writer.append(estimate)
+        writer.finish(estimate)
+    write_dataset(folder / "circle.h5", simulated_with(CIRCLE, WHITE, "seed=5"))
+    return folder
+
+
+def test_a_good_model_passes_and_leaves_tables_and_figures(results, tmp_path):
+    result = run(results / "estimates/ckf.h5", results / "circle.h5", "-o", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.count("The model of the CKF predicts these data.") == 1
+    made = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    assert made == {
+        *(f"tables/{name}.csv" for name in ("validation", "manoeuvres", "validation_checks")),
+        *(
+            f"figures/validation_{name}.{kind}"
+            for name in ("velocities", "attitude", "horizons")
+            for kind in ("png", "svg")
+        ),
+    }
+    with (tmp_path / "tables/manoeuvres.csv").open(encoding="utf-8") as file:
+        numbers = {row["number"]: row for row in csv.DictReader(file)}
+    assert float(numbers["radius"]["predicted"]) == pytest.approx(float(numbers["radius"]["measured"]), rel=0.01)
+
+
+def test_a_changed_vehicle_fails_with_exit_code_1(results, simulated_with, tmp_path):
+    mass = simulated_with("manoeuvre.duration=2 s").experiment.vehicle.known_parameters()["m"]
+    changed = simulated_with(
+        CIRCLE, WHITE, "seed=5", "vehicle.coefficients.N_uudr=-4 kg/rad", f"vehicle.parameters.m={1.2 * mass}"
+    )
+    write_dataset(tmp_path / "changed.h5", changed)
+    result = run(results / "estimates/ckf.h5", tmp_path / "changed.h5", "-o", tmp_path)
+    assert result.exit_code == 1, result.output
+    assert "FAIL" in result.stdout
+    assert "another vehicle (m differ)" in " ".join(result.stdout.split())
+    assert result.stdout.count("does not predict these data.") == 1
+
+
+def test_its_own_data_are_refused_even_as_a_copy(results, tmp_path):
+    own = read_dataset(results / "dataset.h5")
+    write_dataset(tmp_path / "copy.h5", own.without_truth())
+    for path, words in ((results / "dataset.h5", "this very dataset"), (tmp_path / "copy.h5", "readings of")):
+        result = run(results / "estimates/ckf.h5", path, "-o", tmp_path / "out")
+        assert result.exit_code == 2
+        assert words in result.stderr
+        assert len(result.stderr.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_missing_file_is_said(results, tmp_path):
+    for arguments in ((tmp_path / "no.h5", results / "circle.h5"), (results / "estimates/ckf.h5", tmp_path / "no.h5")):
+        result = run(*arguments)
+        assert result.exit_code == 2
+        assert "no.h5" in result.stderr
+
+
+def test_quiet_prints_nothing(results, tmp_path):
+    result = run(results / "estimates/ckf.h5", results / "circle.h5", "-q", "-o", tmp_path)
+    assert (result.exit_code, result.output) == (0, "")
