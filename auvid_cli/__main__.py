@@ -15,6 +15,7 @@ from auvid_cli.cli.report import report
 from auvid_cli.cli.run import run
 from auvid_cli.cli.simulate import simulate
 from auvid_cli.cli.terminal import INTERRUPTED
+from auvid_cli.cli.validate import validate
 
 app = typer.Typer(
     name="auvid",
@@ -22,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
-for command in (run, simulate, identify, report, check, identifiability, export):
+for command in (run, simulate, identify, report, check, identifiability, validate, export):
     app.command()(command)
 
 

@@ -1,9 +1,12 @@
 """Verdicts on the readings themselves: what no filter can mend."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.evaluation.check import Check
+
+Array = NDArray[np.float64]
 
 # A sensor with noise does not repeat itself to the last bit; some quantised ones do for a while.
 _LONGEST_REPEAT = 2.0
@@ -16,20 +19,44 @@ def data_checks(dataset: Dataset, filter_name: str, sensors: list[str]) -> list[
     checks = []
     for name in sensors:
         record = dataset.sensors[name]
-        present = np.asarray(np.isfinite(record.values).any(axis=1))
-        if present.sum() > 1:
-            checks.append(_stuck(filter_name, name, record, present))
-            checks.append(_gap(filter_name, name, record, present))
+        if np.isfinite(record.values).any(axis=1).sum() > 1:
+            checks.append(_stuck(filter_name, name, record))
+            checks.append(_gap(filter_name, name, record))
     return checks
 
 
-def _stuck(filter_name: str, name: str, record: SensorRecord, present: np.ndarray) -> Check:
-    """The longest time over which a reading is repeated exactly."""
+def repeats(record: SensorRecord) -> Array:
+    """First and last time, s, of every run of the same reading, shape (n, 2); a reading alone is a run."""
+    present = np.isfinite(record.values).any(axis=1)
     time, values = record.time[present], record.values[present]
     moved = np.flatnonzero(np.any((values[1:] != values[:-1]) & np.isfinite(values[1:]), axis=1)) + 1
     edges = np.concatenate([[0], moved, [len(values)]])
-    longest = int(np.argmax(time[edges[1:] - 1] - time[edges[:-1]]))
-    start, end = time[edges[longest]], time[edges[longest + 1] - 1]
+    return np.stack([time[edges[:-1]], time[edges[1:] - 1]], axis=1)
+
+
+def stuck_times(record: SensorRecord) -> Array:
+    """Those of the `repeats` that last too long."""
+    runs = repeats(record)
+    return runs[runs[:, 1] - runs[:, 0] > _LONGEST_REPEAT]
+
+
+def gap_limit(intervals: Array) -> float:
+    """Longest interval between readings that is not a gap, s."""
+    return max(_LONGEST_GAP, _INTERVALS * float(np.median(intervals)))
+
+
+def gaps(record: SensorRecord) -> Array:
+    """Begin and end, s, of every time without a reading, shape (n, 2)."""
+    time = record.time[np.isfinite(record.values).any(axis=1)]
+    intervals = np.diff(time)
+    long = np.flatnonzero(intervals > gap_limit(intervals)) if intervals.size else []
+    return np.stack([time[:-1][long], time[1:][long]], axis=1)
+
+
+def _stuck(filter_name: str, name: str, record: SensorRecord) -> Check:
+    """The longest time over which a reading is repeated exactly."""
+    runs = repeats(record)
+    start, end = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
     return Check.of(
         filter_name,
         name,
@@ -42,18 +69,18 @@ def _stuck(filter_name: str, name: str, record: SensorRecord, present: np.ndarra
     )
 
 
-def _gap(filter_name: str, name: str, record: SensorRecord, present: np.ndarray) -> Check:
-    time = record.time[present]
-    gaps = np.diff(time)
-    longest = int(gaps.argmax())
-    limit = max(_LONGEST_GAP, _INTERVALS * float(np.median(gaps)))
+def _gap(filter_name: str, name: str, record: SensorRecord) -> Check:
+    time = record.time[np.isfinite(record.values).any(axis=1)]
+    intervals = np.diff(time)
+    longest = int(intervals.argmax())
+    limit = gap_limit(intervals)
     return Check.of(
         filter_name,
         name,
         "gap",
-        f"{gaps[longest]:.4g} s from t = {time[longest]:.6g} s on",
+        f"{intervals[longest]:.4g} s from t = {time[longest]:.6g} s on",
         f"<= {limit:.3g} s without a reading",
-        True if gaps[longest] <= limit else None,
+        True if intervals[longest] <= limit else None,
         f"{name} is silent from t = {time[longest]:.6g} s to {time[longest + 1]:.6g} s. The filter bridges it with "
         "the model alone: see in the innovations whether it caught up.",
     )

@@ -1,5 +1,6 @@
 """The identified model left to itself: predicted against measured velocities."""
 
+from collections.abc import Iterable, Iterator, Mapping
 from math import isfinite
 from typing import NamedTuple
 
@@ -7,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.blocks import LANES
-from auvid_cli.data.dataset import SENSORS, Dataset
+from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.free_motion import move_freely
 from auvid_cli.identification.segments import stretches
 from auvid_cli.identification.timeline import measuring_sensors
@@ -31,6 +33,71 @@ class VelocityError(NamedTuple):
     mean_absolute_error: float | None
 
 
+class Keeper:
+    """Keeps evenly spaced samples of a free run, no more than are drawn.
+
+    Parameters
+    ----------
+    measuring : dict of SensorRecord
+        Sensors whose readings the run passes.
+    """
+
+    def __init__(self, measuring: Mapping[str, SensorRecord]) -> None:
+        self._every = 1 + sum(record.time.size for record in measuring.values()) // _MOST_KEPT
+        self._parts: list[FreeRun] = []
+        self._n_events = 0
+
+    def keep(self, time: Array, motion: Array) -> None:
+        """The next part of the run."""
+        kept = slice(-self._n_events % self._every, None, self._every)
+        self._parts.append(FreeRun(time[kept], motion[kept].copy()))
+        self._n_events += time.size
+
+    def interrupt(self) -> None:
+        """Break the line that is drawn through, where another stretch begins."""
+        if self._parts:
+            self._parts.append(FreeRun(self._parts[-1].time[-1:], np.full((1, N_MOTION), np.nan)))
+
+    def kept(self) -> FreeRun:
+        """What was kept."""
+        return FreeRun(*(np.concatenate(rows) for rows in zip(*self._parts, strict=True)))
+
+
+def free_motion(
+    timelines: Iterable[Timeline],
+    motion: Array,
+    parameters: Mapping[str, float],
+    coefficients: Mapping[str, float],
+    thrust: float = 1.0,
+) -> Iterator[tuple[Timeline, Array]]:
+    """Move a model by the inputs alone.
+
+    Parameters
+    ----------
+    timelines : iterable of Timeline
+        In time order.
+    motion : ndarray, shape (9,)
+        At the start of the first.
+    parameters, coefficients : mapping
+        Of the model, SI, by symbol.
+    thrust : float
+        How many times the stated surge force acts.
+
+    Yields
+    ------
+    timeline : Timeline
+    motion : ndarray, shape (events, 9)
+        At its events; not finite from where the model blew up.
+    """
+    constants = vehicle_constants(parameters)
+    block, row = (np.repeat(each, LANES) for each in (motion, factors(coefficients, thrust)))
+    work = np.zeros(N_WORK)
+    for timeline in timelines:
+        predicted = np.empty((timeline.time.size, N_MOTION))
+        move_freely(block, row, constants, timeline, predicted, work)
+        yield timeline, predicted
+
+
 def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[VelocityError]]:
     """Run the model with an estimate's final coefficients from where the filter started, without any correction.
 
@@ -42,23 +109,13 @@ def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[Veloci
         Mean absolute difference from every reading of a velocity or rate, as in the paper's Table V.
     """
     measuring = measuring_sensors(dataset)
-    constants = vehicle_constants(dataset.experiment.vehicle.known_parameters())
-    final = factors(estimate.final_coefficients(), estimate.final_thrust())
-    coefficients, work = np.repeat(final, LANES), np.zeros(N_WORK)
-    every = 1 + sum(record.time.size for record in measuring.values()) // _MOST_KEPT
+    model = dataset.experiment.vehicle.known_parameters(), estimate.final_coefficients(), estimate.final_thrust()
     sums, counts = np.zeros(N_MOTION), np.zeros(N_MOTION)
-    runs, n_events = [], 0
+    keeper = Keeper(measuring)
     for stretch in stretches(dataset):
-        block = np.repeat(stretch.motion, LANES)
-        if runs:
-            # A line that is drawn through is broken between two stretches.
-            runs.append(FreeRun(runs[-1].time[-1:], np.full((1, N_MOTION), np.nan)))
-        for timeline in stretch.timelines:
-            predicted = np.empty((timeline.time.size, N_MOTION))
-            move_freely(block, coefficients, constants, timeline, predicted, work)
-            kept = slice(-n_events % every, None, every)
-            runs.append(FreeRun(timeline.time[kept], predicted[kept].copy()))
-            n_events += timeline.time.size
+        keeper.interrupt()
+        for timeline, predicted in free_motion(stretch.timelines, stretch.motion, *model):
+            keeper.keep(timeline.time, predicted)
             event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.reading_offset))
             for sensor, name in enumerate(measuring):
                 own = timeline.reading_sensor == sensor
@@ -74,4 +131,4 @@ def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[Veloci
         known = counts[column] and isfinite(sums[column])
         error = float(sums[column] / counts[column]) if known else None
         errors.append(VelocityError(estimate.filter, quantity.symbol, quantity.unit, error))
-    return FreeRun(*(np.concatenate(rows) for rows in zip(*runs, strict=True))), errors
+    return keeper.kept(), errors

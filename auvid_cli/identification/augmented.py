@@ -144,7 +144,7 @@ def augmented_problem(dataset: Dataset, part: int = PART) -> AugmentedProblem:
         process=vehicle_process(
             vehicle_constants(experiment.vehicle.known_parameters()),
             np.array([held.get(symbol, 0.0) for symbol in SYMBOLS]),
-            np.array([SYMBOLS.index(symbol) for symbol in estimated]),
+            np.array([SYMBOLS.index(symbol) for symbol in estimated], dtype=np.int64),
             scale,
             settings.process_noise,
             errors,

@@ -29,6 +29,20 @@ def segments(dataset: Dataset) -> list[Dataset]:
     return [_within(dataset, span) for span in used_spans(dataset, use)]
 
 
+def the_only_segment(dataset: Dataset) -> Dataset:
+    """The one stretch that is used.
+
+    Raises
+    ------
+    DataError
+        If there are several, or none.
+    """
+    found = segments(dataset)
+    if len(found) > 1:
+        raise DataError(f"one stretch of data is looked at here, and there are {len(found)}: name one with --use")
+    return found[0]
+
+
 class Stretch(NamedTuple):
     """A stretch of the data and where its motion starts.
 

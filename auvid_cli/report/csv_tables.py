@@ -14,6 +14,7 @@ from auvid_cli.evaluation.consistency import SensorConsistency
 from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
 from auvid_cli.evaluation.free_run import VelocityError
 from auvid_cli.evaluation.sensor_errors import SensorErrorResult
+from auvid_cli.evaluation.validation.results import ManoeuvreNumber, Prediction, Validation
 
 
 def write_csv_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
@@ -56,6 +57,14 @@ def write_checks(checks: Sequence[Check], folder: Path) -> Path:
     return path
 
 
+def write_inspection(checks: Sequence[Check], folder: Path) -> Path:
+    """Write ``inspection.csv``: verdicts on data, as ``checks.csv`` but of no filter."""
+    path = folder / "inspection.csv"
+    # A check begins with the filter that it is of.
+    write_text(path, _csv_text(Check._fields[1:], (check[1:] for check in checks)))
+    return path
+
+
 def write_identifiability(found: Identifiability, folder: Path) -> list[Path]:
     """Write ``identifiability.csv``, a row for each coefficient, and ``collinear.csv``, one for each group."""
     tables = {
@@ -68,10 +77,27 @@ def write_identifiability(found: Identifiability, folder: Path) -> list[Path]:
     return paths
 
 
+def write_validation(found: Validation, folder: Path) -> list[Path]:
+    """Write ``validation.csv``, ``manoeuvres.csv``, and the verdicts as ``validation_checks.csv``."""
+    tables = {
+        "validation": csv_text(Prediction, found.predictions),
+        "manoeuvres": csv_text(ManoeuvreNumber, found.manoeuvres),
+        "validation_checks": csv_text(Check, found.checks),
+    }
+    paths = [folder / f"{name}.csv" for name in tables]
+    for path, text in zip(paths, tables.values(), strict=True):
+        write_text(path, text)
+    return paths
+
+
 def csv_text(row_type: type[NamedTuple], rows: Iterable[NamedTuple]) -> str:
     """Rows as CSV with a header; None is an empty cell, a float keeps all its digits."""
+    return _csv_text(row_type._fields, rows)
+
+
+def _csv_text(header: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(row_type._fields)
+    writer.writerow(header)
     writer.writerows(rows)
     return text.getvalue()

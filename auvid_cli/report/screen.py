@@ -50,20 +50,22 @@ def print_summary(console: Console, evaluation: Evaluation, files: Sequence[Path
         console.print(Text(line), soft_wrap=True)
 
 
-def print_checks(console: Console, checks: Sequence[Check]) -> None:
-    """Print verdicts, those that did not pass with what to do about them."""
+def print_checks(console: Console, checks: Sequence[Check], passed: bool = True) -> None:
+    """Print verdicts, those that did not pass with what to do about them; `passed` says whether also the others."""
     for name in dict.fromkeys(check.filter for check in checks):
         own = [check for check in checks if check.filter == name]
-        console.print(Text(f"{filter_label(name)}: {sum(check.passed is True for check in own)} of {len(own)} passed"))
+        whose = filter_label(name) if name else "data"
+        console.print(Text(f"{whose}: {sum(check.passed is True for check in own)} of {len(own)} passed"))
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
         for header in ("", "of", "check", "found", "may be"):
             table.add_column(header, overflow="fold")
-        for check in own:
+        for check in own if passed else [check for check in own if not check.passed]:
             verdict = {True: "pass", False: "FAIL", None: "note"}[check.passed]
             style = {True: "", False: "bold red", None: "yellow"}[check.passed]
             cells = check.subject, check.check, check.statistic, check.threshold
             table.add_row(Text(verdict, style=style), *(Text(cell) for cell in cells))
-        console.print(table)
+        if table.rows:
+            console.print(table)
         for check in own:
             if not check.passed:
                 console.print(Text(f"{check.check} of {check.subject}: {check.advice}"))
@@ -84,7 +86,7 @@ def print_identifiability(console: Console, found: Identifiability) -> None:
         )
     for symbol, error in found.sensor_errors.items():
         unseen = "" if error.observed else ": cannot be observed on this manoeuvre"
-        console.print(Text(f"{symbol}: bound {_printed(error.bound, 2)}, prior {_printed(error.prior, 2)}{unseen}"))
+        console.print(Text(f"{symbol}: bound {printed(error.bound, 2)}, prior {printed(error.prior, 2)}{unseen}"))
     half = min(found.growth, key=lambda entry: abs(entry[0] - 0.5 * found.growth[-1][0]))
     whole = found.growth[-1]
     medians = [f"{np.median(percent):.2g} % after {time:.4g} s" for time, percent in dict([half, whole]).items()]
@@ -98,9 +100,9 @@ def _bounds_that_fit(console: Console, found: Identifiability) -> Table:
     columns = {
         "symbol": [bound.coefficient for bound in bounds],
         "unit": [_printable(console, unit_text(bound.unit), bound.unit) for bound in bounds],
-        "value": [_printed(bound.value) for bound in bounds],
-        "bound": [_printed(bound.cramer_rao_bound, 2) for bound in bounds],
-        "bound %": [_printed(bound.percent, 2) for bound in bounds],
+        "value": [printed(bound.value) for bound in bounds],
+        "bound": [printed(bound.cramer_rao_bound, 2) for bound in bounds],
+        "bound %": [printed(bound.percent, 2) for bound in bounds],
         "verdict": [bound.verdict for bound in bounds],
         "mostly from": [f"{bound.best_sensor} {bound.best_share:.0%}" for bound in bounds],
         "goes with": [bound.group for bound in bounds],
@@ -151,11 +153,11 @@ def _coefficients(console: Console, evaluation: Evaluation, filters: list[str], 
     def cells(row: CoefficientResult | None) -> list[str]:
         if row is None:
             return [_MISSING, _MISSING] if has_truth else [_MISSING]
-        estimate = _printed(row.estimate)
+        estimate = printed(row.estimate)
         if deviations:
-            estimate += f" {plus_minus} {_printed(row.standard_deviation, DEVIATION_DIGITS)}"
+            estimate += f" {plus_minus} {printed(row.standard_deviation, DEVIATION_DIGITS)}"
         estimate += "" if row.identified else _printable(console, "†", "?")
-        return [estimate, _printed(row.steady_state_error_percent, _ERROR_DIGITS)] if has_truth else [estimate]
+        return [estimate, printed(row.steady_state_error_percent, _ERROR_DIGITS)] if has_truth else [estimate]
 
     rows = {(row.coefficient, row.filter): row for row in evaluation.coefficients}
     for symbol in dict.fromkeys(row.coefficient for row in evaluation.coefficients):
@@ -164,7 +166,7 @@ def _coefficients(console: Console, evaluation: Evaluation, filters: list[str], 
         if known is None:
             continue
         unit = _printable(console, unit_text(known.unit), known.unit)
-        line = [symbol, *([unit] if units else []), *([_printed(known.true)] if has_truth else [])]
+        line = [symbol, *([unit] if units else []), *([printed(known.true)] if has_truth else [])]
         table.add_row(*(Text(cell) for cell in [*line, *(cell for row in found for cell in cells(row))]))
     return table
 
@@ -181,17 +183,18 @@ def _runs(console: Console, evaluation: Evaluation) -> Table:
     table.add_column("status", no_wrap=True)
     for row in evaluation.summary:
         numbers = [
-            *([_printed(row.average_steady_state_error_percent)] if has_average else []),
-            _printed(row.mean_nis),
-            _printed(row.cpu_time_s),
-            _printed(row.steps),
-            _printed(row.microseconds_per_step),
+            *([printed(row.average_steady_state_error_percent)] if has_average else []),
+            printed(row.mean_nis),
+            printed(row.cpu_time_s),
+            printed(row.steps),
+            printed(row.microseconds_per_step),
         ]
         table.add_row(*(Text(cell) for cell in [filter_label(row.filter), *numbers, row.status.split()[0].rstrip(":")]))
     return table
 
 
-def _printed(value: float | None, digits: int = 4) -> str:
+def printed(value: float | None, digits: int = 4) -> str:
+    """A number for the terminal, a dash where there is none."""
     return _MISSING if value is None else number(value, digits) or _MISSING
 
 

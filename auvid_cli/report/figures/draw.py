@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     # They bring the compiled core along, which is loaded elsewhere, and said to be.
     from auvid_cli.evaluation.assessment import Identifiability
     from auvid_cli.evaluation.evaluate import Evaluation
+    from auvid_cli.evaluation.inspection.inspection import Inspection
+    from auvid_cli.evaluation.validation.results import Validation
 
 # Of one sensor, as many as any figure can show.
 _MOST_SAMPLES = 100_000
@@ -66,6 +68,17 @@ class FigureQueue:
         """What the data can say before any filter runs."""
         self._add("identifiability_bounds", "bounds", found)
         self._add("identifiability_correlation", "correlation", found)
+
+    def add_validation(self, dataset: Dataset, found: "Validation") -> None:
+        """What a model predicts of data that it has not seen."""
+        for name, quantities in (("velocities", MOTION[:6]), ("attitude", MOTION[6:])):
+            sensors = _seen(quantities, dataset.sensors)
+            self._add(f"validation_{name}", "motion", quantities, sensors, {found.filter: found.run})
+        self._add("validation_horizons", "horizons", found.filter, found.predictions)
+
+    def add_timeline(self, inspection: "Inspection") -> None:
+        """What was recorded when, and where something is the matter with it."""
+        self._add("timeline", "timeline", inspection)
 
     def finish(self, progress: Callable[[int, int], None] = lambda done, total: None) -> list[Path]:
         """Wait until all are drawn.

@@ -9,6 +9,8 @@ from auvid_cli.report.figures.identifiability import bounds_figure, correlation_
 from auvid_cli.report.figures.innovations import innovation_figure
 from auvid_cli.report.figures.motion import motion_figure
 from auvid_cli.report.figures.path import path_figure
+from auvid_cli.report.figures.timeline import timeline_figure
+from auvid_cli.report.figures.validation import horizon_figure
 
 KINDS: dict[str, Callable[..., Figure]] = {
     "path": path_figure,
@@ -17,4 +19,6 @@ KINDS: dict[str, Callable[..., Figure]] = {
     "innovations": innovation_figure,
     "bounds": bounds_figure,
     "correlation": correlation_figure,
+    "timeline": timeline_figure,
+    "horizons": horizon_figure,
 }

@@ -1,0 +1,78 @@
+"""auvid validate."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from auvid_cli.cli.options import OutputOption, QuietOption, UseOption, VerboseOption, overrides
+from auvid_cli.cli.terminal import DONE, VERDICT_FAILED, Terminal, reporting_errors
+
+if TYPE_CHECKING:
+    from auvid_cli.data.dataset import Dataset
+    from auvid_cli.data.estimate import Estimate
+
+
+def validate(
+    estimate_file: Annotated[
+        Path, typer.Argument(metavar="ESTIMATE", help="Estimate file (.h5), e.g. results/spiral/estimates/ckf.h5.")
+    ],
+    dataset_file: Annotated[
+        Path, typer.Argument(metavar="DATASET", help="Dataset file (.h5) of another run than it was made from.")
+    ],
+    use: UseOption = None,
+    output: OutputOption = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+) -> None:
+    """Say how well an identified model predicts a run that it has not seen; exit code 1 if it does not.
+
+    The estimate's vehicle and coefficients move by the dataset's inputs alone: in one free run, and from many starts
+    over horizons of 0.5 to 50 s. The errors stand beside those of the prior, of a motion that goes on unchanged, and
+    beside what the stated uncertainties amount to.
+    """
+    with reporting_errors():
+        from auvid_cli.cli import pipeline
+        from auvid_cli.data.dataset_file import read_dataset
+        from auvid_cli.data.estimate_file import read_estimate
+
+        terminal = Terminal(quiet, verbose)
+        estimate, dataset = read_estimate(estimate_file), read_dataset(dataset_file, overrides(None, use=use))
+        with terminal.compiling():
+            from auvid_cli.evaluation.checks import failed
+            from auvid_cli.evaluation.validation.unseen import check_unseen
+            from auvid_cli.evaluation.validation.validate import validate as validated
+            from auvid_cli.identification.segments import the_only_segment, used_part
+            from auvid_cli.report.csv_tables import write_validation
+            from auvid_cli.report.validation_screen import print_validation
+        with terminal.stage("compare with the estimate's own data"):
+            training = _dataset_behind(estimate_file, estimate)
+            if dataset.sha256 == estimate.dataset_sha256:
+                training = dataset
+            if training is not None:
+                training = used_part(replace(training, experiment=estimate.experiment))
+            dataset = the_only_segment(dataset)
+            check_unseen(dataset, estimate, training)
+        with terminal.stage("predict"):
+            found = validated(dataset, estimate)
+        folder = output or pipeline.home_of(dataset_file)
+        paths = write_validation(found, folder / "tables")
+        with pipeline.drawing(folder) as figures, terminal.progress("figures") as (progress,):
+            figures.add_validation(dataset, found)
+            paths += figures.finish(progress)
+        print_validation(terminal.out, found)
+        for path in paths:
+            terminal.say(str(path))
+        raise typer.Exit(VERDICT_FAILED if failed(found.checks) else DONE)
+
+
+def _dataset_behind(path: Path, estimate: "Estimate") -> "Dataset | None":
+    """What an estimate of a results folder was made from, if it is still there."""
+    from auvid_cli.data.dataset_file import read_dataset
+    from auvid_cli.data.netcdf import digest
+
+    dataset = path.resolve().parents[1] / "dataset.h5"
+    if dataset.is_file() and digest(dataset) == estimate.dataset_sha256:
+        return read_dataset(dataset)
+    return None

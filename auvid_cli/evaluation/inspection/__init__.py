@@ -1,0 +1,1 @@
+"""Verdicts on recorded data before anybody identifies from them."""

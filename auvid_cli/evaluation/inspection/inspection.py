@@ -1,0 +1,50 @@
+"""What an inspection finds."""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.dataset import InputRecord
+from auvid_cli.evaluation.check import Check
+
+Array = NDArray[np.float64]
+
+# Data belong to no filter.
+judged = partial(Check.of, "")
+
+MarkKind = Literal["gap", "clock", "stuck", "spike", "step"]
+
+
+class Mark(NamedTuple):
+    """A time, s, at which something is the matter with a sensor."""
+
+    sensor: str
+    kind: MarkKind
+    start: float
+    end: float
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """Verdicts on a dataset, and what a timeline of it shows.
+
+    Attributes
+    ----------
+    checks : list of Check
+    marks : list of Mark
+    inputs : InputRecord
+        Of long ones evenly spaced samples.
+    presence : dict of ndarray, shape (bins,)
+        By sensor, how many of the usual readings there are in each of equal pieces of the span, 0 to 1.
+    span : tuple of float
+        First and last time of anything, s.
+    """
+
+    checks: list[Check]
+    marks: list[Mark]
+    inputs: InputRecord
+    presence: dict[str, Array]
+    span: tuple[float, float]

@@ -1,0 +1,1 @@
+"""How well an identified model predicts a manoeuvre that it has not seen."""

@@ -1,0 +1,76 @@
+"""The identified model, what there was before it, and what it may be as well."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.vehicle.coefficients import SYMBOLS
+
+Array = NDArray[np.float64]
+
+
+class Models(NamedTuple):
+    """Coefficients by symbol, SI.
+
+    Attributes
+    ----------
+    identified : dict
+    prior : dict or None
+        Mean of the prior, None if it is not in the estimate.
+    vehicle_file : dict or None
+        None if the vehicle file does not state all 22, or states the prior.
+    """
+
+    identified: Mapping[str, float]
+    prior: Mapping[str, float] | None
+    vehicle_file: Mapping[str, float] | None
+
+
+def models_of(estimate: Estimate) -> Models:
+    """The models that an estimate knows of."""
+    return Models(estimate.final_coefficients(), _prior(estimate), _vehicle_file(estimate))
+
+
+def _prior(estimate: Estimate) -> Mapping[str, float] | None:
+    estimated = [symbol for symbol in SYMBOLS if symbol in estimate.state]
+    if estimate.experiment.identification.prior.from_estimate is None:
+        return estimate.held | dict.fromkeys(estimated, 0.0)
+    if estimate.filter == FilterName.OUTPUT_ERROR:
+        return None
+    # The first readings say nothing of coefficients: there the mean is still the prior's.
+    return estimate.held | {symbol: float(estimate.mean[0, estimate.state.index(symbol)]) for symbol in estimated}
+
+
+def _vehicle_file(estimate: Estimate) -> Mapping[str, float] | None:
+    given = estimate.experiment.vehicle.coefficients.by_symbol()
+    return given if set(given) == set(SYMBOLS) else None
+
+
+def drawn_coefficients(estimate: Estimate, count: int, rng: np.random.Generator) -> Array | None:
+    """Sets of coefficients from the final mean and covariance of an estimate.
+
+    Returns
+    -------
+    ndarray, shape (count, 22), or None
+        None if the covariance is not finite and positive definite.
+    """
+    rows = [i for i, symbol in enumerate(estimate.state) if symbol in SYMBOLS]
+    final = estimate.final_coefficients()
+    drawn = np.tile([final[symbol] for symbol in SYMBOLS], (count, 1))
+    covariance = estimate.covariance[np.ix_(rows, rows)]
+    variance = np.diagonal(covariance)
+    if not (np.isfinite(covariance).all() and (variance > 0.0).all()):
+        return None
+    # Coefficients differ by orders of magnitude.
+    deviation = np.sqrt(variance)
+    try:
+        factor = np.linalg.cholesky(covariance / np.outer(deviation, deviation))
+    except np.linalg.LinAlgError:
+        return None
+    columns = [SYMBOLS.index(estimate.state[i]) for i in rows]
+    drawn[:, columns] += deviation * (rng.standard_normal((count, len(rows))) @ factor.T)
+    return drawn

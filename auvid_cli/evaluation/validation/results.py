@@ -1,0 +1,103 @@
+"""What is said of a model on data that it has not seen: the value objects, apart from the compiled code."""
+
+from typing import NamedTuple
+
+from auvid_cli.evaluation.check import Check
+from auvid_cli.evaluation.motion import FreeRun
+
+FREE_RUN, AHEAD = "free_run", "ahead"
+
+
+class Prediction(NamedTuple):
+    """A row of ``validation.csv``; None stands for what is not known, or not finite because a model blew up.
+
+    Attributes
+    ----------
+    signal, unit : str
+        Motion state and its SI unit.
+    kind : str
+        `FREE_RUN`, against every reading of the run, or `AHEAD`, from many starts.
+    horizon_s : float
+        Time from the start to the readings; of a free run its length.
+    readings : int
+        How many are compared.
+    noise : float
+        Stated standard deviation of a reading, below which no RMSE can fall if it is right.
+    fit_percent, rmse : float or None
+        Of the identified model; the fit goes by how far the readings of the whole run are from their mean.
+    prior_rmse, vehicle_file_rmse, constant_velocity_rmse : float or None
+        Of what there was before: the prior's mean, the coefficients in the vehicle file, and the motion at the start
+        going on as it is.
+    expected_rmse : float or None
+        What the stated uncertainties of coefficients, start and readings amount to.
+    share_within_band : float or None
+        Of the errors, those within two of these standard deviations; 0.95 if the uncertainties are right.
+    draws, draws_blown_up : int or None
+        Sets of coefficients drawn from the estimate's covariance, and how many of these blew up on the way from
+        one of the starts or another; those are in no band.
+    """
+
+    signal: str
+    unit: str
+    kind: str
+    horizon_s: float
+    readings: int
+    noise: float
+    fit_percent: float | None
+    rmse: float | None
+    prior_rmse: float | None
+    vehicle_file_rmse: float | None
+    constant_velocity_rmse: float | None
+    expected_rmse: float | None = None
+    share_within_band: float | None = None
+    draws: int | None = None
+    draws_blown_up: int | None = None
+
+
+class ManoeuvreNumber(NamedTuple):
+    """A row of ``manoeuvres.csv``: a number by which manoeuvres are known, SI.
+
+    Attributes
+    ----------
+    manoeuvre : str
+        ``zigzag 20`` (rudder in degrees) or ``turning circle 15``.
+    number : str
+        For example ``overshoot 1`` or ``radius``.
+    time_s : float
+        Where it begins: the rudder's reversal, or the beginning of the steady turn.
+    unit : str
+    measured : float
+    predicted : float or None
+        By the free run; None where that is not finite.
+    """
+
+    manoeuvre: str
+    number: str
+    time_s: float
+    unit: str
+    measured: float
+    predicted: float | None
+
+
+class Validation(NamedTuple):
+    """All that is said of an estimate on other data.
+
+    Attributes
+    ----------
+    filter : str
+    predictions : list of Prediction
+        Those of the free run, then by horizon.
+    manoeuvres : list of ManoeuvreNumber
+    checks : list of Check
+    run : FreeRun
+        Of the identified model.
+    remarks : list of str
+        Sentences on what is missing.
+    """
+
+    filter: str
+    predictions: list[Prediction]
+    manoeuvres: list[ManoeuvreNumber]
+    checks: list[Check]
+    run: FreeRun
+    remarks: list[str]

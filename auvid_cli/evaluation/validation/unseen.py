@@ -1,0 +1,74 @@
+"""Whether data are new to an estimate, and of the vehicle that it is of."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.errors import DataError
+
+Array = NDArray[np.float64]
+
+# Consecutive readings that are the same only if they are copies, and how many places are looked at for each sensor.
+_RUN, _PLACES = 8, 1000
+# Relative difference between two values that are the same for a model.
+_SAME = 1e-6
+
+
+def check_unseen(dataset: Dataset, estimate: Estimate, training: Dataset | None = None) -> None:
+    """Refuse readings that an estimate was made from.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    estimate : Estimate
+    training : Dataset, optional
+        What of a dataset the estimate was made from, if it is at hand: a copy of it in another file, or a part, is
+        found as well, and what it left out may be used.
+
+    Raises
+    ------
+    DataError
+        If the dataset is the estimate's own, or has readings in common with it.
+    """
+    advice = "a model must be judged on data that it has not seen: name another run, or a time with --use"
+    if training is None:
+        if estimate.dataset_sha256 and estimate.dataset_sha256 == dataset.sha256:
+            raise DataError(f"the estimate was made from this very dataset; {advice}")
+        return
+    for name, record in dataset.sensors.items():
+        if name in training.sensors and have_run_in_common(record.values, training.sensors[name].values):
+            raise DataError(f"readings of {name} are among those that the estimate was made from; {advice}")
+
+
+def have_run_in_common(some: Array, others: Array) -> bool:
+    """Whether consecutive readings of one record stand in another too, at whatever times.
+
+    Parameters
+    ----------
+    some : ndarray, shape (n, c)
+        Looked at in evenly spaced places.
+    others : ndarray, shape (m, c)
+    """
+    if min(len(some), len(others)) < _RUN:
+        return False
+    order = np.argsort(others[:, 0], kind="stable")
+    ordered = others[order, 0]
+    for place in np.unique(np.linspace(0, len(some) - _RUN, _PLACES).astype(np.int64)):
+        run = some[place : place + _RUN]
+        # Readings of a sensor that stands still, or says nothing, are no copies.
+        if not np.isfinite(run).all() or not (np.diff(run[:, 0]) != 0.0).all():
+            continue
+        same = slice(*(np.searchsorted(ordered, run[0, 0], side) for side in ("left", "right")))
+        if any(np.array_equal(run, others[i : i + _RUN]) for i in order[same]):
+            return True
+    return False
+
+
+def other_vehicle(dataset: Dataset, estimate: Estimate) -> list[str]:
+    """Known parameters and sizes that a dataset states otherwise than an estimate, by symbol."""
+    ours, theirs = (
+        settings.known_parameters() | settings.size.model_dump()
+        for settings in (estimate.experiment.vehicle, dataset.experiment.vehicle)
+    )
+    return [symbol for symbol, value in ours.items() if not np.isclose(value, theirs[symbol], rtol=_SAME, atol=0.0)]

@@ -1,0 +1,90 @@
+"""How errors of predictions grow with the horizon, and how much of that was to be expected."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from auvid_cli.evaluation.validation.results import AHEAD, Prediction
+from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure, say
+from auvid_cli.report.notation import filter_label, symbol_math
+from auvid_cli.vehicle.parameters import MOTION
+
+_COLUMNS = 3
+_EXPECTED = "0.85"
+_NOISE = {"color": "0.35", "linewidth": 0.9, "linestyle": (0, (1, 2))}
+# Okabe and Ito's, not those of a filter.
+_OTHERS = {
+    "constant_velocity_rmse": ("unchanged", {"color": "#E69F00", "linestyle": (0, (5, 2)), "marker": "v"}),
+    "prior_rmse": ("prior", {"color": "#0072B2", "linestyle": (0, (5, 1.5, 1, 1.5)), "marker": "^"}),
+    "vehicle_file_rmse": ("vehicle file", {"color": "black", "linestyle": (0, (1, 1.3)), "marker": ""}),
+}
+
+
+def horizon_figure(filter_name: str, predictions: Sequence[Prediction]) -> Figure:
+    """One panel for each motion state: root mean square error over the horizon, both logarithmic, angles in degrees.
+
+    Parameters
+    ----------
+    filter_name : str
+    predictions : sequence of Prediction
+        Those ahead are drawn.
+    """
+    figure = new_figure(11.0, 7.6)
+    panels = figure.subplots(len(MOTION) // _COLUMNS, _COLUMNS, sharex=True)
+    for axes, quantity in zip(panels.flat, MOTION, strict=True):
+        rows = [row for row in predictions if row.kind == AHEAD and row.signal == quantity.symbol]
+        unit = quantity.unit.replace("rad", "deg")
+        axes.set_ylabel(f"{symbol_math(quantity.symbol)} ({unit})", fontsize=9)
+        head(axes, "")
+        if rows:
+            _draw(axes, filter_name, rows, np.rad2deg(1.0) if unit != quantity.unit else 1.0)
+        else:
+            say(axes, "no readings ahead")
+    for axes in panels[-1]:
+        axes.set_xlabel("horizon (s)", fontsize=9)
+    legend_above(figure, _handles(filter_name, predictions))
+    return figure
+
+
+def _draw(axes: Axes, filter_name: str, rows: Sequence[Prediction], scale: float) -> None:
+    """Lines of one signal; values times `scale`."""
+    horizons = [row.horizon_s for row in rows]
+
+    def values(field: str) -> list[float]:
+        return [np.nan if getattr(row, field) is None else scale * getattr(row, field) for row in rows]
+
+    for position, (field, (_, style)) in enumerate(_OTHERS.items()):
+        axes.plot(horizons, values(field), linewidth=1.2, markersize=4.0, zorder=2.0 + 0.1 * position, **style)
+    style = FILTER_STYLES[filter_name]
+    axes.plot(horizons, values("rmse"), **style.line() | {"linestyle": "-"}, **style.mark(), zorder=3.0)
+    axes.plot(horizons, values("noise"), **_NOISE)
+    axes.set_yscale("log")
+    axes.set_xscale("log")
+    expected, (low, high) = values("expected_rmse"), axes.get_ylim()
+    axes.fill_between(horizons, np.full(len(rows), low), expected, color=_EXPECTED, linewidth=0.0, zorder=1.0)
+    axes.set_ylim(low, high)
+    axes.set_xticks(horizons, [f"{horizon:g}" for horizon in horizons])
+    axes.minorticks_off()
+    axes.grid(color="0.9", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _handles(filter_name: str, predictions: Sequence[Prediction]) -> list[Artist]:
+    """Entries of the legend, of what is there."""
+    style = FILTER_STYLES[filter_name]
+    handles: list[Artist] = [
+        Line2D([], [], label=filter_label(filter_name), **style.line() | {"linestyle": "-"}, **style.mark())
+    ]
+    for field, (label, line) in _OTHERS.items():
+        if any(getattr(row, field) is not None for row in predictions):
+            handles.append(Line2D([], [], label=label, linewidth=1.2, markersize=4.0, **line))
+    handles.append(Line2D([], [], label="noise", **_NOISE))
+    handles.append(Patch(color=_EXPECTED, label="explained"))
+    return handles

@@ -1,0 +1,97 @@
+"""What an identified model predicts of other data, for the terminal; angles in degrees."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from auvid_cli.evaluation.checks import failed
+from auvid_cli.evaluation.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
+from auvid_cli.report.notation import filter_label
+from auvid_cli.report.screen import print_checks, printed
+
+_DIGITS = 3
+
+
+def print_validation(console: Console, found: Validation) -> None:
+    """Print errors of the free run, fits by horizon, numbers of manoeuvres, and verdicts."""
+    ahead = [row for row in found.predictions if row.kind == AHEAD]
+    console.print(_free_run(console, [row for row in found.predictions if row.kind == FREE_RUN]))
+    if ahead:
+        console.print(_fits_ahead(ahead))
+    for line in _manoeuvres(found.manoeuvres):
+        console.print(Text(line))
+    for remark in found.remarks:
+        console.print(Text(f"{remark[0].upper()}{remark[1:]}."))
+    print_checks(console, found.checks)
+    word = "does not predict" if failed(found.checks) else "predicts"
+    console.print(Text(f"The model of the {filter_label(found.filter)} {word} these data."))
+
+
+def _free_run(console: Console, rows: Sequence[Prediction]) -> Table:
+    """Root mean square errors, one line for each signal; with fewer of the other models where there is no room."""
+    table, unlimited = Table(), console.options.update(max_width=10_000)
+    others = "unchanged", "prior", "vehicle file"
+    for count in range(len(others), -1, -1):
+        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        table.add_column("free run")
+        table.add_column("unit")
+        for header in ("noise", "fit %", "RMSE", *others[:count]):
+            table.add_column(header, justify="right")
+        for row in rows:
+            theirs = (row.constant_velocity_rmse, row.prior_rmse, row.vehicle_file_rmse)[:count]
+            noise, *errors = (_in_degrees(value, row.unit) for value in (row.noise, row.rmse, *theirs))
+            numbers = (printed(value, _DIGITS) for value in (noise, row.fit_percent, *errors))
+            table.add_row(row.signal, _degrees(row.unit), *numbers)
+        if console.measure(table, options=unlimited).maximum <= console.width:
+            break
+    return table
+
+
+def _fits_ahead(rows: Sequence[Prediction]) -> Table:
+    """Fit in percent by signal and horizon, and the share of all errors that the stated uncertainty explains."""
+    horizons = list(dict.fromkeys(row.horizon_s for row in rows))
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("fit % ahead")
+    for horizon in horizons:
+        table.add_column(f"{horizon:g} s", justify="right")
+    fits = {(row.signal, row.horizon_s): row.fit_percent for row in rows}
+    for signal in dict.fromkeys(row.signal for row in rows):
+        table.add_row(signal, *(printed(fits.get((signal, horizon)), _DIGITS) for horizon in horizons))
+    shares = [_share_within(rows, horizon) for horizon in horizons]
+    table.add_row("% within band", *(printed(share, _DIGITS) for share in shares))
+    return table
+
+
+def _share_within(rows: Sequence[Prediction], horizon: float) -> float | None:
+    """In percent, of the errors of all signals at a horizon."""
+    shares = [row.share_within_band for row in rows if row.horizon_s == horizon and row.share_within_band is not None]
+    return 100.0 * sum(shares) / len(shares) if shares else None
+
+
+def _manoeuvres(numbers: Sequence[ManoeuvreNumber]) -> list[str]:
+    """One line for each kind of number; those of a zigzag are many, and their mean is printed."""
+    kinds: dict[tuple[str, str], list[ManoeuvreNumber]] = {}
+    for one in numbers:
+        kinds.setdefault((one.manoeuvre, one.number.rstrip(" 0123456789")), []).append(one)
+    lines = []
+    for (manoeuvre, kind), own in kinds.items():
+        unit = own[0].unit
+        known = [one.predicted for one in own if one.predicted is not None]
+        measured = _in_degrees(float(np.mean([one.measured for one in own])), unit)
+        predicted = _in_degrees(float(np.mean(known)), unit) if len(known) == len(own) else None
+        count = f" (mean of {len(own)})" if len(own) > 1 else ""
+        what = f"{manoeuvre}, {kind}{count}" + ("" if unit == "1" else f" in {_degrees(unit)}")
+        lines.append(f"{what}: measured {printed(measured)}, predicted {printed(predicted)}")
+    return lines
+
+
+def _degrees(unit: str) -> str:
+    return unit.replace("rad", "deg")
+
+
+def _in_degrees(value: float | None, unit: str) -> float | None:
+    return float(np.rad2deg(value)) if value is not None and unit.startswith("rad") else value

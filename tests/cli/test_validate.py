@@ -1,0 +1,112 @@
+"""`auvid validate` from the command line."""
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from auvid_cli.cli.validate import validate
+from auvid_cli.config.experiment import Use
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.dataset_file import read_dataset, write_dataset
+from auvid_cli.data.estimate_file import new_estimate
+from auvid_cli.identification.identify import identify, set_up_filters
+
+WHITE = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
+CIRCLE = "manoeuvre={type: turning_circle, duration: 60 s, speed: 3.9 m/s, rudder: -15 deg, approach: 10 s}"
+
+
+def run(*arguments):
+    app = typer.Typer()
+    app.command()(validate)
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def results(simulated_with, tmp_path_factory) -> Path:
+    """A results folder with an estimate from a spiral, and a turning circle beside it."""
+    folder = tmp_path_factory.mktemp("results")
+    write_dataset(folder / "dataset.h5", simulated_with("manoeuvre.duration=100 s", WHITE))
+    estimate = identify(read_dataset(folder / "dataset.h5"), FilterName.CKF)
+    with new_estimate(folder / "estimates/ckf.h5", estimate) as writer:
+        writer.append(estimate)
+        writer.finish(estimate)
+    write_dataset(folder / "circle.h5", simulated_with(CIRCLE, WHITE, "seed=5"))
+    return folder
+
+
+def test_a_good_model_passes_and_leaves_tables_and_figures(results, tmp_path):
+    result = run(results / "estimates/ckf.h5", results / "circle.h5", "-o", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.count("The model of the CKF predicts these data.") == 1
+    made = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    assert made == {
+        *(f"tables/{name}.csv" for name in ("validation", "manoeuvres", "validation_checks")),
+        *(
+            f"figures/validation_{name}.{kind}"
+            for name in ("velocities", "attitude", "horizons")
+            for kind in ("png", "svg")
+        ),
+    }
+    with (tmp_path / "tables/manoeuvres.csv").open(encoding="utf-8") as file:
+        numbers = {row["number"]: row for row in csv.DictReader(file)}
+    assert float(numbers["radius"]["predicted"]) == pytest.approx(float(numbers["radius"]["measured"]), rel=0.01)
+
+
+def test_a_changed_vehicle_fails_with_exit_code_1(results, simulated_with, tmp_path):
+    mass = simulated_with("manoeuvre.duration=2 s").experiment.vehicle.known_parameters()["m"]
+    changed = simulated_with(
+        CIRCLE, WHITE, "seed=5", "vehicle.coefficients.N_uudr=-4 kg/rad", f"vehicle.parameters.m={1.2 * mass}"
+    )
+    write_dataset(tmp_path / "changed.h5", changed)
+    result = run(results / "estimates/ckf.h5", tmp_path / "changed.h5", "-o", tmp_path)
+    assert result.exit_code == 1, result.output
+    assert "FAIL" in result.stdout
+    assert "another vehicle (m differ)" in " ".join(result.stdout.split())
+    assert result.stdout.count("does not predict these data.") == 1
+
+
+def test_its_own_data_are_refused_even_as_a_copy(results, tmp_path):
+    own = read_dataset(results / "dataset.h5")
+    write_dataset(tmp_path / "copy.h5", own.without_truth())
+    for path in (results / "dataset.h5", tmp_path / "copy.h5"):
+        result = run(results / "estimates/ckf.h5", path, "-o", tmp_path / "out")
+        assert result.exit_code == 2
+        assert "are among those that the estimate was made from" in result.stderr
+        assert len(result.stderr.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_missing_file_is_said(results, tmp_path):
+    for arguments in ((tmp_path / "no.h5", results / "circle.h5"), (results / "estimates/ckf.h5", tmp_path / "no.h5")):
+        result = run(*arguments)
+        assert result.exit_code == 2
+        assert "no.h5" in result.stderr
+
+
+def test_quiet_prints_nothing(results, tmp_path):
+    result = run(results / "estimates/ckf.h5", results / "circle.h5", "-q", "-o", tmp_path)
+    assert (result.exit_code, result.output) == (0, "")
+
+
+def test_what_an_estimate_left_out_of_a_dataset_is_new_to_it(results, tmp_path):
+    dataset = read_dataset(results / "dataset.h5")
+    half = 0.5 * float(dataset.inputs.time[-1])
+    use = {"spans": ((0.0, half),)}
+    settings = dataset.experiment.identification.model_copy(update={"use": Use.model_validate(use)})
+    early = replace(dataset, experiment=dataset.experiment.model_copy(update={"identification": settings}))
+    (run_of,) = set_up_filters(early, [FilterName.CKF])
+    with new_estimate(tmp_path / "early.h5", run_of.header) as writer:
+        writer.finish(run_of.run(writer.append))
+    new = run(tmp_path / "early.h5", results / "dataset.h5", "--use", f"{half + 0.1}:1000", "-o", tmp_path / "out")
+    assert new.exit_code in (0, 1), new.stderr
+    assert (tmp_path / "out/tables/validation.csv").is_file()
+    seen = run(tmp_path / "early.h5", results / "dataset.h5", "--use", f"{half - 5.0}:1000", "-o", tmp_path / "seen")
+    assert seen.exit_code == 2
+    assert "among those" in seen.stderr
+    two = run(tmp_path / "early.h5", results / "dataset.h5", "--use", "0:5", "--use", "8:20", "-o", tmp_path / "two")
+    assert two.exit_code == 2
+    assert "name one with --use" in two.stderr

@@ -1,0 +1,110 @@
+"""Tables, screen and figure of a validation."""
+
+import csv
+from io import StringIO
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgba
+from rich.console import Console
+
+from auvid_cli.evaluation.check import Check
+from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.evaluation.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
+from auvid_cli.report.csv_tables import write_validation
+from auvid_cli.report.figures.validation import horizon_figure
+from auvid_cli.report.validation_screen import print_validation
+from auvid_cli.vehicle.parameters import MOTION
+
+HORIZONS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+
+
+def prediction(quantity, kind=AHEAD, horizon=120.0, share=0.9):
+    band = (0.025, share, 50, 1) if kind == AHEAD else ()
+    return Prediction(quantity.symbol, quantity.unit, kind, horizon, 60, 0.01, 97.25, 0.02, None, 3.0, 0.4, *band)
+
+
+@pytest.fixture
+def found():
+    rows = [prediction(quantity, FREE_RUN) for quantity in MOTION]
+    rows += [prediction(quantity, horizon=horizon) for horizon in HORIZONS for quantity in MOTION]
+    overshoots = [ManoeuvreNumber("zigzag 20", f"overshoot {k}", 10.0 * k, "rad", 0.1, 0.05 * k) for k in (1, 2)]
+    turn = ManoeuvreNumber("turning circle 15", "radius", 20.0, "m", 14.25, None)
+    check = Check.of("ckf", "ahead", "better than constant velocity", "u at 1 s 2", "<= 1", False, "Look again.")
+    run = FreeRun(np.arange(3.0), np.zeros((3, 9)))
+    return Validation("ckf", rows, [*overshoots, turn], [check], run, ["one [thing] is missing"])
+
+
+def shown(found, width):
+    text = StringIO()
+    print_validation(Console(file=text, width=width), found)
+    return text.getvalue()
+
+
+def test_tables_hold_every_row(found, tmp_path):
+    paths = write_validation(found, tmp_path)
+    assert [path.name for path in paths] == ["validation.csv", "manoeuvres.csv", "validation_checks.csv"]
+    tables = [list(csv.DictReader(StringIO(path.read_text(encoding="utf-8")))) for path in paths]
+    assert [len(table) for table in tables] == [9 + 63, 3, 1]
+    free, ahead = tables[0][0], tables[0][9]
+    assert (free["kind"], free["horizon_s"], free["share_within_band"], free["prior_rmse"]) == (
+        "free_run",
+        "120.0",
+        "",
+        "",
+    )
+    assert (ahead["signal"], ahead["horizon_s"], ahead["share_within_band"]) == ("u", "0.5", "0.9")
+    assert tables[1][2] == {
+        "manoeuvre": "turning circle 15",
+        "number": "radius",
+        "time_s": "20.0",
+        "unit": "m",
+        "measured": "14.25",
+        "predicted": "",
+    }
+
+
+def test_the_screen_speaks_of_degrees_and_ends_with_the_verdict(found):
+    text = shown(found, 100)
+    line = next(line for line in text.splitlines() if line.startswith(" psi"))
+    # 0.01, 0.02, 0.4 and 3 rad.
+    assert line.split() == ["psi", "deg", "0.573", "97.2", "1.15", "22.9", "-", "172"]
+    assert "zigzag 20, overshoot (mean of 2) in deg: measured 5.730, predicted 4.297" in text
+    assert "turning circle 15, radius in m: measured 14.25, predicted -" in text
+    assert "One [thing] is missing." in text
+    assert text.splitlines()[-1] == "The model of the CKF does not predict these data."
+    assert next(line for line in text.splitlines() if line.startswith(" % within")).split()[-7:] == ["90.0"] * 7
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_nothing_is_cut_off(found, width):
+    text = shown(found, width)
+    assert max(len(line) for line in text.splitlines()) <= width
+    assert "…" not in text
+    assert ("vehicle file" in text) == (width >= 80)
+
+
+def test_a_model_that_passes_predicts(found):
+    sound = found._replace(checks=[check._replace(passed=True, advice="") for check in found.checks])
+    assert shown(sound, 80).splitlines()[-1] == "The model of the CKF predicts these data."
+
+
+def test_each_panel_shows_errors_over_the_horizon_with_what_explains_them(found):
+    figure = horizon_figure("ckf", found.predictions)
+    assert len(figure.axes) == 9
+    heading = figure.axes[8]
+    lines = [np.asarray(line.get_ydata(), dtype=float) for line in heading.lines]
+    assert any(np.allclose(line, np.rad2deg(0.02)) for line in lines)
+    assert any(np.allclose(line, np.rad2deg(0.4)) for line in lines)
+    (band,) = heading.collections
+    assert band.get_facecolor()[0] == pytest.approx(to_rgba("0.85"))
+    assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(np.rad2deg(0.025))
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    # Of the prior there is nothing.
+    assert labels == ["CKF", "unchanged", "vehicle file", "noise", "explained"]
+
+
+def test_a_signal_without_readings_says_so(found):
+    rows = [row for row in found.predictions if row.signal != "v"]
+    axes = horizon_figure("ckf", rows).axes[1]
+    assert [text.get_text() for text in axes.texts] == ["no readings ahead"]
