@@ -11,6 +11,7 @@ from auvid_cli.cli.check import check
 from auvid_cli.cli.export import export
 from auvid_cli.cli.identifiability import identifiability
 from auvid_cli.cli.identify import identify
+from auvid_cli.cli.inspect import inspect
 from auvid_cli.cli.report import report
 from auvid_cli.cli.run import run
 from auvid_cli.cli.simulate import simulate
@@ -23,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
-for command in (run, simulate, identify, report, check, identifiability, validate, export):
+for command in (run, simulate, identify, report, check, identifiability, inspect, validate, export):
     app.command()(command)
 
 

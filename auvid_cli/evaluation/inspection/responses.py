@@ -26,7 +26,7 @@ class Axis(NamedTuple):
     rate, angle, given : str
         Symbols; `given` is the input.
     sign : int
-        Of the rate that a positive input brings. Positive fins push the stern to starboard, and down.
+        Of the rate that a positive input brings. Positive fins push the stern to starboard, or up.
     beside : tuple of str
         What else the moment depends on.
     """

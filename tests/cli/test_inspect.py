@@ -1,0 +1,73 @@
+"""`auvid inspect` as a user runs it."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from auvid_cli.cli.inspect import inspect
+from auvid_cli.data.dataset_file import write_dataset
+
+
+@pytest.fixture
+def run():
+    """Function: the command with arguments; its result."""
+    app = typer.Typer()
+    app.command()(inspect)
+
+    def invoke(*arguments):
+        return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+    return invoke
+
+
+def rows(folder):
+    with (folder / "tables/inspection.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_sound_data_pass_and_leave_a_table_and_a_figure(short_run, tmp_path, run):
+    write_dataset(tmp_path / "dataset.h5", short_run)
+    result = run(tmp_path / "dataset.h5")
+    assert result.exit_code == 0, result.output
+    found = rows(tmp_path)
+    assert list(found[0]) == ["subject", "check", "statistic", "threshold", "passed", "advice"]
+    assert all(row["passed"] in ("True", "") for row in found)
+    assert {"rate", "jitter", "clock", "spikes", "noise floor", "excitation", "fast enough"} <= {
+        row["check"] for row in found
+    }
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"timeline.png", "timeline.svg"}
+    passed = sum(row["passed"] == "True" for row in found)
+    assert f"data: {passed} of {len(found)} passed" in result.output
+    assert "fast enough" not in result.output
+    assert "fast enough" in run(tmp_path / "dataset.h5", "--verbose").output
+
+
+def test_a_failed_verdict_is_exit_code_1_with_what_to_do(short_run, tmp_path, run):
+    record = short_run.sensors["gyroscope"]
+    turned = replace(record, values=record.values * np.array([1.0, 1.0, -1.0]))
+    write_dataset(
+        tmp_path / "mission.h5", replace(short_run, sensors=short_run.sensors | {"gyroscope": turned}, truth=None)
+    )
+    result = run(tmp_path / "mission.h5", "-o", tmp_path / "out")
+    assert result.exit_code == 1
+    assert {(row["subject"], row["check"]) for row in rows(tmp_path / "out") if row["passed"] == "False"} == {
+        ("gyroscope", "r against psi"),
+        ("gyroscope", "r against heading"),
+    }
+    assert "The sign of r is turned" in " ".join(result.output.split())
+
+
+def test_quiet_says_nothing(short_run, tmp_path, run):
+    write_dataset(tmp_path / "dataset.h5", short_run)
+    assert run(tmp_path / "dataset.h5", "-q").output == ""
+
+
+def test_a_file_that_is_none_is_one_clear_complaint(tmp_path, run):
+    result = run(tmp_path / "nothing.h5")
+    assert result.exit_code == 2
+    assert "auvid: " in result.output
+    assert "nothing.h5" in result.output
