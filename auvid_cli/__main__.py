@@ -11,6 +11,7 @@ from auvid_cli.cli.check import check
 from auvid_cli.cli.export import export
 from auvid_cli.cli.identifiability import identifiability
 from auvid_cli.cli.identify import identify
+from auvid_cli.cli.import_log import import_log
 from auvid_cli.cli.inspect import inspect
 from auvid_cli.cli.report import report
 from auvid_cli.cli.run import run
@@ -26,6 +27,7 @@ app = typer.Typer(
 )
 for command in (run, simulate, identify, report, check, identifiability, inspect, validate, export):
     app.command()(command)
+app.command("import")(import_log)
 
 
 def _print_version(wanted: bool) -> None:

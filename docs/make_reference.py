@@ -8,6 +8,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.quantity import Unit
 from auvid_cli.config.sensors import SensorSettings
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
@@ -35,7 +36,11 @@ def reference() -> str:
     page += "\n## Settings\n\nA bare number is in the unit given here; any unit of the same dimension may be written.\n"
     found: dict[type[BaseModel], str] = {}
     collect("", Experiment, found)
-    return page + "".join(section(path, model) for model, path in found.items())
+    page += "".join(section(path, model) for model, path in found.items())
+    page += "\n## The map of a log\n\nFor `auvid import`; `vehicle` and `identification` are those of an experiment.\n"
+    known = set(found)
+    collect("", LogMap, found)
+    return page + "".join(section(path, model) for model, path in found.items() if model not in known)
 
 
 def table(header, rows) -> str:
@@ -63,7 +68,7 @@ def classes(annotation) -> list[type[BaseModel]]:
 
 def section(path: str, model: type[BaseModel]) -> str:
     """One settings class."""
-    heading = f"\n### `{path}`" if path else "\n### An experiment"
+    heading = f"\n### `{path}`" if path else "\n### A map" if model is LogMap else "\n### An experiment"
     kind = typing.get_args(model.model_fields["type"].annotation)[0] if "type" in model.model_fields else ""
     heading += f" with `type: {kind}`" if kind else ""
     rows = [

@@ -42,7 +42,7 @@ def load_experiment(path: Path, overrides: Sequence[str] = ()) -> Experiment:
         source = read_source(path)
     except ValueError as error:
         raise ConfigError(f"{path}: {error}") from None
-    return _settings(Experiment, *assemble(source, overrides))
+    return validated(Experiment, *assemble(source, overrides))
 
 
 def parse_run(text: str, name: str, overrides: Sequence[str] = ()) -> RunSettings:
@@ -60,7 +60,7 @@ def parse_run(text: str, name: str, overrides: Sequence[str] = ()) -> RunSetting
     """
     tree, mistakes = assemble(Source(name, Path(), text), overrides)
     is_recorded = isinstance(tree.data, dict) and "recording" in tree.data
-    return _settings(ImportedRun if is_recorded else Experiment, tree, mistakes)
+    return validated(ImportedRun if is_recorded else Experiment, tree, mistakes)
 
 
 def parse_experiment(text: str, name: str, overrides: Sequence[str] = ()) -> Experiment:
@@ -80,7 +80,7 @@ def parse_experiment(text: str, name: str, overrides: Sequence[str] = ()) -> Exp
     ConfigError
         With every mistake at once.
     """
-    return _settings(Experiment, *assemble(Source(name, Path(), text), overrides))
+    return validated(Experiment, *assemble(Source(name, Path(), text), overrides))
 
 
 def dump_experiment(experiment: RunSettings) -> str:
@@ -127,7 +127,8 @@ def find_experiment(name: str | None) -> Path:
 AnySettings = TypeVar("AnySettings", bound=Settings)
 
 
-def _settings(model: type[AnySettings], tree: Tree, mistakes: list[Mistake]) -> AnySettings:
+def validated(model: type[AnySettings], tree: Tree, mistakes: list[Mistake]) -> AnySettings:
+    """Settings of a class from a tree, or ConfigError with the mistakes found before and those in the tree."""
     try:
         settings = model.model_validate(tree.data)
     except ValidationError as error:

@@ -134,16 +134,16 @@ def _mistake(detail: ErrorDetails, place: _Place, tree: Tree) -> Mistake:
         tags = _by_tag(place.field, _models(place.annotation))
         path = (*place.path, str(place.field.discriminator))
         hint = _did_you_mean(str(context["tag"]), tuple(tags), "one of")
-        return _at_value(tree, path, f"{str(context['tag'])!r} is not a {place.path[-1]}{hint}")
+        return at_value(tree, path, f"{str(context['tag'])!r} is not a {place.path[-1]}{hint}")
     if kind == "extra_forbidden" and place.holder:
         key = str(place.path[-1])
         hint = _did_you_mean(key, tuple(_fields(place.holder)), "known keys:")
         *_, node = tree.descend(place.path)
         return Mistake(node.key_at or node.at, place.path, f"unknown key {key!r}{hint}")
     if kind == "value_error":
-        return _at_value(tree, place.path, str(context["error"]))
+        return at_value(tree, place.path, str(context["error"]))
     *_, node = tree.descend(place.path)
-    return _at_value(tree, place.path, f"{_expectation(detail, place)}, got {describe(node.data)}")
+    return at_value(tree, place.path, f"{_expectation(detail, place)}, got {describe(node.data)}")
 
 
 def _at_mapping(tree: Tree, path: Path, message: str) -> Mistake:
@@ -151,7 +151,7 @@ def _at_mapping(tree: Tree, path: Path, message: str) -> Mistake:
     return Mistake(node.heading, path, message)
 
 
-def _at_value(tree: Tree, path: Path, message: str) -> Mistake:
+def at_value(tree: Tree, path: Path, message: str) -> Mistake:
     """Point at the value, or at the nearest one around it where shorthand leaves the path out."""
     nodes = list(tree.descend(path))
     node = nodes[-1]

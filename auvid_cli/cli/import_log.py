@@ -1,0 +1,61 @@
+"""auvid import."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from auvid_cli.cli.options import QuietOption, VerboseOption
+from auvid_cli.cli.terminal import Terminal, reporting_errors
+
+LogsArgument = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="LOG...",
+        help="Log files or bags, in the order of the map's `logs`, or NAME=FILE. Default: those that it names.",
+        show_default=False,
+    ),
+]
+MapOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--map", "-m", metavar="MAP", help="YAML file that says what is what in the logs.", show_default=False
+    ),
+]
+SuggestOption = Annotated[
+    bool, typer.Option("--suggest", help="Look at the logs and write a first map, to be checked and filled in.")
+]
+FileOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="Dataset, or with --suggest the map. Default: results/NAME/dataset.h5; a map goes to the screen.",
+        show_default=False,
+    ),
+]
+
+
+def import_log(
+    logs: LogsArgument = None,
+    map_file: MapOption = None,
+    suggest: SuggestOption = False,
+    output: FileOption = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+) -> None:
+    """Convert a vehicle's logs to a dataset, or suggest the map by which to do so."""
+    with reporting_errors():
+        from auvid_cli.cli import importing
+        from auvid_cli.errors import ConfigError
+
+        terminal = Terminal(quiet, verbose)
+        if suggest == (map_file is not None):
+            raise ConfigError("say --map MAP to import logs, or --suggest to have a map suggested from them")
+        if map_file is not None:
+            importing.import_logs(map_file, logs or [], output, terminal)
+        elif logs:
+            importing.suggest_to([Path(log) for log in logs], output, terminal)
+        else:
+            raise ConfigError("name the logs that a map is to be suggested from: auvid import --suggest LOG")

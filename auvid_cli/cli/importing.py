@@ -1,0 +1,70 @@
+"""The steps of importing logs."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from auvid_cli.cli.terminal import Terminal
+from auvid_cli.config.experiment import ImportedRun, RecordedFile, Recording
+from auvid_cli.config.log_map import LogMap, load_map
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.dataset_file import write_dataset
+from auvid_cli.data.files import write_text
+from auvid_cli.data.netcdf import digest
+from auvid_cli.logs.convert import Conversion, convert
+from auvid_cli.logs.layout import TextLayout
+from auvid_cli.logs.open import open_log
+from auvid_cli.logs.suggest import suggest
+from auvid_cli.report.accounts import print_accounts
+
+
+def import_logs(map_file: Path, given: Sequence[str], output: Path | None, terminal: Terminal) -> None:
+    """Convert logs by a map into a dataset file, and say what was done.
+
+    Raises
+    ------
+    ConfigError
+        If the map has mistakes, or does not fit the logs.
+    FileError
+        If a log cannot be read, or the dataset cannot be written.
+    """
+    settings, tree = load_map(map_file)
+    files = settings.files(map_file.parent, given)
+    with terminal.stage("read the logs"):
+        logs = {name: open_log(path, _layout(settings, name)) for name, path in files.items()}
+        found = convert(settings, tree, logs)
+    path = output if output is not None else Path("results") / settings.name / "dataset.h5"
+    with terminal.stage("write the dataset"):
+        run = _run(settings, tree.at.source.text, list(files.values()), found)
+        write_dataset(path, Dataset(found.inputs, found.sensors, run))
+    print_accounts(terminal.out, found.accounts, found.remarks)
+    terminal.say(f"{path}: t = 0 is {found.origin:.6f} s by the log's clock")
+    terminal.say(f"next: auvid inspect {path}")
+
+
+def suggest_to(files: Sequence[Path], output: Path | None, terminal: Terminal) -> None:
+    """Suggest a map of logs, into a file or onto the standard output."""
+    with terminal.stage("look at the logs"):
+        text = suggest([open_log(path) for path in files], output.parent if output is not None else Path())
+    if output is None:
+        print(text, end="")
+        return
+    write_text(output, text)
+    terminal.say(f"{output}: look at every line with `check:` and fill in what is required, then")
+    terminal.say(f"auvid import --map {output}")
+
+
+def _layout(settings: LogMap, name: str) -> TextLayout:
+    log = settings.logs[name]
+    return TextLayout(log.delimiter, log.header_row, log.decimal, log.missing)
+
+
+def _run(settings: LogMap, text: str, files: Sequence[Path], found: Conversion) -> ImportedRun:
+    """Settings of the dataset, with where it comes from."""
+    parts = [part for file in files for part in (sorted(file.rglob("*")) if file.is_dir() else [file])]
+    recorded = tuple(RecordedFile(name=part.name, sha256=digest(part)) for part in parts if part.is_file())
+    return ImportedRun(
+        name=settings.name,
+        vehicle=settings.vehicle,
+        identification=settings.identification,
+        recording=Recording(files=recorded, map=text, origin=found.origin),
+    )

@@ -1,0 +1,139 @@
+"""Settings of a log map: how the model's inputs follow from fins and propeller of a log."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from auvid_cli.config.log_columns import Reading, Rows
+from auvid_cli.config.model import Settings
+from auvid_cli.config.quantity import Unit
+
+
+class InputReading(Reading, Rows):
+    """A reading with a place of its own."""
+
+
+class Fin(InputReading):
+    """Deflection of a fin, or of all that stand for one input."""
+
+    si = "rad"
+
+
+class Force(InputReading):
+    """A force."""
+
+    si = "N"
+
+
+class Moment(InputReading):
+    """A moment."""
+
+    si = "N*m"
+
+
+class Revolutions(InputReading):
+    """Revolutions per second of a propeller."""
+
+    si = "turn/s"
+
+
+class Share(InputReading):
+    """A thruster's command in percent."""
+
+    si = "percent"
+
+
+class Fins(Settings):
+    """Deflections of single fins: top, bottom, right, left, as many as there are; or the four of an X tail.
+
+    A fin's deflection is positive if it pushes the tail to starboard, or up where it cannot push sideways; where the
+    log counts the other way the sign is -1.
+    """
+
+    top: Annotated[Fin | None, Field(description="above the hull")] = None
+    bottom: Annotated[Fin | None, Field(description="below the hull")] = None
+    right: Annotated[Fin | None, Field(description="to starboard")] = None
+    left: Annotated[Fin | None, Field(description="to port")] = None
+    upper_right: Annotated[Fin | None, Field(description="of an X tail")] = None
+    lower_right: Annotated[Fin | None, Field(description="of an X tail")] = None
+    lower_left: Annotated[Fin | None, Field(description="of an X tail")] = None
+    upper_left: Annotated[Fin | None, Field(description="of an X tail")] = None
+
+    @model_validator(mode="after")
+    def _one_tail(self) -> "Fins":
+        names = set(self.given())
+        diagonal = {name for name in names if "_" in name}
+        if not names:
+            raise ValueError(f"expected at least one of {', '.join(type(self).model_fields)}")
+        if diagonal and (len(diagonal) < 4 or names - diagonal):
+            raise ValueError("an X tail has upper_right, lower_right, lower_left and upper_left, and no other fins")
+        return self
+
+    def given(self) -> dict[str, Fin]:
+        """Fins by name, of those that are given."""
+        fins = {name: getattr(self, name) for name in type(self).model_fields}
+        return {name: fin for name, fin in fins.items() if fin is not None}
+
+
+class Thrust(Settings):
+    """Thrust by F = a n|n| + b |n| u of a propeller, or F = full x|x| of a command x from -100 to 100 percent."""
+
+    revolutions: Annotated[Revolutions | None, Field(description="n, in turn/s or rpm")] = None
+    a: Annotated[float | None, Unit("N*s^2"), Field(gt=0, description="force at rest per (turn/s)^2")] = None
+    b: Annotated[float, Unit("N*s^2/m"), Field(le=0, description="what speed takes off")] = 0.0
+    share: Annotated[Share | None, Field(description="x, in percent")] = None
+    full: Annotated[float | None, Unit("N"), Field(gt=0, description="force at 100 percent")] = None
+
+    @model_validator(mode="after")
+    def _one_law(self) -> "Thrust":
+        by_revolutions = self.revolutions is not None and self.a is not None
+        by_share = self.share is not None and self.full is not None
+        mixed = (self.revolutions, self.a) != (None, None) and (self.share, self.full) != (None, None)
+        if by_revolutions == by_share or mixed:
+            raise ValueError("expected 'revolutions' with 'a', or 'share' with 'full'")
+        if self.b and not by_revolutions:
+            raise ValueError("'b' belongs to 'revolutions'")
+        return self
+
+
+class InputsMap(Rows):
+    """Inputs of the model; what is not given is zero. Log, table and time hold for all that state none."""
+
+    rudder: Annotated[Fin | None, Field(description="positive pushes the tail to starboard")] = None
+    elevator: Annotated[Fin | None, Field(description="positive pushes the tail up")] = None
+    fins: Annotated[Fins | None, Field(description="single fins, instead of rudder and elevator")] = None
+    surge_force: Annotated[Force | None, Field(description="thrust, where the log has it")] = None
+    thrust: Annotated[Thrust | None, Field(description="law by which it follows from the propeller")] = None
+    roll_moment: Annotated[
+        Moment | Literal["propeller"] | None,
+        Field(description="a column, or 'propeller': thrust times the vehicle's K_prop / X_prop"),
+    ] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _accept_a_bare_name(cls, data: Any) -> Any:
+        moment = data.get("roll_moment") if isinstance(data, dict) else None
+        if isinstance(moment, str) and moment != "propeller":
+            return {**data, "roll_moment": {"column": moment}}
+        return data
+
+    @model_validator(mode="after")
+    def _each_once(self) -> "InputsMap":
+        if self.fins is not None and (self.rudder is not None or self.elevator is not None):
+            raise ValueError("expected 'fins', or 'rudder' and 'elevator', not both")
+        if self.thrust is not None and self.surge_force is not None:
+            raise ValueError("expected 'thrust' or 'surge_force', not both")
+        if not self.channels():
+            raise ValueError(f"expected at least one of {', '.join(InputsMap.model_fields)}")
+        return self
+
+    def channels(self) -> dict[tuple[str, ...], InputReading]:
+        """Readings by where they stand in the settings."""
+        found: dict[tuple[str, ...], Any] = {
+            (name,): getattr(self, name) for name in ("rudder", "elevator", "surge_force", "roll_moment")
+        }
+        if self.fins is not None:
+            found |= {("fins", name): fin for name, fin in self.fins.given().items()}
+        if self.thrust is not None:
+            found |= {("thrust", name): getattr(self.thrust, name) for name in ("revolutions", "share")}
+        return {path: reading for path, reading in found.items() if isinstance(reading, InputReading)}

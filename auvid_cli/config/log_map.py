@@ -1,0 +1,102 @@
+"""Settings by which a vehicle's logs become a dataset."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from auvid_cli.config.assemble import assemble, read_source
+from auvid_cli.config.experiment import Identification
+from auvid_cli.config.load import validated
+from auvid_cli.config.log_columns import Spans, TimeSource
+from auvid_cli.config.log_inputs import InputsMap
+from auvid_cli.config.log_sensors import SensorMaps
+from auvid_cli.config.model import Settings
+from auvid_cli.config.tree import Tree
+from auvid_cli.config.vehicle import VehicleSettings
+from auvid_cli.errors import ConfigError
+
+
+class LogFile(Settings):
+    """A log, and how its text is laid out if its reader is to be told."""
+
+    file: Annotated[str | None, Field(description="relative to the map; may be left out if the command names it")]
+    file = None
+    delimiter: Annotated[str | None, Field(min_length=1, description="between the fields of a row")] = None
+    header_row: Annotated[int | None, Field(ge=1, strict=True, description="line of the names, from 1")] = None
+    decimal: Annotated[str | None, Field(pattern=r"^[.,]$", description="decimal point")] = None
+    missing: Annotated[tuple[str, ...], Field(description="what stands for a missing number")] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _accept_a_bare_file(cls, data: Any) -> Any:
+        return {"file": data} if isinstance(data, str) else data
+
+
+class LogMap(Settings):
+    """A map file."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/")]
+    vehicle: VehicleSettings
+    identification: Identification = Identification()
+    logs: Annotated[dict[str, LogFile], Field(min_length=1, description="files by a name of your choice")]
+    time: Annotated[
+        TimeSource | None, Field(description="where a sensor states none; else header stamp or log time")
+    ] = None
+    use: Annotated[Spans, Field(description="[begin, end] in the dataset's time; else all")] = ()
+    exclude: Annotated[Spans, Field(description="[begin, end] in the dataset's time: missing in every sensor")] = ()
+    sensors: SensorMaps
+    inputs: InputsMap
+
+    def files(self, folder: Path, given: Sequence[str] = ()) -> dict[str, Path]:
+        """Files of the logs by name.
+
+        Parameters
+        ----------
+        folder : pathlib.Path
+            What the map's own paths are relative to.
+        given : sequence of str
+            ``name=FILE``, or files in the order of `logs`, instead of those that the map names.
+
+        Raises
+        ------
+        ConfigError
+            If there are more files than logs, or none for a log.
+        """
+        names = list(self.logs)
+        files = {name: folder / log.file for name, log in self.logs.items() if log.file is not None}
+        for place, text in enumerate(given):
+            name, equals, file = text.partition("=")
+            if equals and name in names:
+                files[name] = Path(file)
+            elif place < len(names):
+                files[names[place]] = Path(text)
+            else:
+                raise ConfigError(f"{text}: one file too many: the map knows {len(names)}, {', '.join(names)}")
+        for name in names:
+            if name not in files:
+                raise ConfigError(f"the map names no file for the log {name!r}: name one before --map, or in `logs`")
+        return files
+
+
+def load_map(path: Path) -> tuple[LogMap, Tree]:
+    """Read and validate a map file.
+
+    Returns
+    -------
+    LogMap
+    Tree
+        The settings as they were read: where each is written, for what the logs will say to them.
+
+    Raises
+    ------
+    ConfigError
+        With every mistake at once, each at its file, line and column.
+    """
+    try:
+        source = read_source(path)
+    except ValueError as error:
+        raise ConfigError(f"{path}: {error}") from None
+    tree, mistakes = assemble(source)
+    return validated(LogMap, tree, mistakes), tree

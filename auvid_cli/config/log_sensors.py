@@ -1,0 +1,234 @@
+"""Settings of a log map: what each sensor's numbers are, and in which axes they are."""
+
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, create_model, field_validator, model_validator
+
+from auvid_cli.config.log_columns import READINGS, Number, Reading, Rows, Spans, Validity, unit_factor
+from auvid_cli.config.model import Settings
+from auvid_cli.config.quantity import Unit, parse_components
+from auvid_cli.data.dataset import SENSORS
+
+BodyAxes = Literal["FRD", "FLU"]
+EarthAxes = Literal["NED", "ENU"]
+MOUNTS = {"upside down": {"roll": "180 deg"}, "backward": {"yaw": "180 deg"}}
+
+
+class Mount(Settings):
+    """Attitude of a sensor in the body: yaw, then pitch, then roll; or `upside down`, or `backward`."""
+
+    roll: Annotated[float, Unit("rad"), Field(description="about the forward axis")] = 0.0
+    pitch: Annotated[float, Unit("rad"), Field(description="about the starboard axis")] = 0.0
+    yaw: Annotated[float, Unit("rad"), Field(description="about the downward axis")] = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _accept_a_name(cls, data: Any) -> Any:
+        if isinstance(data, str):
+            if data not in MOUNTS:
+                raise ValueError(f"expected {', '.join(MOUNTS)}, or angles as {{roll: 180 deg}}, got {data!r}")
+            return MOUNTS[data]
+        return data
+
+    def angles(self) -> tuple[float, float, float]:
+        """Roll, pitch and yaw, rad."""
+        return self.roll, self.pitch, self.yaw
+
+
+class Columns(Settings):
+    """A reading for each component, as far as the log has it."""
+
+    @model_validator(mode="after")
+    def _at_least_one(self) -> "Columns":
+        if not self.readings():
+            raise ValueError(f"expected a column for at least one of {', '.join(type(self).model_fields)}")
+        return self
+
+    def readings(self) -> dict[str, Reading]:
+        """Readings by component, of the components that are given."""
+        given = {symbol: getattr(self, symbol) for symbol in type(self).model_fields}
+        return {symbol: reading for symbol, reading in given.items() if reading is not None}
+
+
+if TYPE_CHECKING:
+    Rates = Columns
+    SpecificForces = Columns
+    Heading = Columns
+    Velocity = Columns
+    Angles = Columns
+    Down = Columns
+else:
+    Rates, SpecificForces, Heading, Velocity, Angles, Down = (
+        create_model(
+            "Columns",
+            __base__=Columns,
+            __doc__=f"Columns of the components of `{sensor}`, as far as the log has them.",
+            **{q.symbol: (READINGS[q.unit] | None, Field(None, description=q.meaning)) for q in SENSORS[sensor]},
+        )
+        for sensor in ("gyroscope", "accelerometer", "magnetometer", "dvl", "attitude", "depth")
+    )
+
+
+class SensorMap(Rows):
+    """What every sensor has."""
+
+    sensor: ClassVar[str]
+    if TYPE_CHECKING:
+        columns: Any
+
+    unit: Annotated[str | None, Field(description="of all columns that state none themselves")] = None
+    standard_deviation: Annotated[
+        tuple[float, ...] | Literal["estimate"],
+        Field(description="of the noise, one for all or one per component, or 'estimate'"),
+    ]
+    valid: Annotated[Validity | None, Field(description="column that says which rows are valid")] = None
+    repeats: Annotated[
+        Literal["keep", "drop"],
+        Field(description="drop: rows that only repeat the one before, as where a faster table holds the last value"),
+    ] = "keep"
+    exclude: Annotated[Spans, Field(description="[begin, end] in the dataset's time: missing")] = ()
+
+    @field_validator("unit", mode="after")
+    @classmethod
+    def _known_unit(cls, stated: str | None) -> str | None:
+        if stated is not None:
+            unit_factor(stated, SENSORS[cls.sensor][0].unit)
+        return stated
+
+    @field_validator("standard_deviation", mode="before")
+    @classmethod
+    def _per_component(cls, value: Any) -> Any:
+        if value == "estimate":
+            return value
+        quantities = SENSORS[cls.sensor]
+        deviations = parse_components(value, quantities[0].unit, len(quantities))
+        if any(deviation <= 0.0 for deviation in deviations):
+            raise ValueError("expected standard deviations greater than 0")
+        return deviations * (len(quantities) // len(deviations))
+
+    def readings(self) -> dict[str, Reading]:
+        """Readings by component."""
+        return self.columns.readings()
+
+
+class InBody(SensorMap):
+    """A sensor that measures along axes of its own."""
+
+    frame: Annotated[BodyAxes, Field(description="forward, right, down; or forward, left, up")] = "FRD"
+    mount: Annotated[Mount | None, Field(description="if its axes are not the body's")] = None
+
+
+class GyroscopeMap(InBody):
+    """Angular rates."""
+
+    sensor = "gyroscope"
+    columns: Rates
+
+
+class AccelerometerMap(InBody):
+    """Specific force."""
+
+    sensor = "accelerometer"
+    columns: SpecificForces
+
+
+class MagnetometerMap(SensorMap):
+    """Heading of a compass."""
+
+    sensor = "magnetometer"
+    columns: Heading
+    reference: Annotated[EarthAxes, Field(description="from north clockwise, or from east anticlockwise")] = "NED"
+
+
+class DvlMap(SensorMap):
+    """Velocity, along axes of its own or of the earth."""
+
+    sensor = "dvl"
+    columns: Velocity
+    frame: Annotated[BodyAxes | EarthAxes, Field(description="NED and ENU: turned into the body by the attitude")] = (
+        "FRD"
+    )
+    mount: Annotated[Mount | None, Field(description="if its axes are not the body's")] = None
+    position: Annotated[
+        tuple[float, float, float] | None,
+        Field(description="[forward, starboard, down] from the vehicle's origin: its own motion is taken off"),
+    ] = None
+
+    @field_validator("position", mode="before")
+    @classmethod
+    def _three_lengths(cls, value: Any) -> Any:
+        if value is None or (isinstance(value, list | tuple) and len(value) == 3):
+            return value if value is None else parse_components(value, "m", 3)
+        raise ValueError("expected [forward, starboard, down], such as [0.4 m, 0 m, 0.1 m]")
+
+    @model_validator(mode="after")
+    def _one_frame(self) -> "DvlMap":
+        if self.mount is not None and self.frame in ("NED", "ENU"):
+            raise ValueError(f"a velocity in {self.frame} axes needs no mount")
+        return self
+
+
+class Quaternion(Settings):
+    """Columns of a quaternion that turns vectors of the sensor's axes into the earth's; a name stands for name.w ..."""
+
+    w: Number
+    x: Number
+    y: Number
+    z: Number
+
+    @model_validator(mode="before")
+    @classmethod
+    def _accept_a_name(cls, data: Any) -> Any:
+        return {axis: f"{data}.{axis}" for axis in "wxyz"} if isinstance(data, str) else data
+
+
+class AttitudeMap(InBody):
+    """Roll, pitch and yaw, as angles or as a quaternion."""
+
+    sensor = "attitude"
+    columns: Angles | None = None
+    quaternion: Quaternion | None = None
+    reference: Annotated[EarthAxes, Field(description="axes of the earth that it refers to")] = "NED"
+
+    @model_validator(mode="after")
+    def _angles_or_quaternion(self) -> "AttitudeMap":
+        if (self.columns is None) == (self.quaternion is None):
+            raise ValueError("expected either 'columns' (phi, theta, psi) or 'quaternion'")
+        if self.quaternion is not None and self.unit is not None:
+            raise ValueError("a quaternion has no unit")
+        return self
+
+    def readings(self) -> dict[str, Reading]:
+        """Readings by component, of the angles or of the quaternion."""
+        if self.quaternion is None:
+            return super().readings()
+        return {axis: getattr(self.quaternion, axis) for axis in "wxyz"}
+
+
+class DepthMap(SensorMap):
+    """Depth."""
+
+    sensor = "depth"
+    columns: Down
+
+
+class SensorMaps(Settings):
+    """The sensors that the logs hold."""
+
+    gyroscope: GyroscopeMap | None = None
+    accelerometer: AccelerometerMap | None = None
+    magnetometer: MagnetometerMap | None = None
+    dvl: DvlMap | None = None
+    attitude: AttitudeMap | None = None
+    depth: DepthMap | None = None
+
+    @model_validator(mode="after")
+    def _at_least_one(self) -> "SensorMaps":
+        if not self.given():
+            raise ValueError(f"expected at least one of {', '.join(type(self).model_fields)}")
+        return self
+
+    def given(self) -> dict[str, SensorMap]:
+        """Sensors by name, of those that are given."""
+        sensors = {name: getattr(self, name) for name in type(self).model_fields}
+        return {name: sensor for name, sensor in sensors.items() if sensor is not None}

@@ -1,0 +1,113 @@
+"""From the axes of a sensor to those of the vehicle."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.log_sensors import AttitudeMap, DvlMap, InBody, MagnetometerMap, SensorMap
+from auvid_cli.config.position import Path
+from auvid_cli.data.dataset import SENSORS, SensorRecord
+from auvid_cli.logs.frames import (
+    ENU_TO_NED,
+    FLU_TO_FRD,
+    body_rates,
+    conjugate,
+    earth_to_body,
+    euler_of_quaternion,
+    product,
+    quaternion_of_euler,
+    rotate,
+    rotation,
+)
+from auvid_cli.logs.motion import interpolate, velocity_at_origin
+from auvid_cli.logs.readings import Rows
+from auvid_cli.logs.refusals import RefusedError
+
+Array = NDArray[np.float64]
+
+_UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
+_PART = 100_000
+
+
+def in_vehicle_axes(sensor: SensorMap, rows: Rows, path: Path) -> Array:
+    """Components in the body's axes, or about those of the earth, north-east-down; as far as that needs no attitude.
+
+    Raises
+    ------
+    RefusedError
+        If an attitude lacks an angle that its axes call for.
+    """
+    symbols = [quantity.symbol for quantity in SENSORS[sensor.sensor]]
+    if isinstance(sensor, AttitudeMap):
+        return _attitude(sensor, rows, path)
+    missing = np.full(rows.time.size, np.nan)
+    values = np.column_stack([rows.values.get(symbol, missing) for symbol in symbols])
+    if isinstance(sensor, MagnetometerMap):
+        return 0.5 * np.pi - values if sensor.reference == "ENU" else values
+    if isinstance(sensor, InBody | DvlMap):
+        turn = rotation(product(_mounted(sensor), FLU_TO_FRD if sensor.frame == "FLU" else _UNTURNED))
+        values = values if np.array_equal(turn, np.eye(3)) else rotate(turn, values)
+    if isinstance(sensor, DvlMap) and sensor.frame == "ENU":
+        values = rotate(rotation(ENU_TO_NED), values)
+    return values
+
+
+def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, SensorRecord], path: Path) -> Array:
+    """Velocity of the vehicle's origin in body axes, with attitude and rates of other sensors at its times.
+
+    Raises
+    ------
+    RefusedError
+        If there is no such sensor.
+    """
+    values, attitude, gyroscope = record.values, _whole(others, "attitude"), _whole(others, "gyroscope")
+    if sensor.frame in ("NED", "ENU"):
+        if attitude is None:
+            raise RefusedError((*path, "frame"), f"{sensor.frame} velocities need an `attitude` of all three angles")
+        values = earth_to_body(interpolate(attitude.time, attitude.values, record.time, is_angle=True), values)
+    if sensor.position is not None:
+        if gyroscope is not None:
+            rates = interpolate(gyroscope.time, gyroscope.values, record.time)
+        elif attitude is not None:
+            known = np.isfinite(attitude.values).all(axis=1)
+            time = attitude.time[known]
+            rates = interpolate(time, body_rates(time, attitude.values[known]), record.time)
+        else:
+            raise RefusedError(
+                (*path, "position"), "a lever arm needs a `gyroscope` or an `attitude` of three components"
+            )
+        values = velocity_at_origin(values, rates, np.array(sensor.position))
+    return values
+
+
+def _whole(records: dict[str, SensorRecord], name: str) -> SensorRecord | None:
+    """A sensor's record if it ever measured all of its components."""
+    record = records.get(name)
+    return record if record is not None and np.isfinite(record.values).all(axis=1).any() else None
+
+
+def _mounted(sensor: InBody | DvlMap) -> Array:
+    """Quaternion from the sensor's axes to the body's."""
+    return _UNTURNED if sensor.mount is None else quaternion_of_euler(np.array([sensor.mount.angles()]))[0]
+
+
+def _attitude(sensor: AttitudeMap, rows: Rows, path: Path) -> Array:
+    """Roll, pitch and yaw of the body, from north."""
+    frames = (sensor.reference, sensor.frame)
+    if sensor.quaternion is None and sensor.mount is None and frames in (("NED", "FRD"), ("ENU", "FLU")):
+        missing = np.full(rows.time.size, np.nan)
+        roll, pitch, yaw = (rows.values.get(symbol, missing) for symbol in ("phi", "theta", "psi"))
+        turned = frames == ("ENU", "FLU")
+        return np.column_stack((roll, -pitch, 0.5 * np.pi - yaw) if turned else (roll, pitch, yaw))
+    symbols = ("phi", "theta", "psi") if sensor.quaternion is None else tuple("wxyz")
+    if any(symbol not in rows.values for symbol in symbols):
+        raise RefusedError(
+            (*path, "columns"), "a mount, or these axes, can only be accounted for with all three angles"
+        )
+    earth = ENU_TO_NED if sensor.reference == "ENU" else _UNTURNED
+    body = product(FLU_TO_FRD if sensor.frame == "FLU" else _UNTURNED, conjugate(_mounted(sensor)))
+    angles = np.empty((rows.time.size, 3))
+    for begin in range(0, rows.time.size, _PART):
+        part = np.column_stack([rows.values[symbol][begin : begin + _PART] for symbol in symbols])
+        measured = quaternion_of_euler(part) if sensor.quaternion is None else part
+        angles[begin : begin + _PART] = euler_of_quaternion(product(product(earth, measured), body))
+    return angles

@@ -1,0 +1,114 @@
+"""Axes: quaternions and Euler angles, sensor to body, east-north-up to north-east-down.
+
+Quaternions are rows of w, x, y, z and turn a vector of the first axes into the second: v2 = q v1 q*. Euler angles are
+rows of roll, pitch, yaw, applied as yaw, pitch, roll (Fossen 2011, eqs. (2.18) and (2.60) to (2.72)).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Half a turn about x, forward; half a turn about the line between east and north.
+FLU_TO_FRD = np.array([0.0, 1.0, 0.0, 0.0])
+ENU_TO_NED = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
+
+
+def quaternion_of_euler(angles: Array) -> Array:
+    """Quaternions of Euler angles, shape (n, 3) to (n, 4)."""
+    cosine, sine = np.cos(0.5 * angles).T, np.sin(0.5 * angles).T
+    (cr, cp, cy), (sr, sp, sy) = cosine, sine
+    return np.column_stack(
+        (
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        )
+    )
+
+
+def euler_of_quaternion(quaternion: Array) -> Array:
+    """Euler angles of quaternions of any length but zero, shape (n, 4) to (n, 3); NaN of a zero."""
+    length = np.sqrt(np.einsum("ij,ij->i", quaternion, quaternion))
+    length[length == 0.0] = np.nan
+    w, x, y, z = (quaternion / length[:, None]).T
+    # The pitch by its cosine as well: its sine alone knows little near +-90 degrees.
+    sine, forward_north, forward_east = 2.0 * (w * y - x * z), 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z)
+    return np.column_stack(
+        (
+            np.arctan2(2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+            np.arctan2(sine, np.hypot(forward_north, forward_east)),
+            np.arctan2(forward_east, forward_north),
+        )
+    )
+
+
+def product(left: Array, right: Array) -> Array:
+    """Quaternion product, either side one quaternion or n."""
+    a, b, c, d = left.T
+    w, x, y, z = right.T
+    return np.stack(
+        (
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        ),
+        axis=-1,
+    )
+
+
+def conjugate(quaternion: Array) -> Array:
+    """Quaternions of the turns back."""
+    return quaternion * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def rotation(quaternion: Array) -> Array:
+    """Rotation matrix of one quaternion; what is only rounding beside 1 becomes 0, so that axes stay apart."""
+    w, x, y, z = quaternion
+    matrix = np.array(
+        [
+            [w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z],
+        ]
+    )
+    whole = np.rint(matrix)
+    return np.where(np.abs(matrix - whole) < 1e-15, whole + 0.0, matrix)
+
+
+def rotate(matrix: Array, vectors: Array) -> Array:
+    """Turn rows of vectors; a component that is missing spoils only those that it has a part in."""
+    turned = np.zeros_like(vectors)
+    for i, j in zip(*np.nonzero(matrix), strict=True):
+        turned[:, i] += matrix[i, j] * vectors[:, j]
+    return turned
+
+
+def earth_to_body(angles: Array, vectors: Array) -> Array:
+    """Turn north-east-down rows into body rows by the attitude at the same instants."""
+    (sin_roll, sin_pitch, sin_yaw), (cos_roll, cos_pitch, cos_yaw) = np.sin(angles).T, np.cos(angles).T
+    north, east, down = vectors.T
+    ahead, across = cos_yaw * north + sin_yaw * east, cos_yaw * east - sin_yaw * north
+    below = sin_pitch * ahead + cos_pitch * down
+    return np.column_stack(
+        (
+            cos_pitch * ahead - sin_pitch * down,
+            cos_roll * across + sin_roll * below,
+            cos_roll * below - sin_roll * across,
+        )
+    )
+
+
+def body_rates(time: Array, angles: Array) -> Array:
+    """Angular rates p, q, r that the change of the Euler angles implies (central differences)."""
+    roll_rate, pitch_rate, yaw_rate = np.gradient(np.unwrap(angles, axis=0), time, axis=0).T
+    (sin_roll, sin_pitch, _), (cos_roll, cos_pitch, _) = np.sin(angles).T, np.cos(angles).T
+    return np.column_stack(
+        (
+            roll_rate - sin_pitch * yaw_rate,
+            cos_roll * pitch_rate + sin_roll * cos_pitch * yaw_rate,
+            cos_roll * cos_pitch * yaw_rate - sin_roll * pitch_rate,
+        )
+    )

@@ -1,0 +1,122 @@
+"""All inputs of a map as one record."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.log_inputs import InputsMap
+from auvid_cli.config.log_map import LogMap
+from auvid_cli.config.position import Path
+from auvid_cli.data.dataset import InputRecord, SensorRecord
+from auvid_cli.logs.account import Account, account_of
+from auvid_cli.logs.columns import ColumnReader
+from auvid_cli.logs.inputs import Channel, cut, hold, mix, propeller_thrust, thruster_force
+from auvid_cli.logs.motion import interpolate
+from auvid_cli.logs.readings import read_rows
+from auvid_cli.logs.refusals import Refusals, RefusedError
+from auvid_cli.logs.requests import Request
+from auvid_cli.logs.sensor_records import SensorRecords
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
+
+Array = NDArray[np.float64]
+
+_LARGEST_FIN_ANGLE, _ROUNDING = 0.5 * np.pi, 1e-9
+
+
+def read_inputs(
+    settings: LogMap, requests: dict[Path, Request], columns: ColumnReader, sensors: SensorRecords, refusals: Refusals
+) -> tuple[InputRecord, list[Account], tuple[str, ...]]:
+    """Read the inputs, mix what makes them up, and keep what holds while the sensors measure.
+
+    Returns
+    -------
+    InputRecord
+    list of Account
+        Of each column that an input is made from.
+    tuple of str
+        What else is to be said of them.
+
+    Raises
+    ------
+    ConfigError
+        With every mistake found in a step.
+    FileError
+        If a log is damaged.
+    """
+    channels: dict[str, Channel] = {}
+    accounts = []
+    for key in settings.inputs.channels():
+        with refusals.collecting():
+            channel, account = _read(settings.inputs, key, requests["inputs", *key], columns, sensors.origin)
+            channels[".".join(key)] = channel
+            accounts.append(account)
+    refusals.stop_if_any()
+    time, held = hold(channels)
+    begin = float(min(record.time[0] for record in sensors.records.values()))
+    end = float(max(record.time[-1] for record in sensors.records.values()))
+    remarks: tuple[str, ...] = ()
+    record = InputRecord(time, np.zeros((time.size, len(INPUT_SYMBOLS))))
+    with refusals.collecting():
+        if not time.size or time[0] > end or time[-1] < begin:
+            message = f"no time in common with the sensors, which measure from {begin:.3f} to {end:.3f} s"
+            spans = ", ".join(f"{name} {own.time[0]:.3f} to {own.time[-1]:.3f} s" for name, own in channels.items())
+            raise RefusedError(("inputs",), f"{message}: {spans}; give one of them a time with an `offset`")
+        remarks = _mix(settings, held, sensors.records, record)
+    refusals.stop_if_any()
+    known = np.isfinite(record.values).all(axis=1)
+    return InputRecord(*cut(record.time[known], record.values[known], begin, end)), accounts, remarks
+
+
+def _read(
+    settings: InputsMap, key: tuple[str, ...], request: Request, columns: ColumnReader, origin: float
+) -> tuple[Channel, Account]:
+    reading = settings.channels()[key]
+    rows = read_rows(request, {key[-1]: reading}, None, columns)
+    values = rows.values[key[-1]]
+    known = np.isfinite(values)
+    if not known.any():
+        raise RefusedError(request.path, f"there is no number in the column {reading.column!r}")
+    time, values = rows.time[known] - origin, values[known]
+    largest = float(np.abs(values).max())
+    if reading.si == "rad" and largest > _LARGEST_FIN_ANGLE:
+        raise RefusedError(request.path, f"deflects {largest:.3g} rad: state the `unit`, or `centre` and `scale`")
+    lost = rows.values[key[-1]].size - values.size
+    remarks = (f"{lost} missing values: the one before is held",) if lost else ()
+    return Channel(time, values), account_of(".".join(key), time, 0, rows.order, rows.rollovers, remarks)
+
+
+def _mix(
+    settings: LogMap, held: dict[str, Array], sensors: dict[str, SensorRecord], record: InputRecord
+) -> tuple[str, ...]:
+    """Fill in rudder, elevator, surge force and roll moment; returns what is to be said of them."""
+    rudder, elevator, surge_force, roll_moment = record.values.T
+    remarks = []
+    for symbol, target in zip(INPUT_SYMBOLS, record.values.T, strict=True):
+        target[:] = held.get(symbol, 0.0)
+    fins = {name.removeprefix("fins."): values for name, values in held.items() if name.startswith("fins.")}
+    if fins:
+        mixed = mix(fins)
+        rudder[:], elevator[:] = mixed.rudder, mixed.elevator
+        if mixed.rest > _ROUNDING:
+            remarks.append(f"fins: {np.degrees(mixed.rest):.2g} deg RMS are neither rudder nor elevator: left out")
+    thrust = settings.inputs.thrust
+    if thrust is not None and thrust.full is not None:
+        surge_force[:] = thruster_force(held["thrust.share"], thrust.full)
+    elif thrust is not None and thrust.a is not None:
+        speed = _speed(record.time, sensors) if thrust.b else np.zeros(record.time.size)
+        surge_force[:] = propeller_thrust(held["thrust.revolutions"], speed, thrust.a, thrust.b)
+    if settings.inputs.roll_moment == "propeller":
+        known = settings.vehicle.known_parameters()
+        if known["X_prop"] == 0.0:
+            raise RefusedError(("inputs", "roll_moment"), "needs a vehicle whose X_prop is not 0")
+        roll_moment[:] = surge_force * (known["K_prop"] / known["X_prop"])
+    idle = [symbol for symbol, values in zip(INPUT_SYMBOLS, record.values.T, strict=True) if not values.any()]
+    if idle:
+        remarks.append(f"{', '.join(idle)}: zero all the time, or not in the map")
+    return tuple(remarks)
+
+
+def _speed(time: Array, sensors: dict[str, SensorRecord]) -> Array:
+    """Measured surge velocity; NaN where there is none."""
+    if "dvl" not in sensors:
+        raise RefusedError(("inputs", "thrust", "b"), "needs the speed, but no `dvl` is mapped")
+    return interpolate(sensors["dvl"].time, sensors["dvl"].values[:, :1], time)[:, 0]

@@ -1,0 +1,43 @@
+"""What a velocity sensor's place and axes ask for: attitude and angular rates at its own times."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_LONGEST_GAP = 1.0
+
+
+def interpolate(time: Array, values: Array, at: Array, is_angle: bool = False) -> Array:
+    """Rows of values at other times, linearly; NaN before the first, after the last, and in gaps of over a second.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        s, increasing.
+    values : ndarray, shape (n, c)
+        Rows in which a component is missing do not count.
+    at : ndarray, shape (m,)
+    is_angle : bool
+        Whether values are angles that may jump by whole turns.
+
+    Returns
+    -------
+    ndarray, shape (m, c)
+    """
+    known = np.isfinite(values).all(axis=1)
+    time, values = time[known], values[known]
+    if not time.size:
+        return np.full((at.size, values.shape[1]), np.nan)
+    if is_angle:
+        values = np.unwrap(values, axis=0)
+    found = np.column_stack([np.interp(at, time, column, np.nan, np.nan) for column in values.T])
+    after = np.clip(np.searchsorted(time, at), 1, max(time.size - 1, 1))
+    if time.size > 1:
+        found[(time[after] - time[after - 1] > _LONGEST_GAP) & ~np.isin(at, time)] = np.nan
+    return found
+
+
+def velocity_at_origin(velocity: Array, rates: Array, position: Array) -> Array:
+    """Velocity of the vehicle's origin from that of a sensor at a position: v - omega x r, rows in body axes."""
+    return velocity - np.cross(rates, position)

@@ -1,0 +1,201 @@
+"""What a map asks of its logs: found in them, or said to be missing, each where the map asks for it."""
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from auvid_cli.config.log_columns import Reading, Rows, TimeSource, unit_factor
+from auvid_cli.config.log_map import LogMap
+from auvid_cli.config.position import Path
+from auvid_cli.config.quantity import expected
+from auvid_cli.config.tree import Tree
+from auvid_cli.logs.log import HEADER_STAMP, LOG_TIME, Column, Log
+from auvid_cli.logs.lookup import missing
+from auvid_cli.logs.refusals import Refusals
+
+
+class Place(NamedTuple):
+    """A column of a log."""
+
+    log: str
+    table: str
+    column: str
+
+
+class Request(NamedTuple):
+    """What one sensor or one input needs.
+
+    Attributes
+    ----------
+    path : tuple
+        Where the map asks for it.
+    values : dict
+        Column and size of its unit in SI, by component.
+    valid : Place or None
+        Column that says which rows are valid.
+    time : Place
+    time_factor : float
+        s per unit of the times, if they are numbers.
+    time_offset : float
+        s, to be added.
+    """
+
+    path: Path
+    values: dict[str, tuple[Place, float]]
+    valid: Place | None
+    time: Place
+    time_factor: float
+    time_offset: float
+
+    def places(self) -> Iterator[Place]:
+        """All columns that it needs."""
+        yield from (place for place, _ in self.values.values())
+        yield self.time
+        if self.valid is not None:
+            yield self.valid
+
+
+def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusals: Refusals) -> dict[Path, Request]:
+    """Find the columns that a map names.
+
+    Parameters
+    ----------
+    settings : LogMap
+    tree : Tree
+        The map as it was read.
+    logs : mapping of str to Log
+        Opened logs by the map's names for them.
+    refusals : Refusals
+        Takes tables and columns that the logs have not, text where numbers are expected, units that do not fit.
+
+    Returns
+    -------
+    dict of Request
+        By where the map asks: of sensors ``("sensors", name)``, of inputs ``("inputs", name)``, of single fins and of
+        a thruster one key more.
+    """
+    finder = _Finder(settings, tree, logs, refusals)
+    requests: dict[Path, Request | None] = {}
+    for name, sensor in settings.sensors.given().items():
+        path: Path = ("sensors", name)
+        under = "columns" if getattr(sensor, "quaternion", None) is None else "quaternion"
+        readings: dict[Path, Reading] = {(*path, under, symbol): own for symbol, own in sensor.readings().items()}
+        requests[path] = finder.request(path, [sensor], readings, sensor.unit, sensor.valid and sensor.valid.column)
+    for key, reading in settings.inputs.channels().items():
+        path = ("inputs", *key)
+        requests[path] = finder.request(path, [reading, settings.inputs], {path: reading}, None, None)
+    return {path: request for path, request in requests.items() if request is not None}
+
+
+class _Finder:
+    """Looks up columns and says what is not there."""
+
+    def __init__(self, settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusals: Refusals) -> None:
+        self._settings, self._tree, self._logs, self._refusals = settings, tree, logs, refusals
+        self._say = refusals.say
+        self._tables = {name: log.tables() for name, log in logs.items()}
+
+    def request(
+        self, path: Path, rows: list[Rows], readings: Mapping[Path, Reading], unit: str | None, valid: str | None
+    ) -> Request | None:
+        """Find what belongs together; `rows` say where, the first that says so. None if something is missing."""
+        before = len(self._refusals)
+        log = self._log(path, next((r.log for r in rows if r.log is not None), None))
+        if log is None:
+            return None
+        table = self._table(path, log, next((r.table for r in rows if r.table is not None), None))
+        if table is None:
+            return None
+        values = {}
+        for place, reading in readings.items():
+            column = self._column((*place, "column"), log, table, reading.column, numbers=True)
+            if column is not None:
+                factor = self._factor(place, reading, unit, column)
+                values[str(place[-1])] = Place(log, table, column.name), factor
+        flag = valid and self._column((*path, "valid", "column"), log, table, valid, numbers=False)
+        time = self._time(path, log, table, [r.time for r in rows])
+        if len(self._refusals) > before or time is None:
+            return None
+        return Request(path, values, Place(log, table, flag.name) if flag else None, *time)
+
+    def _log(self, path: Path, name: str | None) -> str | None:
+        if name is None and len(self._logs) == 1:
+            return next(iter(self._logs))
+        if name in self._logs:
+            return name
+        if name is None:
+            self._say(path, f"missing key 'log': one of {', '.join(self._logs)}")
+        else:
+            self._say((*path, "log"), f"there is no log named {name!r} in `logs`; there is {', '.join(self._logs)}")
+        return None
+
+    def _table(self, path: Path, log: str, name: str | None) -> str | None:
+        tables = self._tables[log]
+        if name is None and len(tables) == 1:
+            return next(iter(tables))
+        if name in tables:
+            return name
+        if name is None:
+            some = ", ".join(list(tables)[:5]) + (", ..." if len(tables) > 5 else "")
+            self._say(path, f"missing key 'table': one of those in {self._logs[log].path}: {some}")
+        else:
+            self._say((*path, "table"), missing(self._logs[log], "table", name, tables))
+        return None
+
+    def _column(self, path: Path, log: str, table: str, name: str, numbers: bool) -> Column | None:
+        columns = self._tables[log][table]
+        for column in columns:
+            # As the log's header writes it, with the unit, is right as well.
+            if name in (column.name, f"{column.name} ({column.unit})", f"{column.name} [{column.unit}]"):
+                if numbers and column.is_text:
+                    self._say(path, f"the column {name!r} of {self._logs[log].path} holds text, not numbers")
+                    return None
+                return column
+        what = f"column in {table}" if table else "column"
+        self._say(path, missing(self._logs[log], what, name, [column.name for column in columns]))
+        return None
+
+    def _factor(self, path: Path, reading: Reading, unit: str | None, column: Column) -> float:
+        """SI units per unit of the log's numbers."""
+        if reading.scale is not None:
+            return reading.scale
+        stated = reading.unit or unit
+        if stated is not None:
+            return unit_factor(stated, reading.si)
+        return self._header_factor(path, column, reading.si)
+
+    def _header_factor(self, path: Path, column: Column, si: str) -> float:
+        try:
+            return unit_factor(column.unit, si) if column.unit else 1.0
+        except ValueError:
+            reason = f"the log states the unit {column.unit!r} of {column.name!r}; state the `unit` that is meant"
+            self._say(path, f"{reason}: expected {expected(si)}")
+            return 1.0
+
+    def _time(
+        self, path: Path, log: str, table: str, stated: list[TimeSource | None]
+    ) -> tuple[Place, float, float] | None:
+        """Column, unit and offset of the times."""
+        own = next((source for source in stated if source is not None), None)
+        source = own or self._settings.time
+        names = [column.name for column in self._tables[log][table]]
+        if source is None:
+            default = next((name for name in (HEADER_STAMP, LOG_TIME) if name in names), None)
+            if default is None:
+                self._say(path, "missing key 'time': the column that says when its rows were measured")
+                return None
+            source = TimeSource(column=default)
+        # Inputs may have it from what holds for all of them, and any of them from the map's own.
+        candidates: list[Path] = [(*path[:length], "time") for length in range(len(path), 0, -1)]
+        at = next((p for p in candidates if len(list(self._tree.descend(p))) == len(p) + 1), ("time",))
+        if source.table is not None:
+            found = self._table(at, log, source.table)
+            if found is None:
+                return None
+            table = found
+        column = self._column((*at, "column"), log, table, source.column, numbers=False)
+        if column is None:
+            return None
+        factor = unit_factor(source.unit, "s") if source.unit else 1.0
+        if not source.unit and not column.is_text:
+            factor = self._header_factor(at, column, "s")
+        return Place(log, table, column.name), factor, source.offset

@@ -1,0 +1,152 @@
+"""All sensors of a map as records on one clock."""
+
+from dataclasses import replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.log_map import LogMap
+from auvid_cli.config.log_sensors import DvlMap, SensorMap
+from auvid_cli.config.position import Path
+from auvid_cli.data.dataset import SENSORS, SensorRecord
+from auvid_cli.logs.account import Account, account_of
+from auvid_cli.logs.axes import complete_velocity, in_vehicle_axes
+from auvid_cli.logs.columns import ColumnReader
+from auvid_cli.logs.noise import noise_standard_deviation
+from auvid_cli.logs.readings import Rows, check_size, read_rows, without_repeats
+from auvid_cli.logs.refusals import Refusals, RefusedError
+from auvid_cli.logs.requests import Request
+
+Array = NDArray[np.float64]
+Spans = tuple[tuple[float, float], ...]
+
+# They may count turns, so that no size is too large for them.
+_HEADINGS = ("psi", "heading")
+
+
+class SensorRecords(NamedTuple):
+    """Sensors, the log's time of their t = 0 (s), and what became of each."""
+
+    records: dict[str, SensorRecord]
+    origin: float
+    accounts: list[Account]
+
+
+def read_sensors(
+    settings: LogMap, requests: dict[Path, Request], columns: ColumnReader, refusals: Refusals
+) -> SensorRecords:
+    """Read, turn and cut all sensors; t = 0 is the first sample of the earliest.
+
+    Raises
+    ------
+    ConfigError
+        With every mistake found in a step.
+    FileError
+        If a log is damaged.
+    """
+    maps = settings.sensors.given()
+    rows: dict[str, Rows] = {}
+    raw: dict[str, Array] = {}
+    for name, sensor in maps.items():
+        with refusals.collecting():
+            rows[name], raw[name] = _read(name, sensor, requests["sensors", name], columns)
+    refusals.stop_if_any()
+    origin = float(min(own.time[0] for own in rows.values()))
+    excluded, records = {}, {}
+    for name, sensor in maps.items():
+        time, values = rows[name].time - origin, raw.pop(name)
+        excluded[name] = _within(time, (*settings.exclude, *sensor.exclude))
+        values[excluded[name]] = np.nan
+        records[name] = SensorRecord(time, values, np.empty(0))
+    _check_common_time(records, origin, refusals)
+    refusals.stop_if_any()
+    dvl, accounts = settings.sensors.dvl, []
+    if isinstance(dvl, DvlMap):
+        with refusals.collecting():
+            values = complete_velocity(dvl, records["dvl"], records, ("sensors", "dvl"))
+            records["dvl"] = replace(records["dvl"], values=values)
+    for name, sensor in maps.items():
+        with refusals.collecting():
+            records[name] = _finished(name, sensor, records[name], settings.use)
+            accounts.append(_account(name, sensor, records[name], rows[name], int(excluded[name].sum())))
+    refusals.stop_if_any()
+    return SensorRecords(records, origin, accounts)
+
+
+def _read(name: str, sensor: SensorMap, request: Request, columns: ColumnReader) -> tuple[Rows, Array]:
+    rows = read_rows(request, sensor.readings(), sensor.valid, columns)
+    if sensor.repeats == "drop":
+        rows = without_repeats(rows)
+    values = in_vehicle_axes(sensor, rows, request.path)
+    for column, quantity in enumerate(SENSORS[name]):
+        if quantity.symbol not in _HEADINGS:
+            check_size(request.path, values[:, column], quantity.unit)
+    return rows._replace(values={}), values
+
+
+def _within(time: Array, spans: Spans) -> NDArray[np.bool_]:
+    """Whether times are in one of the spans, their ends included."""
+    inside = np.zeros(time.size, np.bool_)
+    for begin, end in spans:
+        inside[np.searchsorted(time, begin) : np.searchsorted(time, end, side="right")] = True
+    return inside
+
+
+def _check_common_time(records: dict[str, SensorRecord], origin: float, refusals: Refusals) -> None:
+    for (name, first), (other, second) in combinations(records.items(), 2):
+        if max(first.time[0], second.time[0]) > min(first.time[-1], second.time[-1]):
+            spans = (f"{own.time[0] + origin:.3f} to {own.time[-1] + origin:.3f} s" for own in (first, second))
+            refusals.say(
+                ("sensors", other),
+                "no time in common: {} is from {}, {} from {}; give one of them a time with an `offset`, or another "
+                "time".format(*(text for pair in zip((name, other), spans, strict=True) for text in pair)),
+            )
+
+
+def _finished(name: str, sensor: SensorMap, record: SensorRecord, use: Spans) -> SensorRecord:
+    """What is used of a record, with its noise stated."""
+    time, values = record.time, record.values
+    if use:
+        used = _within(time, use)
+        time, values = time[used], values[used]
+    if not np.isfinite(values).any():
+        raise RefusedError(("sensors", name), "no valid sample is left: look at use, exclude, valid and limits")
+    return SensorRecord(time, values, _standard_deviation(name, sensor, values))
+
+
+def _standard_deviation(name: str, sensor: SensorMap, values: Array) -> Array:
+    if sensor.standard_deviation != "estimate":
+        return np.array(sensor.standard_deviation, np.float64)
+    measured = np.isfinite(values).any(axis=0)
+    deviation = np.array(
+        [noise_standard_deviation(column, is_angle=SENSORS[name][0].unit == "rad") for column in values.T]
+    )
+    if not (deviation[measured] > 0.0).all():
+        message = "the noise cannot be estimated, for most samples repeat the one before: state it"
+        raise RefusedError(("sensors", name, "standard_deviation"), message)
+    # What was never measured has no noise; a filter must still be told a number.
+    return np.where(measured, deviation, np.nanmax(deviation))
+
+
+def _account(name: str, sensor: SensorMap, record: SensorRecord, rows: Rows, excluded: int) -> Account:
+    unit = SENSORS[name][0].unit
+    unused = rows.time.size - record.time.size
+    stated = ", ".join(f"{deviation:.3g}" for deviation in record.standard_deviation)
+    heading = [k for k, quantity in enumerate(SENSORS[name]) if quantity.symbol in _HEADINGS]
+    furthest = float(np.nanmax(np.abs(record.values[:, heading]), initial=0.0))
+    said = (
+        (
+            furthest > 2.0 * np.pi,
+            f"the heading reaches {furthest:.4g} rad: are these turns, or degrees without a unit?",
+        ),
+        (excluded, f"{excluded} samples in excluded spans set to missing"),
+        (rows.invalid, f"{rows.invalid} values not valid or beyond their limits set to missing"),
+        (rows.repeats, f"{rows.repeats} rows that repeat the one before left out"),
+        (unused, f"{unused} samples not in the spans of `use` left out"),
+        (sensor.standard_deviation == "estimate", f"standard deviation estimated from the signal: {stated} {unit}"),
+    )
+    missing = int(np.count_nonzero(np.isnan(record.values).all(axis=1)))
+    remarks = tuple(text for applies, text in said if applies)
+    return account_of(name, record.time, missing, rows.order, rows.rollovers, remarks)

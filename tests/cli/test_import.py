@@ -1,0 +1,143 @@
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from auvid_cli.cli.import_log import import_log
+from auvid_cli.config.load import shipped_configs
+from auvid_cli.data.dataset import SENSORS
+from auvid_cli.data.dataset_file import read_dataset
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
+
+MAP = f"""\
+name: sea_trial
+vehicle: {shipped_configs() / "vehicles" / "vt690.yaml"}
+identification: {{filters: [ckf]}}
+logs: {{rates: gyroscope.csv, velocity: dvl.csv, angles: attitude.csv, commands: inputs.csv}}
+time: time
+sensors:
+  gyroscope: {{log: rates, columns: {{p: p, q: q, r: r}}, standard_deviation: 0.07 deg/s}}
+  dvl: {{log: velocity, columns: {{u: u, v: v, w: w}}, standard_deviation: estimate}}
+  attitude: {{log: angles, columns: {{phi: phi, theta: theta, psi: psi}}, standard_deviation: 1 deg}}
+inputs: {{log: commands, rudder: rudder, elevator: elevator, surge_force: surge_force, roll_moment: roll_moment}}
+"""
+
+
+def auvid_import(*arguments):
+    app = typer.Typer()
+    app.command()(import_log)
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def to_csv(path, names, *columns):
+    table = np.column_stack(columns)
+    np.savetxt(path, table, delimiter=",", header=",".join(names), comments="", fmt="%.17g")
+
+
+@pytest.fixture(scope="module")
+def exported(short_run, tmp_path_factory):
+    """A simulated run as a vehicle might have logged it: a CSV file per sensor, and its map."""
+    folder = tmp_path_factory.mktemp("log")
+    for name, record in short_run.sensors.items():
+        symbols = [quantity.symbol for quantity in SENSORS[name]]
+        to_csv(folder / f"{name}.csv", ["time", *symbols], record.time, record.values)
+    to_csv(folder / "inputs.csv", ["time", *INPUT_SYMBOLS], short_run.inputs.time, short_run.inputs.values)
+    (folder / "map.yaml").write_text(MAP)
+    return folder
+
+
+def test_simulated_run_comes_back_from_its_csv_files(short_run, exported, tmp_path):
+    result = auvid_import("--map", exported / "map.yaml", "-o", tmp_path / "dataset.h5")
+    assert result.exit_code == 0, result.output
+    found = read_dataset(tmp_path / "dataset.h5")
+    assert found.truth is None
+    assert set(found.sensors) == {"gyroscope", "dvl", "attitude"}
+    for name, record in found.sensors.items():
+        assert record.time == pytest.approx(short_run.sensors[name].time, abs=1e-12)
+        assert record.values == pytest.approx(short_run.sensors[name].values, abs=1e-12, nan_ok=True)
+    assert found.inputs.time == pytest.approx(short_run.inputs.time, abs=1e-12)
+    assert found.inputs.values == pytest.approx(short_run.inputs.values, abs=1e-12)
+    run = found.experiment
+    assert (run.name, run.recording.map, run.recording.origin) == ("sea_trial", MAP, 0.0)
+    assert [file.name for file in run.recording.files] == ["gyroscope.csv", "dvl.csv", "attitude.csv", "inputs.csv"]
+    assert all(re.fullmatch("[0-9a-f]{64}", file.sha256) for file in run.recording.files)
+
+
+def test_it_says_what_it_did_and_what_is_next(exported, tmp_path):
+    result = auvid_import("--map", exported / "map.yaml", "-o", tmp_path / "dataset.h5")
+    assert re.search(r"dvl +7 +421 +0 +60 +\d+ +0", result.output)
+    assert "dvl: standard deviation estimated from the signal: " in result.output
+    assert f"auvid inspect {tmp_path / 'dataset.h5'}" in "".join(result.output.split("\n"))
+
+
+def test_import_goes_to_the_results_folder_unless_told(exported, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert auvid_import("--map", exported / "map.yaml", "-q").output == ""
+    assert (tmp_path / "results" / "sea_trial" / "dataset.h5").is_file()
+
+
+def test_log_of_the_command_line_takes_the_place_of_the_maps(exported, tmp_path):
+    result = auvid_import("velocity=none.csv", "--map", exported / "map.yaml", "-o", tmp_path / "d.h5")
+    assert result.exit_code == 2
+    assert "none.csv: no such log file" in result.output
+    assert not (tmp_path / "d.h5").exists()
+
+
+def test_suggested_map_of_exported_logs_imports_once_it_is_filled_in(short_run, exported, tmp_path):
+    logs = [exported / f"{name}.csv" for name in ("gyroscope", "dvl", "attitude", "inputs")]
+    path = tmp_path / "map.yaml"
+    assert auvid_import("--suggest", *logs, "-o", path).exit_code == 0
+    refused = auvid_import("--map", path, "-o", tmp_path / "d.h5")
+    assert refused.exit_code == 2
+    assert "sensors.dvl.standard_deviation: expected a speed" in refused.output
+    text = re.sub(
+        r"(?s)vehicle: #.*?logs:", f"vehicle: {shipped_configs()}/vehicles/vt690.yaml\nlogs:", path.read_text()
+    )
+    path.write_text(text.replace("standard_deviation: null", "standard_deviation: estimate"))
+    result = auvid_import("--map", path, "-o", tmp_path / "d.h5")
+    assert result.exit_code == 0, result.output
+    found = read_dataset(tmp_path / "d.h5")
+    for name in ("gyroscope", "dvl", "attitude"):
+        assert found.sensors[name].values == pytest.approx(short_run.sensors[name].values, abs=1e-12, nan_ok=True)
+    assert found.inputs.values == pytest.approx(short_run.inputs.values, abs=1e-12)
+
+
+def test_layout_of_the_text_is_told_by_the_map(tmp_path):
+    rows = [f"{k / 10};{2 + k / 8};{k % 3}".replace(".", ",") for k in range(50)]
+    rows[7] = "0,7;gone;1"
+    log = tmp_path / "log.txt"
+    log.write_text("\n".join(["Boat 7", "made by hand; all of it", "time;speed (kn);rudder [deg]", *rows]))
+    path = tmp_path / "map.yaml"
+    path.write_text(
+        f"name: boat\nvehicle: {shipped_configs()}/vehicles/lauv.yaml\n"
+        "logs: {log: {file: log.txt, delimiter: ;, header_row: 3, decimal: ',', missing: [gone]}}\n"
+        "time: time\nsensors:\n  dvl: {columns: {u: speed (kn)}, standard_deviation: 1 cm/s}\n"
+        "inputs: {rudder: rudder}\n"
+    )
+    result = auvid_import("--map", path, "-o", tmp_path / "d.h5")
+    assert result.exit_code == 0, result.output
+    found = read_dataset(tmp_path / "d.h5")
+    expected = (2 + np.arange(50) / 8) * 1852 / 3600
+    expected[7] = np.nan
+    assert found.sensors["dvl"].values[:, 0] == pytest.approx(expected, nan_ok=True)
+    assert np.isnan(found.sensors["dvl"].values[:, 1:]).all()
+    assert found.inputs.values[:, 0] == pytest.approx(np.radians(np.arange(50) % 3))
+
+
+@pytest.mark.parametrize("arguments", [[], ["--suggest"], ["--suggest", "x.csv", "--map", "m.yaml"], ["x.csv"]])
+def test_wrong_call_is_answered_in_a_line(arguments):
+    result = auvid_import(*arguments)
+    assert result.exit_code == 2
+    assert "auvid: " in result.output
+    assert "--suggest" in result.output
+
+
+def test_command_loads_nothing_heavy_before_it_runs():
+    heavy = ("numpy", "pandas", "h5py", "pydantic")
+    code = f"import sys, auvid_cli.cli.import_log; print([name for name in {heavy} if name in sys.modules])"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"

@@ -1,0 +1,135 @@
+import pytest
+
+from auvid_cli.config.load import shipped_configs
+from auvid_cli.config.log_columns import unit_factor
+from auvid_cli.config.log_map import load_map
+from auvid_cli.errors import ConfigError
+
+HEAD = f"""\
+name: run
+vehicle: {shipped_configs() / "vehicles" / "remus100.yaml"}
+logs: {{log: run.csv}}
+"""
+GYROSCOPE = "  gyroscope: {columns: {p: gx, r: {column: gz, unit: deg/s, sign: -1}}, standard_deviation: 0.2 deg/s}\n"
+INPUTS = "inputs: {rudder: dr}\n"
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Function: the map of a text."""
+    path = tmp_path / "map.yaml"
+
+    def run(text):
+        path.write_text(text)
+        return load_map(path)[0]
+
+    return run
+
+
+def test_short_forms_mean_the_long_ones(load):
+    short = load(HEAD + "use: [1 s, 2 s]\ntime: t\nsensors:\n" + GYROSCOPE + INPUTS)
+    gyroscope = short.sensors.gyroscope
+    assert gyroscope.columns.p.column == "gx"
+    assert gyroscope.columns.r.sign == -1
+    assert list(gyroscope.readings()) == ["p", "r"]
+    assert gyroscope.standard_deviation == pytest.approx((0.00349066,) * 3, rel=1e-5)
+    assert short.use == ((1.0, 2.0),)
+    assert (short.time.column, short.time.offset) == ("t", 0.0)
+    assert short.logs["log"].file == "run.csv"
+    long = HEAD.replace("run.csv", "{file: run.csv}") + "use: [[1, 2]]\ntime: {column: t}\nsensors:\n"
+    assert load(long + GYROSCOPE.replace("p: gx", "p: {column: gx}") + "inputs: {rudder: {column: dr}}\n") == short
+
+
+def test_quaternion_by_its_stem_and_mount_by_its_name(load):
+    attitude = load(
+        HEAD + "sensors:\n  attitude: {quaternion: pose.q, mount: upside down, standard_deviation: estimate}\n" + INPUTS
+    ).sensors.attitude
+    assert [reading.column for reading in attitude.readings().values()] == [
+        "pose.q.w",
+        "pose.q.x",
+        "pose.q.y",
+        "pose.q.z",
+    ]
+    assert attitude.mount.angles() == pytest.approx((3.14159265, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("stated", "unit", "size"),
+    [
+        ("Kn", "m/s", 1852 / 3600),
+        ("deg", "rad", 0.017453292519943295),
+        ("Degrees", "rad", 0.017453292519943295),
+        ("rpm", "turn/s", 1 / 60),
+        ("%", "percent", 1.0),
+        ("us", "s", 1e-6),
+    ],
+)
+def test_units_as_logs_write_them(stated, unit, size):
+    assert unit_factor(stated, unit) == pytest.approx(size)
+
+
+def test_file_of_the_command_line_beats_that_of_the_map(load, tmp_path):
+    two = load(HEAD.replace("{log: run.csv}", "{a: a.csv, b: {delimiter: ';'}}") + "sensors:\n" + GYROSCOPE + INPUTS)
+    assert two.files(tmp_path, ["b=x.csv"]) == {"a": tmp_path / "a.csv", "b": tmp_path.__class__("x.csv")}
+    assert [str(path) for path in two.files(tmp_path, ["1.csv", "2.csv"]).values()] == ["1.csv", "2.csv"]
+    with pytest.raises(ConfigError, match="names no file for the log 'b'"):
+        two.files(tmp_path)
+    with pytest.raises(ConfigError, match=r"3\.csv: one file too many"):
+        two.files(tmp_path, ["1.csv", "2.csv", "3.csv"])
+
+
+@pytest.mark.parametrize(
+    ("sensors", "inputs", "messages"),
+    [
+        ("  gyroscope: {columns: {p: gx}}\n", INPUTS, ["5:3: sensors.gyroscope: missing key 'standard_deviation'"]),
+        (
+            GYROSCOPE.replace("0.2 deg/s", "null"),
+            INPUTS,
+            ["5:93: sensors.gyroscope.standard_deviation: expected an ang"],
+        ),
+        (GYROSCOPE.replace("0.2 deg/s", "0"), INPUTS, ["standard deviations greater than 0"]),
+        (
+            GYROSCOPE.replace("deg/s, sign", "kn, sign"),
+            INPUTS,
+            ["columns.r.unit: expected an angular rate", "got '1 kn'"],
+        ),
+        (GYROSCOPE.replace("-1", "-2"), INPUTS, ["5:67: sensors.gyroscope.columns.r.sign: expected 1 or -1, got -2"]),
+        (GYROSCOPE.replace("p: gx", "pp: gx"), INPUTS, ["unknown key 'pp'; did you mean 'p'?"]),
+        (GYROSCOPE.replace("p: gx, ", "").replace("r: {", "r: {scale: 2, "), INPUTS, ["expected 'unit' or 'scale'"]),
+        ("  dvl: {columns: {}, standard_deviation: 1}\n", INPUTS, ["expected a column for at least one of u, v, w"]),
+        (
+            "  dvl: {columns: {u: u}, frame: NED, mount: sideways, position: 3, standard_deviation: 1}\n",
+            INPUTS,
+            ["dvl.mount: expected upside down, backward, or angles", "position: expected [forward, starboard, down]"],
+        ),
+        ("  dvl: {columns: {u: u}, frame: ENU, mount: backward, standard_deviation: 1}\n", INPUTS, ["needs no mount"]),
+        (
+            "  attitude: {standard_deviation: 1}\n",
+            INPUTS,
+            ["expected either 'columns' (phi, theta, psi) or 'quaternion'"],
+        ),
+        ("  attitude: {quaternion: q, unit: deg, standard_deviation: 1}\n", INPUTS, ["a quaternion has no unit"]),
+        (GYROSCOPE.replace("}\n", ", exclude: [2, 1]}\n"), INPUTS, ["exclude: a span must end after it begins"]),
+        (GYROSCOPE.replace("p: gx", "p: {column: gx, limits: [2, 1]}"), INPUTS, ["the lowest must be less"]),
+        ("", INPUTS, ["sensors: expected at least one of gyroscope, accelerometer"]),
+        (GYROSCOPE, "inputs: {}\n", ["inputs: expected at least one of"]),
+        (GYROSCOPE, "inputs: {fins: {top: a}, rudder: b}\n", ["expected 'fins', or 'rudder' and 'elevator', not both"]),
+        (
+            GYROSCOPE,
+            "inputs: {fins: {top: a, upper_left: b}}\n",
+            ["inputs.fins: an X tail has upper_right, lower_right"],
+        ),
+        (
+            GYROSCOPE,
+            "inputs: {thrust: {share: a, a: 1}}\n",
+            ["expected 'revolutions' with 'a', or 'share' with 'full'"],
+        ),
+        (GYROSCOPE, "inputs: {thrust: {share: a, full: 1, b: -1}}\n", ["'b' belongs to 'revolutions'"]),
+        (GYROSCOPE, "inputs: {surge_force: f, thrust: {share: a, full: 1}}\n", ["'thrust' or 'surge_force', not both"]),
+    ],
+)
+def test_every_mistake_is_named_with_its_place(load, sensors, inputs, messages):
+    with pytest.raises(ConfigError) as caught:
+        load(HEAD + ("sensors:\n" + sensors if sensors else "sensors: {}\n") + inputs)
+    for message in messages:
+        assert message in str(caught.value)

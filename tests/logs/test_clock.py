@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from auvid_cli.logs.clock import order_rows, to_seconds
+
+
+def test_numbers_are_scaled():
+    assert to_seconds(np.array([1e6, 2.5e6]), 1e-6).seconds.tolist() == [1.0, 2.5]
+
+
+def test_clock_without_hours_goes_on_over_the_hour():
+    clock = to_seconds(np.array(["59:58.5", "59:59.5", "", "00:00.5", "00:01.5"]), 1.0)
+    assert clock.rollovers == 1
+    assert clock.seconds[[0, 1, 3, 4]].tolist() == [3598.5, 3599.5, 3600.5, 3601.5]
+    assert np.isnan(clock.seconds[2])
+
+
+def test_clock_without_date_goes_on_over_midnight():
+    clock = to_seconds(np.array(["23:59:59.25", "00:00:00.25"]), 1.0)
+    assert (clock.seconds.tolist(), clock.rollovers) == ([86399.25, 86400.25], 1)
+
+
+@given(st.floats(0, 3599), st.integers(2, 300))
+def test_clock_of_hours_is_a_clock_of_seconds(begin, n):
+    seconds = np.round(begin, 1) + 37.5 * np.arange(n)
+    texts = np.array([f"{int(s % 3600) // 60:02d}:{s % 60:04.1f}" for s in seconds])
+    found = to_seconds(texts, 1.0)
+    assert np.diff(found.seconds) == pytest.approx(np.full(n - 1, 37.5), abs=0.11)
+    assert found.rollovers == int(seconds[-1] // 3600) - int(seconds[0] // 3600)
+
+
+def test_small_step_back_is_no_rollover():
+    assert to_seconds(np.array(["10:05.0", "10:04.0"]), 1.0).rollovers == 0
+
+
+def test_dates_are_seconds_since_the_epoch():
+    texts = np.array(["2025-04-04T22:23:02.5Z", " 2025-04-05 00:23:03.5+02:00", ""])
+    seconds = to_seconds(texts, 1.0).seconds
+    # date -u -d 2025-04-04T22:23:02 +%s
+    assert seconds[:2] == pytest.approx([1743805382.5, 1743805383.5], abs=1e-6)
+    assert np.isnan(seconds[2])
+
+
+@pytest.mark.parametrize("texts", [["noon"], ["10:05.0", "later"], ["2025-04-04", "soon"]])
+def test_text_that_is_no_time(texts):
+    with pytest.raises(ValueError, match=texts[-1]):
+        to_seconds(np.array(texts), 1.0)
+
+
+def test_order_counts_what_it_mends():
+    order = order_rows(np.array([0.0, 2.0, 1.0, np.nan, 1.0, 3.0]))
+    assert np.array([0.0, 2.0, 1.0, np.nan, 1.0, 3.0])[order.rows].tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert order[1:] == (1, 1, 1.0, 1)
+    assert order.rows.tolist() == [0, 2, 1, 5]
+
+
+@given(st.lists(st.integers(-50, 50), max_size=30))
+def test_ordered_times_are_the_different_ones(times):
+    seconds = np.array(times, float)
+    order = order_rows(seconds)
+    assert seconds[order.rows].tolist() == sorted(set(times))
+    assert order.duplicates == len(times) - len(set(times))

@@ -1,0 +1,387 @@
+"""A map's whole way, from tables in memory to records."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from auvid_cli.config.load import shipped_configs
+from auvid_cli.config.log_map import load_map
+from auvid_cli.errors import ConfigError
+from auvid_cli.logs.convert import convert
+from auvid_cli.logs.log import Column, Log
+
+TIME = np.arange(40) * 0.05
+FLU = np.diag([1.0, -1.0, -1.0])
+NED_OF_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+VEHICLE = shipped_configs() / "vehicles" / "vt690.yaml"
+
+
+class MemoryLog(Log):
+    """Tables of columns, each an array or an array with a unit."""
+
+    def __init__(self, **tables):
+        super().__init__(Path("memory"))
+        self._tables = {
+            table: {name: held if isinstance(held, tuple) else (held, "") for name, held in columns.items()}
+            for table, columns in tables.items()
+        }
+
+    def tables(self):
+        return {
+            table: tuple(Column(name, unit, values.dtype.kind == "U") for name, (values, unit) in columns.items())
+            for table, columns in self._tables.items()
+        }
+
+    def read(self, table, columns):
+        return {name: self._tables[table][name][0] for name in columns}
+
+
+def motion(seed=1):
+    """Velocity, rates and attitude of a body that turns about all axes, smooth and never near the vertical."""
+    rng = np.random.default_rng(seed)
+    phase, size = rng.uniform(0, 6, 9), rng.uniform(0.1, 0.5, 9)
+    wave = size * np.sin(TIME[:, None] + phase)
+    return wave[:, :3] + [2.0, 0.0, 0.0], wave[:, 3:6], wave[:, 6:]
+
+
+def rotations(angles):
+    return Rotation.from_euler("ZYX", angles[:, ::-1])
+
+
+def imu(rates, angles, time=TIME):
+    return {
+        **{"t": time, "p": rates[:, 0], "q": rates[:, 1], "r": rates[:, 2]},
+        **{"roll": angles[:, 0], "pitch": angles[:, 1], "yaw": angles[:, 2]},
+    }
+
+
+def dvl(velocity, time=TIME):
+    return {"t": time, "u": velocity[:, 0], "v": velocity[:, 1], "w": velocity[:, 2]}
+
+
+INPUTS = {"t": TIME, "dr": 0.1 * np.sin(TIME), "de": 0.1 * np.cos(TIME), "force": np.full(TIME.size, 5.0)}
+GYROSCOPE = "gyroscope: {table: imu, columns: {p: p, q: q, r: r}, standard_deviation: 0.01%s}"
+DVL = "dvl: {table: dvl, columns: {u: u, v: v, w: w}, standard_deviation: 0.01%s}"
+ATTITUDE = "attitude: {table: imu, columns: {phi: roll, theta: pitch, psi: yaw}, standard_deviation: 0.01%s}"
+DEPTH = "depth: {table: depth, columns: {down: {column: z%s}}, standard_deviation: 0.01}"
+INPUT_MAP = "{table: in, rudder: dr, elevator: de, surge_force: force}"
+
+
+@pytest.fixture(scope="session")
+def converted(tmp_path_factory):
+    """Function: what a map makes of a log; sensors are lines of it, `inputs` and `more` too."""
+    path = tmp_path_factory.mktemp("map") / "map.yaml"
+
+    def run(log, *sensors, inputs=INPUT_MAP, more=""):
+        lines = "".join(f"  {sensor}\n" for sensor in sensors)
+        path.write_text(
+            f"name: run\nvehicle: {VEHICLE}\nlogs: {{log: x}}\ntime: t\n{more}\nsensors:\n{lines}inputs: {inputs}\n"
+        )
+        return convert(*load_map(path), {"log": log})
+
+    return run
+
+
+def test_numbers_in_si_come_through_as_they_are(converted):
+    velocity, rates, angles = motion()
+    velocity[3] = np.nan
+    log = MemoryLog(**{"imu": imu(rates, angles), "dvl": dvl(velocity), "in": INPUTS})
+    found = converted(log, GYROSCOPE % "", DVL % "", ATTITUDE % "")
+    assert np.array_equal(found.sensors["gyroscope"].values, rates)
+    assert np.array_equal(found.sensors["dvl"].values, velocity, equal_nan=True)
+    assert np.array_equal(found.sensors["attitude"].values, angles)
+    assert np.array_equal(found.sensors["dvl"].time, TIME)
+    assert found.sensors["dvl"].standard_deviation.tolist() == [0.01] * 3
+    assert found.inputs.values[:, 3].tolist() == [0.0] * TIME.size
+    assert np.array_equal(found.inputs.values[:, 0], INPUTS["dr"])
+    assert next(own for own in found.accounts if own.name == "dvl").missing == 1
+
+
+def test_each_table_is_read_once_and_only_what_is_needed(converted):
+    velocity, rates, angles = motion()
+    log = MemoryLog(**{"imu": imu(rates, angles), "dvl": dvl(velocity), "in": INPUTS, "other": INPUTS})
+    reads = []
+    read_all = log.read
+    log.read = lambda table, columns: reads.append((table, sorted(columns))) or read_all(table, columns)
+    converted(log, GYROSCOPE % "", (DVL % "").replace(", w: w", ""), (ATTITUDE % "").replace("phi: roll, ", ""))
+    assert reads == [
+        ("imu", ["p", "pitch", "q", "r", "t", "yaw"]),
+        ("dvl", ["t", "u", "v"]),
+        ("in", ["de", "dr", "force", "t"]),
+    ]
+
+
+@given(st.integers(0, 10_000), st.floats(0, 2e9), st.sampled_from(["", "upside down", "backward"]))
+def test_other_axes_units_and_epochs_come_to_the_same(converted, seed, epoch, mount):
+    velocity, rates, angles = motion(seed)
+    mounted = {"": np.eye(3), "upside down": FLU, "backward": np.diag([-1.0, -1.0, 1.0])}[mount]
+    # What a sensor with forward-left-up axes says that is mounted so, and refers its attitude to east-north-up.
+    to_sensor = FLU @ mounted.T
+    attitude = Rotation.from_matrix(NED_OF_ENU.T @ rotations(angles).as_matrix() @ to_sensor.T)
+    w, x, y, z = attitude.as_quat(scalar_first=True).T
+    turned = np.degrees(rates @ to_sensor.T)
+    log = MemoryLog(
+        **{
+            "imu": {
+                **imu(turned, angles, TIME + epoch),
+                **{"q.w": w, "q.x": x, "q.y": y, "q.z": z},
+            },
+            "dvl": dvl(velocity @ to_sensor.T / 0.514444444444444444, TIME + epoch),
+            "in": INPUTS | {"t": TIME + epoch},
+        }
+    )
+    axes = f", frame: FLU{f', mount: {mount}' if mount else ''}"
+    found = converted(
+        log,
+        GYROSCOPE % f", unit: deg/s{axes}",
+        DVL % f", unit: knot{axes}",
+        f"attitude: {{table: imu, quaternion: q, reference: ENU, standard_deviation: 1 deg{axes}}}",
+    )
+    assert found.sensors["gyroscope"].values == pytest.approx(rates, abs=1e-12)
+    assert found.sensors["dvl"].values == pytest.approx(velocity, abs=1e-12)
+    assert found.sensors["attitude"].values == pytest.approx(angles, abs=1e-12)
+    resolution = np.spacing(epoch)
+    assert found.origin == pytest.approx(epoch, abs=resolution)
+    assert found.sensors["dvl"].time == pytest.approx(TIME, abs=2 * resolution + 1e-12)
+
+
+def test_euler_angles_of_east_north_up(converted):
+    _, rates, angles = motion()
+    yaw, pitch, roll = (
+        Rotation.from_matrix(NED_OF_ENU.T @ rotations(angles).as_matrix() @ FLU).as_euler("ZYX").T  # FLU is its inverse
+    )
+    log = MemoryLog(**{"imu": imu(rates, np.column_stack((roll, pitch, yaw))), "in": INPUTS})
+    found = converted(log, ATTITUDE % ", frame: FLU, reference: ENU")
+    assert found.sensors["attitude"].values == pytest.approx(angles, abs=1e-12)
+
+
+def test_mount_by_its_angles(converted):
+    velocity, rates, angles = motion()
+    mount = Rotation.from_euler("ZYX", [40.0, -20.0, 170.0], degrees=True)  # yaw, pitch, roll of the sensor in the body
+    yaw, pitch, roll = (rotations(angles) * mount).as_euler("ZYX").T
+    log = MemoryLog(
+        **{
+            "imu": imu(mount.inv().apply(rates), np.column_stack((roll, pitch, yaw))),
+            "dvl": dvl(mount.inv().apply(velocity)),
+            "in": INPUTS,
+        }
+    )
+    axes = ", mount: {roll: 170 deg, pitch: -20 deg, yaw: 40 deg}"
+    found = converted(log, GYROSCOPE % axes, DVL % axes, ATTITUDE % axes)
+    assert found.sensors["gyroscope"].values == pytest.approx(rates, abs=1e-12)
+    assert found.sensors["dvl"].values == pytest.approx(velocity, abs=1e-12)
+    assert found.sensors["attitude"].values == pytest.approx(angles, abs=1e-12)
+
+
+def test_heading_of_a_compass_that_counts_from_east(converted):
+    _, rates, angles = motion()
+    log = MemoryLog(**{"imu": imu(rates, np.degrees(0.5 * np.pi - angles)), "in": INPUTS})
+    compass = "magnetometer: {table: imu, columns: {heading: {column: yaw, unit: deg, offset: -7 deg}}, "
+    found = converted(log, compass + "reference: ENU, standard_deviation: 1 deg}")
+    assert found.sensors["magnetometer"].values[:, 0] == pytest.approx(angles[:, 2] + np.radians(7.0), abs=1e-12)
+
+
+@pytest.mark.parametrize(("unit", "said"), [("", True), (", unit: deg", False)])
+def test_heading_that_may_be_in_degrees_is_said(converted, unit, said):
+    _, rates, angles = motion()
+    log = MemoryLog(**{"imu": imu(rates, angles) | {"yaw": 180.0 + 100.0 * angles[:, 2]}, "in": INPUTS})
+    found = converted(log, f"attitude: {{table: imu, columns: {{psi: yaw}}, standard_deviation: 1 deg{unit}}}")
+    assert any("or degrees without a unit?" in remark for remark in found.accounts[0].remarks) == said
+
+
+def test_pressure_gives_the_depth(converted):
+    _, rates, angles = motion()
+    log = MemoryLog(**{"imu": imu(rates, angles), "depth": {"t": TIME, "z": 101325.0 + 9.81e3 * TIME}, "in": INPUTS})
+    found = converted(log, GYROSCOPE % "", DEPTH % f", centre: 101325, scale: {1 / 9.81e3!r}")
+    assert found.sensors["depth"].values[:, 0] == pytest.approx(TIME, abs=1e-9)
+
+
+def test_times_from_another_table_row_by_row(converted):
+    _, rates, angles = motion()
+    stamps = {"stamp": 5.0 + 2.0 * TIME}
+    log = MemoryLog(**{"imu": imu(rates, angles, 0 * TIME), "status": stamps, "in": INPUTS | {"t": 5.0 + 2.0 * TIME}})
+    found = converted(log, GYROSCOPE % ", time: {table: status, column: stamp}")
+    assert found.sensors["gyroscope"].time == pytest.approx(2.0 * TIME)
+    log = MemoryLog(**{"imu": imu(rates, angles), "status": {"stamp": TIME[:-1]}, "in": INPUTS})
+    with pytest.raises(ConfigError, match="status has 39 rows and cannot give times to the 40 rows here"):
+        converted(log, GYROSCOPE % ", time: {table: status, column: stamp}")
+
+
+@pytest.mark.parametrize("frame", ["NED", "ENU"])
+def test_velocity_over_ground_is_turned_into_the_body(converted, frame):
+    velocity, rates, angles = motion()
+    ned = rotations(angles).apply(velocity)
+    stated = ned if frame == "NED" else ned @ NED_OF_ENU
+    log = MemoryLog(**{"imu": imu(rates, angles), "dvl": dvl(stated), "in": INPUTS})
+    found = converted(log, ATTITUDE % "", DVL % f", frame: {frame}")
+    assert found.sensors["dvl"].values == pytest.approx(velocity, abs=1e-12)
+
+
+def test_lever_arm_is_taken_off_by_the_gyroscope(converted):
+    velocity, rates, angles = motion()
+    lever = np.array([0.6, 0.05, -0.1])
+    log = MemoryLog(**{"imu": imu(rates, angles), "dvl": dvl(velocity + np.cross(rates, lever)), "in": INPUTS})
+    found = converted(log, GYROSCOPE % "", DVL % ", position: [60 cm, 5 cm, -10 cm]")
+    assert found.sensors["dvl"].values == pytest.approx(velocity, abs=1e-12)
+
+
+def test_lever_arm_without_gyroscope_follows_the_attitude(converted):
+    angles = np.column_stack((0.0 * TIME, 0.0 * TIME, 0.4 * TIME))
+    velocity = np.tile([2.0, 0.4 * 0.6, 0.0], (TIME.size, 1))
+    log = MemoryLog(**{"imu": imu(angles, angles), "dvl": dvl(velocity), "in": INPUTS})
+    found = converted(log, ATTITUDE % "", DVL % ", position: [0.6, 0, 0]")
+    assert found.sensors["dvl"].values == pytest.approx(np.tile([2.0, 0.0, 0.0], (TIME.size, 1)), abs=1e-12)
+
+
+def test_one_clock_for_logs_that_begin_apart(converted):
+    velocity, rates, angles = motion()
+    log = MemoryLog(
+        **{"imu": imu(rates, angles, TIME + 100.3), "dvl": dvl(velocity, 1e3 * (TIME + 99.0)), "in": INPUTS}
+    )
+    found = converted(
+        log,
+        GYROSCOPE % "",
+        DVL % ", time: {column: t, unit: ms, offset: 1 s}",
+        inputs="{table: in, time: {column: t, offset: 99.5 s}, rudder: dr}",
+    )
+    assert found.origin == pytest.approx(100.0)
+    assert found.sensors["gyroscope"].time[0] == pytest.approx(0.3)
+    assert found.sensors["dvl"].time[0] == pytest.approx(0.0)
+    # The inputs begin half a second before, and what they hold then they hold at t = 0.
+    assert found.inputs.time[0] == 0.0
+    assert found.inputs.values[0, 0] == pytest.approx(0.1 * np.sin(0.5))
+
+
+def test_disorder_is_mended_and_said(converted):
+    _, rates, angles = motion()
+    time, order = TIME.copy(), np.arange(TIME.size)
+    order[[4, 5]] = 5, 4
+    doubled = np.append(order, 7)
+    log = MemoryLog(**{"imu": imu(rates[doubled], angles[doubled], time[doubled]), "in": INPUTS})
+    found = converted(log, GYROSCOPE % "")
+    assert np.array_equal(found.sensors["gyroscope"].values, rates)
+    account = found.accounts[0]
+    assert account.duplicates == 1
+    assert "time went back in 2 rows, by up to 1.6 s: sorted" in account.remarks
+
+
+def test_validity_limits_and_spans(converted):
+    velocity, rates, angles = motion()
+    velocity[10, 1] = 9.0
+    flags = np.where(np.arange(TIME.size) == 20, "False", "True")
+    log = MemoryLog(**{"imu": imu(rates, angles), "dvl": dvl(velocity) | {"ok": flags}, "in": INPUTS})
+    sensor = (
+        "dvl: {table: dvl, columns: {u: u, v: {column: v, limits: [-5, 5 m/s]}, w: w}, standard_deviation: 0.01, "
+        "valid: {column: ok}, exclude: [1.5 s, 1.6 s]}"
+    )
+    found = converted(log, sensor, GYROSCOPE % "", more="use: [[0.2, 1.0], [1.2, 3.0]]\nexclude: [0.3, 0.4]")
+    values = dict(zip(np.round(found.sensors["dvl"].time, 3), found.sensors["dvl"].values, strict=True))
+    assert min(values) == 0.2
+    assert 1.1 not in values
+    assert np.isnan(values[0.5]).tolist() == [False, True, False]
+    assert np.isnan(values[1.0]).all()
+    assert [time for time, row in values.items() if np.isnan(row).all()] == [0.3, 0.35, 0.4, 1.0, 1.5, 1.55, 1.6]
+    assert found.sensors["gyroscope"].time[[0, -1]] == pytest.approx([0.2, 1.95])
+
+
+def test_repeats_of_a_slower_sensor_are_dropped(converted):
+    velocity, rates, angles = motion()
+    held = velocity[(np.arange(TIME.size) // 4) * 4]
+    log = MemoryLog(**{"imu": imu(rates, angles), "dvl": dvl(held), "in": INPUTS})
+    found = converted(log, DVL % ", repeats: drop")
+    assert found.sensors["dvl"].time == pytest.approx(TIME[::4])
+    assert np.array_equal(found.sensors["dvl"].values, velocity[::4])
+
+
+def test_units_of_the_header_count_unless_the_map_states_one(converted):
+    _, rates, angles = motion()
+    table = imu(np.degrees(rates), angles)
+    stated = table | {name: (table[name], "Deg/s") for name in "pqr"} | {"t": (1e3 * TIME, "ms")}
+    found = converted(MemoryLog(**{"imu": stated, "in": INPUTS}), GYROSCOPE % "")
+    assert found.sensors["gyroscope"].values == pytest.approx(rates, abs=1e-14)
+    assert found.sensors["gyroscope"].time == pytest.approx(TIME)
+
+
+def test_counts_of_fins_and_percent_of_a_thruster(converted):
+    _, rates, angles = motion()
+    table = {"t": TIME, "top": 128 - 2 * TIME, "right": 140 + 0 * TIME, "left": 116 + 0 * TIME, "cmd": 50 + 0 * TIME}
+    fin = "{column: %s, centre: 128, scale: 0.5 deg, sign: %d}"
+    fins = f"{{top: {fin % ('top', -1)}, right: {fin % ('right', 1)}, left: {fin % ('left', -1)}}}"
+    log = MemoryLog(**{"imu": imu(rates, angles), "in": table})
+    inputs = f"{{table: in, fins: {fins}, thrust: {{share: cmd, full: 8 N}}, roll_moment: propeller}}"
+    found = converted(log, GYROSCOPE % "", inputs=inputs)
+    assert found.inputs.values[:, 0] == pytest.approx(np.radians(TIME), abs=1e-14)
+    assert found.inputs.values[:, 1] == pytest.approx(np.full(TIME.size, np.radians(6.0)))
+    assert found.inputs.values[:, 2] == pytest.approx(np.full(TIME.size, 2.0))
+
+
+def test_propeller_that_loses_thrust_with_speed(converted):
+    velocity, _, _ = motion()
+    log = MemoryLog(**{"dvl": dvl(velocity), "in": {"t": TIME, "n": np.full(TIME.size, 600.0)}})
+    law = "{table: in, thrust: {revolutions: {column: n, unit: rpm}, a: 0.05 N*s^2, b: -0.1 N*s^2/m}}"
+    found = converted(log, DVL % "", inputs=law)
+    assert found.inputs.values[:, 2] == pytest.approx(0.05 * 100.0 - 0.1 * 10.0 * velocity[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("sensors", "inputs", "message"),
+    [
+        ([DVL % ", frame: NED"], INPUT_MAP, "sensors.dvl.frame: NED velocities need an `attitude`"),
+        ([DVL % ", position: [1, 0, 0]"], INPUT_MAP, "sensors.dvl.position: a lever arm needs a `gyroscope` or"),
+        (
+            [(GYROSCOPE % "").replace("p: p, ", ""), DVL % ", position: [1, 0, 0]"],
+            INPUT_MAP,
+            "sensors.dvl.position: a lever arm needs a `gyroscope` or an `attitude` of three components",
+        ),
+        (
+            [(GYROSCOPE % "").replace("p: p", "p: pp")],
+            INPUT_MAP,
+            "columns.p: memory: there is no column in imu named 'pp'",
+        ),
+        (
+            [(GYROSCOPE % "").replace("imu", "imo")],
+            INPUT_MAP,
+            "table: memory: there is no table named 'imo'; there is 'imu'",
+        ),
+        ([(GYROSCOPE % "").replace("p: p", "p: flag")], INPUT_MAP, "holds text, not numbers"),
+        ([(GYROSCOPE % ", log: b")], INPUT_MAP, "sensors.gyroscope.log: there is no log named 'b' in `logs`"),
+        ([GYROSCOPE % ", time: zero"], INPUT_MAP, "sensors.gyroscope.time: 'zero' never changes"),
+        ([GYROSCOPE % ", time: flag"], INPUT_MAP, "sensors.gyroscope.time: 'x' is not a time"),
+        ([GYROSCOPE % ", time: {column: t, offset: 1 h}", DVL % ""], INPUT_MAP, "no time in common: gyroscope is from"),
+        ([GYROSCOPE % ", exclude: [0, 1 h]"], INPUT_MAP, "no valid sample is left"),
+        ([GYROSCOPE % ", unit: turn/ms"], INPUT_MAP, "sensors.gyroscope: reaches"),
+        ([(ATTITUDE % ", mount: backward").replace("phi: roll, ", "")], INPUT_MAP, "with all three angles"),
+        ([(GYROSCOPE % "").replace("0.01", "estimate").replace("p: p", "p: zero")], INPUT_MAP, "repeat the one before"),
+        ([(GYROSCOPE % "").replace("p: p", "p: inches")], INPUT_MAP, "the log states the unit 'inch' of 'inches'"),
+        ([GYROSCOPE % ""], "{table: in, rudder: {column: dr, scale: 100}}", "inputs.rudder: deflects"),
+        (
+            [GYROSCOPE % ""],
+            "{table: in, rudder: {column: dr, time: {column: t, offset: 1 h}}}",
+            "no time in common with",
+        ),
+        ([GYROSCOPE % ""], "{rudder: dr}", "inputs.rudder: missing key 'table': one of those in memory: imu, dvl, in"),
+        ([GYROSCOPE % ""], "{table: in, thrust: {revolutions: dr, a: 1, b: -1}}", "needs the speed, but no `dvl`"),
+    ],
+)
+def test_map_that_does_not_fit_the_log(converted, sensors, inputs, message):
+    velocity, rates, angles = motion()
+    table = imu(rates, angles) | {"zero": 0 * TIME, "flag": np.full(TIME.size, "x"), "inches": (TIME, "inch")}
+    log = MemoryLog(**{"imu": table, "dvl": dvl(velocity), "in": INPUTS})
+    with pytest.raises(ConfigError) as caught:
+        converted(log, *sensors, inputs=inputs)
+    assert message in str(caught.value)
+
+
+def test_all_mistakes_are_said_at_once_with_their_places(converted):
+    _, rates, angles = motion()
+    log = MemoryLog(**{"imu": imu(rates, angles), "in": INPUTS})
+    with pytest.raises(ConfigError) as caught:
+        converted(log, (GYROSCOPE % "").replace("q: q", "q: qq"), (ATTITUDE % "").replace("pitch", "pich"), DVL % "")
+    said = str(caught.value)
+    assert "map.yaml:7:46: sensors.gyroscope.columns.q: memory: there is no column in imu named 'qq'" in said
+    assert "there is no column in imu named 'pich'; there is 'pitch'" in said
+    assert "sensors.dvl.table: memory: there is no table named 'dvl'; there is 'imu', 'in'" in said

@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from auvid_cli.logs.frames import (
+    ENU_TO_NED,
+    FLU_TO_FRD,
+    body_rates,
+    earth_to_body,
+    euler_of_quaternion,
+    product,
+    quaternion_of_euler,
+    rotate,
+    rotation,
+)
+
+ANGLES = st.tuples(st.floats(-3.1, 3.1), st.floats(-1.55, 1.55), st.floats(-3.1, 3.1))
+
+
+def scipy_rotation(angles):
+    roll, pitch, yaw = np.transpose(angles)
+    return Rotation.from_euler("ZYX", np.column_stack((yaw, pitch, roll)))
+
+
+@given(ANGLES)
+def test_quaternions_are_those_of_scipy(angles):
+    ours = quaternion_of_euler(np.array([angles]))[0]
+    theirs = scipy_rotation([angles]).as_quat(scalar_first=True)[0]
+    assert abs(ours @ theirs) == pytest.approx(1.0, abs=1e-14)
+    assert euler_of_quaternion(3.0 * ours[None])[0] == pytest.approx(angles, abs=1e-12)
+
+
+@given(ANGLES, ANGLES)
+def test_product_is_one_turn_after_the_other(first, second):
+    a, b = quaternion_of_euler(np.array([first, second]))
+    both = scipy_rotation([first]) * scipy_rotation([second])
+    assert rotation(product(a, b)) == pytest.approx(both.as_matrix()[0], abs=1e-14)
+
+
+def test_axes_by_hand():
+    assert rotate(rotation(FLU_TO_FRD), np.array([[1.0, 2.0, 3.0]])).tolist() == [[1.0, -2.0, -3.0]]
+    assert rotate(rotation(ENU_TO_NED), np.array([[1.0, 2.0, 3.0]])) == pytest.approx(np.array([[2.0, 1.0, -3.0]]))
+
+
+def test_missing_component_spoils_only_what_it_has_a_part_in():
+    values = np.array([[np.nan, 2.0, 3.0]])
+    turned = rotate(rotation(FLU_TO_FRD), values)
+    assert np.isnan(turned[0, 0])
+    assert turned[0, 1:].tolist() == [-2.0, -3.0]
+
+
+def test_quaternion_of_zeros_is_no_attitude():
+    assert np.isnan(euler_of_quaternion(np.zeros((1, 4)))).all()
+
+
+@given(ANGLES, st.tuples(*[st.floats(-5, 5)] * 3))
+def test_earth_to_body_is_the_turn_back(angles, velocity):
+    theirs = scipy_rotation([angles]).inv().apply(velocity)
+    assert earth_to_body(np.array([angles]), np.array([velocity])) == pytest.approx(theirs, abs=1e-13)
+
+
+def test_rates_of_a_steady_turn_about_a_tilted_axis():
+    # A body that turns at constant rates: its attitude by the exponential map, over the jump of the yaw at 180 degrees.
+    time, rates = np.arange(0.0, 6.0, 1e-3), np.array([0.2, -0.1, 0.7])
+    start = scipy_rotation([[0.1, 0.2, 2.5]])
+    yaw, pitch, roll = (start * Rotation.from_rotvec(time[:, None] * rates)).as_euler("ZYX").T
+    angles = np.column_stack((roll, pitch, yaw))
+    assert np.abs(np.diff(yaw)).max() > 6.0
+    assert body_rates(time, angles)[1:-1] == pytest.approx(np.tile(rates, (time.size - 2, 1)), abs=1e-6)
