@@ -8,6 +8,8 @@ from auvid_cli.evaluation.validation.starts import LARGEST_NIS
 
 # Standard deviations of a reading from which an error is more than noise.
 _SIGMAS = 3.0
+# Over a short time what is not known of the start makes all models nearly alike.
+_LARGEST_RATIO = 1.1
 # Times as far as the readings ever go from their mean.
 _LARGEST_EXCURSION = 10.0
 # Of the errors within two standard deviations it should be 95 %; starts that follow each other are alike.
@@ -90,7 +92,7 @@ def _better(name: str, other: str, rows: Sequence[Prediction], rmse_of: Callable
         "ahead",
         f"better than {other}",
         _worst(ratios),
-        1.0,
+        _LARGEST_RATIO,
         "times its error, where that is no noise",
         "The model is no use there: the coefficients behind that motion are wrong, or the vehicle has changed.",
     )

@@ -35,7 +35,7 @@ def test_where_there_is_only_noise_to_predict_nobody_has_to_win():
     assert (only.passed, only.statistic) == (None, "-")
 
 
-@pytest.mark.parametrize(("rmse", "passed"), [(0.9, True), (1.1, False), (None, False)])
+@pytest.mark.parametrize(("rmse", "passed"), [(0.9, True), (1.2, False), (None, False)])
 def test_the_prior_is_to_be_beaten(rmse, passed):
     assert verdict_on("better than the prior", [row(rmse=rmse, unchanged=2.0)]).passed is passed
 

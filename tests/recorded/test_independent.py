@@ -1,0 +1,149 @@
+"""Runs of another simulator: a REMUS 100 with strip-wise cross-flow drag, linear damping and no Munk moment.
+
+What it shows is what a model of another structure does to an estimate, and whether that is noticed.
+"""
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from auvid_cli.config.experiment import ImportedRun, RecordedFile, Recording
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.load import dump_experiment, parse_run
+from auvid_cli.config.vehicle import VehicleSettings
+from auvid_cli.data.dataset import Dataset, InputRecord
+from auvid_cli.evaluation.bounds import BoundsOf
+from auvid_cli.evaluation.checks import check_estimate
+from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.evaluation.inspection.inspect import inspect_dataset
+from auvid_cli.evaluation.validation.unseen import check_unseen
+from auvid_cli.evaluation.validation.validate import validate
+from auvid_cli.identification.identify import identify
+from auvid_cli.simulation.sensors import corrupt, sample_times
+
+SHARED = Path(os.environ.get("AUVID_SHARED", Path(__file__).parents[2].parent / "shared"))
+RUNS = SHARED / "independent/fossen_remus100"
+pytestmark = [
+    pytest.mark.recorded,
+    pytest.mark.skipif(not RUNS.is_dir(), reason="runs of another simulator do not ship with auvid"),
+]
+
+COLUMNS = {"gyroscope": "pqr", "dvl": "uvw", "attitude": ("phi", "theta", "psi")}
+# What the model leaves out, as white noise: with this the innovations of run E are as large as the filter says.
+LOOSE = "identification.process_noise.velocity=3e-3", "identification.process_noise.rate=3e-3"
+
+
+@pytest.fixture(scope="module")
+def vehicle():
+    """Mass, inertia and added mass as that simulator states them, and nothing of its damping or fins."""
+    stated = json.loads((RUNS / "parameters.json").read_text())
+    mass, size = stated["mass"], stated["geometry"]
+    rigid, added = np.array(mass["MRB"]), np.diagonal(mass["MA"])
+    parameters = {symbol: mass[symbol] for symbol in ("m", "W", "B")}
+    parameters |= dict(zip(("Ixx", "Iyy", "Izz"), np.diagonal(rigid)[3:].tolist(), strict=True))
+    parameters |= dict(zip(("xG", "yG", "zG", "xB", "yB", "zB"), [*size["r_bg"], *size["r_bb"]], strict=True))
+    names = ("X_udot", "Y_vdot", "Z_wdot", "K_pdot", "M_qdot", "N_rdot")
+    parameters |= dict(zip(names, (-added).tolist(), strict=True))
+    parameters |= dict.fromkeys(("Y_rdot", "Z_qdot", "M_wdot", "N_vdot", "K_prop"), 0.0) | {"X_prop": 10.0}
+    hull = {"length": size["L"], "diameter": size["diam"], "density": size["rho"]}
+    return VehicleSettings.model_validate({"name": "REMUS 100 by strips", "size": hull, "parameters": parameters})
+
+
+@pytest.fixture(scope="module")
+def recorded(vehicle, experiment_with):
+    """Function: a run with the noise and the rates of Table III, commands before the lag of the fins."""
+    suite = experiment_with("sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}").sensors
+
+    def make(name: str, seed: int, *settings: str) -> Dataset:
+        run = pd.read_csv(RUNS / f"{name}.csv.gz")
+        time = run["t"].to_numpy(np.float64)
+        sensors = {}
+        for sensor, columns in COLUMNS.items():
+            clock = getattr(suite, sensor)
+            at = sample_times(clock, time[-1])
+            true = np.stack([np.interp(at, time, run[column].to_numpy(np.float64)) for column in columns], axis=1)
+            sensors[sensor] = corrupt(at, true, clock, sensor, seed)
+        # There, positive rudder turns to starboard.
+        inputs = np.stack([-run["delta_r_cmd"], run["delta_s_cmd"], run["thrust"], run["K_prop"]], axis=1)
+        file = RecordedFile(name=name, sha256="of no file of ours")
+        plain = ImportedRun(
+            name=name, vehicle=vehicle, recording=Recording(files=(file,), map="by this test", origin=0.0)
+        )
+        overrides = ("identification.fin_time_constant=0.1 s", *settings)
+        experiment = parse_run(dump_experiment(plain), "test", overrides)
+        return Dataset(InputRecord(time, inputs.astype(np.float64)), sensors, experiment, sha256=f"{name} {seed}")
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def training(recorded):
+    return recorded("E_combined_multisine", 1)
+
+
+@pytest.fixture(scope="module")
+def loosely_identified(recorded):
+    return identify(recorded("E_combined_multisine", 1, *LOOSE), FilterName.TUKF)
+
+
+def test_nothing_is_wrong_with_the_data_themselves(training):
+    assert not [check for check in inspect_dataset(training).checks if check.passed is False]
+
+
+@pytest.mark.parametrize("name", [FilterName.TUKF, FilterName.OUTPUT_ERROR])
+def test_the_mismatch_of_the_structure_is_noticed(name, training):
+    estimate = identify(training, name)
+    assert verdict(estimate).startswith("inconsistent")
+    checks = check_estimate(training, estimate, BoundsOf(training)(estimate))
+    failed = {(check.subject, check.check) for check in checks if check.passed is False}
+    assert {(sensor, "NIS") for sensor in COLUMNS} <= failed
+    assert {("gyroscope", "whiteness"), ("dvl", "whiteness"), ("dvl", "free of inputs")} <= failed
+
+
+def test_what_both_models_share_agrees_and_the_rest_does_not(loosely_identified):
+    """In the vertical plane, where there is no strip-wise drag, within three of the stated deviations."""
+    assert verdict(loosely_identified) == "completed"
+    state, deviation = loosely_identified.state, loosely_identified.standard_deviation[-1]
+    found = loosely_identified.final_coefficients()
+    stated = json.loads((RUNS / "parameters.json").read_text())
+    own, added = stated["equivalent_coefficients_SI"], np.diagonal(stated["mass"]["MA"])
+    # Without a Munk moment of its own, that model has ours with the opposite sign as lift.
+    munk = added[2] - added[0]
+    for symbol, true in {
+        "Z_uude": own["Z_uuds"],
+        "M_uude": own["M_uuds"],
+        "Z_uwl": own["Z_uw"],
+        "Z_uql": -added[0],
+        "M_uwl": -munk,
+    }.items():
+        assert abs(found[symbol] - true) < 3.0 * deviation[state.index(symbol)], symbol
+    # Close, and yet beyond what is stated: linear damping and drag by strips have gone into them.
+    assert found["X_u|u|"] == pytest.approx(own["X_uu"], rel=2e-3)
+    assert found["N_uudr"] == pytest.approx(-own["N_uudr"], rel=0.03)
+    assert found["N_uvl"] == pytest.approx(munk, rel=0.05)
+    assert abs(found["Y_uudr"] + own["Y_uudr"]) > 10.0 * deviation[state.index("Y_uudr")]
+
+
+def test_it_predicts_a_zigzag_that_it_has_never_seen(loosely_identified, recorded, training):
+    unseen = recorded("B_zigzag_10_10", 2)
+    check_unseen(unseen, loosely_identified, training)
+    found = validate(unseen, loosely_identified)
+    fits = {row.signal: row.fit_percent for row in found.predictions if row.kind == "free_run"}
+    assert fits["v"] > 90.0
+    assert min(fits["r"], fits["psi"]) > 80.0
+    assert not [check for check in found.checks if check.passed is False]
+    # Three of four errors are larger than the covariance says: it knows nothing of the structure.
+    (explained,) = [check for check in found.checks if check.check == "explained by its uncertainty"]
+    assert explained.passed is None
+
+
+def test_run_e_is_refused_as_validation_of_itself(loosely_identified, training):
+    from auvid_cli.errors import DataError
+
+    with pytest.raises(DataError, match="among those that the estimate was made from"):
+        check_unseen(replace(training, sha256="a copy"), loosely_identified, training)
