@@ -11,7 +11,9 @@ from auvid_cli.data.dataset_file import write_dataset
 from auvid_cli.data.files import write_text
 from auvid_cli.data.netcdf import digest
 from auvid_cli.logs.convert import Conversion, convert
+from auvid_cli.logs.joined import JoinedLog
 from auvid_cli.logs.layout import TextLayout
+from auvid_cli.logs.log import Log
 from auvid_cli.logs.open import open_log
 from auvid_cli.logs.suggest import suggest
 from auvid_cli.report.accounts import print_accounts
@@ -30,11 +32,11 @@ def import_logs(map_file: Path, given: Sequence[str], output: Path | None, termi
     settings, tree = load_map(map_file)
     files = settings.files(map_file.parent, given)
     with terminal.stage("read the logs"):
-        logs = {name: open_log(path, _layout(settings, name)) for name, path in files.items()}
+        logs = {name: _opened(paths, _layout(settings, name)) for name, paths in files.items()}
         found = convert(settings, tree, logs)
     path = output if output is not None else Path("results") / settings.name / "dataset.h5"
     with terminal.stage("write the dataset"):
-        run = _run(settings, tree.at.source.text, list(files.values()), found)
+        run = _run(settings, tree.at.source.text, [path for paths in files.values() for path in paths], found)
         write_dataset(path, Dataset(found.inputs, found.sensors, run))
     print_accounts(terminal.out, found.accounts, found.remarks)
     terminal.say(f"{path}: t = 0 is {found.origin:.6f} s by the log's clock")
@@ -51,6 +53,11 @@ def suggest_to(files: Sequence[Path], output: Path | None, terminal: Terminal) -
     write_text(output, text)
     terminal.say(f"{output}: look at every line with `check:` and fill in what is required, then")
     terminal.say(f"auvid import --map {output}")
+
+
+def _opened(paths: Sequence[Path], layout: TextLayout) -> Log:
+    logs = [open_log(path, layout) for path in paths]
+    return logs[0] if len(logs) == 1 else JoinedLog(logs)
 
 
 def _layout(settings: LogMap, name: str) -> TextLayout:

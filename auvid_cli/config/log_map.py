@@ -21,8 +21,10 @@ from auvid_cli.errors import ConfigError
 class LogFile(Settings):
     """A log, and how its text is laid out if its reader is to be told."""
 
-    file: Annotated[str | None, Field(description="relative to the map; may be left out if the command names it")]
-    file = None
+    file: Annotated[str | None, Field(description="relative to the map; may be left out if the command names it")] = (
+        None
+    )
+    more: Annotated[tuple[str, ...], Field(description="files that continue it, in their order")] = ()
     delimiter: Annotated[str | None, Field(min_length=1, description="between the fields of a row")] = None
     header_row: Annotated[int | None, Field(ge=1, strict=True, description="line of the names, from 1")] = None
     decimal: Annotated[str | None, Field(pattern=r"^[.,]$", description="decimal point")] = None
@@ -31,6 +33,8 @@ class LogFile(Settings):
     @model_validator(mode="before")
     @classmethod
     def _accept_a_bare_file(cls, data: Any) -> Any:
+        if isinstance(data, list) and data and all(isinstance(file, str) for file in data):
+            return {"file": data[0], "more": data[1:]}
         return {"file": data} if isinstance(data, str) else data
 
 
@@ -49,8 +53,8 @@ class LogMap(Settings):
     sensors: SensorMaps
     inputs: InputsMap
 
-    def files(self, folder: Path, given: Sequence[str] = ()) -> dict[str, Path]:
-        """Files of the logs by name.
+    def files(self, folder: Path, given: Sequence[str] = ()) -> dict[str, tuple[Path, ...]]:
+        """Files of the logs by name; of one that goes on in further files all of them, in order.
 
         Parameters
         ----------
@@ -65,13 +69,17 @@ class LogMap(Settings):
             If there are more files than logs, or none for a log.
         """
         names = list(self.logs)
-        files = {name: folder / log.file for name, log in self.logs.items() if log.file is not None}
+        files = {
+            name: tuple(folder / file for file in (log.file, *log.more))
+            for name, log in self.logs.items()
+            if log.file is not None
+        }
         for place, text in enumerate(given):
             name, equals, file = text.partition("=")
             if equals and name in names:
-                files[name] = Path(file)
+                files[name] = (Path(file),)
             elif place < len(names):
-                files[names[place]] = Path(text)
+                files[names[place]] = (Path(text),)
             else:
                 raise ConfigError(f"{text}: one file too many: the map knows {len(names)}, {', '.join(names)}")
         for name in names:

@@ -1,0 +1,31 @@
+"""Several files as one log."""
+
+import numpy as np
+import pytest
+
+from auvid_cli.errors import FileError
+from auvid_cli.logs.joined import JoinedLog
+from auvid_cli.logs.open import open_log
+
+
+@pytest.fixture
+def joined(tmp_path):
+    """Three files of a recorder, of which the second has a column more."""
+    (tmp_path / "1.csv").write_text("time,u (m/s),name\n0,1.0,a\n1,1.5,b\n")
+    (tmp_path / "2.csv").write_text("time,u (m/s),name,extra\n2,2.0,a,7\n")
+    (tmp_path / "3.csv").write_text("time,u (m/s),name\n3,2.5,a\n4,,c\n")
+    return JoinedLog([open_log(tmp_path / f"{k}.csv") for k in (1, 2, 3)])
+
+
+def test_rows_follow_each_other(joined):
+    found = joined.read("", ["time", "u", "name"])
+    assert np.array_equal(found["time"], [0.0, 1.0, 2.0, 3.0, 4.0])
+    assert np.array_equal(found["u"], [1.0, 1.5, 2.0, 2.5, np.nan], equal_nan=True)
+    assert list(found["name"]) == ["a", "b", "a", "a", "c"]
+
+
+def test_only_columns_that_all_have_are_there(joined):
+    assert [column.name for column in joined.tables()[""]] == ["time", "u", "name"]
+    assert {column.unit for column in joined.tables()[""]} == {"", "m/s"}
+    with pytest.raises(FileError, match=r"1\.csv: there is no column named 'extra'"):
+        joined.read("", ["extra"])
