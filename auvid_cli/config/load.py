@@ -38,11 +38,21 @@ def load_experiment(path: Path, overrides: Sequence[str] = ()) -> Experiment:
     ConfigError
         With every mistake at once, each at its file, line and column.
     """
+    return validated(Experiment, *assemble(open_source(path), overrides))
+
+
+def open_source(path: Path) -> Source:
+    """A settings file as text.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read.
+    """
     try:
-        source = read_source(path)
+        return read_source(path)
     except ValueError as error:
         raise ConfigError(f"{path}: {error}") from None
-    return validated(Experiment, *assemble(source, overrides))
 
 
 def parse_run(text: str, name: str, overrides: Sequence[str] = ()) -> RunSettings:

@@ -6,9 +6,9 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from auvid_cli.config.assemble import assemble, read_source
+from auvid_cli.config.assemble import assemble
 from auvid_cli.config.experiment import Identification
-from auvid_cli.config.load import validated
+from auvid_cli.config.load import open_source, validated
 from auvid_cli.config.log_columns import Spans, TimeSource
 from auvid_cli.config.log_inputs import InputsMap
 from auvid_cli.config.log_sensors import SensorMaps
@@ -102,9 +102,5 @@ def load_map(path: Path) -> tuple[LogMap, Tree]:
     ConfigError
         With every mistake at once, each at its file, line and column.
     """
-    try:
-        source = read_source(path)
-    except ValueError as error:
-        raise ConfigError(f"{path}: {error}") from None
-    tree, mistakes = assemble(source)
+    tree, mistakes = assemble(open_source(path))
     return validated(LogMap, tree, mistakes), tree
