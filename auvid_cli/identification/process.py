@@ -84,7 +84,10 @@ def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration
                 row[k] = constants[_HELD + m]
     thrust = coefficients[N_COEFFICIENTS * LANES :]
     for k in range(LANES):
-        thrust[k] = 1.0 + _stated(constants, _THRUST_SCALE, parameters, motion, k)
+        thrust[k] = 1.0
+    if constants[constants.size - _THRUST_SCALE] >= 0.0:
+        for k in range(n_lanes):
+            thrust[k] += _stated(constants, _THRUST_SCALE, parameters, motion, k)
     if _has_depth(constants):
         _sink(motion, n_lanes, 0.5 * duration)
     runge_kutta_step(motion, coefficients, inputs, constants[:N_CONSTANTS], n_lanes, duration, work)
