@@ -48,8 +48,6 @@ def validate(
             from auvid_cli.report.validation_screen import print_validation
         with terminal.stage("compare with the estimate's own data"):
             training = _dataset_behind(estimate_file, estimate)
-            if dataset.sha256 == estimate.dataset_sha256:
-                training = dataset
             if training is not None:
                 training = used_part(replace(training, experiment=estimate.experiment))
             dataset = the_only_segment(dataset)

@@ -101,7 +101,10 @@ def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tupl
     motion : ndarray, shape (9,)
         Zero for what no sensor measures.
     """
-    firsts = [record.time[np.isfinite(record.values).all(axis=1)] for record in measuring.values()]
+    known = [np.isfinite(record.values) for record in measuring.values()]
+    # A component that its sensor never gives is not waited for.
+    whole = [rows[:, rows.any(axis=0)].all(axis=1) & rows.any(axis=1) for rows in known]
+    firsts = [record.time[rows] for record, rows in zip(measuring.values(), whole, strict=True)]
     start = max([float(dataset.inputs.time[0]), *(float(times[0]) for times in firsts if times.size)])
     motion = np.zeros(N_MOTION)
     for name, record in measuring.items():

@@ -5,6 +5,7 @@ from typing import cast
 
 import numpy as np
 
+from auvid_cli.errors import FileError
 from auvid_cli.logs.log import Column, ColumnValues, Log
 from auvid_cli.logs.lookup import look_up
 
@@ -16,6 +17,11 @@ class JoinedLog(Log):
     ----------
     parts : sequence of Log
         A table need not be in all of them; of its columns those count that are wherever it is.
+
+    Raises
+    ------
+    FileError
+        If a column has another unit, or is text, in only some of them.
     """
 
     def __init__(self, parts: Sequence[Log]) -> None:
@@ -27,8 +33,14 @@ class JoinedLog(Log):
         found: dict[str, tuple[Column, ...]] = {}
         for part in self._parts:
             for table, columns in part.tables().items():
-                others = {column.name for column in columns}
+                others = {column.name: column for column in columns}
                 found[table] = tuple(c for c in found.get(table, columns) if c.name in others)
+                for column in found[table]:
+                    if others[column.name] != column:
+                        raise FileError(
+                            f"{part.path}: column {column.name!r} is in {others[column.name].unit or 'no unit'}, in "
+                            f"{self.path} before it in {column.unit or 'no unit'}: they do not continue each other"
+                        )
         return found
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:

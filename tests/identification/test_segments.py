@@ -12,7 +12,7 @@ from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficien
 from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.evaluation.free_run import free_run
 from auvid_cli.identification.identify import identify
-from auvid_cli.identification.segments import segments, used_part, used_spans
+from auvid_cli.identification.segments import segments, stretches, used_part, used_spans
 
 TWO = "identification.use.spans=[[5, 25], [40 s, 60 s]]"
 
@@ -113,3 +113,16 @@ def test_nothing_left_is_said(short_run, with_settings):
 def test_wrong_spans_are_refused_in_plain_words(spans, words, experiment_with):
     with pytest.raises(ConfigError, match=words):
         experiment_with(f"identification.use.spans={spans}")
+
+
+def test_a_stretch_begins_where_it_is_even_if_no_reading_is_ever_whole(short_run, with_settings):
+    """As without a roll angle."""
+    attitude = short_run.sensors["attitude"]
+    no_roll = attitude.values.copy()
+    no_roll[:, 0] = np.nan
+    poor = replace(short_run, sensors=short_run.sensors | {"attitude": replace(attitude, values=no_roll)})
+    (stretch,) = stretches(with_settings(poor, "identification.use.spans=[[40, 60]]"))
+    assert stretch.timelines.span[0] == pytest.approx(40.0, abs=0.15)
+    heading = attitude.values[attitude.time <= stretch.timelines.span[0], 2][-1]
+    assert stretch.motion[8] == heading
+    assert stretch.motion[6] == 0.0

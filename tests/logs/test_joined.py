@@ -29,3 +29,10 @@ def test_only_columns_that_all_have_are_there(joined):
     assert {column.unit for column in joined.tables()[""]} == {"", "m/s"}
     with pytest.raises(FileError, match=r"1\.csv: there is no column named 'extra'"):
         joined.read("", ["extra"])
+
+
+def test_files_in_other_units_do_not_continue_each_other(tmp_path):
+    (tmp_path / "1.csv").write_text("time,r (deg/s)\n0,1.0\n")
+    (tmp_path / "2.csv").write_text("time,r (rad/s)\n1,1.0\n")
+    with pytest.raises(FileError, match=r"2\.csv: column 'r' is in rad/s, in .*1\.csv before it in deg/s"):
+        JoinedLog([open_log(tmp_path / f"{k}.csv") for k in (1, 2)]).tables()

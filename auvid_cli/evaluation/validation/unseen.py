@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.config.experiment import ImportedRun
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
@@ -32,17 +33,36 @@ def check_unseen(dataset: Dataset, estimate: Estimate, training: Dataset | None 
         If the dataset is the estimate's own, or has readings in common with it.
     """
     advice = "a model must be judged on data that it has not seen: name another run, or a time with --use"
+    shift = _clock_shift(dataset, estimate)
+    if shift is not None:
+        times = [record.time for record in dataset.sensors.values() if record.time.size]
+        begin, end = min(t[0] for t in times) + shift, max(t[-1] for t in times) + shift
+        used = estimate.experiment.identification.use.spans or ((estimate.time[0], estimate.time[-1]),)
+        if any(begin <= last and first <= end for first, last in used):
+            raise DataError(f"the estimate was made from this time of these very data; {advice}")
     if training is None:
-        if estimate.dataset_sha256 and estimate.dataset_sha256 == dataset.sha256:
-            raise DataError(f"the estimate was made from this very dataset; {advice}")
         return
     for name, record in dataset.sensors.items():
         if name in training.sensors and have_run_in_common(record.values, training.sensors[name].values):
             raise DataError(f"readings of {name} are among those that the estimate was made from; {advice}")
 
 
+def _clock_shift(dataset: Dataset, estimate: Estimate) -> float | None:
+    """What turns a dataset's times, s, into those of an estimate from the same log; None if it is from another."""
+    if estimate.dataset_sha256 and estimate.dataset_sha256 == dataset.sha256:
+        return 0.0
+    here, there = dataset.experiment, estimate.experiment
+    if not (isinstance(here, ImportedRun) and isinstance(there, ImportedRun)):
+        return None
+    if {f.sha256 for f in here.recording.files} & {f.sha256 for f in there.recording.files}:
+        return here.recording.origin - there.recording.origin
+    return None
+
+
 def have_run_in_common(some: Array, others: Array) -> bool:
     """Whether consecutive readings of one record stand in another too, at whatever times.
+
+    Components that one of them never has are not looked at, nor readings that only repeat the one before.
 
     Parameters
     ----------
@@ -50,19 +70,26 @@ def have_run_in_common(some: Array, others: Array) -> bool:
         Looked at in evenly spaced places.
     others : ndarray, shape (m, c)
     """
+    both = np.isfinite(some).any(axis=0) & np.isfinite(others).any(axis=0)
+    if not both.any():
+        return False
+    some, others = (_changing(record[:, both]) for record in (some, others))
     if min(len(some), len(others)) < _RUN:
         return False
     order = np.argsort(others[:, 0], kind="stable")
     ordered = others[order, 0]
     for place in np.unique(np.linspace(0, len(some) - _RUN, _PLACES).astype(np.int64)):
         run = some[place : place + _RUN]
-        # Readings of a sensor that stands still, or says nothing, are no copies.
-        if not np.isfinite(run).all() or not (np.diff(run[:, 0]) != 0.0).all():
-            continue
         same = slice(*(np.searchsorted(ordered, run[0, 0], side) for side in ("left", "right")))
         if any(np.array_equal(run, others[i : i + _RUN]) for i in order[same]):
             return True
     return False
+
+
+def _changing(record: Array) -> Array:
+    """Whole readings, each other than the one before."""
+    whole = record[np.isfinite(record).all(axis=1)]
+    return whole[np.concatenate([[True], (np.diff(whole, axis=0) != 0.0).any(axis=1)])] if len(whole) else whole
 
 
 def other_vehicle(dataset: Dataset, estimate: Estimate) -> list[str]:

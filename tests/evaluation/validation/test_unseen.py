@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auvid_cli.config.experiment import ImportedRun, RecordedFile, Recording
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.validation.unseen import check_unseen, have_run_in_common, other_vehicle
 
@@ -24,8 +25,43 @@ def part_of(dataset, since, until):
 
 
 def test_the_very_dataset_is_refused(short_run, estimate):
-    with pytest.raises(DataError, match="this very dataset"):
+    with pytest.raises(DataError, match="this time of these very data"):
         check_unseen(replace(short_run, sha256="abc"), estimate)
+
+
+def test_of_the_very_dataset_a_time_that_was_left_out_is_new(short_run, hand_made):
+    estimate = replace(hand_made([0.0, 30.0], {}), dataset_sha256="abc")
+    later = replace(part_of(short_run, 0.0, 60.0), sha256="abc")
+    cut = {
+        name: replace(r, time=r.time[r.time > 31.0], values=r.values[r.time > 31.0])
+        for name, r in later.sensors.items()
+    }
+    check_unseen(replace(later, sensors=cut), estimate)
+    with pytest.raises(DataError, match="this time of these very data"):
+        check_unseen(later, estimate)
+
+
+def test_the_same_log_under_another_map_is_no_other_log(short_run, hand_made):
+    """Its numbers may all differ by an offset; its clock says that they are the same."""
+
+    def imported(origin):
+        experiment = short_run.experiment
+        recording = Recording(files=(RecordedFile(name="dive.csv", sha256="cde"),), map="a map", origin=origin)
+        return ImportedRun(name="dive", vehicle=experiment.vehicle, recording=recording)
+
+    estimate = replace(hand_made([0.0, 30.0], {}), experiment=imported(100.0), dataset_sha256="abc")
+    with pytest.raises(DataError, match="this time of these very data"):
+        check_unseen(replace(short_run, experiment=imported(110.0), sha256="other"), estimate)
+    check_unseen(replace(short_run, experiment=imported(131.0), sha256="other"), estimate)
+
+
+def test_copies_are_found_behind_missing_components_and_held_values(rng):
+    noise = rng.standard_normal((100, 3))
+    without = noise.copy()
+    without[:, 0] = np.nan
+    assert have_run_in_common(without[20:60], noise)
+    assert have_run_in_common(np.repeat(noise[20:60], 5, axis=0), noise)
+    assert not have_run_in_common(without, rng.standard_normal((100, 3)))
 
 
 @pytest.mark.parametrize(("since", "until"), [(0.0, 60.0), (20.0, 40.0)])
