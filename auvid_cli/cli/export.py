@@ -44,13 +44,14 @@ def export(
 
         from auvid_cli import __version__
         from auvid_cli.data.estimate_file import read_estimate
-        from auvid_cli.data.files import write_text
+        from auvid_cli.data.files import keep_apart, write_text
         from auvid_cli.data.netcdf import digest
 
         terminal = Terminal(quiet, verbose)
         estimate = read_estimate(path)
         home = path.parent.parent if path.parent.name == "estimates" else path.parent
-        data = _dataset_of(path, estimate.dataset_sha256, dataset or home / "dataset.h5")
+        dataset_file = dataset or home / "dataset.h5"
+        data = _dataset_of(path, estimate.dataset_sha256, dataset_file)
         with terminal.compiling():
             from auvid_cli.evaluation.bounds import BoundsOf
             from auvid_cli.export.formats import FORMATS, check_stem, default_stem
@@ -64,6 +65,7 @@ def export(
         model, form = identified_model(estimate, data, bounds, origin), FORMATS[target]
         file = output or home / "export" / f"{default_stem(model)}{form.suffix}"
         check_stem(target, file.stem)
+        keep_apart(file, [path, dataset_file])
         losses = form.losses(model)
         write_text(file, form.text(model, losses, file.stem))
         for line in [*doubts(model), *loss_lines(losses), str(file)]:

@@ -8,8 +8,9 @@ from auvid_cli.config.experiment import ImportedRun, RecordedFile, Recording
 from auvid_cli.config.log_map import LogMap, load_map
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import write_dataset
-from auvid_cli.data.files import write_text
+from auvid_cli.data.files import keep_apart, write_text
 from auvid_cli.data.netcdf import digest
+from auvid_cli.errors import FileError
 from auvid_cli.logs.convert import Conversion, convert
 from auvid_cli.logs.joined import JoinedLog
 from auvid_cli.logs.layout import TextLayout
@@ -31,12 +32,14 @@ def import_logs(map_file: Path, given: Sequence[str], output: Path | None, termi
     """
     settings, tree = load_map(map_file)
     files = settings.files(map_file.parent, given)
+    path = output if output is not None else Path("results") / settings.name / "dataset.h5"
+    recorded = [part for paths in files.values() for file in paths for part in _parts(file)]
+    keep_apart(path, [map_file, *recorded])
     with terminal.stage("read the logs"):
         logs = {name: _opened(paths, _layout(settings, name)) for name, paths in files.items()}
         found = convert(settings, tree, logs)
-    path = output if output is not None else Path("results") / settings.name / "dataset.h5"
     with terminal.stage("write the dataset"):
-        run = _run(settings, tree.at.source.text, [path for paths in files.values() for path in paths], found)
+        run = _run(settings, tree.at.source.text, recorded, found)
         write_dataset(path, Dataset(found.inputs, found.sensors, run))
     print_accounts(terminal.out, found.accounts, found.remarks)
     terminal.say(f"{path}: t = 0 is {found.origin:.6f} s by the log's clock")
@@ -44,7 +47,15 @@ def import_logs(map_file: Path, given: Sequence[str], output: Path | None, termi
 
 
 def suggest_to(files: Sequence[Path], output: Path | None, terminal: Terminal) -> None:
-    """Suggest a map of logs, into a file or onto the standard output."""
+    """Suggest a map of logs, into a new file or onto the standard output.
+
+    Raises
+    ------
+    FileError
+        If that file exists: somebody may have edited it.
+    """
+    if output is not None and output.exists():
+        raise FileError(f"{output}: exists already; name another file for the suggested map, or remove it")
     with terminal.stage("look at the logs"):
         text = suggest([open_log(path) for path in files], output.parent if output is not None else Path())
     if output is None:
@@ -65,10 +76,14 @@ def _layout(settings: LogMap, name: str) -> TextLayout:
     return TextLayout(log.delimiter, log.header_row, log.decimal, log.missing)
 
 
+def _parts(log: Path) -> list[Path]:
+    """The files of a log; a bag may be a folder of them."""
+    return [part for part in sorted(log.rglob("*")) if part.is_file()] if log.is_dir() else [log]
+
+
 def _run(settings: LogMap, text: str, files: Sequence[Path], found: Conversion) -> ImportedRun:
     """Settings of the dataset, with where it comes from."""
-    parts = [part for file in files for part in (sorted(file.rglob("*")) if file.is_dir() else [file])]
-    recorded = tuple(RecordedFile(name=part.name, sha256=digest(part)) for part in parts if part.is_file())
+    recorded = tuple(RecordedFile(name=file.name, sha256=digest(file)) for file in files)
     return ImportedRun(
         name=settings.name,
         vehicle=settings.vehicle,

@@ -121,6 +121,8 @@ def identify_to(
     estimates = [future.result() for future in futures]
     for path, estimate in zip(paths, estimates, strict=True):
         terminal.say(f"{path}: {verdict(estimate)}; {estimate.cpu_time:.2f} s of processor time")
+    if any(not estimate.completed for estimate in estimates):
+        terminal.say("a filter diverged: narrow its prior (--set identification.prior.factor=1), or take another one")
     return estimates
 
 

@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -36,6 +36,19 @@ def replacing(path: Path) -> Iterator[Path]:
     finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)
+
+
+def keep_apart(output: Path, inputs: Iterable[Path]) -> None:
+    """Refuse to write over what is read.
+
+    Raises
+    ------
+    FileError
+        If the output is one of the inputs.
+    """
+    for path in inputs:
+        if output.resolve() == path.resolve():
+            raise FileError(f"{output}: is read from here, and would be written over; name another file")
 
 
 def write_text(path: Path, text: str) -> None:

@@ -20,6 +20,8 @@ Ticks = NDArray[np.int64]
 _ANGULAR = ("phi", "theta", "psi")
 _NANOSECOND = 1e-9
 DEPTH = POSITION[2]
+# s; over so long a time a model without any reading says nothing any more.
+_LONGEST_SILENCE = 1000.0
 
 # Most readings of one sensor in a part: some 60 ms of work for a sigma-point filter.
 PART = 8000
@@ -202,6 +204,12 @@ def _pieces(changes: Ticks, before: np.int64, events: Ticks, step: float) -> tup
     inside = slice(*np.searchsorted(changes, [before + 1, events[-1]]))
     cuts = np.unique(np.concatenate([[before], events, changes[inside]]))
     gaps = np.diff(cuts)
+    if gaps.size and gaps.max() * _NANOSECOND > _LONGEST_SILENCE:
+        k = int(gaps.argmax())
+        raise DataError(
+            f"nothing is heard from t = {cuts[k] * _NANOSECOND:.6g} s to {cuts[k + 1] * _NANOSECOND:.6g} s, too long "
+            "to go on without a reading: let a stretch end there (identification.use.longest_gap), or use a part of it"
+        )
     parts = np.maximum(np.ceil(gaps * _NANOSECOND / step - 1e-6).astype(np.int64), 1)
     held = np.maximum(np.searchsorted(changes, cuts[:-1], side="right") - 1, 0)
     pieces_before_cut = np.append(0, np.cumsum(parts))

@@ -128,3 +128,11 @@ def test_a_name_that_could_not_be_called_is_refused(target, name, results, tmp_p
 
 def test_a_missing_estimate_is_one_line(tmp_path):
     assert_one_clear_complaint(run(tmp_path / "nothing.h5", "--to", "yaml"), "nothing.h5")
+
+
+def test_the_estimate_itself_is_not_written_over(own_results):
+    estimate = own_results / "estimates/tukf.h5"
+    before = estimate.read_bytes()
+    result = run(estimate, "--to", "json", "-o", estimate)
+    assert_one_clear_complaint(result, "would be written over")
+    assert estimate.read_bytes() == before

@@ -1,4 +1,5 @@
 import re
+import shutil
 import subprocess
 import sys
 
@@ -128,6 +129,24 @@ def test_layout_of_the_text_is_told_by_the_map(tmp_path):
     assert found.inputs.values[:, 0] == pytest.approx(np.radians(np.arange(50) % 3))
 
 
+def test_units_in_cells_and_under_the_names_are_suggested_and_imported(tmp_path):
+    log, path = tmp_path / "log.csv", tmp_path / "map.yaml"
+    rows = [f"{100 * k},{k % 7}.5 deg,{k % 3} deg,{k} cm/s,{k % 5}" for k in range(50)]
+    log.write_text("\n".join(["time,roll,pitch,u,rudder", "ms,,,,deg", *rows]) + "\n")
+    assert auvid_import("--suggest", log, "-o", path).exit_code == 0
+    text = re.sub(
+        r"(?s)vehicle: #.*?logs:", f"vehicle: {shipped_configs()}/vehicles/lauv.yaml\nlogs:", path.read_text()
+    )
+    path.write_text(text.replace("standard_deviation: null", "standard_deviation: 0.1"))
+    result = auvid_import("--map", path, "-o", tmp_path / "d.h5")
+    assert result.exit_code == 0, result.output
+    found, k = read_dataset(tmp_path / "d.h5"), np.arange(50)
+    assert found.sensors["attitude"].values[:, :2] == pytest.approx(np.radians(np.column_stack((k % 7 + 0.5, k % 3))))
+    assert found.sensors["dvl"].values[:, 0] == pytest.approx(0.01 * k)
+    assert found.sensors["dvl"].time == pytest.approx(0.1 * k)
+    assert found.inputs.values[:, 0] == pytest.approx(np.radians(k % 5))
+
+
 @pytest.mark.parametrize("arguments", [[], ["--suggest"], ["--suggest", "x.csv", "--map", "m.yaml"], ["x.csv"]])
 def test_wrong_call_is_answered_in_a_line(arguments):
     result = auvid_import(*arguments)
@@ -141,3 +160,17 @@ def test_command_loads_nothing_heavy_before_it_runs():
     code = f"import sys, auvid_cli.cli.import_log; print([name for name in {heavy} if name in sys.modules])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("target", ["dvl.csv", "map.yaml"])
+def test_what_is_read_is_never_written_over(exported, tmp_path, target):
+    folder = tmp_path / "log"
+    shutil.copytree(exported, folder)
+    before = (folder / target).read_bytes()
+    result = auvid_import("--map", folder / "map.yaml", "-o", folder / target)
+    assert result.exit_code == 2
+    assert "would be written over" in result.stderr
+    suggested = auvid_import("--suggest", folder / "dvl.csv", "-o", folder / target)
+    assert suggested.exit_code == 2
+    assert "exists already" in suggested.stderr
+    assert (folder / target).read_bytes() == before

@@ -7,12 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SENSORS, InputRecord, SensorRecord
+from auvid_cli.errors import DataError
 from auvid_cli.evaluation.inspection.readings import continuous
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
 
-_STEP = 0.1
+# s
+_STEP, _LONGEST = 0.1, 14 * 86400.0
 # Usual intervals that may be bridged.
 _LONGEST_BRIDGE = 3.0
 
@@ -53,7 +55,18 @@ class Signals(NamedTuple):
 
 
 def signals_of(inputs: InputRecord, sensors: Mapping[str, SensorRecord], span: tuple[float, float]) -> Signals:
-    """Put inputs and sensors on a grid over a span of time, s."""
+    """Put inputs and sensors on a grid over a span of time, s.
+
+    Raises
+    ------
+    DataError
+        If it lasts for weeks: some time stamps are no times.
+    """
+    if span[1] - span[0] > _LONGEST:
+        raise DataError(
+            f"the readings are from t = {span[0]:.6g} s to {span[1]:.6g} s, more than two weeks: some of these times "
+            "must be wrong; cut the log to the rest (`use` in its map)"
+        )
     grid = Grid(span[0], _STEP, max(int((span[1] - span[0]) / _STEP), 1))
     values = {
         symbol: _input_on(grid, inputs.time, inputs.values[:, column]) for column, symbol in enumerate(INPUT_SYMBOLS)

@@ -79,7 +79,8 @@ def _alone(dataset: Dataset, name: str, found: Screened) -> list[Check]:
     record = dataset.sensors[name]
     checks = timing_checks(name, record, found.jumps) if record.time.size > 1 else []
     checks += [*data_checks(dataset, "", [name]), *reading_checks(name, record, found.spikes, found.largest)]
-    return [*checks, gimbal_check(record)] if name == "attitude" else checks
+    tells_pitch = name == "attitude" and np.isfinite(record.values[:, 1]).any()
+    return [*checks, gimbal_check(record)] if tells_pitch else checks
 
 
 def _silent(name: str) -> Check:

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 # Standard errors from 0, and partial correlation, at which a sign is known.
 _SIGMAS, _LEAST_CORRELATION = 5.0, 0.4
+# rad, of a fin that moves at all.
+_LEAST_DEFLECTION = 1e-3
 _SHORTEST_ANSWER, _USUAL_ANSWER, _LONGEST_ANSWER = 0.3, 1.0, 3.0
 
 
@@ -62,6 +64,8 @@ def response_fits(signals: Signals, axis: Axis, time_constant: float | None) -> 
     said = {"gyroscope": value[axis.rate]} if signals.has(axis.rate) else {}
     if rates:
         said["attitude"] = rates[axis.rate].total()
+    if axis.given != "roll_moment" and not np.nanstd(value[axis.given]) > _LEAST_DEFLECTION:
+        return dict.fromkeys(said)
     window = signals.window(axis.rate, axis.angle, least=_shown_within(time_constant))
     pressure = value["u"] ** 2 if axis.given != "roll_moment" and signals.has("u") else 1.0
     force = smoothed(pressure * value[axis.given], window)
@@ -85,7 +89,7 @@ def response_check(axis: Axis, fits: dict[str, Fit | None]) -> Check:
     )
     threshold = f"{'positive' if axis.sign > 0 else 'negative'} {axis.rate} from a positive {axis.given}"
     if not told:
-        found = f"not excited enough to tell: {found or 'too short'}"
+        found = f"not excited enough to tell: {found or 'it hardly moves, or not for long'}"
         return judged(axis.given, f"response of {axis.rate}", found, threshold, None, _untold(axis.given))
     return judged(
         axis.given,

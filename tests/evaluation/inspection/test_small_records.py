@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.data.dataset import InputRecord
+from auvid_cli.errors import DataError
 from auvid_cli.evaluation.inspection.inspect import inspect_dataset
 
 
@@ -69,3 +70,31 @@ def test_an_empty_record_and_one_without_any_noise_are_judged(sound_run):
     assert checks["dvl", "missing"].passed is False
     assert checks["gyroscope", "stuck"].passed is False
     assert checks["gyroscope", "spikes"].passed is True
+
+
+def test_a_fin_that_moves_by_rounding_alone_answers_nothing(sound_run):
+    """As two opposite fins that cancel."""
+    dataset = sound_run()
+    values = dataset.inputs.values.copy()
+    values[:, 0] *= -1e-15
+    checks = inspect_dataset(replace(dataset, inputs=replace(dataset.inputs, values=values))).checks
+    (check,) = [check for check in checks if check.check == "response of r"]
+    assert check.passed is None
+
+
+def test_times_that_span_weeks_are_no_times(sound_run):
+    dataset = sound_run()
+    dvl = dataset.sensors["dvl"]
+    time = dvl.time.copy()
+    time[-1] = 1.7e9
+    astray = replace(dataset, sensors=dataset.sensors | {"dvl": replace(dvl, time=time)})
+    with pytest.raises(DataError, match="more than two weeks"):
+        inspect_dataset(astray)
+
+
+def test_an_attitude_without_pitch_is_inspected_all_the_same(sound_run, changed):
+    def forget(time, values):
+        values[:, 1] = np.nan
+
+    inspection = inspect_dataset(changed(sound_run(), "attitude", forget))
+    assert {check.subject for check in inspection.checks} >= {"attitude", "gyroscope"}

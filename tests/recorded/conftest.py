@@ -1,0 +1,78 @@
+"""Commands run on logs of vehicles, which do not ship with auvid."""
+
+import csv
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+MAPS = Path(__file__).parent / "maps"
+SHARED = Path(os.environ.get("AUVID_SHARED", Path(__file__).parents[2] / "../shared")).resolve()
+
+
+@pytest.fixture(scope="session")
+def recorded():
+    """The folder of recorded logs."""
+    folder = SHARED / "recorded"
+    if not folder.is_dir():
+        pytest.skip("the recorded logs are not here")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def auvid():
+    """Function: run a command, expect an exit code, and return its standard output."""
+
+    def run(*arguments, code=0):
+        command = [sys.executable, "-m", "auvid_cli", *map(str, arguments)]
+        result = subprocess.run(command, capture_output=True, text=True, timeout=300)
+        assert result.returncode == code, result.stdout + result.stderr
+        return result.stdout if code != 2 else result.stderr
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def imported(auvid, tmp_path_factory):
+    """Function: the dataset file of a log by a map, each made once; `changes` to the map's text."""
+    made = {}
+
+    def dataset(log, name, *changes):
+        if (log, name, changes) not in made:
+            folder = tmp_path_factory.mktemp(name)
+            text = (MAPS / f"{name}.yaml").read_text()
+            for old, new in changes:
+                assert old in text
+                text = text.replace(old, new)
+            (folder / "map.yaml").write_text(text.replace("vehicle: couguv", f"vehicle: {MAPS}/couguv"))
+            auvid("import", log, "--map", folder / "map.yaml", "-o", folder / "dataset.h5")
+            made[log, name, changes] = folder / "dataset.h5"
+        return made[log, name, changes]
+
+    return dataset
+
+
+@pytest.fixture(scope="session")
+def inspected(auvid, tmp_path_factory):
+    """Function: what `auvid inspect` says of a dataset file, by subject and check."""
+
+    def inspection(dataset, code):
+        folder = tmp_path_factory.mktemp("inspection")
+        auvid("inspect", dataset, "-o", folder, code=code)
+        return {(row["subject"], row["check"]): row for row in rows_of(folder / "tables/inspection.csv")}
+
+    return inspection
+
+
+def rows_of(path):
+    """Rows of a CSV file as dictionaries."""
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="session")
+def rows():
+    """Function: rows of a CSV file as dictionaries."""
+    return rows_of
