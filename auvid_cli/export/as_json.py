@@ -6,7 +6,7 @@ import yaml
 
 from auvid_cli.config.load import dump_experiment
 from auvid_cli.export.heading import doubts
-from auvid_cli.export.losses import Losses, losses_of
+from auvid_cli.export.losses import NOTHING, Losses
 from auvid_cli.export.model import IdentifiedModel
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import PARAMETERS
@@ -16,7 +16,7 @@ SCHEMA_VERSION = 1
 
 def json_losses(model: IdentifiedModel) -> Losses:
     """Nothing."""
-    return losses_of(model, (), ())
+    return NOTHING
 
 
 def json_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
@@ -45,7 +45,26 @@ def json_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
             }
             for each, coefficient in zip(model.coefficients, COEFFICIENTS, strict=True)
         },
-        "covariance": {"order": model.estimated(), "values": model.covariance.tolist()},
+        "states": {
+            each.symbol: {"value": each.value, "unit": each.unit, "standard_deviation": each.standard_deviation}
+            for each in model.states
+        },
+        "covariance": {
+            "order": [*model.estimated(), *(each.symbol for each in model.states)],
+            "values": model.covariance.tolist(),
+        },
+        "thrust": {
+            "value": model.actuation.thrust,
+            "unit": "1",
+            "meaning": "how many times the stated surge force acts",
+            "rms_of_change": model.actuation.thrust_rms,
+        },
+        "fin_time_constant": {
+            "value": model.actuation.fin_time_constant,
+            "unit": "s",
+            "meaning": "first-order lag of the fins behind their commands",
+            "rms_of_change": model.actuation.lag_rms,
+        },
         "terms": [size._asdict() for size in model.term_sizes],
         "lost": {"terms": [size._asdict() for size in losses.terms], "notes": losses.notes},
         "provenance": model.origin._asdict() | {"settings": yaml.safe_load(dump_experiment(model.experiment))},

@@ -8,11 +8,11 @@ from auvid_cli.errors import ConfigError
 from auvid_cli.export.as_json import json_losses, json_text
 from auvid_cli.export.format_name import FormatName
 from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
-from auvid_cli.export.losses import Losses
-from auvid_cli.export.matlab_function import matlab_losses, matlab_text
+from auvid_cli.export.losses import Losses, losses_of
+from auvid_cli.export.matlab_function import matlab_text
 from auvid_cli.export.model import IdentifiedModel
-from auvid_cli.export.python_function import python_losses, python_text
-from auvid_cli.export.vehicle_yaml import yaml_losses, yaml_text
+from auvid_cli.export.python_function import python_text
+from auvid_cli.export.vehicle_yaml import yaml_text
 
 
 class Format(NamedTuple):
@@ -34,10 +34,10 @@ class Format(NamedTuple):
 
 
 FORMATS = {
-    FormatName.YAML: Format(".yaml", yaml_losses, yaml_text),
+    FormatName.YAML: Format(".yaml", losses_of, yaml_text),
     FormatName.JSON: Format(".json", json_losses, json_text),
-    FormatName.PYTHON: Format(".py", python_losses, python_text),
-    FormatName.MATLAB: Format(".m", matlab_losses, matlab_text),
+    FormatName.PYTHON: Format(".py", losses_of, python_text),
+    FormatName.MATLAB: Format(".m", losses_of, matlab_text),
     FormatName.SDF: Format(".sdf", gazebo_losses, gazebo_text),
 }
 

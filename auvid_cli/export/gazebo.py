@@ -24,7 +24,6 @@ _FIN_TERMS = tuple(c.symbol for c in COEFFICIENTS if c.group == "control")
 _NOTES = (
     "Fins: give them joints and LiftDrag systems, or apply their forces from outside.",
     "Thrust and roll moment: give the model a Thruster system, or apply them with ApplyLinkWrench.",
-    "The covariances between coefficients are lost; their standard deviations stand in comments.",
     "In a current, DART takes the Coriolis forces of the added mass from the velocity over ground.",
 )
 

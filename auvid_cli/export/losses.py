@@ -3,10 +3,10 @@
 from collections.abc import Collection
 from typing import NamedTuple
 
-from auvid_cli.export.model import IdentifiedModel
+from auvid_cli.export.model import EstimatedState, IdentifiedModel
 from auvid_cli.export.terms import TermSize
 
-COVARIANCES = "The covariances between coefficients are lost; their standard deviations are here."
+_COVARIANCES = "The covariances are lost; standard deviations stand beside the values."
 
 
 class Losses(NamedTuple):
@@ -17,16 +17,29 @@ class Losses(NamedTuple):
     terms : tuple of TermSize
         Terms of the equations of motion, with how large they are.
     notes : tuple of str
-        All else, a sentence each.
+        All else, a line each.
     """
 
     terms: tuple[TermSize, ...]
     notes: tuple[str, ...]
 
 
-def losses_of(model: IdentifiedModel, symbols: Collection[str], notes: tuple[str, ...]) -> Losses:
-    """The terms of these coefficients, and other losses as sentences."""
-    return Losses(tuple(size for size in model.term_sizes if size.symbol in symbols), notes)
+NOTHING = Losses((), ())
+
+
+def losses_of(model: IdentifiedModel, symbols: Collection[str] = (), notes: tuple[str, ...] = ()) -> Losses:
+    """What a form loses that holds the equations of motion alone.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+    symbols : collection of str
+        Coefficients whose terms it loses as well.
+    notes : tuple of str
+        All else that it loses.
+    """
+    terms = tuple(size for size in model.term_sizes if size.symbol in symbols)
+    return Losses(terms, (*notes, _COVARIANCES, *_actuation_lines(model), *_state_lines(model)))
 
 
 def loss_lines(losses: Losses) -> list[str]:
@@ -38,3 +51,31 @@ def loss_lines(losses: Losses) -> list[str]:
     opening = "Terms that are lost, RMS along the estimated motion and share of all terms of their row:"
     terms = [f"  {t.symbol} in {t.row}: {t.rms:.3g} {t.unit}, {t.percent:.3g} %" for t in losses.terms]
     return [opening, *terms, *losses.notes]
+
+
+def _actuation_lines(model: IdentifiedModel) -> list[str]:
+    found, lines = model.actuation, []
+    if found.thrust != 1.0:
+        lines.append(
+            f"The propeller's gain is lost: multiply the stated surge force by {found.thrust:.5g}; along the estimated "
+            f"motion that changed it by {found.thrust_rms:.3g} N RMS."
+        )
+    if found.fin_time_constant:
+        units = {size.symbol: size.unit for size in model.term_sizes}
+        changes = ", ".join(f"{symbol} by {rms:.3g} {units[symbol]}" for symbol, rms in found.lag_rms.items())
+        lines.append(
+            f"The fins' lag is lost: put one of {found.fin_time_constant:g} s, first order, between the commands and "
+            f"rudder and elevator here; along the estimated motion it changed {changes} RMS."
+        )
+    return lines
+
+
+def _state_lines(model: IdentifiedModel) -> list[str]:
+    if not model.states:
+        return []
+    return ["Estimated beside the coefficients, and lost:", *map(_state_line, model.states)]
+
+
+def _state_line(state: EstimatedState) -> str:
+    unit = "" if state.unit == "1" else f" {state.unit}"
+    return f"  {state.symbol}: {state.value:.4g}{unit}, standard deviation {state.standard_deviation:.2g}{unit}"

@@ -2,7 +2,7 @@
 
 from auvid_cli.export.equations import constants, mass_rows, statements
 from auvid_cli.export.heading import heading_lines
-from auvid_cli.export.losses import Losses, losses_of
+from auvid_cli.export.losses import Losses
 from auvid_cli.export.model import IdentifiedModel
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
 
@@ -11,12 +11,6 @@ Body axes forward, starboard, down; angles to north, east, down.
 inputs: [rudder elevator surge_force roll_moment], rad, rad, N, N m.
 For example: [t, x] = ode45(@(t, x) {name}(x, [0 0 100 0]), [0 10], [2 0 0 0 0 0 0 0 0]);
 """
-
-
-def matlab_losses(model: IdentifiedModel) -> Losses:
-    """The covariances; standard deviations are only in comments."""
-    note = "The covariances between coefficients are lost; their standard deviations stand in comments."
-    return losses_of(model, (), (note,))
 
 
 def matlab_text(model: IdentifiedModel, losses: Losses, name: str) -> str:

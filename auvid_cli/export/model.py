@@ -13,7 +13,9 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.evaluation.consistency import verdict
-from auvid_cli.export.terms import TermSize, held_inputs, term_histories, term_sizes
+from auvid_cli.export.actuation import Actuation, acting_inputs, actuation
+from auvid_cli.export.terms import TermSize, term_histories, term_sizes
+from auvid_cli.identification.timeline import DEPTH
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
@@ -39,6 +41,22 @@ class IdentifiedCoefficient(NamedTuple):
     value: float
     standard_deviation: float | None
     identified: bool | None
+
+
+class EstimatedState(NamedTuple):
+    """A constant or slow state that was estimated beside the coefficients: of a sensor, the current or the thrust.
+
+    Attributes
+    ----------
+    symbol, unit : str
+    value, standard_deviation : float
+        At the last time, SI.
+    """
+
+    symbol: str
+    unit: str
+    value: float
+    standard_deviation: float
 
 
 class Origin(NamedTuple):
@@ -72,8 +90,11 @@ class IdentifiedModel:
         "completed", or what the innovations hold against it.
     coefficients : tuple of IdentifiedCoefficient
         All 22, in the order of the table.
+    states : tuple of EstimatedState
+        In the order of the estimate.
     covariance : ndarray, shape (k, k)
-        Of those that were estimated, in that order, SI.
+        Of the coefficients that were estimated, in that order, and of `states`, SI.
+    actuation : Actuation
     term_sizes : tuple of TermSize
         Of all 22 along the estimated motion.
     origin : Origin
@@ -83,7 +104,9 @@ class IdentifiedModel:
     filter: str
     verdict: str
     coefficients: tuple[IdentifiedCoefficient, ...]
+    states: tuple[EstimatedState, ...]
     covariance: Array
+    actuation: Actuation
     term_sizes: tuple[TermSize, ...]
     origin: Origin
 
@@ -130,15 +153,26 @@ def identified_model(
         coefficients.append(
             IdentifiedCoefficient(coefficient.symbol, coefficient.unit, values[coefficient.symbol], *certainty)
         )
-    kept = [estimate.state.index(symbol) for symbol in SYMBOLS if symbol in found]
+    others = [i for i, symbol in enumerate(estimate.state) if symbol not in (*SYMBOLS, *MOTION_SYMBOLS, DEPTH.symbol)]
+    kept = [*(estimate.state.index(symbol) for symbol in SYMBOLS if symbol in found), *others]
     motion = estimate.mean[:, [estimate.state.index(symbol) for symbol in MOTION_SYMBOLS]]
-    inputs = held_inputs(estimate.time, dataset.inputs.time, dataset.inputs.values)
+    terms = term_histories(values, motion, acting_inputs(estimate, dataset.inputs))
     return IdentifiedModel(
         experiment=estimate.experiment,
         filter=estimate.filter,
         verdict=verdict(estimate),
         coefficients=tuple(coefficients),
+        states=tuple(
+            EstimatedState(
+                estimate.state[i],
+                estimate.unit[i],
+                float(estimate.mean[-1, i]),
+                float(estimate.standard_deviation[-1, i]),
+            )
+            for i in others
+        ),
         covariance=estimate.covariance[np.ix_(kept, kept)],
-        term_sizes=tuple(term_sizes(term_histories(values, motion, inputs))),
+        actuation=actuation(estimate, dataset.inputs, values, motion),
+        term_sizes=tuple(term_sizes(terms)),
         origin=origin,
     )

@@ -2,7 +2,7 @@
 
 from auvid_cli.export.equations import constants, mass_rows, statements
 from auvid_cli.export.heading import heading_lines
-from auvid_cli.export.losses import COVARIANCES, Losses, losses_of
+from auvid_cli.export.losses import Losses
 from auvid_cli.export.model import IdentifiedModel
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
 
@@ -24,11 +24,6 @@ def motion_derivative(motion, inputs):
     ndarray, shape (9,)
     """
 '''
-
-
-def python_losses(model: IdentifiedModel) -> Losses:
-    """The covariances."""
-    return losses_of(model, (), (COVARIANCES,))
 
 
 def python_text(model: IdentifiedModel, losses: Losses, name: str) -> str:

@@ -81,6 +81,8 @@ def term_sizes(terms: Array) -> list[TermSize]:
 def held_inputs(time: Array, input_time: Array, values: Array) -> Array:
     """Inputs in force at given times; each holds from its own time to the next.
 
+    Times are compared in whole nanoseconds, to which a filter rounds those of its events.
+
     Parameters
     ----------
     time : ndarray, shape (n,)
@@ -93,4 +95,4 @@ def held_inputs(time: Array, input_time: Array, values: Array) -> Array:
     -------
     ndarray, shape (n, 4)
     """
-    return values[np.searchsorted(input_time, time, side="right") - 1]
+    return values[np.searchsorted(input_time.round(9), time.round(9), side="right") - 1]

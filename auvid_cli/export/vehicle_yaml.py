@@ -5,14 +5,9 @@ from typing import Any
 import yaml
 
 from auvid_cli.export.heading import heading_lines
-from auvid_cli.export.losses import COVARIANCES, Losses, losses_of
+from auvid_cli.export.losses import Losses
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
 from auvid_cli.vehicle.parameters import PARAMETERS
-
-
-def yaml_losses(model: IdentifiedModel) -> Losses:
-    """The covariances."""
-    return losses_of(model, (), (COVARIANCES,))
 
 
 def yaml_text(model: IdentifiedModel, losses: Losses, name: str) -> str:

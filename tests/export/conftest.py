@@ -5,24 +5,29 @@ import pytest
 
 from auvid_cli.blocks import LANES
 from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.export.actuation import Actuation
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel, Origin
 from auvid_cli.export.terms import term_histories, term_sizes
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.dynamics import motion_derivative, vehicle_constants
 from auvid_cli.vehicle.parameters import N_MOTION
 
+AS_STATED = Actuation(1.0, 0.0, 0.0, {})
 # Centres off every axis and weight other than buoyancy, so that no lever vanishes.
 SKEWED = {"xG": 0.02, "yG": -0.01, "zG": 0.03, "xB": -0.03, "yB": 0.02, "zB": -0.01, "B": 480.0}
 
 
-def make_model(experiment, held=(), not_identified=(), verdict="completed") -> IdentifiedModel:
+def make_model(
+    experiment, held=(), not_identified=(), verdict="completed", states=(), actuation=AS_STATED
+) -> IdentifiedModel:
     """A vehicle with its own coefficients for estimates."""
     values, coefficients = experiment.vehicle.all_coefficients(), []
     for c in COEFFICIENTS:
         deviation = None if c.symbol in held else 1e-3 * (abs(values[c.symbol]) + 1.0)
         identified = None if c.symbol in held else c.symbol not in not_identified
         coefficients.append(IdentifiedCoefficient(c.symbol, c.unit, values[c.symbol], deviation, identified))
-    deviations = np.array([c.standard_deviation for c in coefficients if c.standard_deviation is not None])
+    estimated = [*(c for c in coefficients if c.standard_deviation is not None), *states]
+    deviations = np.array([each.standard_deviation for each in estimated])
     rng = np.random.default_rng(1)
     terms = term_histories(values, rng.standard_normal((50, 9)), rng.standard_normal((50, 4)))
     return IdentifiedModel(
@@ -30,6 +35,8 @@ def make_model(experiment, held=(), not_identified=(), verdict="completed") -> I
         filter="tukf",
         verdict=verdict,
         coefficients=tuple(coefficients),
+        states=tuple(states),
+        actuation=actuation,
         covariance=0.9 * np.diag(deviations**2) + 0.1 * np.outer(deviations, deviations),
         term_sizes=tuple(term_sizes(terms)),
         origin=Origin("d" * 64, "e" * 64, "1.2.3", "2026-01-01T00:00:00+00:00"),

@@ -6,6 +6,7 @@ import pytest
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import coefficient_results
+from auvid_cli.export.actuation import acting_inputs
 from auvid_cli.export.heading import doubts, heading_lines
 from auvid_cli.export.losses import Losses
 from auvid_cli.export.model import Origin, identified_model
@@ -73,6 +74,55 @@ def test_terms_are_sized_along_the_estimated_motion_with_the_inputs_of_the_datas
         shares = [size.percent for size in model.term_sizes if size.row == row]
         assert np.hypot.reduce(shares) == pytest.approx(100.0)
     assert [size.symbol for size in model.term_sizes] == [c.symbol for c in COEFFICIENTS]
+
+
+def test_with_stretches_left_out_the_inputs_are_still_those_of_the_time(simulated_with, with_settings):
+    """The gap is four seconds; an elevator that tells its own time shows which row was taken."""
+    dataset = simulated_with(f"identification.coefficients=[{', '.join(CHOSEN)}]", "manoeuvre.duration=10 s")
+    estimate = identify(with_settings(dataset, "identification.use.spans=[[0, 3], [7, 10]]"), FilterName.CKF)
+    assert np.diff(estimate.time).max() == pytest.approx(4.0, abs=0.1)
+    inputs = dataset.inputs
+    clock = inputs.values.copy()
+    clock[:, 1] = inputs.time
+    found = acting_inputs(estimate, replace(inputs, values=clock))[:, 1]
+    step = np.diff(inputs.time).max()
+    assert step < 0.2
+    late = estimate.time - found
+    assert late.min() > -1e-9
+    assert late.max() < step - 1e-9
+
+
+def test_what_was_estimated_beside_coefficients_is_there_with_its_covariance(dataset, with_settings):
+    seen = with_settings(
+        dataset, "identification.estimate.biases=[thrust, current, gyro]", "identification.fin_time_constant=0.1 s"
+    )
+    estimate = identify(seen, FilterName.CKF)
+    found = identified_model(estimate, seen, {}, ORIGIN)
+    units = {state.symbol: state.unit for state in found.states}
+    expected = {"thrust_scale": "1", "current_north": "m/s", "current_east": "m/s"}
+    assert units == expected | dict.fromkeys(("bias_p", "bias_q", "bias_r"), "rad/s")
+    for state in found.states:
+        column = estimate.state.index(state.symbol)
+        assert state.value == estimate.mean[-1, column]
+        assert state.standard_deviation == estimate.standard_deviation[-1, column]
+    assert found.actuation.thrust == pytest.approx(1.0 + estimate.mean[-1, estimate.state.index("thrust_scale")])
+    assert found.actuation.fin_time_constant == 0.1
+    heave = next(size for size in found.term_sizes if size.symbol == "Z_uude")
+    value = estimate.final_coefficients()["Z_uude"]
+    force = value * estimate.mean[:, estimate.state.index("u")] ** 2 * acting_inputs(estimate, seen.inputs)[:, 1]
+    assert heave.rms == pytest.approx(np.sqrt(np.mean(force**2)))
+    deviations = [each.standard_deviation for each in found.coefficients if each.standard_deviation is not None]
+    deviations += [state.standard_deviation for state in found.states]
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), deviations, rtol=1e-9)
+
+
+def test_a_measured_depth_is_motion_and_no_such_state(simulated_with):
+    measured = simulated_with("manoeuvre.duration=4 s", "sensors.depth={rate: 10 Hz, noise: 0.02 m}")
+    estimate = identify(measured, FilterName.CKF)
+    assert "down" in estimate.state
+    found = identified_model(estimate, measured, {}, ORIGIN)
+    assert found.states == ()
+    assert found.covariance.shape == (22, 22)
 
 
 @pytest.mark.parametrize("status", ["diverged at t = 2 s: not finite", "unconverged: out of evaluations"])

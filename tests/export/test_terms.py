@@ -47,3 +47,10 @@ def test_an_input_holds_from_its_own_time_on():
     values = np.arange(8.0).reshape(2, 4)
     held = held_inputs(np.array([1.0, 1.9, 2.0, 5.0]), np.array([1.0, 2.0]), values)
     assert held[:, 0].tolist() == [0.0, 0.0, 4.0, 4.0]
+
+
+def test_an_input_and_an_event_of_the_same_nanosecond_are_at_the_same_time():
+    by_log, by_filter = 3 * 0.1, 0.3
+    assert by_log > by_filter
+    held = held_inputs(np.array([by_filter]), np.array([0.0, by_log]), np.arange(8.0).reshape(2, 4))
+    assert held[0, 0] == 4.0

@@ -1,0 +1,73 @@
+"""What lay between the inputs as they were stated and those that acted: the propeller's gain and the fins' lag."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.dataset import InputRecord
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.export.terms import held_inputs, term_histories
+from auvid_cli.identification.actuators import lagged
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
+
+Array = NDArray[np.float64]
+
+
+class Actuation(NamedTuple):
+    """How inputs act, and what that makes of the forces.
+
+    Attributes
+    ----------
+    thrust : float
+        How many times the stated surge force acts.
+    thrust_rms : float
+        Root mean square of the surge force that this adds or takes, N.
+    fin_time_constant : float
+        Of the first-order lag between the command and the fin, s.
+    lag_rms : dict of float
+        Root mean square of what the lag changes in a fin's force or moment, by coefficient, N or N m.
+    """
+
+    thrust: float
+    thrust_rms: float
+    fin_time_constant: float
+    lag_rms: dict[str, float]
+
+
+def acting_inputs(estimate: Estimate, inputs: InputRecord) -> Array:
+    """Inputs at the times of an estimate with the fins where its filter saw them, the surge force as stated."""
+    settings = estimate.experiment.identification
+    acting = lagged(inputs, settings.fin_time_constant, settings.integration_step)
+    return held_inputs(estimate.time, acting.time, acting.values)
+
+
+def actuation(estimate: Estimate, inputs: InputRecord, coefficients: Mapping[str, float], motion: Array) -> Actuation:
+    """Gain and lag of an estimate, sized along its motion.
+
+    Parameters
+    ----------
+    estimate : Estimate
+    inputs : InputRecord
+        As stated.
+    coefficients : mapping
+        The 22 by symbol, SI.
+    motion : ndarray, shape (n, 9)
+        At the times of the estimate.
+    """
+    stated = held_inputs(estimate.time, inputs.time, inputs.values)
+    by_command, by_fin = (
+        term_histories(coefficients, motion, each) for each in (stated, acting_inputs(estimate, inputs))
+    )
+    changes = np.sqrt(np.mean((by_fin - by_command) ** 2, axis=0))
+    thrust, force = estimate.final_thrust(), stated[:, INPUT_SYMBOLS.index("surge_force")]
+    return Actuation(
+        thrust=thrust,
+        thrust_rms=float(abs(thrust - 1.0) * np.sqrt(np.mean(force**2))),
+        fin_time_constant=estimate.experiment.identification.fin_time_constant,
+        lag_rms={
+            c.symbol: float(change) for c, change in zip(COEFFICIENTS, changes, strict=True) if c.group == "control"
+        },
+    )

@@ -1,0 +1,61 @@
+"""A made-up history: a constant speed, a constant surge force, and a step of the elevator."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.dataset import InputRecord
+from auvid_cli.export.actuation import acting_inputs, actuation
+from auvid_cli.identification.identify import identify
+from auvid_cli.vehicle.coefficients import SYMBOLS
+
+SPEED, FORCE, STEP, LAG = 2.0, 50.0, 0.1, 0.2
+INPUTS = InputRecord(np.array([0.0, 1.0]), np.array([[0.0, 0.0, FORCE, 0.0], [0.0, STEP, FORCE, 0.0]]))
+TIME = np.linspace(0.0, 3.0, 601)
+MOTION = np.tile([SPEED, *np.zeros(8)], (TIME.size, 1))
+VALUES = dict.fromkeys(SYMBOLS, 0.0) | {"Z_uude": -30.0, "M_uude": -20.0, "Y_uudr": 10.0}
+
+
+@pytest.fixture(scope="module")
+def history(simulated_with, with_settings):
+    """Function: an estimate over `TIME` with some settings."""
+    dataset = simulated_with("manoeuvre.duration=2 s", "identification.estimate.biases=[thrust]")
+
+    def make(*overrides, thrust_scale=0.0):
+        own = with_settings(dataset, "identification.integration_step=0.0005 s", *overrides)
+        estimate = replace(identify(dataset, FilterName.CKF), experiment=own.experiment, time=TIME)
+        mean = np.zeros((TIME.size, len(estimate.state)))
+        mean[:, estimate.state.index("thrust_scale")] = thrust_scale
+        return replace(estimate, mean=mean)
+
+    return make
+
+
+def test_the_gain_is_sized_by_the_force_that_it_adds(history):
+    found = actuation(history(thrust_scale=-0.2), INPUTS, VALUES, MOTION)
+    assert found.thrust == pytest.approx(0.8)
+    assert found.thrust_rms == pytest.approx(0.2 * FORCE)
+
+
+def test_the_lag_is_sized_by_what_it_changes_in_the_fins_forces(history):
+    found = actuation(history(f"identification.fin_time_constant={LAG} s"), INPUTS, VALUES, MOTION)
+    late = np.where(TIME >= 1.0, STEP * np.exp(-(TIME - 1.0) / LAG), 0.0)
+    missing = SPEED**2 * np.sqrt(np.mean(late**2))
+    assert found.fin_time_constant == LAG
+    assert found.lag_rms == pytest.approx(
+        {"Y_uudr": 0.0, "Z_uude": 30.0 * missing, "M_uude": 20.0 * missing, "N_uudr": 0.0}, rel=2e-3
+    )
+
+
+def test_fins_act_where_the_filter_saw_them(history):
+    found = acting_inputs(history(f"identification.fin_time_constant={LAG} s"), INPUTS)
+    expected = np.where(TIME >= 1.0, STEP * -np.expm1(-(TIME - 1.0) / LAG), 0.0)
+    np.testing.assert_allclose(found[:, 1], expected, atol=2e-3 * STEP)
+    assert (found[:, 2] == FORCE).all()
+
+
+def test_without_either_nothing_changes(history):
+    found = actuation(history(), INPUTS, VALUES, MOTION)
+    assert found == (1.0, 0.0, 0.0, dict.fromkeys(("Y_uudr", "Z_uude", "M_uude", "N_uudr"), 0.0))

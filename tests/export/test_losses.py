@@ -1,0 +1,49 @@
+import pytest
+
+from auvid_cli.export.actuation import Actuation
+from auvid_cli.export.format_name import FormatName
+from auvid_cli.export.formats import FORMATS
+from auvid_cli.export.losses import loss_lines
+from auvid_cli.export.model import EstimatedState
+
+STATES = (
+    EstimatedState("thrust_scale", "1", 0.2, 0.0123),
+    EstimatedState("current_north", "m/s", -0.25, 0.011),
+    EstimatedState("bias_p", "rad/s", 3.5e-3, 1e-4),
+)
+FOUND = Actuation(1.2, 14.52, 0.1, {"Y_uudr": 3.14, "Z_uude": 2.72, "M_uude": 1.62, "N_uudr": 0.58})
+POOR = [name for name in FormatName if name != FormatName.JSON]
+
+
+@pytest.fixture(scope="module")
+def model(model_with):
+    return model_with(states=STATES, actuation=FOUND)
+
+
+@pytest.mark.parametrize("target", POOR)
+def test_every_form_but_json_says_what_it_loses_beside_the_terms_and_how_large_it_is(target, model):
+    losses = FORMATS[target].losses(model)
+    text = FORMATS[target].text(model, losses, "model")
+    said = (
+        "multiply the stated surge force by 1.2; along the estimated motion that changed it by 14.5 N RMS.",
+        "put one of 0.1 s, first order, between the commands and rudder and elevator",
+        "Y_uudr by 3.14 N, Z_uude by 2.72 N, M_uude by 1.62 N*m, N_uudr by 0.58 N*m RMS.",
+        "  thrust_scale: 0.2, standard deviation 0.012",
+        "  current_north: -0.25 m/s, standard deviation 0.011 m/s",
+        "  bias_p: 0.0035 rad/s, standard deviation 0.0001 rad/s",
+    )
+    for sentence in said:
+        assert sentence in "\n".join(loss_lines(losses))
+        assert sentence in text
+
+
+@pytest.mark.parametrize("target", POOR)
+def test_nothing_is_said_of_what_was_not_asked_for(target, model_with):
+    lines = loss_lines(FORMATS[target].losses(model_with()))
+    assert not [line for line in lines if "propeller" in line or "lag" in line or "beside the coefficients" in line]
+
+
+@pytest.mark.parametrize("target", POOR)
+def test_the_covariances_are_told_of_once(target, model):
+    form = FORMATS[target]
+    assert form.text(model, form.losses(model), "model").count("covariances") == 1
