@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from auvid_cli.blocks import LANES
 from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation.as_read import as_read, behind_reading, found_errors
 from auvid_cli.evaluation.motion import FreeRun
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.free_motion import move_freely
@@ -101,21 +102,25 @@ def free_motion(
 def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[VelocityError]]:
     """Run the model with an estimate's final coefficients from where the filter started, without any correction.
 
+    Readings are predicted with the sensors' errors and the current that the estimate ends with.
+
     Returns
     -------
     run : FreeRun
-        Of a long run evenly spaced samples, no more than are drawn.
+        Of a long run evenly spaced samples, no more than are drawn; where a current is estimated, through the water.
     errors : list of VelocityError
         Mean absolute difference from every reading of a velocity or rate, as in the paper's Table V.
     """
     measuring = measuring_sensors(dataset)
     model = dataset.experiment.vehicle.known_parameters(), estimate.final_coefficients(), estimate.final_thrust()
+    found = found_errors(estimate.state, estimate.mean[-1])
     sums, counts = np.zeros(N_MOTION), np.zeros(N_MOTION)
     keeper = Keeper(measuring)
     for stretch in stretches(dataset):
         keeper.interrupt()
-        for timeline, predicted in free_motion(stretch.timelines, stretch.motion, *model):
+        for timeline, predicted in free_motion(stretch.timelines, behind_reading(stretch.motion, found), *model):
             keeper.keep(timeline.time, predicted)
+            read = as_read(predicted, found)
             event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.reading_offset))
             for sensor, name in enumerate(measuring):
                 own = timeline.reading_sensor == sensor
@@ -124,7 +129,7 @@ def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[Veloci
                         continue
                     column = MOTION_SYMBOLS.index(quantity.symbol)
                     said = own & ~np.isnan(timeline.reading[:, component])
-                    sums[column] += np.abs(predicted[event[said], column] - timeline.reading[said, component]).sum()
+                    sums[column] += np.abs(read[event[said], column] - timeline.reading[said, component]).sum()
                     counts[column] += np.count_nonzero(said)
     errors = []
     for column, quantity in enumerate(MOTION[:6]):

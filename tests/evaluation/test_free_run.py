@@ -50,6 +50,31 @@ def test_errors_of_the_true_coefficients_vanish(noiseless, with_coefficients):
     assert max(e.mean_absolute_error for e in errors) < 1e-5
 
 
+def test_a_current_and_the_errors_of_the_dvl_are_seen_through(simulated_with, with_coefficients):
+    drifting = simulated_with(
+        "manoeuvre.duration=20 s",
+        "manoeuvre.initial_speed=2 m/s",
+        "manoeuvre.current_north=0.3 m/s",
+        "manoeuvre.current_east=-0.2 m/s",
+        "sensors.dvl.scale_error=0.02",
+        "sensors.dvl.mounting_yaw=0.1 rad",
+        *NOISELESS,
+    )
+    blind = with_coefficients(drifting.truth.coefficients)
+    found = np.tile([0.3, -0.2, 0.02, 0.1], (len(blind.mean), 1))
+    knowing = replace(
+        blind,
+        state=(*blind.state, "current_north", "current_east", "dvl_scale", "dvl_yaw"),
+        mean=np.hstack([blind.mean, found]),
+    )
+    (run, errors), (_, worse) = (free_run(drifting, estimate) for estimate in (knowing, blind))
+    assert max(e.mean_absolute_error for e in errors) < 1e-5
+    assert worse[0].mean_absolute_error > 0.1
+    # What is drawn stays through the water.
+    through_water = np.interp(run.time, drifting.truth.time, drifting.truth.motion[:, 0])
+    assert_allclose(run.motion[:, 0], through_water, atol=1e-3)
+
+
 def test_a_wrong_coefficient_shows_where_it_acts(noiseless, with_coefficients):
     true = noiseless.truth.coefficients
     estimate = with_coefficients(true, **{"X_u|u|": 2.0 * true["X_u|u|"]})

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import Dataset, SensorRecord
+from auvid_cli.evaluation.as_read import as_read
 from auvid_cli.evaluation.validation.fit import Fit
 from auvid_cli.evaluation.validation.prediction import move_side_by_side, unchanged_motion
 from auvid_cli.evaluation.validation.results import AHEAD, Prediction
@@ -104,7 +105,11 @@ def predict_ahead(
     bundle: Bundle,
     rng: np.random.Generator,
 ) -> Collected:
-    """Predict readings from every start.
+    """Predict readings from every start, with the sensors' errors and the current that are known there.
+
+    The variance holds how unsure coefficients, start, readings and their additive errors are, each by itself. It leaves
+    out the uncertainty of the current and of the DVL's scale and yaw, and that these go with the start's velocity: what
+    the filter knows well is the velocity over ground, less well its share through the water.
 
     Parameters
     ----------
@@ -132,17 +137,17 @@ def predict_ahead(
         timelines = _timelines(dataset, measuring, float(start), float(wanted[-1]))
         predicted = move_side_by_side(timelines, motion, bundle.coefficients, parameters, wanted)
         collected.blown_up[:] |= ~np.isfinite(predicted[:, named:]).all(axis=(0, 2))
-        unchanged = unchanged_motion(wanted - start, starts.motion[k])
+        errors = starts.errors[k]
+        unchanged = as_read(unchanged_motion(wanted - start, starts.motion[k]), errors)
+        read, first = as_read(predicted, errors), as_read(starts.motion[k], errors)
         for target in targets:
             at, column = int(np.searchsorted(wanted, target.time)), target.column
-            offset = starts.offset[k, column]
             symbol = MOTION_SYMBOLS[column]
-            if is_angle(symbol):
-                offset += signals[symbol].turns(float(start), starts.motion[k, column] + offset)
-            lanes = predicted[at, :, column] + offset
-            noise = target.deviation**2 + starts.offset_deviation[k, column] ** 2
+            turns = signals[symbol].turns(float(start), first[column]) if is_angle(symbol) else 0.0
+            lanes = read[at, :, column] + turns
+            noise = target.deviation**2 + starts.errors_deviation[k].offset[column] ** 2
             variance = _variance(lanes[named:], lanes[0]) + noise
-            collected.samples.append(Sample(target, lanes[:named], unchanged[at, column] + offset, variance))
+            collected.samples.append(Sample(target, lanes[:named], unchanged[at, column] + turns, variance))
     return collected
 
 

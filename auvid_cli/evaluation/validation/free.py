@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import Dataset, SensorRecord
+from auvid_cli.evaluation.as_read import as_read
 from auvid_cli.evaluation.free_run import Keeper, free_motion
 from auvid_cli.evaluation.motion import FreeRun
 from auvid_cli.evaluation.validation.fit import Fit
@@ -27,7 +28,8 @@ class FreeRunFit(NamedTuple):
     Attributes
     ----------
     run : FreeRun
-        Of the identified model; of a long run evenly spaced samples, without the sensors' errors.
+        Of the identified model; of a long run evenly spaced samples, without the sensors' errors and, where a current
+        is estimated, through the water.
     rows : list of Prediction
     excursion : dict of float
         How far the run went from the mean of each signal but the heading, over how far the readings went; infinite
@@ -56,9 +58,10 @@ def fit_free_runs(
     models : Models
     starts : Starts
         At least one. The first readings alone would be a poor start: their noise, and an attitude reference that has
-        not settled, would stay in all that follows.
+        not settled, would stay in all that follows. Readings are predicted with the sensors' errors and the current
+        that the filter knows at the end; where these walk, how they were before is left out.
     """
-    start, motion, offset = float(starts.time[0]), starts.motion[0], starts.final_offset
+    start, motion, errors = float(starts.time[0]), starts.motion[0], starts.final_errors
     timelines = Timelines(dataset.inputs, dict(measuring), start, dataset.experiment.identification.integration_step)
     parameters = dataset.experiment.vehicle.known_parameters()
     keeper, farthest = Keeper(measuring), np.zeros(N_MOTION)
@@ -67,24 +70,25 @@ def fit_free_runs(
     def watched() -> Iterator[tuple[Array, Array]]:
         for timeline, predicted in free_motion(timelines, motion, parameters, models.identified):
             keeper.keep(timeline.time, predicted)
+            read = as_read(predicted, errors)
             with np.errstate(invalid="ignore"):
-                farthest[:] = np.maximum(farthest, np.abs(predicted - centres).max(axis=0))
-            yield timeline.time, predicted
+                farthest[:] = np.maximum(farthest, np.abs(read - centres).max(axis=0))
+            yield timeline.time, read
 
     def others(coefficients: Mapping[str, float]) -> Iterator[tuple[Array, Array]]:
         for timeline, predicted in free_motion(timelines, motion, parameters, coefficients):
-            yield timeline.time, predicted
+            yield timeline.time, as_read(predicted, errors)
 
     def unchanged() -> Iterator[tuple[Array, Array]]:
         angles = motion[6:9]
         for timeline in timelines:
             predicted = unchanged_motion(timeline.time - start, motion, angles)
             angles = predicted[-1, 6:9]
-            yield timeline.time, predicted
+            yield timeline.time, as_read(predicted, errors)
 
     runs = {"identified": watched(), "constant_velocity": unchanged()}
     runs |= {name: others(values) for name, values in models._asdict().items() if values and name != "identified"}
-    fits = {name: _fits(run, signals, offset) for name, run in runs.items()}
+    fits = {name: _fits(run, signals) for name, run in runs.items()}
     length = timelines.span[1] - start
 
     def rmse(name: str, symbol: str) -> float | None:
@@ -115,16 +119,16 @@ def fit_free_runs(
     return FreeRunFit(keeper.kept(), rows, excursion)
 
 
-def _fits(run: Iterator[tuple[Array, Array]], signals: Mapping[str, Signal], offset: Array) -> dict[str, Fit]:
-    """Of every signal, part by part."""
+def _fits(run: Iterator[tuple[Array, Array]], signals: Mapping[str, Signal]) -> dict[str, Fit]:
+    """Of every signal, part by part, of what is predicted of its readings."""
     fits = dict.fromkeys(signals, Fit())
     turns: dict[str, float] = {}
     for time, predicted in run:
         for symbol, signal in signals.items():
             own = slice(*np.searchsorted(signal.time, [time[0] - SAME, time[-1] + SAME]))
             column = MOTION_SYMBOLS.index(symbol)
-            expected = predicted[np.searchsorted(time, signal.time[own] - SAME), column] + offset[column]
+            expected = predicted[np.searchsorted(time, signal.time[own] - SAME), column]
             if is_angle(symbol) and symbol not in turns:
-                turns[symbol] = signal.turns(float(time[0]), float(predicted[0, column] + offset[column]))
+                turns[symbol] = signal.turns(float(time[0]), float(predicted[0, column]))
             fits[symbol] = fits[symbol].plus(Fit.of(signal.values[own], expected + turns.get(symbol, 0.0)))
     return fits

@@ -9,6 +9,7 @@ from auvid_cli.config.biases import BiasName
 from auvid_cli.config.experiment import Prior, Use
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation.as_read import ReadingErrors, found_errors
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import OK, Records, Timeline
 from auvid_cli.filters.square_root import run_square_root_filter
@@ -34,10 +35,11 @@ class Starts:
         s.
     motion, deviation : ndarray, shape (k, 9)
         Mean and standard deviation.
-    offset, offset_deviation : ndarray, shape (k, 9)
-        Error that adds to the readings of each motion state, as far as the filter finds it there; zero if it does not
-        look for one.
-    final_offset : ndarray, shape (9,)
+        The velocity is that through the water where the filter looks for a current.
+    errors, errors_deviation : list of ReadingErrors
+        Mean and standard deviation of what the filter finds of the sensors' errors and of the current by then.
+    final_errors : ReadingErrors
+        The mean at the end.
     nis : dict of float
         Normalised innovation squared of each sensor, per component: 1 if readings are predicted as well from one to
         the next as the model says.
@@ -50,9 +52,9 @@ class Starts:
     time: Array
     motion: Array
     deviation: Array
-    offset: Array
-    offset_deviation: Array
-    final_offset: Array
+    errors: list[ReadingErrors]
+    errors_deviation: list[ReadingErrors]
+    final_errors: ReadingErrors
     nis: dict[str, float]
     status: str
     noise_factor: float = 1.0
@@ -121,11 +123,6 @@ def _with_noise(dataset: Dataset, factor: float) -> Dataset:
 def _filtered(dataset: Dataset, wanted: Array) -> Starts:
     problem = augmented_problem(dataset)
     motion = problem.state.index(MOTION_SYMBOLS[0]) + np.arange(N_MOTION)
-    errors = {
-        column: problem.state.index(f"bias_{symbol}")
-        for column, symbol in enumerate(MOTION_SYMBOLS)
-        if f"bias_{symbol}" in problem.state
-    }
     kept, squares, components = [], np.zeros(len(problem.measuring)), np.zeros(len(problem.measuring))
     timelines, prior = problem.segments[0].timelines, problem.prior
     reached, last = timelines.span[0], prior.mean
@@ -152,20 +149,13 @@ def _filtered(dataset: Dataset, wanted: Array) -> Starts:
     time, mean, deviation = (np.array(rows) for rows in zip(*kept, strict=True)) if kept else (np.zeros(0),) * 3
     shape = len(kept), len(problem.state)
     mean, deviation = mean.reshape(shape), deviation.reshape(shape)
-
-    def offsets(rows: Array) -> Array:
-        found = np.zeros((*rows.shape[:-1], N_MOTION))
-        for column, row in errors.items():
-            found[..., column] = rows[..., row]
-        return found
-
     return Starts(
         time,
         mean[:, motion],
         deviation[:, motion],
-        offsets(mean),
-        offsets(deviation),
-        offsets(last),
+        [found_errors(problem.state, row) for row in mean],
+        [found_errors(problem.state, row) for row in deviation],
+        found_errors(problem.state, last),
         {name: float(s / max(n, 1.0)) for name, s, n in zip(problem.measuring, squares, components, strict=True)},
         "completed" if ending.culprit == OK else f"diverged at t = {reached:.3f} s",
     )

@@ -135,6 +135,27 @@ def test_a_gyroscope_with_a_bias_is_seen_through_where_the_settings_ask_for_it(
     assert min(row.rmse / row.noise for row in rows_of(before, FREE_RUN) if row.signal in "pqr") > 2.0
 
 
+def test_a_current_is_seen_through_where_the_settings_ask_for_it(simulated_with):
+    from auvid_cli.evaluation.free_run import free_run
+    from auvid_cli.identification.identify import identify
+
+    current = "manoeuvre.current_north=0.3 m/s", "manoeuvre.current_east=-0.2 m/s"
+    asking = "identification.estimate.biases=[current]", "identification.estimate.current.walk=0"
+    seen, unseen = (
+        simulated_with("manoeuvre.duration=100 s", WHITE, *current, *asking, f"seed={seed}") for seed in (1, 2)
+    )
+    estimate = identify(seen, FilterName.OUTPUT_ERROR)
+    _, errors = free_run(seen, estimate)
+    # Of white noise, the mean absolute value is 0.8 of its standard deviation, 1 mm/s.
+    assert max(error.mean_absolute_error for error in errors[:3]) < 2e-3
+    found = validate(unseen, estimate)
+    velocities = [row for row in found.predictions if row.signal in "uvw"]
+    assert min(row.fit_percent for row in velocities) > 97.0
+    assert max(row.rmse for row in velocities) < 1e-2
+    assert min(row.share_within_band for row in velocities if row.kind == AHEAD) > 0.85
+    assert not failed(found.checks)
+
+
 def test_without_a_dvl_predictions_start_from_what_the_model_says_of_the_velocity(zigzag, with_coefficients):
     blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "dvl"})
     found = validate(blind, with_coefficients(zigzag.truth.coefficients), starts=30)
