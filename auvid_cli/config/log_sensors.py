@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, create_model, field_validator, model_validator
+from pydantic import BeforeValidator, Field, create_model, field_validator, model_validator
 
 from auvid_cli.config.log_columns import READINGS, Number, Reading, Rows, Spans, Validity, unit_factor
 from auvid_cli.config.model import Settings
@@ -11,6 +11,15 @@ from auvid_cli.data.dataset import SENSORS
 
 BodyAxes = Literal["FRD", "FLU"]
 EarthAxes = Literal["NED", "ENU"]
+
+
+def _three_lengths(value: Any) -> Any:
+    if value is None or (isinstance(value, list | tuple) and len(value) == 3):
+        return value if value is None else parse_components(value, "m", 3)
+    raise ValueError("expected [forward, starboard, down], such as [0.4 m, 0 m, 0.1 m]")
+
+
+Lever = Annotated[tuple[float, float, float] | None, BeforeValidator(_three_lengths)]
 MOUNTS = {"upside down": {"roll": "180 deg"}, "backward": {"yaw": "180 deg"}}
 
 
@@ -150,16 +159,8 @@ class DvlMap(SensorMap):
     )
     mount: Annotated[Mount | None, Field(description="if its axes are not the body's")] = None
     position: Annotated[
-        tuple[float, float, float] | None,
-        Field(description="[forward, starboard, down] from the vehicle's origin: its own motion is taken off"),
+        Lever, Field(description="[forward, starboard, down] from the vehicle's origin: its own motion is taken off")
     ] = None
-
-    @field_validator("position", mode="before")
-    @classmethod
-    def _three_lengths(cls, value: Any) -> Any:
-        if value is None or (isinstance(value, list | tuple) and len(value) == 3):
-            return value if value is None else parse_components(value, "m", 3)
-        raise ValueError("expected [forward, starboard, down], such as [0.4 m, 0 m, 0.1 m]")
 
     @model_validator(mode="after")
     def _one_frame(self) -> "DvlMap":
@@ -210,6 +211,9 @@ class DepthMap(SensorMap):
 
     sensor = "depth"
     columns: Down
+    position: Annotated[
+        Lever, Field(description="[forward, starboard, down] from the vehicle's origin: its depth by the attitude")
+    ] = None
 
 
 class SensorMaps(Settings):

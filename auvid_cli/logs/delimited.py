@@ -78,7 +78,7 @@ class DelimitedLog(Log):
         count = rows.lines - header.line - len(rows.filler)
         numeric = {k: np.empty(count) for k in positions if not header.columns[k].is_text}
         text: dict[int, list[NDArray[np.str_]]] = {k: [] for k in positions if header.columns[k].is_text}
-        fast = {k for k in numeric if strict and not header.is_flag[k]}
+        fast = {k for k in numeric if strict and not header.is_flag[k] and not header.suffixes[k]}
         start = 0
         for chunk in self._chunks(positions, fast):
             stop = start + len(chunk)
@@ -123,19 +123,22 @@ class DelimitedLog(Log):
     def _numbers(self, fields: Iterable[str], position: int, start: int) -> NDArray[np.float64]:
         """Numbers of a column's fields from the row `start` on; a field that holds none is named by its line."""
         column, is_flag = self._header.columns[position], self._header.is_flag[position]
+        suffix, decimal = self._header.suffixes[position], self._header.decimal
         numbers = []
         for row, padded in enumerate(fields, start):
             field = padded.strip()
-            if field in self._missing:
+            number = field.removesuffix(suffix).rstrip() if suffix else field
+            if field in self._missing or (suffix and number in self._missing):
                 numbers.append(np.nan)
             elif is_flag and field.lower() in FLAGS:
                 numbers.append(FLAGS[field.lower()])
-            elif is_number(field, self._header.decimal) and not is_flag:
-                numbers.append(float(field.replace(self._header.decimal, ".")))
+            elif is_number(number, decimal) and not is_flag and (not suffix or number != field):
+                numbers.append(float(number.replace(decimal, ".")))
             else:
                 line = self._rows.numbers(self._header)[row]
-                expected = "true or false" if is_flag else "a number"
-                raise FileError(f"{self.path}:{line}: {column.name!r} is {field!r}, which is not {expected}")
+                expected = "true or false" if is_flag else f"a number in {suffix}" if suffix else "a number"
+                others = ", as in the other rows" if suffix else ""
+                raise FileError(f"{self.path}:{line}: {column.name!r} is {field!r}, which is not {expected}{others}")
         return np.array(numbers)
 
 

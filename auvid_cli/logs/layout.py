@@ -4,9 +4,12 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
+from auvid_cli.config.log_columns import unit_factor
+from auvid_cli.config.quantity import EXAMPLES
 from auvid_cli.errors import FileError
 from auvid_cli.logs.log import Column
 
@@ -19,6 +22,14 @@ BLANKS = " "
 _DELIMITERS = (";", "\t", "|", ",", BLANKS)
 _UNIT = re.compile(r"(?P<name>.*\S)\s*[(\[](?P<unit>[^()\[\]]*[^()\[\]\d][^()\[\]]*)[)\]]")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
+# A letter right behind a number is rather a name, as of a 3D fix.
+_WITH_UNIT = re.compile(
+    r"(?P<number>[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?|nan|NaN)(?:\s+|(?=..|[sm%°]))"
+    r"(?P<unit>[^\W\d].*|[%°].*)"
+)
+# What vehicles log: a unit of anything else is taken for a word.
+_MEASURED = (*EXAMPLES, "dimensionless", "K", "Pa", "V", "A", "W", "T")
+_NO_UNIT = ("", "-", "--")
 
 
 class TextLayout(NamedTuple):
@@ -50,13 +61,15 @@ class Header(NamedTuple):
     delimiter : str
     decimal : str
     line : int
-        Of the names, counted from 1.
+        Of the names, or of the units under them, counted from 1; rows begin after it.
     fields : int
         Of each row; one more than there are columns if rows end with a delimiter.
     columns : tuple of Column
         A column without a name is called by its number, ``#3``.
     is_flag : tuple of bool
         Whether a column's values are "true" and "false".
+    suffixes : tuple of str
+        Unit that each cell of a column ends with; empty where cells are bare.
     """
 
     delimiter: str
@@ -65,6 +78,7 @@ class Header(NamedTuple):
     fields: int
     columns: tuple[Column, ...]
     is_flag: tuple[bool, ...]
+    suffixes: tuple[str, ...]
 
 
 def split_row(line: str, delimiter: str) -> list[str]:
@@ -107,7 +121,7 @@ def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
     Raises
     ------
     FileError
-        If the lines are no table, or it has no names.
+        If the lines are no table, if it has no names, or if heading, row of units and cells state different units.
     """
     if layout.delimiter is not None and len(layout.delimiter) != 1:
         raise FileError(f"{path}: the delimiter {layout.delimiter!r} must be one character, such as ',' or '\\t'")
@@ -116,7 +130,10 @@ def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
     if line > len(lines):
         raise FileError(f"{path}:{line}: no header here: the log has {len(lines)} lines")
     names = split_row(_uncomment(lines[line - 1]), delimiter)
-    rows = list(_split_rows(lines[line:], delimiter).values())
+    units = split_row(_uncomment(lines[line]), delimiter) if line < len(lines) else []
+    has_units = len(units) >= len(names) and _are_units(units)
+    last = line + has_units
+    rows = list(_split_rows(lines[last:], delimiter).values())
     fields = _usual_length(rows) or len(names)
     ends_with_delimiter = fields == len(names) + 1 and all(row[-1] == "" for row in rows)
     if fields != len(names) and not ends_with_delimiter:
@@ -124,12 +141,14 @@ def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
     decimal = layout.decimal or _find_decimal(rows, delimiter)
     samples = [[row[k] for row in rows if k < len(row)] for k in range(len(names))]
     is_flag = tuple(_are_flags(values) for values in samples)
-    is_text = [
-        not flag and not all(is_number(value, decimal, layout.missing) for value in values)
-        for flag, values in zip(is_flag, samples, strict=True)
-    ]
-    columns = (Column(name, unit, text) for (name, unit), text in zip(_named(names), is_text, strict=True))
-    return Header(delimiter, decimal, line, fields, tuple(columns), is_flag)
+    suffixes = tuple(_find_suffix(values, decimal, layout.missing) for values in samples)
+    columns = []
+    for k, (name, heading) in enumerate(_named(names)):
+        under = _bare_unit(units[k]) if has_units else ""
+        unit = _agreed_unit(f"{path}:{last}: {name!r}", heading, under, suffixes[k])
+        numeric = is_flag[k] or suffixes[k] or all(is_number(v, decimal, layout.missing) for v in samples[k])
+        columns.append(Column(name, unit, is_text=not numeric))
+    return Header(delimiter, decimal, last, fields, tuple(columns), is_flag, suffixes)
 
 
 def _uncomment(line: str) -> str:
@@ -169,8 +188,11 @@ def _find_header(path: Path, lines: Sequence[str], delimiter: str) -> int:
     if 2 * numbers <= len(fields):
         return first + 1
     # Above the numbers the names may stand in a comment, or lack the delimiter that ends each row.
-    names = split_row(_uncomment(lines[first - 1]), delimiter) if first > 0 else []
-    if len(names) in (len(fields), len(fields) - 1):
+    above = [split_row(_uncomment(line), delimiter) for line in lines[max(first - 2, 0) : first]]
+    fits = [len(names) in (len(fields), len(fields) - 1) for names in above]
+    if len(above) == 2 and all(fits) and _are_units(above[1]):
+        return first - 1
+    if fits and fits[-1]:
         return first
     raise FileError(f"{path}:{first + 1}: a row of {len(fields)} fields, but no names above it: add a line of names")
 
@@ -179,12 +201,59 @@ def _find_decimal(rows: Sequence[Sequence[str]], delimiter: str) -> str:
     if delimiter == ",":
         return "."
     fields = [field for row in rows for field in row]
-    return "," if any(_DECIMAL_COMMA.fullmatch(field) for field in fields) else "."
+    matches = (_WITH_UNIT.fullmatch(field) for field in fields)
+    numbers = (match["number"] if match else field for match, field in zip(matches, fields, strict=True))
+    return "," if any(_DECIMAL_COMMA.fullmatch(number) for number in numbers) else "."
 
 
 def _are_flags(values: Sequence[str]) -> bool:
     stated = [value for value in values if value not in MISSING]
     return bool(stated) and all(value.lower() in FLAGS for value in stated)
+
+
+def _find_suffix(values: Sequence[str], decimal: str, missing: Sequence[str]) -> str:
+    """Unit of the first cell that has one, if each of the others is a number, with a unit or without."""
+    units = []
+    for value in values:
+        if not is_number(value, decimal, missing):
+            match = _WITH_UNIT.fullmatch(value)
+            if match is None or not _is_unit(match["unit"]):
+                return ""
+            units.append(match["unit"])
+    return units[0] if units else ""
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether a row below the names holds units and nothing else."""
+    stated = [unit for unit in map(_bare_unit, cells) if unit]
+    return bool(stated) and all(map(_is_unit, stated))
+
+
+def _bare_unit(cell: str) -> str:
+    unit = cell.strip("()[] ")
+    return "" if unit in _NO_UNIT else unit
+
+
+@cache
+def _is_unit(text: str) -> bool:
+    return any(_size(text, measured) is not None for measured in _MEASURED)
+
+
+def _size(text: str, unit: str) -> float | None:
+    """Size of a unit in another one, if there is any."""
+    try:
+        return unit_factor(text, unit)
+    except ValueError:
+        return None
+
+
+def _agreed_unit(where: str, heading: str, under: str, suffix: str) -> str:
+    """Unit that the heading, the row under it and the cells state, those of them that state a known one."""
+    known = [unit for unit in (suffix, under, heading) if unit and _is_unit(unit)]
+    for measured in _MEASURED:
+        if len({_size(unit, measured) for unit in known}) > 1:
+            raise FileError(f"{where} has more than one unit: {', '.join(dict.fromkeys(known))}")
+    return known[0] if known else heading
 
 
 def _named(headings: Sequence[str]) -> list[tuple[str, str]]:

@@ -1,4 +1,4 @@
-"""What a velocity sensor's place and axes ask for: attitude and angular rates at its own times."""
+"""What the place and the axes of a sensor ask for: attitude and angular rates at its own times."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,3 +41,13 @@ def interpolate(time: Array, values: Array, at: Array, is_angle: bool = False) -
 def velocity_at_origin(velocity: Array, rates: Array, position: Array) -> Array:
     """Velocity of the vehicle's origin from that of a sensor at a position: v - omega x r, rows in body axes."""
     return velocity - np.cross(rates, position)
+
+
+def depth_at_origin(down: Array, roll: Array, pitch: Array, position: Array) -> Array:
+    """Depth of the vehicle's origin from that of a sensor at a position in the body: down - (R position)_z.
+
+    The last row of R, from the body to north-east-down, holds no heading (Fossen 2011, eq. (2.18)).
+    """
+    forward, starboard, below = position
+    across = np.sin(roll) * starboard + np.cos(roll) * below
+    return down - (np.cos(pitch) * across - np.sin(pitch) * forward)

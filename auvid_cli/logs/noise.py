@@ -1,5 +1,7 @@
 """The noise of a signal, from the signal alone."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,6 +9,44 @@ Array = NDArray[np.float64]
 
 # Standard deviation of a normal variable per median of its size.
 _PER_MEDIAN = 1.4826022185056018
+# Of a signal's largest value: differences below that are rounding of the arithmetic.
+_ROUNDING = 16.0 * np.finfo(np.float64).eps
+# How near to whole steps how many of the differences between neighbouring values are, if there is a step; it is among
+# the smallest of them, or in the middle where single values off the grid make smaller ones.
+_NEAR, _SHARE, _CANDIDATES = 0.01, 0.8, (0.05, 0.5)
+
+
+class Noise(NamedTuple):
+    """Noise of a signal.
+
+    Attributes
+    ----------
+    standard_deviation : float
+        NaN if the signal does not tell.
+    step : float
+        Of quantisation, if it is this that the standard deviation was taken from; else 0.
+    """
+
+    standard_deviation: float
+    step: float = 0.0
+
+
+def estimate_noise(values: Array, is_angle: bool = False) -> Noise:
+    """Noise by `noise_standard_deviation`, but no less than that of rounding to steps, uniform: step / sqrt(12).
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        NaN where one is missing.
+    is_angle : bool
+        Whether it is in rad and may jump by whole turns.
+    """
+    found, step = noise_standard_deviation(values, is_angle), quantisation_step(values)
+    least = step / np.sqrt(12.0)
+    if step > 0.0 and found < least:
+        return Noise(float(least), step)
+    rounding = _ROUNDING * float(np.nanmax(np.abs(values), initial=0.0))
+    return Noise(found if found > rounding else float("nan"))
 
 
 def noise_standard_deviation(values: Array, is_angle: bool = False) -> float:
@@ -33,3 +73,17 @@ def noise_standard_deviation(values: Array, is_angle: bool = False) -> float:
     second = np.abs(np.diff(steps))
     second = second[np.isfinite(second)]
     return float(_PER_MEDIAN * np.median(second) / np.sqrt(6.0)) if second.size else float("nan")
+
+
+def quantisation_step(values: Array) -> float:
+    """Step of a quantised signal, 0 if it is none: most differences between neighbouring values are multiples of it."""
+    known = np.unique(values[np.isfinite(values)])
+    gaps = np.diff(known)
+    gaps = gaps[gaps > _ROUNDING * np.abs(known).max(initial=0.0)]
+    if not gaps.size:
+        return 0.0
+    for step in np.quantile(gaps, _CANDIDATES, method="higher"):
+        multiples = gaps / step
+        if np.mean(np.abs(multiples - np.maximum(np.rint(multiples), 1.0)) < _NEAR) >= _SHARE:
+            return float(step)
+    return 0.0

@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.log_map import LogMap
-from auvid_cli.config.log_sensors import DvlMap, SensorMap
+from auvid_cli.config.log_sensors import DepthMap, DvlMap, SensorMap
 from auvid_cli.config.position import Path
 from auvid_cli.data.dataset import SENSORS, SensorRecord
 from auvid_cli.logs.account import Account, account_of
 from auvid_cli.logs.axes import complete_velocity, in_vehicle_axes
 from auvid_cli.logs.columns import ColumnReader
-from auvid_cli.logs.noise import noise_standard_deviation
+from auvid_cli.logs.motion import depth_at_origin, interpolate
+from auvid_cli.logs.noise import Noise, estimate_noise
 from auvid_cli.logs.readings import Rows, check_size, read_rows, without_repeats
 from auvid_cli.logs.refusals import Refusals, RefusedError
 from auvid_cli.logs.requests import Request
@@ -62,15 +63,19 @@ def read_sensors(
         records[name] = SensorRecord(time, values, np.empty(0))
     _check_common_time(records, origin, refusals)
     refusals.stop_if_any()
-    dvl, accounts = settings.sensors.dvl, []
+    dvl, depth, accounts = settings.sensors.dvl, settings.sensors.depth, []
     if isinstance(dvl, DvlMap):
         with refusals.collecting():
             values = complete_velocity(dvl, records["dvl"], records, ("sensors", "dvl"))
             records["dvl"] = replace(records["dvl"], values=values)
+    if isinstance(depth, DepthMap) and depth.position is not None:
+        with refusals.collecting():
+            values = _depth_of_origin(records["depth"], records.get("attitude"), np.array(depth.position))
+            records["depth"] = replace(records["depth"], values=values)
     for name, sensor in maps.items():
         with refusals.collecting():
-            records[name] = _finished(name, sensor, records[name], settings.use)
-            accounts.append(_account(name, sensor, records[name], rows[name], int(excluded[name].sum())))
+            records[name], noise = _finished(name, sensor, records[name], settings.use)
+            accounts.append(_account(name, records[name], noise, rows[name], int(excluded[name].sum())))
     refusals.stop_if_any()
     return SensorRecords(records, origin, accounts)
 
@@ -105,35 +110,44 @@ def _check_common_time(records: dict[str, SensorRecord], origin: float, refusals
             )
 
 
-def _finished(name: str, sensor: SensorMap, record: SensorRecord, use: Spans) -> SensorRecord:
-    """What is used of a record, with its noise stated."""
+def _depth_of_origin(depth: SensorRecord, attitude: SensorRecord | None, position: Array) -> Array:
+    if attitude is None or not np.isfinite(attitude.values[:, :2]).all(axis=1).any():
+        raise RefusedError(("sensors", "depth", "position"), "a lever arm needs an `attitude` with roll and pitch")
+    tilt = interpolate(attitude.time, attitude.values[:, :2], depth.time, is_angle=True)
+    return depth_at_origin(depth.values[:, 0], tilt[:, 0], tilt[:, 1], position)[:, None]
+
+
+def _finished(name: str, sensor: SensorMap, record: SensorRecord, use: Spans) -> tuple[SensorRecord, tuple[Noise, ...]]:
+    """What is used of a record, with its noise, and where that was estimated from each component."""
     time, values = record.time, record.values
     if use:
         used = _within(time, use)
         time, values = time[used], values[used]
     if not np.isfinite(values).any():
         raise RefusedError(("sensors", name), "no valid sample is left: look at use, exclude, valid and limits")
-    return SensorRecord(time, values, _standard_deviation(name, sensor, values))
-
-
-def _standard_deviation(name: str, sensor: SensorMap, values: Array) -> Array:
     if sensor.standard_deviation != "estimate":
-        return np.array(sensor.standard_deviation, np.float64)
+        return SensorRecord(time, values, np.array(sensor.standard_deviation, np.float64)), ()
+    noise = tuple(estimate_noise(column, is_angle=SENSORS[name][0].unit == "rad") for column in values.T)
+    return SensorRecord(time, values, _standard_deviation(name, values, noise)), noise
+
+
+def _standard_deviation(name: str, values: Array, noise: tuple[Noise, ...]) -> Array:
     measured = np.isfinite(values).any(axis=0)
-    deviation = np.array(
-        [noise_standard_deviation(column, is_angle=SENSORS[name][0].unit == "rad") for column in values.T]
-    )
+    deviation = np.array([own.standard_deviation for own in noise])
     if not (deviation[measured] > 0.0).all():
-        message = "the noise cannot be estimated, for most samples repeat the one before: state it"
+        message = "the noise cannot be estimated, for most samples repeat the one before or go on as it did: state it"
         raise RefusedError(("sensors", name, "standard_deviation"), message)
     # What was never measured has no noise; a filter must still be told a number.
     return np.where(measured, deviation, np.nanmax(deviation))
 
 
-def _account(name: str, sensor: SensorMap, record: SensorRecord, rows: Rows, excluded: int) -> Account:
+def _account(name: str, record: SensorRecord, noise: tuple[Noise, ...], rows: Rows, excluded: int) -> Account:
     unit = SENSORS[name][0].unit
     unused = rows.time.size - record.time.size
     stated = ", ".join(f"{deviation:.3g}" for deviation in record.standard_deviation)
+    steps = ", ".join(
+        f"{quantity.symbol} {own.step:.3g}" for quantity, own in zip(SENSORS[name], noise, strict=False) if own.step
+    )
     heading = [k for k, quantity in enumerate(SENSORS[name]) if quantity.symbol in _HEADINGS]
     furthest = float(np.nanmax(np.abs(record.values[:, heading]), initial=0.0))
     said = (
@@ -145,7 +159,8 @@ def _account(name: str, sensor: SensorMap, record: SensorRecord, rows: Rows, exc
         (rows.invalid, f"{rows.invalid} values not valid or beyond their limits set to missing"),
         (rows.repeats, f"{rows.repeats} rows that repeat the one before left out"),
         (unused, f"{unused} samples not in the spans of `use` left out"),
-        (sensor.standard_deviation == "estimate", f"standard deviation estimated from the signal: {stated} {unit}"),
+        (noise, f"standard deviation estimated from the signal: {stated} {unit}"),
+        (steps, f"the noise is lost in the steps of the numbers, taken as step / sqrt(12): {steps} {unit}"),
     )
     missing = int(np.count_nonzero(np.isnan(record.values).all(axis=1)))
     remarks = tuple(text for applies, text in said if applies)

@@ -12,7 +12,7 @@ from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.data.dataset import SENSORS
 from auvid_cli.logs.log import HEADER_STAMP, LOG_TIME, Column, Log
 from auvid_cli.logs.names import INPUT_NAMES, QUATERNION_NAMES, SENSOR_NAMES, Found, find_in_logs, find_time
-from auvid_cli.logs.noise import noise_standard_deviation
+from auvid_cli.logs.noise import estimate_noise
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 Array = NDArray[np.float64]
@@ -118,7 +118,7 @@ def _sensor(sensor: str, logs: Mapping[str, Log], name: str, found: Found) -> It
     flag = next((column.name for column in logs[name].tables()[found.table] if _FLAG.fullmatch(column.name)), None)
     if flag is not None:
         yield f"    valid: {{column: {_quoted(flag)}, values: [true, 1]}} # check: which values mean valid"
-    noise = [noise_standard_deviation(own, is_angle=quantities[0].unit == "rad") for own in si.values()]
+    noise = [estimate_noise(own, quantities[0].unit == "rad").standard_deviation for own in si.values()]
     known = ", ".join(f"{one:.2g}" for one in noise if one > 0.0)
     hint = f"; the signals look like {known} {quantities[0].unit}" if known else ""
     yield f"    standard_deviation: null # required: noise by the data sheet, or estimate{hint}"

@@ -67,7 +67,7 @@ INPUTS = {"t": TIME, "dr": 0.1 * np.sin(TIME), "de": 0.1 * np.cos(TIME), "force"
 GYROSCOPE = "gyroscope: {table: imu, columns: {p: p, q: q, r: r}, standard_deviation: 0.01%s}"
 DVL = "dvl: {table: dvl, columns: {u: u, v: v, w: w}, standard_deviation: 0.01%s}"
 ATTITUDE = "attitude: {table: imu, columns: {phi: roll, theta: pitch, psi: yaw}, standard_deviation: 0.01%s}"
-DEPTH = "depth: {table: depth, columns: {down: {column: z%s}}, standard_deviation: 0.01}"
+DEPTH = "depth: {table: depth, columns: {down: {column: z%s}}, standard_deviation: 0.01%s}"
 INPUT_MAP = "{table: in, rudder: dr, elevator: de, surge_force: force}"
 
 
@@ -196,7 +196,7 @@ def test_heading_that_may_be_in_degrees_is_said(converted, unit, said):
 def test_pressure_gives_the_depth(converted):
     _, rates, angles = motion()
     log = MemoryLog(**{"imu": imu(rates, angles), "depth": {"t": TIME, "z": 101325.0 + 9.81e3 * TIME}, "in": INPUTS})
-    found = converted(log, GYROSCOPE % "", DEPTH % f", centre: 101325, scale: {1 / 9.81e3!r}")
+    found = converted(log, GYROSCOPE % "", DEPTH % (f", centre: 101325, scale: {1 / 9.81e3!r}", ""))
     assert found.sensors["depth"].values[:, 0] == pytest.approx(TIME, abs=1e-9)
 
 
@@ -235,6 +235,40 @@ def test_lever_arm_without_gyroscope_follows_the_attitude(converted):
     log = MemoryLog(**{"imu": imu(angles, angles), "dvl": dvl(velocity), "in": INPUTS})
     found = converted(log, ATTITUDE % "", DVL % ", position: [0.6, 0, 0]")
     assert found.sensors["dvl"].values == pytest.approx(np.tile([2.0, 0.0, 0.0], (TIME.size, 1)), abs=1e-12)
+
+
+def test_depth_of_the_origin_by_the_attitude(converted):
+    _, rates, angles = motion()
+    lever, origin = np.array([1.5, -0.2, 0.4]), 10.0 + np.sin(TIME)
+    measured = origin + rotations(angles).apply(lever)[:, 2]
+    angles[20] = np.nan
+    # The depth is measured in between the attitudes, where their mean stands for them.
+    half = slice(0, None, 2)
+    log = MemoryLog(
+        **{"imu": imu(rates[half], angles[half], TIME[half]), "depth": {"t": TIME, "z": measured}, "in": INPUTS}
+    )
+    sensors = ATTITUDE % "", DEPTH % ("", ", position: [150 cm, -20 cm, 40 cm]")
+    found = converted(log, *sensors).sensors["depth"].values[:, 0]
+    assert found[[0, 2, 38]] == pytest.approx(origin[[0, 2, 38]], abs=1e-12)
+    assert found[:-1] == pytest.approx(origin[:-1], abs=3e-3)
+    assert np.isnan(found[-1])
+
+
+def test_nose_up_a_depth_sensor_in_the_nose_is_above_the_origin(converted):
+    angles = np.tile([0.0, np.radians(30.0), 0.0], (TIME.size, 1))
+    log = MemoryLog(**{"imu": imu(angles, angles), "depth": {"t": TIME, "z": np.full(TIME.size, 9.0)}, "in": INPUTS})
+    attitude = (ATTITUDE % "").replace(", psi: yaw", "")
+    found = converted(log, attitude, DEPTH % ("", ", position: [2 m, 0 m, 0 m]"))
+    assert found.sensors["depth"].values[:, 0] == pytest.approx(np.full(TIME.size, 10.0), abs=1e-12)
+
+
+def test_noise_lost_in_the_steps_of_the_numbers_is_said(converted):
+    _, rates, angles = motion()
+    log = MemoryLog(**{"imu": imu(rates, np.round(angles, 1)), "in": INPUTS})
+    found = converted(log, (ATTITUDE % "").replace("0.01", "estimate"))
+    assert found.sensors["attitude"].standard_deviation == pytest.approx([0.0288675] * 3, rel=1e-5)
+    said = "the noise is lost in the steps of the numbers, taken as step / sqrt(12): phi 0.1, theta 0.1, psi 0.1 rad"
+    assert said in found.accounts[0].remarks
 
 
 def test_one_clock_for_logs_that_begin_apart(converted):
@@ -332,6 +366,13 @@ def test_propeller_that_loses_thrust_with_speed(converted):
     [
         ([DVL % ", frame: NED"], INPUT_MAP, "sensors.dvl.frame: NED velocities need an `attitude`"),
         ([DVL % ", position: [1, 0, 0]"], INPUT_MAP, "sensors.dvl.position: a lever arm needs a `gyroscope` or"),
+        ([DEPTH % ("", ", position: [1, 0, 0]")], INPUT_MAP, "sensors.depth.position: a lever arm needs an `attitude`"),
+        (
+            [(ATTITUDE % "").replace("phi: roll, ", ""), DEPTH % ("", ", position: [1, 0, 0]")],
+            INPUT_MAP,
+            "sensors.depth.position: a lever arm needs an `attitude` with roll and pitch",
+        ),
+        ([DEPTH % ("", ", position: [1, 0]")], INPUT_MAP, "expected [forward, starboard, down]"),
         (
             [(GYROSCOPE % "").replace("p: p, ", ""), DVL % ", position: [1, 0, 0]"],
             INPUT_MAP,
@@ -363,14 +404,18 @@ def test_propeller_that_loses_thrust_with_speed(converted):
             "{table: in, rudder: {column: dr, time: {column: t, offset: 1 h}}}",
             "no time in common with",
         ),
-        ([GYROSCOPE % ""], "{rudder: dr}", "inputs.rudder: missing key 'table': one of those in memory: imu, dvl, in"),
+        (
+            [GYROSCOPE % ""],
+            "{rudder: dr}",
+            "inputs.rudder: missing key 'table': one of those in memory: imu, dvl, depth, in",
+        ),
         ([GYROSCOPE % ""], "{table: in, thrust: {revolutions: dr, a: 1, b: -1}}", "needs the speed, but no `dvl`"),
     ],
 )
 def test_map_that_does_not_fit_the_log(converted, sensors, inputs, message):
     velocity, rates, angles = motion()
     table = imu(rates, angles) | {"zero": 0 * TIME, "flag": np.full(TIME.size, "x"), "inches": (TIME, "inch")}
-    log = MemoryLog(**{"imu": table, "dvl": dvl(velocity), "in": INPUTS})
+    log = MemoryLog(**{"imu": table, "dvl": dvl(velocity), "depth": {"t": TIME, "z": TIME}, "in": INPUTS})
     with pytest.raises(ConfigError) as caught:
         converted(log, *sensors, inputs=inputs)
     assert message in str(caught.value)

@@ -77,6 +77,39 @@ def test_units_are_taken_from_the_headings(opened):
     }
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time,roll,note\ns,deg,\n0.5,1,dive\n1,-2.5,turn\n",
+        "# time,roll,note\n# [s],[deg],-\n0.5,1,dive\n1,-2.5,turn\n",
+        "by a logger\ntime;roll;note\n(s);(deg);(-)\n0,5;1;dive\n1;-2,5;turn\n",
+        "time,roll,note\n0.5s,1 deg,dive\n1.0s, -2.5deg ,turn\n",
+        "time;roll (deg);note\ns;;\n0,5;1 deg;dive\n1;-2,5 deg;turn\n",
+        'time,roll,note\ns,deg,-\n0.5,1 deg,dive,\n"1",-2.5e0 deg,turn,\n',
+    ],
+)
+def test_units_stand_in_a_row_of_their_own_or_in_each_cell(opened, text):
+    log = opened(text)
+    assert log.tables()[""] == (Column("time", "s"), Column("roll", "deg"), Column("note", is_text=True))
+    assert read(log, "time", "roll", "note") == [[0.5, 1.0], [1.0, -2.5], ["dive", "turn"]]
+
+
+def test_cells_with_units_may_be_missing_and_go_on_beyond_the_head(opened):
+    rows = "".join(f"{k / 8} s,{k} %,{k / 4} m/s\n" for k in range(150_000))
+    log = opened(f"t,share,u\n{rows}0 s,n/a,\n1 s,,nan m/s\n")
+    assert [column.unit for column in log.tables()[""]] == ["s", "%", "m/s"]
+    share, speed = log.read("", ["share", "u"]).values()
+    np.testing.assert_array_equal(share, [*range(150_000), np.nan, np.nan])
+    np.testing.assert_array_equal(speed, [*(np.arange(150_000) / 4), np.nan, np.nan])
+
+
+@pytest.mark.parametrize("row", ["ok,auto", "10:31:54,5 apples", "2021-06-09,dive 3", "1,3D"])
+def test_words_are_no_units(opened, row):
+    log = opened(f"a,b\n{row}\n{row}\n")
+    assert log.tables()[""][1] == Column("b", is_text=True)
+    assert read(log, "b") == [[row.split(",")[1]] * 2]
+
+
 def test_two_columns_of_one_name_are_told_apart(opened):
     assert read(opened("t,t,u\n1,2,3\n4,5,6\n"), "t", "t #2", "u") == [[1, 4], [2, 5], [3, 6]]
 
@@ -137,6 +170,11 @@ def test_numbers_come_back_to_the_last_digit(tmp_path_factory, values, delimiter
         ("t,u\n1,2\n\n3,4,5\n5,6\n", r"log\.csv:4: a row of 3 fields where the others have 2"),
         ("t,u\n" + "1,2\n# note\n" * 200_000 + "3,oops\n", r"log\.csv:400002: 'u' is 'oops', which is not a number"),
         ("t,ok\n" + "1,true\n" * 20_000 + "3,perhaps\n", r"log\.csv:20002: 'ok' is 'perhaps', which is not true or"),
+        ("t,u\n1,2 m/s\n2,3 m/s\n3,4 knot\n", r"log\.csv:4: 'u' is '4 knot', which is not a number in m/s, as in"),
+        ("t,u\n" + "1,2 s\n" * 200_000 + "3,4 ms\n", r"log\.csv:200002: 'u' is '4 ms', which is not a number in s,"),
+        ("t,u\n1,2 m/s\n\n# note\n3,4\n", r"log\.csv:5: 'u' is '4', which is not a number in m/s"),
+        ("t,u\ns,knot\n1,2 m/s\n", r"log\.csv:2: 'u' has more than one unit: m/s, knot"),
+        ("t,u\ns,m/s\n1,oops\n2,3\n4\n", r"log\.csv:5: a row of 1 fields where the others have 2"),
         ("t,u\n1,2\n3,4\n\0\0\0\0", r"log\.csv:4: zero bytes"),
         ("1,2\n3,4\n", r"log\.csv:1: a row of 2 fields, but no names above it"),
         ("just\nwords\n", r"log\.csv: looks like text, but not like a table"),
