@@ -7,6 +7,7 @@ from pathlib import Path
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
+from auvid_cli.config.campaign import Campaign
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.quantity import Unit
@@ -40,7 +41,11 @@ def reference() -> str:
     page += "\n## The map of a log\n\nFor `auvid import`; `vehicle` and `identification` are those of an experiment.\n"
     known = set(found)
     collect("", LogMap, found)
-    return page + "".join(section(path, model) for model, path in found.items() if model not in known)
+    page += "".join(section(path, model) for model, path in found.items() if model not in known)
+    page += "\n## A campaign's file\n\nFor `auvid campaign`; dotted keys are those of an experiment.\n"
+    campaign: dict[type[BaseModel], str] = {}
+    collect("", Campaign, campaign)
+    return page + "".join(section(path, model) for model, path in campaign.items())
 
 
 def table(header, rows) -> str:
@@ -68,7 +73,8 @@ def classes(annotation) -> list[type[BaseModel]]:
 
 def section(path: str, model: type[BaseModel]) -> str:
     """One settings class."""
-    heading = f"\n### `{path}`" if path else "\n### A map" if model is LogMap else "\n### An experiment"
+    wholes = {LogMap: "A map", Campaign: "A campaign", Experiment: "An experiment"}
+    heading = f"\n### `{path}`" if path else f"\n### {wholes[model]}"
     kind = typing.get_args(model.model_fields["type"].annotation)[0] if "type" in model.model_fields else ""
     heading += f" with `type: {kind}`" if kind else ""
     rows = [

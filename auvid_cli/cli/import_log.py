@@ -1,5 +1,8 @@
 """auvid import."""
 
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -47,11 +50,14 @@ def import_log(
 ) -> None:
     """Convert a vehicle's logs to a dataset, or suggest the map by which to do so."""
     with reporting_errors():
-        from auvid_cli.cli import importing
-        from auvid_cli.errors import ConfigError
+        with _interrupts_waiting():
+            from auvid_cli.cli import importing
+            from auvid_cli.errors import ConfigError
 
         terminal = Terminal(quiet, verbose)
-        if suggest == (map_file is not None):
+        if suggest and map_file is not None:
+            raise ConfigError("--suggest writes a map and --map reads one: say one of them")
+        if not suggest and map_file is None:
             raise ConfigError("say --map MAP to import logs, or --suggest to have a map suggested from them")
         if map_file is not None:
             importing.import_logs(map_file, logs or [], output, terminal)
@@ -59,3 +65,16 @@ def import_log(
             importing.suggest_to([Path(log) for log in logs], output, terminal)
         else:
             raise ConfigError("name the logs that a map is to be suggested from: auvid import --suggest LOG")
+
+
+@contextmanager
+def _interrupts_waiting() -> Iterator[None]:
+    """Let an interrupt wait until the block ends: libraries that are being loaded make errors of their own of it."""
+    waiting = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: waiting.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if waiting:
+        raise KeyboardInterrupt

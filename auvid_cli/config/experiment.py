@@ -1,7 +1,6 @@
 """Settings of an experiment: vehicle, sensors, manoeuvre, and how to identify."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,6 +12,7 @@ from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.config.model import Settings
 from auvid_cli.config.quantity import Unit, parse_quantity
 from auvid_cli.config.sensors import SensorSuite
+from auvid_cli.config.spans import SeparateSpans
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
@@ -67,7 +67,7 @@ class Use(Settings):
     """Which of the data are used; each stretch starts with a motion of its own and the coefficients found so far."""
 
     spans: Annotated[
-        tuple[tuple[float, float], ...], Field(description="[begin, end], s, each; empty: from beginning to end")
+        SeparateSpans, Field(description="[begin, end], s, each; null: as far as there are data; empty: all")
     ] = ()
     least_speed: Annotated[
         float | None, Unit("m/s"), Field(gt=0, description="leave out what is slower by the DVL")
@@ -76,24 +76,6 @@ class Use(Settings):
         float | None, Unit("s"), Field(gt=0, description="a sensor that is silent for longer ends a stretch")
     ] = None
     shortest: Annotated[float, Unit("s"), Field(ge=0, description="leave out stretches that last less")] = 2.0
-
-    @field_validator("spans", mode="before")
-    @classmethod
-    def _times(cls, value: Any) -> Any:
-        if not isinstance(value, list | tuple):
-            raise ValueError("expected a list of [begin, end]")
-        parsed = []
-        for stated in value:
-            if not isinstance(stated, list | tuple) or len(stated) != 2:
-                raise ValueError("expected [begin, end] for each span")
-            begin, end = (parse_quantity(bound, "s") for bound in stated)
-            if not begin < end:
-                raise ValueError(f"the span [{begin:g}, {end:g}] s must begin before it ends")
-            parsed.append((begin, end))
-        for (_, end), (begin, _) in pairwise(sorted(parsed)):
-            if begin < end:
-                raise ValueError(f"two spans overlap from {begin:g} s to {end:g} s")
-        return parsed
 
 
 class EkfSettings(Settings):

@@ -1,16 +1,29 @@
 """Settings of what is read from a log: columns with their units, times, spans, and which rows count."""
 
-from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from auvid_cli.config.model import Settings
-from auvid_cli.config.quantity import Unit, describe, parse_quantity
+from auvid_cli.config.quantity import EXAMPLES, Unit, describe, parse_quantity
 
 Seconds = Annotated[float, Unit("s")]
 # Units that logs write so and the registry of units does not know.
-_WORDS = {"%": "percent", "rev/s": "turn/s", "rpm": "turn/min", "RPM": "turn/min"}
+_WORDS = {"%": "percent", "1": "dimensionless", "rev/s": "turn/s", "rpm": "turn/min", "RPM": "turn/min"}
+# How logs spell units, to name the one that was meant.
+_SPELLINGS = {
+    "s": ("s", "sec", "ms", "us", "ns", "min", "h"),
+    "rad": ("rad", "deg", "degree", "degrees", "radian", "turn"),
+    "rad/s": ("rad/s", "deg/s", "degree/s", "turn/s", "rpm"),
+    "m/s": ("m/s", "cm/s", "mm/s", "km/h", "kn", "knot", "knots", "ft/s"),
+    "m/s^2": ("m/s^2", "cm/s^2", "g", "mg"),
+    "m": ("m", "cm", "mm", "ft", "feet", "meter"),
+    "turn/s": ("turn/s", "rev/s", "rpm"),
+    "percent": ("percent", "%", "1"),
+    "N": ("N", "kN", "newton"),
+    "N*m": ("N*m", "N*cm"),
+}
 
 
 def unit_factor(stated: str, unit: str) -> float:
@@ -33,6 +46,25 @@ def unit_factor(stated: str, unit: str) -> float:
         return parse_quantity(f"1 {stated}", unit)
     except ValueError:
         return parse_quantity(f"1 {stated.lower()}", unit)
+
+
+def check_unit(stated: str | None, unit: str) -> str | None:
+    """Return a unit as it is stated.
+
+    Raises
+    ------
+    ValueError
+        If it is no unit that a map may state where `unit` is the SI unit; the message names those that it may.
+    """
+    if stated is not None:
+        try:
+            unit_factor(stated, unit)
+        except ValueError:
+            usual = _SPELLINGS.get(unit, (unit,))
+            near = get_close_matches(stated.lower(), usual, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"expected one such as {', '.join(usual)}"
+            raise ValueError(f"{stated!r} is no unit of {EXAMPLES.get(unit, ('this', ''))[0]}; {hint}") from None
+    return stated
 
 
 class Reading(Settings):
@@ -60,12 +92,15 @@ class Reading(Settings):
     def _accept_a_bare_name(cls, data: Any) -> Any:
         return {"column": data} if isinstance(data, str) else data
 
+    @field_validator("unit", mode="before")
+    @classmethod
+    def _accept_the_number_one(cls, stated: Any) -> Any:
+        return "1" if type(stated) is int and stated == 1 else stated
+
     @field_validator("unit", mode="after")
     @classmethod
     def _known_unit(cls, stated: str | None) -> str | None:
-        if stated is not None:
-            unit_factor(stated, cls.si)
-        return stated
+        return check_unit(stated, cls.si)
 
     @field_validator("scale", "offset", mode="before")
     @classmethod
@@ -148,9 +183,7 @@ class TimeSource(Settings):
     @field_validator("unit", mode="after")
     @classmethod
     def _known_unit(cls, stated: str | None) -> str | None:
-        if stated is not None:
-            unit_factor(stated, "s")
-        return stated
+        return check_unit(stated, "s")
 
 
 class Rows(Settings):
@@ -169,24 +202,3 @@ class Validity(Settings):
         True,
         1,
     )
-
-
-def _spans(value: Any) -> Any:
-    """Accept one span for a list of one."""
-    if isinstance(value, list | tuple) and len(value) == 2 and not any(isinstance(end, list | tuple) for end in value):
-        return (value,)
-    return value
-
-
-def _ends_after_it_begins(spans: Sequence[tuple[float, float]]) -> Sequence[tuple[float, float]]:
-    for begin, end in spans:
-        if not begin < end:
-            raise ValueError(f"a span must end after it begins, unlike [{begin:g} s, {end:g} s]")
-    return spans
-
-
-Spans = Annotated[
-    tuple[tuple[Seconds, Seconds], ...],
-    BeforeValidator(_spans),
-    AfterValidator(_ends_after_it_begins),
-]

@@ -38,7 +38,7 @@ class Revolutions(InputReading):
 
 
 class Share(InputReading):
-    """A thruster's command in percent."""
+    """A thruster's command in percent, or with the unit '1' as a fraction."""
 
     si = "percent"
 
@@ -81,7 +81,7 @@ class Thrust(Settings):
     revolutions: Annotated[Revolutions | None, Field(description="n, in turn/s or rpm")] = None
     a: Annotated[float | None, Unit("N*s^2"), Field(gt=0, description="force at rest per (turn/s)^2")] = None
     b: Annotated[float, Unit("N*s^2/m"), Field(le=0, description="what speed takes off")] = 0.0
-    share: Annotated[Share | None, Field(description="x, in percent")] = None
+    share: Annotated[Share | None, Field(description="x, in percent, or with unit '1' where 1 is full")] = None
     full: Annotated[float | None, Unit("N"), Field(gt=0, description="force at 100 percent")] = None
 
     @model_validator(mode="after")

@@ -9,10 +9,11 @@ from pydantic import Field, model_validator
 from auvid_cli.config.assemble import assemble
 from auvid_cli.config.experiment import Identification
 from auvid_cli.config.load import open_source, validated
-from auvid_cli.config.log_columns import Spans, TimeSource
+from auvid_cli.config.log_columns import TimeSource
 from auvid_cli.config.log_inputs import InputsMap
 from auvid_cli.config.log_sensors import SensorMaps
 from auvid_cli.config.model import Settings
+from auvid_cli.config.spans import Spans
 from auvid_cli.config.tree import Tree
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError
@@ -66,7 +67,7 @@ class LogMap(Settings):
         Raises
         ------
         ConfigError
-            If there are more files than logs, or none for a log.
+            If there are more files than logs, none for a log, or one for a log that the map has not.
         """
         names = list(self.logs)
         files = {
@@ -78,6 +79,8 @@ class LogMap(Settings):
             name, equals, file = text.partition("=")
             if equals and name in names:
                 files[name] = (Path(file),)
+            elif equals and name.isidentifier() and not Path(text).exists():
+                raise ConfigError(f"{text}: the map has no log named {name!r}; it has {', '.join(names)}")
             elif place < len(names):
                 files[names[place]] = (Path(text),)
             else:

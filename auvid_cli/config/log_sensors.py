@@ -1,16 +1,29 @@
 """Settings of a log map: what each sensor's numbers are, and in which axes they are."""
 
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, create_model, field_validator, model_validator
 
-from auvid_cli.config.log_columns import READINGS, Number, Reading, Rows, Spans, Validity, unit_factor
+from auvid_cli.config.log_columns import READINGS, Number, Reading, Rows, Validity, check_unit
 from auvid_cli.config.model import Settings
 from auvid_cli.config.quantity import Unit, parse_components
+from auvid_cli.config.spans import Spans
 from auvid_cli.data.dataset import SENSORS
 
-BodyAxes = Literal["FRD", "FLU"]
-EarthAxes = Literal["NED", "ENU"]
+
+def _axes(value: Any) -> Any:
+    """Name the axes that were meant where the text is no name of any."""
+    known = ("FRD", "FLU", "NED", "ENU")
+    near = get_close_matches(value.upper(), known, n=1) if isinstance(value, str) and value not in known else ()
+    if near:
+        raise ValueError(f"{value!r} is no name of axes; did you mean {near[0]!r}?")
+    return value
+
+
+BodyAxes = Annotated[Literal["FRD", "FLU"], BeforeValidator(_axes)]
+EarthAxes = Annotated[Literal["NED", "ENU"], BeforeValidator(_axes)]
+AnyAxes = Annotated[Literal["FRD", "FLU", "NED", "ENU"], BeforeValidator(_axes)]
 
 
 def _three_lengths(value: Any) -> Any:
@@ -100,9 +113,7 @@ class SensorMap(Rows):
     @field_validator("unit", mode="after")
     @classmethod
     def _known_unit(cls, stated: str | None) -> str | None:
-        if stated is not None:
-            unit_factor(stated, SENSORS[cls.sensor][0].unit)
-        return stated
+        return check_unit(stated, SENSORS[cls.sensor][0].unit)
 
     @field_validator("standard_deviation", mode="before")
     @classmethod
@@ -110,7 +121,10 @@ class SensorMap(Rows):
         if value == "estimate":
             return value
         quantities = SENSORS[cls.sensor]
-        deviations = parse_components(value, quantities[0].unit, len(quantities))
+        try:
+            deviations = parse_components(value, quantities[0].unit, len(quantities))
+        except ValueError as error:
+            raise ValueError(f"{error}; 'estimate' takes it from the signal") from None
         if any(deviation <= 0.0 for deviation in deviations):
             raise ValueError("expected standard deviations greater than 0")
         return deviations * (len(quantities) // len(deviations))
@@ -154,9 +168,7 @@ class DvlMap(SensorMap):
 
     sensor = "dvl"
     columns: Velocity
-    frame: Annotated[BodyAxes | EarthAxes, Field(description="NED and ENU: turned into the body by the attitude")] = (
-        "FRD"
-    )
+    frame: Annotated[AnyAxes, Field(description="NED and ENU: turned into the body by the attitude")] = "FRD"
     mount: Annotated[Mount | None, Field(description="if its axes are not the body's")] = None
     position: Annotated[
         Lever, Field(description="[forward, starboard, down] from the vehicle's origin: its own motion is taken off")

@@ -5,7 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.logs.clock import Order
+from auvid_cli.logs.overlap import Overlap
+from auvid_cli.logs.readings import Rows
+from auvid_cli.logs.wander import Wander
 
 
 class Account(NamedTuple):
@@ -35,16 +37,32 @@ class Account(NamedTuple):
     remarks: tuple[str, ...]
 
 
-def account_of(
-    name: str, time: NDArray[np.float64], missing: int, order: Order, rollovers: int, remarks: tuple[str, ...]
-) -> Account:
-    """Account of a sensor or input that kept samples at `time`, s."""
+def account_of(name: str, time: NDArray[np.float64], missing: int, rows: Rows, remarks: tuple[str, ...]) -> Account:
+    """Account of a sensor or input that kept samples at `time`, s, of the rows that were read."""
+    order, rollovers, wander = rows.order, rows.rollovers, rows.wander
     said = (
         (order.backward, f"time went back in {order.backward} rows, by up to {order.furthest_back:.3g} s: sorted"),
         (order.without_time, f"{order.without_time} rows without a time left out"),
         (rollovers, f"the hour or the day of the clock ended, {rollovers} in all: taken to go on"),
+        (wander, _wandering(wander) if wander else ""),
+        *((True, _overlapping(overlap)) for overlap in rows.overlaps),
     )
-    own = tuple(text for count, text in said if count)
+    own = tuple(text for applies, text in said if applies)
     rate = 1.0 / float(np.median(np.diff(time))) if time.size > 1 else 0.0
     span = float(time[0]), float(time[-1])
     return Account(name, time.size, rate, span, missing, order.duplicates, (*own, *remarks))
+
+
+def _wandering(wander: Wander) -> str:
+    by = f"{_duration(wander.spread)} (5 to 95 %), at most {_duration(wander.furthest)}"
+    return f"{wander.clock} wanders from {wander.better} by {by}: `time: '{wander.better}'` would be right"
+
+
+def _duration(seconds: float) -> str:
+    return f"{1e3 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.4g} s"
+
+
+def _overlapping(overlap: Overlap) -> str:
+    done = "taken as they come in time" if overlap.own else "the same readings in both, each taken once"
+    span = f"{overlap.begin:.3f} to {overlap.end:.3f} s by the log's clock"
+    return f"file {overlap.file} of the log overlaps those before it from {span}: {done}"

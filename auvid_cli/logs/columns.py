@@ -49,13 +49,14 @@ class ColumnReader:
         ValueError
             If a text is no time.
         """
-        key = request.time, request.time_factor
-        values = self.take(request.time)
+        times = request.time
+        key = times.place, times.factor
+        values = self.take(times.place)
         if key not in self._clocks:
-            self._clocks[key] = to_seconds(values, request.time_factor)
+            self._clocks[key] = to_seconds(values, times.factor)
         clock = self._clocks[key]
-        if not self._wanted[request.time]:
+        if not self._wanted[times.place]:
             del self._clocks[key]
-        if not request.time_offset:
+        if not times.offset:
             return clock
-        return Clock(np.add(clock.seconds, request.time_offset), clock.rollovers)
+        return Clock(np.add(clock.seconds, times.offset), clock.rollovers)

@@ -13,10 +13,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs.layout import BLANKS, FLAGS, MISSING, Header, TextLayout, is_number, read_header
+from auvid_cli.logs.layout import BLANKS, FLAGS, Header, TextLayout, read_header
 from auvid_cli.logs.log import Column, ColumnValues, Log
 from auvid_cli.logs.lookup import look_up
 from auvid_cli.logs.rows import Rows, survey
+from auvid_cli.logs.units import MISSING, is_number
 
 _GZIP = b"\x1f\x8b"
 _OPEN_QUOTE = "a quotation mark is left open, or a field goes on in the next line"

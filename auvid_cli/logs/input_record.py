@@ -9,7 +9,7 @@ from auvid_cli.config.position import Path
 from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.logs.account import Account, account_of
 from auvid_cli.logs.columns import ColumnReader
-from auvid_cli.logs.inputs import Channel, cut, hold, mix, propeller_thrust, thruster_force
+from auvid_cli.logs.inputs import Channel, cut, hold, mix, moved_by, propeller_thrust, thruster_force
 from auvid_cli.logs.motion import interpolate
 from auvid_cli.logs.readings import read_rows
 from auvid_cli.logs.refusals import Refusals, RefusedError
@@ -20,6 +20,8 @@ from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 Array = NDArray[np.float64]
 
 _LARGEST_FIN_ANGLE, _ROUNDING = 0.5 * np.pi, 1e-9
+# A thruster that never gets more than so much is rather told fractions than percent.
+_LARGEST_FRACTION = 1.5
 
 
 def read_inputs(
@@ -79,9 +81,12 @@ def _read(
     largest = float(np.abs(values).max())
     if reading.si == "rad" and largest > _LARGEST_FIN_ANGLE:
         raise RefusedError(request.path, f"deflects {largest:.3g} rad: state the `unit`, or `centre` and `scale`")
+    if reading.si == "percent" and not request.values[key[-1]].has_unit and 0.0 < largest <= _LARGEST_FRACTION:
+        choice = "state `unit: '1'` where 1 is full thrust, or `unit: percent`"
+        raise RefusedError(request.path, f"reaches only {largest:.3g} and has no unit: {choice}")
     lost = rows.values[key[-1]].size - values.size
     remarks = (f"{lost} missing values: the one before is held",) if lost else ()
-    return Channel(time, values), account_of(".".join(key), time, 0, rows.order, rows.rollovers, remarks)
+    return Channel(time, values), account_of(".".join(key), time, 0, rows, remarks)
 
 
 def _mix(
@@ -109,10 +114,23 @@ def _mix(
         if known["X_prop"] == 0.0:
             raise RefusedError(("inputs", "roll_moment"), "needs a vehicle whose X_prop is not 0")
         roll_moment[:] = surge_force * (known["K_prop"] / known["X_prop"])
+    mapped = _mapped(settings.inputs)
     idle = [symbol for symbol, values in zip(INPUT_SYMBOLS, record.values.T, strict=True) if not values.any()]
-    if idle:
-        remarks.append(f"{', '.join(idle)}: zero all the time, or not in the map")
+    for symbols, reason in (
+        ([symbol for symbol in idle if symbol in mapped], "zero all the time"),
+        ([symbol for symbol in idle if symbol not in mapped], "not in the map, so zero"),
+    ):
+        if symbols:
+            remarks.append(f"{', '.join(symbols)}: {reason}")
     return tuple(remarks)
+
+
+def _mapped(settings: InputsMap) -> set[str]:
+    """Inputs that the map says anything of."""
+    mapped = {symbol for symbol in INPUT_SYMBOLS if getattr(settings, symbol) is not None}
+    if settings.fins is not None:
+        mapped |= moved_by(settings.fins.given())
+    return mapped | ({"surge_force"} if settings.thrust is not None else set())
 
 
 def _speed(time: Array, sensors: dict[str, SensorRecord]) -> Array:

@@ -1,6 +1,6 @@
 """Inputs of the model from the fins and the propeller of a log."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -68,6 +68,11 @@ def mix(fins: Mapping[str, Array]) -> Mixed:
         for (by_rudder, by_elevator), fin in zip(design, fins.values(), strict=True)
     ]
     return Mixed(np.asarray(rudder), np.asarray(elevator), float(np.sqrt(np.mean(squares))))
+
+
+def moved_by(fins: Iterable[str]) -> set[str]:
+    """Which of rudder and elevator have a part in what fins do."""
+    return {name for fin in fins for name, part in zip(("rudder", "elevator"), _FINS[fin], strict=True) if part}
 
 
 def propeller_thrust(revolutions: Array, speed: Array, a: float, b: float) -> Array:

@@ -1,12 +1,13 @@
 """Logs that continue each other, such as the files that a recorder begins anew every hour."""
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import cast
 
 import numpy as np
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs.log import Column, ColumnValues, Log
+from auvid_cli.logs.log import FILE, Column, ColumnValues, Log
 from auvid_cli.logs.lookup import look_up
 
 
@@ -29,10 +30,29 @@ class JoinedLog(Log):
         self._parts = tuple(parts)
 
     def tables(self) -> dict[str, tuple[Column, ...]]:
-        """Columns of each table."""
+        """Columns of each table, and `FILE`."""
+        return self._tables
+
+    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
+        """Columns of a table by name."""
+        look_up(self, table, columns)
+        # Without any other column a part would not say how many rows it has.
+        stored = [name for name in columns if name != FILE] or [self._tables[table][0].name]
+        parts = enumerate(zip(self._parts, self._contents, strict=True), 1)
+        having = {k: part.read(table, stored) for k, (part, content) in parts if table in content}
+        found = {c: cast(ColumnValues, np.concatenate([own[c] for own in having.values()])) for c in stored}
+        found[FILE] = np.repeat(np.array([*having], np.float64), [own[stored[0]].size for own in having.values()])
+        return {name: found[name] for name in columns}
+
+    @cached_property
+    def _contents(self) -> list[dict[str, tuple[Column, ...]]]:
+        return [part.tables() for part in self._parts]
+
+    @cached_property
+    def _tables(self) -> dict[str, tuple[Column, ...]]:
         found: dict[str, tuple[Column, ...]] = {}
-        for part in self._parts:
-            for table, columns in part.tables().items():
+        for part, content in zip(self._parts, self._contents, strict=True):
+            for table, columns in content.items():
                 others = {column.name: column for column in columns}
                 found[table] = tuple(c for c in found.get(table, columns) if c.name in others)
                 for column in found[table]:
@@ -41,10 +61,4 @@ class JoinedLog(Log):
                             f"{part.path}: column {column.name!r} is in {others[column.name].unit or 'no unit'}, in "
                             f"{self.path} before it in {column.unit or 'no unit'}: they do not continue each other"
                         )
-        return found
-
-    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Columns of a table by name."""
-        look_up(self, table, columns)
-        having = [part.read(table, columns) for part in self._parts if table in part.tables()]
-        return {c: cast(ColumnValues, np.concatenate([values[c] for values in having])) for c in columns}
+        return {table: (*columns, Column(FILE)) for table, columns in found.items()}

@@ -4,17 +4,14 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from auvid_cli.config.log_columns import unit_factor
-from auvid_cli.config.quantity import EXAMPLES
 from auvid_cli.errors import FileError
 from auvid_cli.logs.log import Column
+from auvid_cli.logs.units import MISSING, agreed_unit, are_units, bare_unit, find_suffix, is_number, split_unit
 
 COMMENT_MARKS = ("#", "%", "//")
-MISSING = ("", "nan", "NaN", "NAN", "-nan", "null", "NULL", "None", "N/A", "n/a", "NA", "-", "--")
 FLAGS = {"true": 1.0, "false": 0.0}
 BLANKS = " "
 
@@ -22,14 +19,6 @@ BLANKS = " "
 _DELIMITERS = (";", "\t", "|", ",", BLANKS)
 _UNIT = re.compile(r"(?P<name>.*\S)\s*[(\[](?P<unit>[^()\[\]]*[^()\[\]\d][^()\[\]]*)[)\]]")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
-# A letter right behind a number is rather a name, as of a 3D fix.
-_WITH_UNIT = re.compile(
-    r"(?P<number>[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?|nan|NaN)(?:\s+|(?=..|[sm%°]))"
-    r"(?P<unit>[^\W\d].*|[%°].*)"
-)
-# What vehicles log: a unit of anything else is taken for a word.
-_MEASURED = (*EXAMPLES, "dimensionless", "K", "Pa", "V", "A", "W", "T")
-_NO_UNIT = ("", "-", "--")
 
 
 class TextLayout(NamedTuple):
@@ -94,18 +83,6 @@ def is_filler(line: str, delimiter: str) -> bool:
     return not line.replace(delimiter, "").strip() or line.lstrip().startswith(COMMENT_MARKS)
 
 
-def is_number(field: str, decimal: str = ".", missing: Sequence[str] = ()) -> bool:
-    """Whether a field holds a number, or what stands for a missing one."""
-    if field in MISSING or field in missing:
-        return True
-    try:
-        float(field.replace(decimal, "."))
-    except ValueError:
-        return False
-    # Python reads 1_000 as a number, but no program writes one so.
-    return "_" not in field
-
-
 def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
     """Find out how a text log is laid out.
 
@@ -121,7 +98,8 @@ def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
     Raises
     ------
     FileError
-        If the lines are no table, if it has no names, or if heading, row of units and cells state different units.
+        If the lines are no table, if it has no names where they should be, or if heading, row of units and cells state
+        different units.
     """
     if layout.delimiter is not None and len(layout.delimiter) != 1:
         raise FileError(f"{path}: the delimiter {layout.delimiter!r} must be one character, such as ',' or '\\t'")
@@ -130,8 +108,10 @@ def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
     if line > len(lines):
         raise FileError(f"{path}:{line}: no header here: the log has {len(lines)} lines")
     names = split_row(_uncomment(lines[line - 1]), delimiter)
+    if all(map(is_number, names)):
+        raise FileError(f"{path}:{line}: a row of numbers where `header_row` says that the names are")
     units = split_row(_uncomment(lines[line]), delimiter) if line < len(lines) else []
-    has_units = len(units) >= len(names) and _are_units(units)
+    has_units = len(units) >= len(names) and are_units(units)
     last = line + has_units
     rows = list(_split_rows(lines[last:], delimiter).values())
     fields = _usual_length(rows) or len(names)
@@ -141,11 +121,11 @@ def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
     decimal = layout.decimal or _find_decimal(rows, delimiter)
     samples = [[row[k] for row in rows if k < len(row)] for k in range(len(names))]
     is_flag = tuple(_are_flags(values) for values in samples)
-    suffixes = tuple(_find_suffix(values, decimal, layout.missing) for values in samples)
+    suffixes = tuple(find_suffix(values, decimal, layout.missing) for values in samples)
     columns = []
     for k, (name, heading) in enumerate(_named(names)):
-        under = _bare_unit(units[k]) if has_units else ""
-        unit = _agreed_unit(f"{path}:{last}: {name!r}", heading, under, suffixes[k])
+        under = bare_unit(units[k]) if has_units else ""
+        unit = agreed_unit(f"{path}:{last}: {name!r}", heading, under, suffixes[k])
         numeric = is_flag[k] or suffixes[k] or all(is_number(v, decimal, layout.missing) for v in samples[k])
         columns.append(Column(name, unit, is_text=not numeric))
     return Header(delimiter, decimal, last, fields, tuple(columns), is_flag, suffixes)
@@ -190,7 +170,7 @@ def _find_header(path: Path, lines: Sequence[str], delimiter: str) -> int:
     # Above the numbers the names may stand in a comment, or lack the delimiter that ends each row.
     above = [split_row(_uncomment(line), delimiter) for line in lines[max(first - 2, 0) : first]]
     fits = [len(names) in (len(fields), len(fields) - 1) for names in above]
-    if len(above) == 2 and all(fits) and _are_units(above[1]):
+    if len(above) == 2 and all(fits) and are_units(above[1]):
         return first - 1
     if fits and fits[-1]:
         return first
@@ -201,59 +181,12 @@ def _find_decimal(rows: Sequence[Sequence[str]], delimiter: str) -> str:
     if delimiter == ",":
         return "."
     fields = [field for row in rows for field in row]
-    matches = (_WITH_UNIT.fullmatch(field) for field in fields)
-    numbers = (match["number"] if match else field for match, field in zip(matches, fields, strict=True))
-    return "," if any(_DECIMAL_COMMA.fullmatch(number) for number in numbers) else "."
+    return "," if any(_DECIMAL_COMMA.fullmatch(split_unit(field)[0]) for field in fields) else "."
 
 
 def _are_flags(values: Sequence[str]) -> bool:
     stated = [value for value in values if value not in MISSING]
     return bool(stated) and all(value.lower() in FLAGS for value in stated)
-
-
-def _find_suffix(values: Sequence[str], decimal: str, missing: Sequence[str]) -> str:
-    """Unit of the first cell that has one, if each of the others is a number, with a unit or without."""
-    units = []
-    for value in values:
-        if not is_number(value, decimal, missing):
-            match = _WITH_UNIT.fullmatch(value)
-            if match is None or not _is_unit(match["unit"]):
-                return ""
-            units.append(match["unit"])
-    return units[0] if units else ""
-
-
-def _are_units(cells: Sequence[str]) -> bool:
-    """Whether a row below the names holds units and nothing else."""
-    stated = [unit for unit in map(_bare_unit, cells) if unit]
-    return bool(stated) and all(map(_is_unit, stated))
-
-
-def _bare_unit(cell: str) -> str:
-    unit = cell.strip("()[] ")
-    return "" if unit in _NO_UNIT else unit
-
-
-@cache
-def _is_unit(text: str) -> bool:
-    return any(_size(text, measured) is not None for measured in _MEASURED)
-
-
-def _size(text: str, unit: str) -> float | None:
-    """Size of a unit in another one, if there is any."""
-    try:
-        return unit_factor(text, unit)
-    except ValueError:
-        return None
-
-
-def _agreed_unit(where: str, heading: str, under: str, suffix: str) -> str:
-    """Unit that the heading, the row under it and the cells state, those of them that state a known one."""
-    known = [unit for unit in (suffix, under, heading) if unit and _is_unit(unit)]
-    for measured in _MEASURED:
-        if len({_size(unit, measured) for unit in known}) > 1:
-            raise FileError(f"{where} has more than one unit: {', '.join(dict.fromkeys(known))}")
-    return known[0] if known else heading
 
 
 def _named(headings: Sequence[str]) -> list[tuple[str, str]]:

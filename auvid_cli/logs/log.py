@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 # s since the epoch, or since the log's own zero: when a row was recorded, and when its sender says it was measured.
 LOG_TIME, HEADER_STAMP = "@log_time", "@header_stamp"
+# Of a log that consists of several files: which of them a row is from, counted from 1.
+FILE = "@file"
 
 ColumnValues = NDArray[np.float64] | NDArray[np.str_]
 

@@ -27,5 +27,7 @@ def look_up(log: Log, table: str, names: Sequence[str]) -> tuple[Column, ...]:
 
 def missing(log: Log, what: str, name: str, known: Collection[str]) -> str:
     """What to say of a name that is not there."""
-    near = get_close_matches(name, known, n=3, cutoff=0.5) or list(known)[:5]
-    return f"{log.path}: there is no {what} named {name!r}; there is {', '.join(map(repr, near)) or 'none at all'}"
+    near = get_close_matches(name, known, n=3, cutoff=0.5)
+    some = near or list(known)[:5]
+    of = "" if len(some) == len(known) else f" ({'nearest' if near else 'first'} of {len(known)})"
+    return f"{log.path}: there is no {what} named {name!r}; there is {', '.join(map(repr, some)) or 'none at all'}{of}"

@@ -121,6 +121,8 @@ def _kind_of(path: Path) -> _Kind | None:
             raise FileError(f"{path}: {advice}")
     if zipfile.is_zipfile(path):
         return _kind_of_zip(path)
+    if head.startswith(b"PK\x03\x04"):
+        raise FileError(f"{path}: looks like a NumPy archive or another zip file that is cut short: copy it again")
     if len(head) > 8 and head[8] in _MAVLINK_MARKERS and not _is_text(head):
         return _TELEMETRY
     if not _is_text(head):

@@ -11,13 +11,17 @@ from auvid_cli.config.position import Path
 from auvid_cli.logs.clock import Order, order_rows
 from auvid_cli.logs.columns import ColumnReader
 from auvid_cli.logs.log import ColumnValues
+from auvid_cli.logs.overlap import Overlap, find_overlaps
 from auvid_cli.logs.refusals import RefusedError
 from auvid_cli.logs.requests import Request
+from auvid_cli.logs.wander import Wander, find_wander
 
 Array = NDArray[np.float64]
 
 # What an underwater vehicle does not reach: more than that is another unit.
 _IMPOSSIBLE = {"rad": 2.0 * np.pi, "rad/s": 20.0, "m/s": 50.0, "m/s^2": 500.0}
+# s. At the border of two files messages may be out of order by what they were late.
+_LONGEST_INTERLEAVING = 1.0
 
 
 class Rows(NamedTuple):
@@ -36,7 +40,11 @@ class Rows(NamedTuple):
     invalid : int
         Rows that the log calls not valid, and values beyond the limits that the map sets.
     repeats : int
-        Rows left out because they only repeat the one before.
+        Rows left out because they only repeat what was read before.
+    wander : Wander or None
+        Of a clock that the message's other one is better than.
+    overlaps : list of Overlap
+        Of files that continue each other.
     """
 
     time: Array
@@ -44,7 +52,9 @@ class Rows(NamedTuple):
     order: Order
     rollovers: int
     invalid: int
-    repeats: int = 0
+    repeats: int
+    wander: Wander | None
+    overlaps: list[Overlap]
 
 
 def read_rows(
@@ -55,12 +65,12 @@ def read_rows(
     Raises
     ------
     RefusedError
-        If its times are no times or never change, if tables that belong together are not of one length, or if the
-        numbers are too large for their unit.
+        If its times are no times or never change, if tables that belong together are not of one length, or if files
+        that should continue each other do not.
     FileError
         If the log is damaged.
     """
-    raw = {component: columns.take(place) for component, (place, _) in request.values.items()}
+    raw = {component: columns.take(place) for component, (place, *_) in request.values.items()}
     flags = columns.take(request.valid) if request.valid is not None else None
     try:
         seconds, rollovers = columns.take_time(request)
@@ -70,14 +80,15 @@ def read_rows(
     if seconds.size != length:
         raise RefusedError(
             (*request.path, "time"),
-            f"{request.time.table} has {seconds.size} rows and cannot give times to the {length} rows here",
+            f"{request.time.place.table} has {seconds.size} rows and cannot give times to the {length} rows here",
         )
     order = order_rows(seconds)
     time = seconds[order.rows]
     if time.size < 2:
-        raise RefusedError((*request.path, "time"), f"{request.time.column!r} never changes: name another time")
+        raise _no_times(request, seconds.size, time.size)
+    wander, overlaps = _wander(request, seconds, columns), _overlaps(request, seconds, raw, columns)
     values, invalid = {}, 0
-    for component, (_, factor) in request.values.items():
+    for component, (_, factor, _) in request.values.items():
         reading = readings[component]
         numbers = to_si(raw.pop(component)[order.rows], reading, factor)
         if reading.limits is not None:
@@ -90,15 +101,46 @@ def read_rows(
         invalid += int(np.count_nonzero(wrong))
         for numbers in values.values():
             numbers[wrong] = np.nan
-    return Rows(time, values, order, rollovers, invalid)
+    return Rows(time, values, order, rollovers, invalid, 0, wander, overlaps)
+
+
+def _no_times(request: Request, rows: int, times: int) -> RefusedError:
+    log, table, column = request.time.place
+    if rows < 2:
+        return RefusedError(("logs", log), f"{table or 'the log'} has {'only one row' if rows else 'no rows'}")
+    complaint = "never changes" if times else "holds no time in any row"
+    return RefusedError((*request.path, "time"), f"{column!r} {complaint}: name another time")
+
+
+def _wander(request: Request, seconds: Array, columns: ColumnReader) -> Wander | None:
+    taken, other = request.time.place, request.time.other
+    if other is None:
+        return None
+    return find_wander(seconds, np.asarray(columns.take(other), np.float64), (taken.column, other.column))
+
+
+def _overlaps(
+    request: Request, seconds: Array, raw: Mapping[str, ColumnValues], columns: ColumnReader
+) -> list[Overlap]:
+    """Overlaps of the files of a log; RefusedError if their readings interleave for longer than disorder explains."""
+    if request.time.file is None:
+        return []
+    files, values = columns.take(request.time.file), np.column_stack([*raw.values()])
+    overlaps = find_overlaps(seconds, np.asarray(files, np.float64), np.asarray(values, np.float64))
+    for file, begin, end, own in overlaps:
+        if own and end - begin > _LONGEST_INTERLEAVING:
+            reason = f"file {file} of the log and those before it both have readings from {begin:.3f} to {end:.3f} s"
+            raise RefusedError(request.path, f"{reason}, so they do not continue each other: is it one clock?")
+    return overlaps
 
 
 def without_repeats(rows: Rows) -> Rows:
-    """Rows of which at least one number is another than in the row before."""
+    """The first row, and those that bring a number which is another than the last one of that component."""
     fresh = np.zeros(rows.time.size, np.bool_)
     fresh[0] = True
     for numbers in rows.values.values():
-        fresh[1:] |= (numbers[1:] != numbers[:-1]) & ~np.isnan(numbers[1:])
+        known = np.flatnonzero(np.isfinite(numbers))
+        fresh[known[np.diff(numbers[known], prepend=np.nan) != 0.0]] = True
     values = {component: numbers[fresh] for component, numbers in rows.values.items()}
     return rows._replace(time=rows.time[fresh], values=values, repeats=int(np.count_nonzero(~fresh)))
 

@@ -29,10 +29,14 @@ class Refusals:
     def __init__(self, tree: Tree) -> None:
         self._tree = tree
         self._mistakes: list[Mistake] = []
+        self._said = 0
 
     def say(self, path: Path, message: str) -> None:
-        """Keep a mistake."""
-        self._mistakes.append(at_value(self._tree, path, message))
+        """Keep a mistake, once where several settings lead to it."""
+        mistake = at_value(self._tree, path, message)
+        if mistake not in self._mistakes:
+            self._mistakes.append(mistake)
+        self._said += 1
 
     @contextmanager
     def collecting(self) -> Iterator[None]:
@@ -48,4 +52,4 @@ class Refusals:
             raise ConfigError(report(self._mistakes))
 
     def __len__(self) -> int:
-        return len(self._mistakes)
+        return self._said

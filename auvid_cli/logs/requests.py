@@ -8,7 +8,7 @@ from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.position import Path
 from auvid_cli.config.quantity import expected
 from auvid_cli.config.tree import Tree
-from auvid_cli.logs.log import HEADER_STAMP, LOG_TIME, Column, Log
+from auvid_cli.logs.log import FILE, HEADER_STAMP, LOG_TIME, Column, Log
 from auvid_cli.logs.lookup import missing
 from auvid_cli.logs.refusals import Refusals
 
@@ -21,6 +21,37 @@ class Place(NamedTuple):
     column: str
 
 
+class Source(NamedTuple):
+    """Column of a component, the size of its unit in SI, and whether log or map state that unit."""
+
+    place: Place
+    factor: float
+    has_unit: bool
+
+
+class Times(NamedTuple):
+    """Where the times of rows stand.
+
+    Attributes
+    ----------
+    place : Place
+    factor : float
+        s per unit of the times, if they are numbers.
+    offset : float
+        s, to be added.
+    other : Place or None
+        The other clock of messages that have two.
+    file : Place or None
+        Which file a row is from, if there are several.
+    """
+
+    place: Place
+    factor: float
+    offset: float
+    other: Place | None
+    file: Place | None
+
+
 class Request(NamedTuple):
     """What one sensor or one input needs.
 
@@ -28,30 +59,23 @@ class Request(NamedTuple):
     ----------
     path : tuple
         Where the map asks for it.
-    values : dict
-        Column and size of its unit in SI, by component.
+    values : dict of Source
+        By component.
     valid : Place or None
         Column that says which rows are valid.
-    time : Place
-    time_factor : float
-        s per unit of the times, if they are numbers.
-    time_offset : float
-        s, to be added.
+    time : Times
     """
 
     path: Path
-    values: dict[str, tuple[Place, float]]
+    values: dict[str, Source]
     valid: Place | None
-    time: Place
-    time_factor: float
-    time_offset: float
+    time: Times
 
     def places(self) -> Iterator[Place]:
         """All columns that it needs."""
-        yield from (place for place, _ in self.values.values())
-        yield self.time
-        if self.valid is not None:
-            yield self.valid
+        yield from (source.place for source in self.values.values())
+        optional = (self.valid, self.time.place, self.time.other, self.time.file)
+        yield from (place for place in optional if place is not None)
 
 
 def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusals: Refusals) -> dict[Path, Request]:
@@ -109,13 +133,14 @@ class _Finder:
         for place, reading in readings.items():
             column = self._column((*place, "column"), log, table, reading.column, numbers=True)
             if column is not None:
+                has_unit = bool(reading.scale is not None or reading.unit or unit or column.unit)
                 factor = self._factor(place, reading, unit, column)
-                values[str(place[-1])] = Place(log, table, column.name), factor
+                values[str(place[-1])] = Source(Place(log, table, column.name), factor, has_unit)
         flag = valid and self._column((*path, "valid", "column"), log, table, valid, numbers=False)
         time = self._time(path, log, table, [r.time for r in rows])
         if len(self._refusals) > before or time is None:
             return None
-        return Request(path, values, Place(log, table, flag.name) if flag else None, *time)
+        return Request(path, values, Place(log, table, flag.name) if flag else None, time)
 
     def _log(self, path: Path, name: str | None) -> str | None:
         if name is None and len(self._logs) == 1:
@@ -171,9 +196,7 @@ class _Finder:
             self._say(path, f"{reason}: expected {expected(si)}")
             return 1.0
 
-    def _time(
-        self, path: Path, log: str, table: str, stated: list[TimeSource | None]
-    ) -> tuple[Place, float, float] | None:
+    def _time(self, path: Path, log: str, table: str, stated: list[TimeSource | None]) -> Times | None:
         """Column, unit and offset of the times."""
         own = next((source for source in stated if source is not None), None)
         source = own or self._settings.time
@@ -198,4 +221,7 @@ class _Finder:
         factor = unit_factor(source.unit, "s") if source.unit else 1.0
         if not source.unit and not column.is_text:
             factor = self._header_factor(at, column, "s")
-        return Place(log, table, column.name), factor, source.offset
+        names = [column.name for column in self._tables[log][table]]
+        other = {LOG_TIME: HEADER_STAMP, HEADER_STAMP: LOG_TIME}.get(column.name, "")
+        more = (Place(log, table, name) if name in names else None for name in (other, FILE))
+        return Times(Place(log, table, column.name), factor, source.offset, *more)

@@ -14,6 +14,7 @@ from auvid_cli.data.dataset import SENSORS, SensorRecord
 from auvid_cli.logs.account import Account, account_of
 from auvid_cli.logs.axes import complete_velocity, in_vehicle_axes
 from auvid_cli.logs.columns import ColumnReader
+from auvid_cli.logs.gaps import Gaps, find_gaps
 from auvid_cli.logs.motion import depth_at_origin, interpolate
 from auvid_cli.logs.noise import Noise, estimate_noise
 from auvid_cli.logs.readings import Rows, check_size, read_rows, without_repeats
@@ -75,7 +76,8 @@ def read_sensors(
     for name, sensor in maps.items():
         with refusals.collecting():
             records[name], noise = _finished(name, sensor, records[name], settings.use)
-            accounts.append(_account(name, records[name], noise, rows[name], int(excluded[name].sum())))
+            gaps = _gaps(records[name], settings.use, (*settings.exclude, *sensor.exclude))
+            accounts.append(_account(name, records[name], noise, rows[name], int(excluded[name].sum()), gaps))
     refusals.stop_if_any()
     return SensorRecords(records, origin, accounts)
 
@@ -141,7 +143,13 @@ def _standard_deviation(name: str, values: Array, noise: tuple[Noise, ...]) -> A
     return np.where(measured, deviation, np.nanmax(deviation))
 
 
-def _account(name: str, record: SensorRecord, noise: tuple[Noise, ...], rows: Rows, excluded: int) -> Account:
+def _gaps(record: SensorRecord, use: Spans, exclude: Spans) -> Gaps | None:
+    return find_gaps(record.time[np.isfinite(record.values).any(axis=1)], use, exclude)
+
+
+def _account(
+    name: str, record: SensorRecord, noise: tuple[Noise, ...], rows: Rows, excluded: int, gaps: Gaps | None
+) -> Account:
     unit = SENSORS[name][0].unit
     unused = rows.time.size - record.time.size
     stated = ", ".join(f"{deviation:.3g}" for deviation in record.standard_deviation)
@@ -163,5 +171,10 @@ def _account(name: str, record: SensorRecord, noise: tuple[Noise, ...], rows: Ro
         (steps, f"the noise is lost in the steps of the numbers, taken as step / sqrt(12): {steps} {unit}"),
     )
     missing = int(np.count_nonzero(np.isnan(record.values).all(axis=1)))
-    remarks = tuple(text for applies, text in said if applies)
-    return account_of(name, record.time, missing, rows.order, rows.rollovers, remarks)
+    remarks = [text for applies, text in said if applies]
+    if gaps is not None:
+        remarks.append(
+            f"{gaps.number} {'gap' if gaps.number == 1 else 'gaps'}, the longest of {gaps.longest:.4g} s from t = "
+            f"{gaps.begin:.4g} s: leave it out with auvid identify --use, or set identification.use.longest_gap"
+        )
+    return account_of(name, record.time, missing, rows, tuple(remarks))

@@ -10,9 +10,19 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.data.dataset import SENSORS
-from auvid_cli.logs.log import HEADER_STAMP, LOG_TIME, Column, Log
-from auvid_cli.logs.names import INPUT_NAMES, QUATERNION_NAMES, SENSOR_NAMES, Found, find_in_logs, find_time
+from auvid_cli.logs.log import Column, Log
+from auvid_cli.logs.names import (
+    QUATERNION_NAMES,
+    SENSOR_NAMES,
+    Found,
+    find_columns,
+    find_in_logs,
+    named_unit,
+    standard_message,
+)
 from auvid_cli.logs.noise import estimate_noise
+from auvid_cli.logs.suggest_inputs import input_lines
+from auvid_cli.logs.suggest_rows import quoted, row_lines
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 Array = NDArray[np.float64]
@@ -20,11 +30,13 @@ Array = NDArray[np.float64]
 # Larger than that is not in radians, or radians per second.
 _LARGEST_RADIANS = {"rad": 2.0 * np.pi, "rad/s": 3.0}
 _DEGREES = {"rad": "deg", "rad/s": "deg/s"}
-# Larger than that are counts.
-_LARGEST_FIN_DEGREES, _LARGEST_PERCENT = 90.0, 110.0
-_WORDS_OF_YAML = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
+# Axes of the earth that go with those of the body.
+_EARTH = {"FRD": "NED", "FLU": "ENU"}
+# m/s^2, of a mean specific force that tells up from down.
+_SOME_GRAVITY = 5.0
+# Of rows that are as the one before: more than that are rather a slower sensor's last value.
+_MANY_REPEATS = 0.5
 _FLAG = re.compile(r"(.*[_. ])?(valid|validity|is_valid)", re.IGNORECASE)
-_PLAIN = re.compile(r"[A-Za-z_/][\w./-]*", re.ASCII)
 
 
 def suggest(logs: Sequence[Log], folder: Path) -> str:
@@ -52,10 +64,12 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
         f"name: {next(iter(names))}",
         *_vehicle(),
         "logs:",
-        *(f"  {name}: {_quoted(os.path.relpath(log.path, folder))}" for name, log in names.items()),
+        *(f"  {name}: {quoted(os.path.relpath(log.path, folder))}" for name, log in names.items()),
         "sensors:",
     ]
-    sensors = {sensor: find_in_logs(names, wanted, sensor) for sensor, wanted in SENSOR_NAMES.items()}
+    sensors = {
+        sensor: find_in_logs(names, wanted, sensor, SENSORS[sensor][0].unit) for sensor, wanted in SENSOR_NAMES.items()
+    }
     quaternion = find_in_logs(names, QUATERNION_NAMES)
     if quaternion is not None and len(quaternion[1].columns) == 4:
         sensors["attitude"] = quaternion
@@ -64,7 +78,7 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
             lines += _sensor(sensor, names, *place)
     if not any(sensors.values()):
         lines.append("  # required: no column looks like a sensor; see the guide for what may stand here")
-    return "\n".join([*lines, "inputs:", *_inputs(names)]) + "\n"
+    return "\n".join([*lines, "inputs:", *input_lines(names)]) + "\n"
 
 
 def _log_names(logs: Sequence[Log]) -> dict[str, Log]:
@@ -93,63 +107,40 @@ def _sensor(sensor: str, logs: Mapping[str, Log], name: str, found: Found) -> It
     values = logs[name].read(found.table, [column.name for column in columns.values()])
     numbers = {component: np.asarray(values[column.name], np.float64) for component, column in columns.items()}
     yield f"  {sensor}:"
-    yield from _rows(logs, name, found.table, "    ")
+    yield from row_lines(logs, name, found.table, "    ")
     if set(columns) == set(QUATERNION_NAMES):
         yield "    quaternion:"
-        yield from (f"      {axis}: {_quoted(column.name)}" for axis, column in columns.items())
-        yield "    frame: FLU # check: FRD, forward-right-down, or FLU, forward-left-up"
-        yield "    reference: ENU # check: usual for quaternions in ROS; NED, from north, or ENU, from east"
+        yield from (f"      {axis}: {quoted(column.name)}" for axis, column in columns.items())
+        frame, why = _convention(logs[name], found.table) or ("FLU", "usual for quaternions in ROS")
+        yield f"    frame: {frame} # check: {why}; FRD, forward-right-down, or FLU, forward-left-up"
+        yield f"    reference: {_EARTH[frame]} # check: likewise; NED, from north, or ENU, from east"
+        yield from _repeats(numbers)
         yield "    standard_deviation: null # required: noise by the data sheet, or estimate"
         return
     yield "    columns:"
     for component, column in columns.items():
         if component == "down" and np.nanmedian(numbers[component]) < 0.0:
-            yield f"      down: {{column: {_quoted(column.name)}, sign: -1}} # check: it is mostly negative"
+            yield f"      down: {{column: {quoted(column.name)}, sign: -1}} # check: it is mostly negative"
         else:
-            yield f"      {component}: {_quoted(column.name)}"
+            yield f"      {component}: {quoted(column.name)}"
     missing = [quantity.symbol for quantity in quantities if quantity.symbol not in columns]
     if missing:
         yield f"      # check: no column found for {', '.join(missing)}"
     unit, comment = _unit(list(columns.values()), numbers, quantities[0].unit)
-    yield f"    unit: {_quoted(unit)} # {comment}"
+    yield f"    unit: {quoted(unit)} # {comment}"
     factor = unit_factor(unit, quantities[0].unit)
     si = {component: factor * own for component, own in numbers.items()}
-    yield from _axes(sensor, si)
-    flag = next((column.name for column in logs[name].tables()[found.table] if _FLAG.fullmatch(column.name)), None)
-    if flag is not None:
-        yield f"    valid: {{column: {_quoted(flag)}, values: [true, 1]}} # check: which values mean valid"
+    yield from _axes(sensor, si, _convention(logs[name], found.table))
+    yield from _repeats(si)
+    flags = [column.name for column in logs[name].tables()[found.table] if _FLAG.fullmatch(column.name)]
+    if flags:
+        # Of "velocity_valid" and "beams[0].valid" that of the whole message.
+        flag = min(flags, key=lambda name: name.count("."))
+        yield f"    valid: {{column: {quoted(flag)}, values: [true, 1]}} # check: which values mean valid"
     noise = [estimate_noise(own, quantities[0].unit == "rad").standard_deviation for own in si.values()]
     known = ", ".join(f"{one:.2g}" for one in noise if one > 0.0)
     hint = f"; the signals look like {known} {quantities[0].unit}" if known else ""
     yield f"    standard_deviation: null # required: noise by the data sheet, or estimate{hint}"
-
-
-def _rows(logs: Mapping[str, Log], name: str, table: str, indent: str) -> Iterator[str]:
-    """Where columns stand, as far as it must be said."""
-    if len(logs) > 1:
-        yield f"{indent}log: {name}"
-    if table:
-        yield f"{indent}table: {_quoted(table)}"
-    columns = logs[name].tables()[table]
-    time = find_time(columns)
-    if time is None:
-        some = ", ".join(column.name for column in columns[:8])
-        yield f"{indent}time: null # required: the column with the times; there is {some}"
-    elif time.name == HEADER_STAMP and not np.unique(logs[name].read(table, [HEADER_STAMP])[HEADER_STAMP]).size > 1:
-        yield f"{indent}time: '{LOG_TIME}' # check: the header stamps never change"
-    elif time.name in (HEADER_STAMP, LOG_TIME):
-        yield f"{indent}time: '{time.name}' # check: the clock of the others too?"
-    else:
-        yield f"{indent}time: {{column: {_quoted(time.name)}{_time_unit(logs[name], table, time)}"
-
-
-def _time_unit(log: Log, table: str, time: Column) -> str:
-    if time.is_text or time.unit:
-        return "} # check: as text, mm:ss.s, HH:MM:SS or dates" if time.is_text else "}"
-    steps = np.diff(np.asarray(log.read(table, [time.name])[time.name], np.float64))
-    step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    unit = "s" if step < 50.0 else "ms" if step < 5e3 else "us" if step < 5e6 else "ns"
-    return f", unit: {unit}}} # check: its median step is {step:.4g}"
 
 
 def _unit(columns: Sequence[Column], numbers: Mapping[str, Array], si: str) -> tuple[str, str]:
@@ -162,14 +153,46 @@ def _unit(columns: Sequence[Column], numbers: Mapping[str, Array], si: str) -> t
             return si, f"check: the log says {unit!r}"
         return unit, "as the log says"
     largest = max(float(np.nanmax(np.abs(values), initial=0.0)) for values in numbers.values())
+    named = {named_unit(column.name, si) for column in columns}
+    if len(named) == 1 and (unit := named.pop()):
+        return unit, f"as the name says; check: values reach {largest:.4g}"
     if si in _DEGREES and largest > _LARGEST_RADIANS[si]:
         return _DEGREES[si], f"check: values reach {largest:.4g}"
     return si, f"check: values reach {largest:.4g}"
 
 
-def _axes(sensor: str, numbers: Mapping[str, Array]) -> Iterator[str]:
-    """Axes that the numbers, in SI, speak for."""
-    if sensor == "accelerometer" and "fz" in numbers:
+def _convention(log: Log, table: str) -> tuple[str, str] | None:
+    """Body axes that all sensors of a message share by a convention of ROS, unless gravity contradicts, and why."""
+    columns = log.tables()[table]
+    kind = standard_message(columns)
+    if not kind:
+        return None
+    for place in find_columns({"fz": SENSOR_NAMES["accelerometer"]["fz"]}, {table: columns}):
+        column = place.columns["fz"].name
+        up = np.asarray(log.read(table, [column])[column], np.float64)
+        if np.isfinite(up).any() and (mean := float(np.nanmean(up))) < -_SOME_GRAVITY:
+            return "FRD", f"{kind} is FLU by REP 103, but {column} is {mean:.3g} on average"
+    return "FLU", f"{kind} is FLU by REP 103"
+
+
+def _repeats(numbers: Mapping[str, Array]) -> Iterator[str]:
+    """What is to be said where most rows are as the one before."""
+    values = np.column_stack([*numbers.values()])
+    values = values[np.isfinite(values).any(axis=1)]
+    same = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+    share = float(same.all(axis=1).mean()) if len(values) > 1 else 0.0
+    if share > _MANY_REPEATS:
+        yield f"    # check: {100.0 * share:.0f} % of the rows repeat the one before; `repeats: drop` leaves them out"
+
+
+def _axes(sensor: str, numbers: Mapping[str, Array], convention: tuple[str, str] | None) -> Iterator[str]:
+    """Axes that a convention or the numbers, in SI, speak for."""
+    if convention is not None and sensor in ("accelerometer", "gyroscope", "dvl", "attitude"):
+        frame, why = convention
+        yield f"    frame: {frame} # check: {why}"
+        if sensor == "attitude":
+            yield f"    reference: {_EARTH[frame]} # check: likewise"
+    elif sensor == "accelerometer" and "fz" in numbers:
         mean = float(np.nanmean(numbers["fz"]))
         yield f"    frame: {'FLU' if mean > 0.0 else 'FRD'} # check: fz is {mean:.3g} on average, of FRD it is negative"
     elif sensor == "attitude":
@@ -180,73 +203,3 @@ def _axes(sensor: str, numbers: Mapping[str, Array]) -> Iterator[str]:
     elif sensor in ("gyroscope", "dvl"):
         positive = "r" if sensor == "gyroscope" else "v"
         yield f"    frame: FRD # check: in FRD a turn or drift to starboard makes {positive} positive, in FLU negative"
-
-
-def _inputs(logs: Mapping[str, Log]) -> Iterator[str]:
-    place = find_in_logs(logs, INPUT_NAMES)
-    if place is None:
-        yield "  rudder: null # required: no column looks like a fin or a propeller"
-        return
-    name, found = place
-    yield from _rows(logs, name, found.table, "  ")
-    values = logs[name].read(found.table, [column.name for column in found.columns.values()])
-    direct = {key: column for key, column in found.columns.items() if "." not in key}
-    fins = {key: column for key, column in found.columns.items() if key.startswith("fins.")}
-    numbers = {key: np.asarray(values[column.name], np.float64) for key, column in found.columns.items()}
-    if fins and ("rudder" in direct or "elevator" in direct):
-        fins = {}
-    deflecting = [*fins, *(key for key in direct if key in ("rudder", "elevator"))]
-    largest = max((float(np.nanmax(np.abs(numbers[key]))) for key in deflecting), default=0.0)
-    for key, column in direct.items():
-        if key in deflecting:
-            yield _fin(f"  {key}", column, numbers[key], largest)
-        else:
-            yield f"  {key}: {{column: {_quoted(column.name)}}} # check: in N, or N m"
-    if fins:
-        yield "  fins: # check: positive pushes the tail to starboard, or up; else sign: -1"
-        for key, column in fins.items():
-            yield _fin(f"    {key.removeprefix('fins.')}", column, numbers[key], largest)
-    if {"fins.right", "fins.left"} <= set(fins) and _are_opposite(numbers["fins.right"], numbers["fins.left"]):
-        yield "    # check: right and left go against each other, so one of them counts the other way: sign: -1"
-    others = [column.name for column in logs[name].tables()[found.table] if "fin" in column.name.lower()]
-    if not deflecting:
-        yield f"  # check: no column is called like a fin{'; these may be fins: ' if others else ''}{', '.join(others)}"
-    yield from _thrust(found, numbers)
-
-
-def _are_opposite(one: Array, other: Array) -> bool:
-    return float(np.nanstd(one + other)) < 0.5 * float(np.nanstd(one - other))
-
-
-def _thrust(found: Found, numbers: Mapping[str, Array]) -> Iterator[str]:
-    if "surge_force" in found.columns:
-        return
-    if "thrust.revolutions" in found.columns:
-        yield "  thrust:"
-        column = found.columns["thrust.revolutions"]
-        yield f"    revolutions: {{column: {_quoted(column.name)}, unit: rpm}} # check: rpm, or turn/s"
-        yield "    a: null # required: force = a n|n|, such as 0.05 N*s^2"
-    elif "thrust.share" in found.columns:
-        column, largest = found.columns["thrust.share"], float(np.nanmax(np.abs(numbers["thrust.share"])))
-        counts = ", centre: 128, scale: 0.787 percent" if largest > _LARGEST_PERCENT else ""
-        yield "  thrust:"
-        yield f"    share: {{column: {_quoted(column.name)}{counts}}} # check: in percent; it reaches {largest:.4g}"
-        yield "    full: null # required: force at 100 percent, such as 20 N"
-    else:
-        yield "  # check: no column looks like thrust: it will be zero"
-
-
-def _fin(key: str, column: Column, values: Array, largest: float) -> str:
-    name, spread = _quoted(column.name), f"it goes from {np.nanmin(values):.4g} to {np.nanmax(values):.4g}"
-    if column.unit:
-        return f"{key}: {{column: {name}}} # {column.unit} as the log says; check: sign"
-    if largest > _LARGEST_FIN_DEGREES:
-        return f"{key}: {{column: {name}, centre: 128, scale: null}} # required: one count, such as 0.35 deg; {spread}"
-    unit = "deg" if largest > 0.5 * np.pi else "rad"
-    return f"{key}: {{column: {name}, unit: {unit}}} # check: unit and sign; {spread}"
-
-
-def _quoted(name: str) -> str:
-    if _PLAIN.fullmatch(name) and name.lower() not in _WORDS_OF_YAML:
-        return name
-    return "'" + name.replace("'", "''") + "'"

@@ -147,12 +147,74 @@ def test_units_in_cells_and_under_the_names_are_suggested_and_imported(tmp_path)
     assert found.inputs.values[:, 0] == pytest.approx(np.radians(k % 5))
 
 
+TWO_FILES = f"""\
+name: boat
+vehicle: {shipped_configs()}/vehicles/lauv.yaml
+logs: {{log: [a.csv, b.csv]}}
+time: time
+sensors: {{dvl: {{columns: {{u: u}}, standard_deviation: 1 cm/s}}}}
+inputs: {{rudder: dr}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("begin", "said", "code"),
+    [
+        (5.0, None, 0),  # goes on
+        (4.55, "file 2 of the log overlaps those before it from 4.550 to 4.900 s by the log's clock: taken as they", 0),
+        (0.0, "file 2 of the log and those before it both have readings from 0.000 to 4.900 s, so they do not con", 2),
+    ],
+)
+def test_files_whose_clocks_overlap_are_said_or_refused(tmp_path, begin, said, code):
+    for name, start, speed in (("a", 0.0, 2.0), ("b", begin, 3.0)):
+        time = start + np.arange(50) / 10
+        to_csv(tmp_path / f"{name}.csv", ["time", "u", "dr"], time, speed + np.sin(time), 0.1 * np.cos(time))
+    (tmp_path / "map.yaml").write_text(TWO_FILES)
+    result = auvid_import("--map", tmp_path / "map.yaml", "-o", tmp_path / "d.h5")
+    assert result.exit_code == code, result.output
+    output = " ".join(result.output.split())
+    assert said in output if said else "file 2" not in output
+    if code:
+        assert "map.yaml:5:11: sensors.dvl: " in output
+
+
 @pytest.mark.parametrize("arguments", [[], ["--suggest"], ["--suggest", "x.csv", "--map", "m.yaml"], ["x.csv"]])
 def test_wrong_call_is_answered_in_a_line(arguments):
     result = auvid_import(*arguments)
     assert result.exit_code == 2
     assert "auvid: " in result.output
     assert "--suggest" in result.output
+
+
+def test_what_reads_a_map_does_not_write_one():
+    result = auvid_import("--suggest", "x.csv", "--map", "m.yaml")
+    assert result.stderr == "auvid: --suggest writes a map and --map reads one: say one of them\n"
+
+
+def test_an_interrupt_while_libraries_load_ends_in_a_line():
+    """Raised as the settings classes are built, where pydantic would make a SchemaError of it."""
+    code = """
+import os, signal, sys
+from importlib.abc import MetaPathFinder
+
+class Interrupting(MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == "auvid_cli.config.log_map":
+            os.kill(os.getpid(), signal.SIGINT)
+            raised.append(name)
+
+raised = []
+sys.meta_path.insert(0, Interrupting())
+import typer
+from auvid_cli.cli.import_log import import_log
+try:
+    import_log(map_file="map.yaml")
+except typer.Exit as end:
+    print(raised, end.exit_code)
+"""
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert found.stdout == "['auvid_cli.config.log_map'] 130\n", found.stderr
+    assert found.stderr == "auvid: interrupted; files already written are complete\n"
 
 
 def test_command_loads_nothing_heavy_before_it_runs():

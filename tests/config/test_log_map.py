@@ -64,6 +64,7 @@ def test_quaternion_by_its_stem_and_mount_by_its_name(load):
         ("rpm", "turn/s", 1 / 60),
         ("%", "percent", 1.0),
         ("us", "s", 1e-6),
+        ("1", "percent", 100.0),
     ],
 )
 def test_units_as_logs_write_them(stated, unit, size):
@@ -76,6 +77,8 @@ def test_file_of_the_command_line_beats_that_of_the_map(load, tmp_path):
     assert list(two.files(tmp_path, ["1.csv", "2.csv"]).values()) == [(Path("1.csv"),), (Path("2.csv"),)]
     with pytest.raises(ConfigError, match="names no file for the log 'b'"):
         two.files(tmp_path)
+    with pytest.raises(ConfigError, match=r"c=x\.csv: the map has no log named 'c'; it has a, b"):
+        two.files(tmp_path, ["c=x.csv"])
     with pytest.raises(ConfigError, match=r"3\.csv: one file too many"):
         two.files(tmp_path, ["1.csv", "2.csv", "3.csv"])
 
@@ -93,8 +96,29 @@ def test_file_of_the_command_line_beats_that_of_the_map(load, tmp_path):
         (
             GYROSCOPE.replace("deg/s, sign", "kn, sign"),
             INPUTS,
-            ["columns.r.unit: expected an angular rate", "got '1 kn'"],
+            ["columns.r.unit: 'kn' is no unit of an angular rate; expected one such as rad/s, deg/s"],
         ),
+        (
+            GYROSCOPE.replace("deg/s, sign", "degg/s, sign"),
+            INPUTS,
+            ["5:54: sensors.gyroscope.columns.r.unit: 'degg/s' is no unit of an angular rate; did you mean 'deg/s'?"],
+        ),
+        (
+            GYROSCOPE.replace("}\n", ", frame: FLUU}\n"),
+            INPUTS,
+            ["frame: 'FLUU' is no name of axes; did you mean 'FLU'?"],
+        ),
+        (GYROSCOPE.replace("}\n", ", frame: NED}\n"), INPUTS, ["frame: expected 'FRD' or 'FLU', got 'NED'"]),
+        (
+            "  dvl: {columns: {u: {column: u, unit: knts}}, frame: ned, standard_deviation: null}\n",
+            INPUTS,
+            [
+                "columns.u.unit: 'knts' is no unit of a speed; did you mean 'knots'?",
+                "frame: 'ned' is no name of axes; did you mean 'NED'?",
+                "got nothing; 'estimate' takes it from the signal",
+            ],
+        ),
+        (GYROSCOPE, "inputs: {rudder: dr, time: {column: t, unit: mss}}\n", ["did you mean 'ms'?"]),
         (GYROSCOPE.replace("-1", "-2"), INPUTS, ["5:67: sensors.gyroscope.columns.r.sign: expected 1 or -1, got -2"]),
         (GYROSCOPE.replace("p: gx", "pp: gx"), INPUTS, ["unknown key 'pp'; did you mean 'p'?"]),
         (GYROSCOPE.replace("p: gx, ", "").replace("r: {", "r: {scale: 2, "), INPUTS, ["expected 'unit' or 'scale'"]),
@@ -111,7 +135,11 @@ def test_file_of_the_command_line_beats_that_of_the_map(load, tmp_path):
             ["expected either 'columns' (phi, theta, psi) or 'quaternion'"],
         ),
         ("  attitude: {quaternion: q, unit: deg, standard_deviation: 1}\n", INPUTS, ["a quaternion has no unit"]),
-        (GYROSCOPE.replace("}\n", ", exclude: [2, 1]}\n"), INPUTS, ["exclude: a span must end after it begins"]),
+        (
+            GYROSCOPE.replace("}\n", ", exclude: [2, 1]}\n"),
+            INPUTS,
+            ["exclude: the span [2, 1] s must begin before it ends"],
+        ),
         (GYROSCOPE.replace("p: gx", "p: {column: gx, limits: [2, 1]}"), INPUTS, ["the lowest must be less"]),
         ("", INPUTS, ["sensors: expected at least one of gyroscope, accelerometer"]),
         (GYROSCOPE, "inputs: {}\n", ["inputs: expected at least one of"]),

@@ -353,6 +353,57 @@ def test_counts_of_fins_and_percent_of_a_thruster(converted):
     assert found.inputs.values[:, 2] == pytest.approx(np.full(TIME.size, 2.0))
 
 
+@pytest.mark.parametrize("share", ["{column: cmd, unit: '1'}", "{column: cmd, unit: 1}", "fraction"])
+def test_share_of_a_thruster_as_a_fraction(converted, share):
+    """Half of the command is a quarter of the force."""
+    _, rates, angles = motion()
+    table = {"t": TIME, "cmd": np.full(TIME.size, 0.5), "fraction": (np.full(TIME.size, 0.5), "1")}
+    log = MemoryLog(**{"imu": imu(rates, angles), "in": table})
+    found = converted(log, GYROSCOPE % "", inputs=f"{{table: in, thrust: {{share: {share}, full: 8 N}}}}")
+    assert found.inputs.values[:, 2] == pytest.approx(np.full(TIME.size, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("largest", "share", "refused"), [(1.5, "cmd", True), (1.5, "stated", False), (0, "cmd", False)]
+)
+def test_share_of_a_thruster_without_a_unit_must_look_like_percent(converted, largest, share, refused):
+    _, rates, angles = motion()
+    wave = largest * np.cos(np.linspace(0, 3, TIME.size))
+    log = MemoryLog(**{"imu": imu(rates, angles), "in": {"t": TIME, "cmd": wave, "stated": (wave, "%")}})
+    inputs = f"{{table: in, thrust: {{share: {share}, full: 8 N}}}}"
+    if refused:
+        with pytest.raises(
+            ConfigError, match=r"inputs\.thrust\.share: reaches only 1\.5 and has no unit: state `unit: '1'`"
+        ):
+            converted(log, GYROSCOPE % "", inputs=inputs)
+    else:
+        found = converted(log, GYROSCOPE % "", inputs=inputs)
+        assert np.abs(found.inputs.values[:, 2]).max() == pytest.approx(8.0 * (0.01 * largest) ** 2)
+
+
+@pytest.mark.parametrize(("time", "said"), [("'@log_time'", True), ("'@header_stamp'", False)])
+def test_the_worse_clock_of_messages_is_said(converted, rng, time, said):
+    _, rates, angles = motion()
+    clocks = {"@log_time": 1e9 + TIME + rng.uniform(0, 0.045, TIME.size), "@header_stamp": 1e9 + TIME}
+    log = MemoryLog(**{"imu": imu(rates, angles) | clocks, "in": INPUTS | clocks})
+    inputs = f"{{table: in, rudder: dr, time: {time}}}"
+    found = converted(log, GYROSCOPE % f", time: {time}", inputs=inputs)
+    for account in found.accounts:
+        remarks = [text for text in account.remarks if "wanders from" in text]
+        assert len(remarks) == said
+        assert all(text.endswith("`time: '@header_stamp'` would be right") for text in remarks)
+
+
+def test_gap_of_a_sensor_is_said(converted):
+    velocity, rates, angles = motion()
+    time = np.where(TIME < 1.0, TIME, TIME + 4.0)
+    log = MemoryLog(**{"imu": imu(rates, angles, time), "dvl": dvl(velocity, 0.15 * TIME / TIME[1]), "in": INPUTS})
+    found = converted(log, GYROSCOPE % "", DVL % "")
+    remarks = {account.name: [text for text in account.remarks if "gap" in text] for account in found.accounts}
+    assert remarks["gyroscope"][0].startswith("1 gap, the longest of 4.05 s from t = 0.95 s: ")
+    assert remarks["dvl"] == []
+
+
 def test_propeller_that_loses_thrust_with_speed(converted):
     velocity, _, _ = motion()
     log = MemoryLog(**{"dvl": dvl(velocity), "in": {"t": TIME, "n": np.full(TIME.size, 600.0)}})
@@ -419,6 +470,28 @@ def test_map_that_does_not_fit_the_log(converted, sensors, inputs, message):
     with pytest.raises(ConfigError) as caught:
         converted(log, *sensors, inputs=inputs)
     assert message in str(caught.value)
+
+
+def test_the_same_mistake_is_said_once(converted):
+    _, rates, angles = motion()
+    log = MemoryLog(**{"imu": imu(rates, angles), "in": INPUTS})
+    with pytest.raises(ConfigError) as caught:
+        converted(log, GYROSCOPE % "", inputs=INPUT_MAP.replace("table: in", "table: in, time: tt"))
+    assert str(caught.value).count("there is no column in in named 'tt'; there is 't' (nearest of 4)") == 1
+
+
+def test_a_log_without_rows_is_said_once(converted):
+    empty = {name: values[:0] for name, values in (imu(TIME[:, None] * np.ones(3), TIME[:, None] * np.ones(3))).items()}
+    with pytest.raises(ConfigError) as caught:
+        converted(MemoryLog(**{"imu": empty, "in": INPUTS}), GYROSCOPE % "", ATTITUDE % "")
+    assert str(caught.value).count("logs.log: imu has no rows") == 1
+
+
+def test_inputs_that_stay_zero_are_told_from_those_without_a_column(converted):
+    _, rates, angles = motion()
+    log = MemoryLog(**{"imu": imu(rates, angles), "in": INPUTS | {"none": 0 * TIME}})
+    found = converted(log, GYROSCOPE % "", inputs="{table: in, fins: {right: none}, surge_force: none}")
+    assert found.remarks == ("elevator, surge_force: zero all the time", "rudder, roll_moment: not in the map, so zero")
 
 
 def test_all_mistakes_are_said_at_once_with_their_places(converted):

@@ -203,3 +203,22 @@ def test_a_compressed_log_cut_short_is_an_error(tmp_path):
     path.write_bytes(gzip.compress(text.encode())[:-400])
     with pytest.raises(FileError, match="cannot be read"):
         open_log(path).read("", ["t"])
+
+
+def test_a_first_row_of_ones_is_no_row_of_units(opened):
+    assert read(opened("time,u,v\n1,1,1\n2,1,1\n"), "time", "u") == [[1.0, 2.0], [1.0, 1.0]]
+
+
+def test_a_header_row_of_numbers_is_refused(opened):
+    with pytest.raises(FileError, match=r"log\.csv:2: a row of numbers where `header_row` says that the names are"):
+        opened("time,u\n1,2\n3,4\n", header_row=2)
+
+
+@pytest.mark.parametrize(
+    ("name", "there"),
+    [("spped", "'speed' (nearest of 7)"), ("zzz", "'time', 'speed', 'b1', 'b2', 'b3' (first of 7)")],
+)
+def test_names_that_are_left_out_are_counted(opened, name, there):
+    with pytest.raises(FileError) as caught:
+        opened("time,speed,b1,b2,b3,b4,b5\n1,2,3,4,5,6,7\n").read("", [name])
+    assert str(caught.value).endswith(f"there is no column named {name!r}; there is {there}")

@@ -1,10 +1,13 @@
 """Several files as one log."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from auvid_cli.errors import FileError
 from auvid_cli.logs.joined import JoinedLog
+from auvid_cli.logs.log import Column, Log
 from auvid_cli.logs.open import open_log
 
 
@@ -25,10 +28,36 @@ def test_rows_follow_each_other(joined):
 
 
 def test_only_columns_that_all_have_are_there(joined):
-    assert [column.name for column in joined.tables()[""]] == ["time", "u", "name"]
+    assert [column.name for column in joined.tables()[""]] == ["time", "u", "name", "@file"]
     assert {column.unit for column in joined.tables()[""]} == {"", "m/s"}
     with pytest.raises(FileError, match=r"1\.csv: there is no column named 'extra'"):
         joined.read("", ["extra"])
+
+
+def test_each_row_knows_its_file(joined):
+    assert joined.read("", ["@file"])["@file"].tolist() == [1, 1, 2, 3, 3]
+
+
+class CountedLog(Log):
+    """A log of one table that counts how often it is asked what it holds."""
+
+    asked = 0
+
+    def tables(self):
+        self.asked += 1
+        return {"": (Column("time"),)}
+
+    def read(self, table, columns):
+        return {name: np.arange(2.0) for name in columns}
+
+
+def test_what_a_log_holds_is_asked_once():
+    parts = [CountedLog(Path(f"{k}.csv")) for k in (1, 2)]
+    log = JoinedLog(parts)
+    for _ in range(3):
+        assert log.tables()[""][0].name == "time"
+        assert log.read("", ["time"])["time"].tolist() == [0, 1, 0, 1]
+    assert [part.asked for part in parts] == [1, 1]
 
 
 def test_files_in_other_units_do_not_continue_each_other(tmp_path):

@@ -37,6 +37,11 @@ def zipped(*names):
         ("log.csv", b"\xff\xfet\0,\0u\0", "UTF-16"),
         ("log.csv", zipped("xl/workbook.xml"), "Excel workbook: save it as CSV"),
         ("log.zip", zipped("log.csv"), "zip archive: unpack it first"),
+        (
+            "log.npz",
+            zipped("time.npy", "u.npy")[:-30],
+            "looks like a NumPy archive .* that is cut short: copy it again",
+        ),
         ("log.bag.gz", gzip.compress(b"#ROSBAG V2.0\nE\0\0\0\x0a\0\0\0conn", mtime=0), "unpack it with gunzip first"),
         ("log.dat", bytes(range(256)), "is of no kind that can be read"),
     ],

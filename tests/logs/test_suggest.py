@@ -67,9 +67,123 @@ def test_noise_is_measured_and_left_to_the_user(suggested):
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_fins_that_go_against_each_other_are_said(suggested, sign):
-    text, _ = suggested(t=TIME, u=WAVE, fin_right=20 * WAVE, fin_left=sign * 20 * WAVE + 0.1 * NOISE)
-    assert ("right and left go against each other" in text) == (sign < 0)
+@pytest.mark.parametrize(
+    ("one", "other", "said"),
+    [
+        ("fin_right", "fin_left", "right and left"),
+        ("fin_stbd", "fin_port", "right and left"),
+        ("fin_top", "fin_bottom", "top and bottom"),
+    ],
+)
+def test_fins_that_go_against_each_other_are_said(suggested, one, other, said, sign):
+    text, found = suggested(t=TIME, u=WAVE, **{one: 20 * WAVE, other: sign * 20 * WAVE + 0.1 * NOISE})
+    keys = said.split(" and ")
+    assert [found["inputs"]["fins"][key]["column"] for key in keys] == [one, other]
+    assert (f"{said} go against each other" in text) == (sign < 0)
+
+
+def test_ends_of_names_are_units(suggested):
+    """Although the numbers are so small that they might be radians."""
+    _, found = suggested(
+        **{"t_ins": TIME, "p_dps": 0.1 * WAVE, "q_dps": 0.1 * WAVE, "r_dps": 0.1 * WAVE, "roll_deg": 0.1 * WAVE},
+        **{"u_kn": WAVE, "depth_cm": 5 + WAVE, "acc_x_g": WAVE, "acc_z_g": -1 + 0.01 * WAVE, "rudder_deg": 20 * WAVE},
+    )
+    units = {name: (sensor["unit"], *sensor["columns"].values()) for name, sensor in found["sensors"].items()}
+    assert units == {
+        "gyroscope": ("deg/s", "p_dps", "q_dps", "r_dps"),
+        "accelerometer": ("g", "acc_x_g", "acc_z_g"),
+        "dvl": ("knot", "u_kn"),
+        "attitude": ("deg", "roll_deg"),
+        "depth": ("cm", "depth_cm"),
+    }
+    assert all(sensor["time"]["column"] == "t_ins" for sensor in found["sensors"].values())
+    # Of gravity, which the FRD axes of this one feel upwards.
+    assert found["sensors"]["accelerometer"]["frame"] == "FRD"
+
+
+@pytest.mark.parametrize(
+    ("thruster", "reading"),
+    [
+        (0.5 + 0.5 * WAVE, {"unit": "1"}),
+        (50 + 50 * WAVE, {"unit": "percent"}),
+        (128 + 100 * WAVE, {"centre": 128, "scale": "0.787 percent"}),
+        (1500 + 400 * WAVE, {"centre": 1500, "scale": "0.25 percent"}),
+    ],
+)
+def test_numbers_tell_the_unit_of_a_thruster(suggested, thruster, reading):
+    _, found = suggested(t=TIME, u=WAVE, thruster=thruster)
+    assert found["inputs"]["thrust"]["share"] == {"column": "thruster", **reading}
+
+
+def test_ends_of_names_are_units_of_inputs_too(suggested):
+    _, found = suggested(t=TIME, u=WAVE, rudder_deg=0.5 * WAVE, thruster_pct=0.5 + 0.5 * WAVE)
+    assert found["inputs"]["rudder"] == {"column": "rudder_deg", "unit": "deg"}
+    assert found["inputs"]["thrust"]["share"] == {"column": "thruster_pct", "unit": "percent"}
+
+
+@pytest.mark.parametrize(("hold", "said"), [(4, "75 % of the rows repeat the one before; `repeats: drop`"), (1, None)])
+def test_rows_that_repeat_a_slower_sensor_are_said(suggested, hold, said):
+    text, _ = suggested(t=TIME, u=2 + NOISE[(np.arange(TIME.size) // hold) * hold], rudder=WAVE)
+    assert said in text if said else "repeat" not in text
+
+
+class Topics(Log):
+    """A bag of topics, each a dictionary of fields."""
+
+    def __init__(self, **topics):
+        super().__init__(Path("dive.mcap"))
+        self.topics = {name.replace("__", "/"): {"@log_time": TIME} | fields for name, fields in topics.items()}
+
+    def tables(self):
+        return {name: tuple(map(Column, fields)) for name, fields in self.topics.items()}
+
+    def read(self, table, columns):
+        return {name: self.topics[table][name] for name in columns}
+
+
+def test_topics_of_bare_numbers_are_called_by_their_topics():
+    log = Topics(
+        **{"__auv__depth": {"data": 3 + WAVE}, "__gyro": {f"data[{k}]": 0.1 * WAVE for k in range(3)}},
+        **{"__fins__top": {"data": 20 * WAVE}, "__fins__stbd": {"data": 20 * WAVE}, "__rpm": {"data": 600 + WAVE}},
+    )
+    found = yaml.safe_load(suggest([log], Path()))
+    assert (found["sensors"]["depth"]["table"], found["sensors"]["depth"]["columns"]) == (
+        "/auv/depth",
+        {"down": "data"},
+    )
+    assert found["sensors"]["gyroscope"]["columns"] == {"p": "data[0]", "q": "data[1]", "r": "data[2]"}
+    inputs = found["inputs"]
+    readings = {**inputs["fins"], "rpm": inputs["thrust"]["revolutions"]}
+    places = {key: reading.get("table", inputs["table"]) for key, reading in readings.items()}
+    assert places == {"top": "/fins/top", "right": "/fins/stbd", "rpm": "/rpm"}
+    assert {reading["column"] for reading in readings.values()} == {"data"}
+
+
+def test_validity_of_the_message_and_not_of_a_part_of_it():
+    dvl = {"beams[0].valid": np.ones(TIME.size), "velocity_valid": np.ones(TIME.size), "velocity.x": WAVE}
+    found = yaml.safe_load(suggest([Topics(__dvl=dvl)], Path()))
+    assert found["sensors"]["dvl"]["valid"]["column"] == "velocity_valid"
+
+
+def test_a_list_that_may_be_fins_is_named():
+    text = suggest([Topics(__fins={"data[0]": WAVE, "data[1]": WAVE}, __rpm={"data": 600 + WAVE})], Path())
+    assert "these may be fins: /fins data[0], /fins data[1]" in text
+
+
+IMU = [f"orientation.{axis}" for axis in "wxyz"]
+IMU += [f"{stem}.{axis}" for stem in ("angular_velocity", "linear_acceleration") for axis in "xyz"]
+
+
+@pytest.mark.parametrize(("gravity", "frame", "reference"), [(9.8, "FLU", "ENU"), (-9.8, "FRD", "NED")])
+def test_sensors_of_one_standard_message_have_the_same_axes(gravity, frame, reference):
+    fields = {name: 0.1 * WAVE for name in IMU} | {"linear_acceleration.z": gravity + 0.1 * WAVE}
+    odometry = {"pose.pose.orientation.w": np.ones(TIME.size), "twist.twist.linear.x": 1 + WAVE}
+    text = suggest([Topics(__imu=fields, __odometry=odometry)], Path())
+    found = yaml.safe_load(text)["sensors"]
+    assert {found[name]["frame"] for name in ("gyroscope", "accelerometer", "attitude")} == {frame}
+    assert found["attitude"]["reference"] == reference
+    assert found["dvl"]["frame"] == "FLU"
+    assert "sensor_msgs/Imu is FLU by REP 103" in text
 
 
 def test_sensor_upside_down_and_flag_of_validity(suggested):

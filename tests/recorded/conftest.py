@@ -58,9 +58,9 @@ def imported(auvid, tmp_path_factory):
 def inspected(auvid, tmp_path_factory):
     """Function: what `auvid inspect` says of a dataset file, by subject and check."""
 
-    def inspection(dataset, code):
+    def inspection(dataset, code, *options):
         folder = tmp_path_factory.mktemp("inspection")
-        auvid("inspect", dataset, "-o", folder, code=code)
+        auvid("inspect", dataset, "-o", folder, *options, code=code)
         return {(row["subject"], row["check"]): row for row in rows_of(folder / "tables/inspection.csv")}
 
     return inspection

@@ -1,0 +1,53 @@
+"""Spans of time in settings: ``[begin, end]``, or a list of them."""
+
+from itertools import pairwise
+from math import inf, isfinite
+from typing import Annotated, Any
+
+from pydantic import AllowInfNan, BeforeValidator, PlainSerializer
+
+from auvid_cli.config.quantity import parse_quantity
+
+
+def parse_spans(value: Any) -> tuple[tuple[float, float], ...]:
+    """Read spans, s: a list of ``[begin, end]``, or one of them alone; null is an end as far as there are data.
+
+    Raises
+    ------
+    ValueError
+        If it is no such list, or if a span ends before it begins.
+    """
+    if not isinstance(value, list | tuple):
+        raise ValueError("expected a list of [begin, end]")
+    if len(value) == 2 and not any(isinstance(end, list | tuple) for end in value):
+        value = (value,)
+    parsed = []
+    for stated in value:
+        if not isinstance(stated, list | tuple) or len(stated) != 2:
+            raise ValueError("expected [begin, end] for each span")
+        begin, end = (
+            farthest if bound is None else parse_quantity(bound, "s")
+            for bound, farthest in zip(stated, (-inf, inf), strict=True)
+        )
+        if not begin < end:
+            raise ValueError(f"the span [{begin:g}, {end:g}] s must begin before it ends")
+        parsed.append((begin, end))
+    return tuple(parsed)
+
+
+def parse_separate_spans(value: Any) -> tuple[tuple[float, float], ...]:
+    """Read spans as `parse_spans` does; ValueError also if two of them overlap."""
+    parsed = parse_spans(value)
+    for (_, end), (begin, _) in pairwise(sorted(parsed)):
+        if begin < end:
+            raise ValueError(f"two spans overlap from {begin:g} s to {end:g} s")
+    return parsed
+
+
+def _written(end: float) -> float | None:
+    return end if isfinite(end) else None
+
+
+_End = Annotated[float, AllowInfNan(True), PlainSerializer(_written)]
+Spans = Annotated[tuple[tuple[_End, _End], ...], BeforeValidator(parse_spans)]
+SeparateSpans = Annotated[tuple[tuple[_End, _End], ...], BeforeValidator(parse_separate_spans)]

@@ -1,0 +1,90 @@
+"""Numbers and units as text logs write them: units in headings, in a row under them, or behind each number."""
+
+import re
+from collections.abc import Sequence
+from functools import cache
+
+from auvid_cli.config.log_columns import unit_factor
+from auvid_cli.config.quantity import EXAMPLES
+from auvid_cli.errors import FileError
+
+MISSING = ("", "nan", "NaN", "NAN", "-nan", "null", "NULL", "None", "N/A", "n/a", "NA", "-", "--")
+# A letter right behind a number is rather a name, as of a 3D fix.
+_WITH_UNIT = re.compile(
+    r"(?P<number>[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?|nan|NaN)(?:\s+|(?=..|[sm%°]))"
+    r"(?P<unit>[^\W\d].*|[%°].*)"
+)
+# What vehicles log: a unit of anything else is taken for a word.
+_MEASURED = (*EXAMPLES, "dimensionless", "K", "Pa", "V", "A", "W", "T")
+_NO_UNIT = ("", "-", "--")
+
+
+def is_number(field: str, decimal: str = ".", missing: Sequence[str] = ()) -> bool:
+    """Whether a field holds a number, or what stands for a missing one."""
+    if field in MISSING or field in missing:
+        return True
+    try:
+        float(field.replace(decimal, "."))
+    except ValueError:
+        return False
+    # Python reads 1_000 as a number, but no program writes one so.
+    return "_" not in field
+
+
+def split_unit(field: str) -> tuple[str, str]:
+    """The number of a field and the unit behind it; all of it and nothing if it is no such number."""
+    match = _WITH_UNIT.fullmatch(field)
+    return (match["number"], match["unit"]) if match else (field, "")
+
+
+def find_suffix(values: Sequence[str], decimal: str, missing: Sequence[str]) -> str:
+    """Unit of the first cell that has one, if each of the others is a number, with a unit or without."""
+    units = []
+    for value in values:
+        if not is_number(value, decimal, missing):
+            _, unit = split_unit(value)
+            if not unit or not is_unit(unit):
+                return ""
+            units.append(unit)
+    return units[0] if units else ""
+
+
+def are_units(cells: Sequence[str]) -> bool:
+    """Whether a row below the names holds units and nothing else."""
+    stated = [unit for unit in map(bare_unit, cells) if unit]
+    return bool(stated) and all(map(is_unit, stated))
+
+
+def bare_unit(cell: str) -> str:
+    """A cell below a name without brackets; empty if it states no unit."""
+    unit = cell.strip("()[] ")
+    return "" if unit in _NO_UNIT else unit
+
+
+@cache
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit of anything that vehicles log; a number is none, although 1 may be stated as one."""
+    return not is_number(text) and any(_size(text, measured) is not None for measured in _MEASURED)
+
+
+def agreed_unit(where: str, heading: str, under: str, suffix: str) -> str:
+    """Unit that the heading, the row under it and the cells state, those of them that state a known one.
+
+    Raises
+    ------
+    FileError
+        If they state different ones; `where` says of which column.
+    """
+    known = [unit for unit in (suffix, under, heading) if unit and is_unit(unit)]
+    for measured in _MEASURED:
+        if len({_size(unit, measured) for unit in known}) > 1:
+            raise FileError(f"{where} has more than one unit: {', '.join(dict.fromkeys(known))}")
+    return known[0] if known else heading
+
+
+def _size(text: str, unit: str) -> float | None:
+    """Size of a unit in another one, if there is any."""
+    try:
+        return unit_factor(text, unit)
+    except ValueError:
+        return None
