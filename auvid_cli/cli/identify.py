@@ -13,7 +13,7 @@ from auvid_cli.cli.options import (
     VerboseOption,
     overrides,
 )
-from auvid_cli.cli.terminal import Terminal, reporting_errors
+from auvid_cli.cli.terminal import DONE, Terminal, reporting_errors
 
 
 def identify(
@@ -43,5 +43,12 @@ def identify(
             pipeline.keep_copy(path, folder)
         dataset = dataset or pipeline.dataset_of(experiment, folder)
         chosen = tuple(filters or experiment.identification.filters)
-        estimates = pipeline.identify_to(folder, dataset, chosen, Terminal(quiet, verbose))
-        raise typer.Exit(pipeline.exit_code(estimates))
+        terminal = Terminal(quiet, verbose)
+        estimates = pipeline.identify_to(folder, dataset, chosen, terminal)
+        code = pipeline.exit_code(estimates)
+        terminal.say(f"next: auvid report {folder}")
+        if code == DONE:
+            terminal.say(f"on another run: auvid validate {folder / 'estimates' / chosen[0]}.h5 OTHER.h5")
+        else:
+            terminal.say(f"what is wrong, and what to do: auvid check {folder}")
+        raise typer.Exit(code)

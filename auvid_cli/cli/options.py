@@ -52,7 +52,8 @@ UseOption = Annotated[
     typer.Option(
         "--use",
         metavar="BEGIN:END",
-        help="Use only this time of the data, s; repeatable. Each starts with a motion of its own.",
+        help="Use only this time of the data, s; without BEGIN or END as far as they reach. Repeatable; each starts "
+        "with a motion of its own.",
         show_default=False,
     ),
 ]
@@ -78,15 +79,17 @@ def overrides(settings: list[str] | None, seed: int | None = None, use: list[str
 
 
 def spans(stated: list[str]) -> str:
-    """Spans as `--use` takes them, as a list in YAML.
+    """Spans as `--use` takes them, as a list in YAML; null where a span has no beginning or no end.
 
     Raises
     ------
     ConfigError
         If one is no pair of times.
     """
-    pairs = [span.split(":") for span in stated]
-    for span, pair in zip(stated, pairs, strict=True):
-        if len(pair) != 2 or not all(time.strip() for time in pair):
-            raise ConfigError(f"--use {span}: expected BEGIN:END in seconds, such as 0:80")
-    return "[" + ", ".join(f"[{begin}, {end}]" for begin, end in pairs) + "]"
+    pairs = []
+    for span in stated:
+        begin, colon, end = (part.strip() for part in span.partition(":"))
+        if not colon or ":" in end or not (begin or end):
+            raise ConfigError(f"--use {span}: expected BEGIN:END in seconds, such as 0:80, or 80: for all after that")
+        pairs.append(f"[{begin or 'null'}, {end or 'null'}]")
+    return f"[{', '.join(pairs)}]"

@@ -19,6 +19,7 @@ from auvid_cli.data.estimate import Estimate, EstimatePart
 from auvid_cli.data.estimate_file import new_estimate, read_estimate
 from auvid_cli.data.files import replacing
 from auvid_cli.errors import ConfigError, FileError
+from auvid_cli.report.remedies import remedies
 
 if TYPE_CHECKING:
     from auvid_cli.evaluation.bounds import BoundsOf
@@ -121,8 +122,8 @@ def identify_to(
     estimates = [future.result() for future in futures]
     for path, estimate in zip(paths, estimates, strict=True):
         terminal.say(f"{path}: {verdict(estimate)}; {estimate.cpu_time:.2f} s of processor time")
-    if any(not estimate.completed for estimate in estimates):
-        terminal.say("a filter diverged: narrow its prior (--set identification.prior.factor=1), or take another one")
+    for line in remedies(estimates):
+        terminal.say(line)
     return estimates
 
 

@@ -107,7 +107,8 @@ def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[Veloci
     Returns
     -------
     run : FreeRun
-        Of a long run evenly spaced samples, no more than are drawn; where a current is estimated, through the water.
+        As the sensors would read it, where a current is estimated over ground; of a long run evenly spaced samples, no
+        more than are drawn.
     errors : list of VelocityError
         Mean absolute difference from every reading of a velocity or rate, as in the paper's Table V.
     """
@@ -119,8 +120,8 @@ def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[Veloci
     for stretch in stretches(dataset):
         keeper.interrupt()
         for timeline, predicted in free_motion(stretch.timelines, behind_reading(stretch.motion, found), *model):
-            keeper.keep(timeline.time, predicted)
             read = as_read(predicted, found)
+            keeper.keep(timeline.time, read)
             event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.reading_offset))
             for sensor, name in enumerate(measuring):
                 own = timeline.reading_sensor == sensor

@@ -2,17 +2,16 @@
 
 from collections.abc import Sequence
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from auvid_cli.logs.account import Account
+from auvid_cli.report.screen_table import screen_table
 
 
 def print_accounts(console: Console, accounts: Sequence[Account], remarks: Sequence[str]) -> None:
     """Print rate, span and losses of each sensor and input, and under the table what else was done."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table = screen_table()
     table.add_column("", no_wrap=True)
     for header in ("rate Hz", "samples", "from s", "to s", "missing", "duplicates"):
         table.add_column(header, justify="right")

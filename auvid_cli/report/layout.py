@@ -4,6 +4,7 @@ from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.paper import NOTE, published, published_filters
+from auvid_cli.report.sentence import sentence
 from auvid_cli.report.table import UNIDENTIFIED, Cell, Column, PlusMinus, Symbol, Table, Unidentified, Unit
 
 _RMSE = "RMSE"
@@ -138,7 +139,7 @@ def _bounds(evaluation: Evaluation) -> Table:
             *_columns("Times bound", filters),
         ),
         rows,
-        notes=tuple(f"{remark[0].upper()}{remark[1:]}." for remark in evaluation.remarks),
+        notes=tuple(sentence(remark) for remark in evaluation.remarks),
     )
 
 

@@ -1,12 +1,11 @@
 """What a run found, for the terminal."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
 
 import numpy as np
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -17,6 +16,8 @@ from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.layout import mark_explained, rejections, unobserved
 from auvid_cli.report.notation import filter_label, unit_text
+from auvid_cli.report.screen_table import first_that_fits, fits, screen_table
+from auvid_cli.report.sentence import sentence
 from auvid_cli.report.table import DEVIATION_DIGITS, number
 
 _MISSING = "-"
@@ -43,8 +44,8 @@ def print_summary(console: Console, evaluation: Evaluation, files: Sequence[Path
         if row.status != "completed":
             console.print(Text(f"{filter_label(row.filter)} {row.status}"))
     marked = [_printable(console, text, text.replace("†", "?")) for text in mark_explained(evaluation)]
-    for sentence in [*marked, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:
-        console.print(Text(sentence))
+    for text in [*marked, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:
+        console.print(Text(text))
     for folder, count in Counter(path.parent for path in files).items():
         line = f"{count} {'file' if count == 1 else 'files'} in {folder}"
         console.print(Text(line), soft_wrap=True)
@@ -56,7 +57,7 @@ def print_checks(console: Console, checks: Sequence[Check], passed: bool = True)
         own = [check for check in checks if check.filter == name]
         whose = filter_label(name) if name else "data"
         console.print(Text(f"{whose}: {sum(check.passed is True for check in own)} of {len(own)} passed"))
-        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        table = screen_table()
         for header in ("", "of", "check", "found", "may be"):
             table.add_column(header, overflow="fold")
         for check in own if passed else [check for check in own if not check.passed]:
@@ -74,9 +75,9 @@ def print_checks(console: Console, checks: Sequence[Check], passed: bool = True)
 
 def print_identifiability(console: Console, found: Identifiability) -> None:
     """Print bounds by verdict, who contributes, what goes together, how bounds fall, and unseen sensor errors."""
-    console.print(_bounds_that_fit(console, found))
+    console.print(first_that_fits(console, _ever_fewer_bounds(console, found)))
     if found.remark:
-        console.print(Text(f"{found.remark[0].upper()}{found.remark[1:]}."))
+        console.print(Text(sentence(found.remark)))
     for group in found.groups:
         console.print(
             Text(
@@ -93,8 +94,8 @@ def print_identifiability(console: Console, found: Identifiability) -> None:
     console.print(Text(f"median bound {', '.join(medians)}"))
 
 
-def _bounds_that_fit(console: Console, found: Identifiability) -> Table:
-    """With as many columns as there is room for; symbol, bound in percent and verdict always."""
+def _ever_fewer_bounds(console: Console, found: Identifiability) -> Iterator[Table]:
+    """With ever fewer columns; symbol, bound in percent and verdict always."""
     ranks = {label: rank for rank, (_, label) in enumerate(CLASSES)}
     bounds = sorted(found.bounds, key=lambda one: ranks[one.verdict])
     columns = {
@@ -109,35 +110,28 @@ def _bounds_that_fit(console: Console, found: Identifiability) -> Table:
     }
     if not found.groups:
         del columns["goes with"]
-    unlimited, table = console.options.update(max_width=10_000), Table()
     for dropped in ("", "goes with", "unit", "value", "bound", "mostly from"):
         columns.pop(dropped, None)
-        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        table = screen_table()
         for header in columns:
             table.add_column(header, justify="right" if header in ("value", "bound", "bound %") else "left")
         for row in zip(*columns.values(), strict=True):
             table.add_row(*(Text(cell) for cell in row))
-        if console.measure(table, options=unlimited).maximum <= console.width:
-            break
-    return table
+        yield table
 
 
 def _tables_that_fit(console: Console, evaluation: Evaluation, filters: list[str]) -> list[Table]:
     """One table with as much in it as there is room for, or else one for each filter."""
     has_truth = any(row.true is not None for row in evaluation.coefficients)
-    unlimited = console.options.update(max_width=10_000)
-    table = Table()
-    for deviations, units in product((True, False) if has_truth else (True,), (True, False)):
-        table = _coefficients(console, evaluation, filters, deviations, units)
-        if console.measure(table, options=unlimited).maximum <= console.width:
-            return [table]
-    if len(filters) == 1:
+    shown = product((True, False) if has_truth else (True,), (True, False))
+    table = first_that_fits(console, (_coefficients(console, evaluation, filters, *which) for which in shown))
+    if len(filters) == 1 or fits(console, table):
         return [table]
     return [table for name in filters for table in _tables_that_fit(console, evaluation, [name])]
 
 
 def _coefficients(console: Console, evaluation: Evaluation, filters: list[str], deviations: bool, units: bool) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table = screen_table()
     plus_minus = _printable(console, "±", "+-")
     has_truth = any(row.true is not None for row in evaluation.coefficients)
     table.add_column("symbol", no_wrap=True)
@@ -173,7 +167,7 @@ def _coefficients(console: Console, evaluation: Evaluation, filters: list[str], 
 
 def _runs(console: Console, evaluation: Evaluation) -> Table:
     """One line for each filter."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table = screen_table()
     microseconds = _printable(console, "µs/step", "us/step")
     table.add_column("filter", no_wrap=True)
     has_average = any(row.average_steady_state_error_percent is not None for row in evaluation.summary)

@@ -1,9 +1,8 @@
 """What an identified model predicts of other data, for the terminal; angles in degrees."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -12,31 +11,52 @@ from auvid_cli.evaluation.checks import failed
 from auvid_cli.evaluation.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.screen import print_checks, printed
+from auvid_cli.report.screen_table import first_that_fits, screen_table
+from auvid_cli.report.sentence import sentence
 
 _DIGITS = 3
+_BAND = "Band: two standard deviations of coefficients, start and readings together, without process noise."
 
 
 def print_validation(console: Console, found: Validation) -> None:
     """Print errors of the free run, fits by horizon, numbers of manoeuvres, and verdicts."""
     ahead = [row for row in found.predictions if row.kind == AHEAD]
-    console.print(_free_run(console, [row for row in found.predictions if row.kind == FREE_RUN]))
+    free = [row for row in found.predictions if row.kind == FREE_RUN]
+    console.print(first_that_fits(console, _ever_fewer_models(free)))
     if ahead:
         console.print(_fits_ahead(ahead))
+        if any(row.share_within_band is not None for row in ahead):
+            console.print(Text(_BAND))
     for line in _manoeuvres(found.manoeuvres):
         console.print(Text(line))
     for remark in found.remarks:
-        console.print(Text(f"{remark[0].upper()}{remark[1:]}."))
+        console.print(Text(sentence(remark)))
     print_checks(console, found.checks)
-    word = "does not predict" if failed(found.checks) else "predicts"
-    console.print(Text(f"The model of the {filter_label(found.filter)} {word} these data."))
+    console.print(Text(_verdict(found)))
 
 
-def _free_run(console: Console, rows: Sequence[Prediction]) -> Table:
-    """Root mean square errors, one line for each signal; with fewer of the other models where there is no room."""
-    table, unlimited = Table(), console.options.update(max_width=10_000)
+def _verdict(found: Validation) -> str:
+    """Whether the model predicts these data, or what of them, and what it does not."""
+    worse = {"in the free run": found.worse_than_the_mean(FREE_RUN), "ahead": found.worse_than_the_mean(AHEAD)}
+    unpredicted = {signal for signals in worse.values() for signal in signals}
+    predicted = [s for s in dict.fromkeys(row.signal for row in found.predictions) if s not in unpredicted]
+    if failed(found.checks) or not predicted:
+        verdict = "does not predict these data."
+    elif unpredicted:
+        verdict = f"predicts {', '.join(predicted)} of these data."
+    else:
+        verdict = "predicts these data."
+    if unpredicted:
+        told = "; ".join(f"{', '.join(signals)} {where}" for where, signals in worse.items() if signals)
+        verdict += f" Worse than their mean (fit below 0): {told}."
+    return f"The model of the {filter_label(found.filter)} {verdict}"
+
+
+def _ever_fewer_models(rows: Sequence[Prediction]) -> Iterator[Table]:
+    """Root mean square errors of the free run, one line for each signal; with ever fewer of the other models."""
     others = "unchanged", "prior", "vehicle file"
     for count in range(len(others), -1, -1):
-        table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+        table = screen_table()
         table.add_column("free run")
         table.add_column("unit")
         for header in ("noise", "fit %", "RMSE", *others[:count]):
@@ -46,15 +66,13 @@ def _free_run(console: Console, rows: Sequence[Prediction]) -> Table:
             noise, *errors = (_in_degrees(value, row.unit) for value in (row.noise, row.rmse, *theirs))
             numbers = (printed(value, _DIGITS) for value in (noise, row.fit_percent, *errors))
             table.add_row(row.signal, _degrees(row.unit), *numbers)
-        if console.measure(table, options=unlimited).maximum <= console.width:
-            break
-    return table
+        yield table
 
 
 def _fits_ahead(rows: Sequence[Prediction]) -> Table:
     """Fit in percent by signal and horizon, and the share of all errors that the stated uncertainty explains."""
     horizons = list(dict.fromkeys(row.horizon_s for row in rows))
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table = screen_table()
     table.add_column("fit % ahead")
     for horizon in horizons:
         table.add_column(f"{horizon:g} s", justify="right")

@@ -71,7 +71,12 @@ def test_steps_one_by_one_give_the_estimates_of_run(results, tmp_path):
 def test_a_dataset_from_elsewhere_is_identified_with_its_own_settings(results, tmp_path):
     folder, _ = results
     (tmp_path / "mission.h5").write_bytes((folder / "results/spiral/dataset.h5").read_bytes())
-    assert auvid("identify", "mission.h5", "-f", "ukf", cwd=tmp_path).returncode == 0
+    result = auvid("identify", "mission.h5", "-f", "ukf", cwd=tmp_path)
+    assert result.returncode == 0
+    assert result.stdout.splitlines()[-2:] == [
+        f"next: auvid report {Path('results/mission')}",
+        f"on another run: auvid validate {Path('results/mission/estimates/ukf.h5')} OTHER.h5",
+    ]
     assert (tmp_path / "results/mission/dataset.h5").is_file()
     assert auvid("report", "results/mission", cwd=tmp_path).returncode == 0
 
@@ -121,6 +126,8 @@ def test_a_fit_that_may_not_go_on_ends_with_exit_code_1(results, tmp_path):
     result = auvid("identify", "mission.h5", "-f", "output_error", "--set", limit, cwd=tmp_path)
     assert result.returncode == 1
     assert "unconverged: " in result.stdout
+    assert "OE: the data do not determine the model" in result.stdout
+    assert result.stdout.splitlines()[-1].endswith(f": auvid check {Path('results/mission')}")
 
 
 @pytest.mark.parametrize("manoeuvre", ["zigzag_10_10", "doublets", "multisine", "turning_circle"])
@@ -180,6 +187,7 @@ def test_a_diverged_filter_ends_with_exit_code_1_and_the_others_go_on(tmp_path):
     result = auvid(*("run", *SHORT, "--set", "identification.prior.factor=300", "-f", "ckf", "-f", "ekf"), cwd=tmp_path)
     assert result.returncode == 1
     assert "diverged at t = " in result.stdout
+    assert "narrow the prior (--set identification.prior.factor=1)" in result.stdout
     with h5py.File(tmp_path / "results/spiral/estimates/ckf.h5") as file:
         assert file.attrs["status"].startswith("diverged")
         assert file["mean"].shape[0] > 0

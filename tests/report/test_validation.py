@@ -89,6 +89,35 @@ def test_a_model_that_passes_predicts(found):
     assert shown(sound, 80).splitlines()[-1] == "The model of the CKF predicts these data."
 
 
+@pytest.mark.parametrize("passed", [True, False])
+def test_what_is_worse_than_its_mean_is_not_predicted(found, passed):
+    """Of v the free run, of heading predictions over 20 and 50 s."""
+    worse = {("v", FREE_RUN, 120.0), ("psi", AHEAD, 20.0), ("psi", AHEAD, 50.0)}
+    rows = [
+        row._replace(fit_percent=-0.1 if (row.signal, row.kind, row.horizon_s) in worse else row.fit_percent)
+        for row in found.predictions
+    ]
+    checks = [check._replace(passed=passed) for check in found.checks]
+    text = " ".join(shown(found._replace(predictions=rows, checks=checks), 200).split())
+    assert "predicts these data" not in text
+    assert ("predicts u, w, p, q, r, phi, theta of these data." in text) == passed
+    assert ("does not predict these data." in text) != passed
+    assert text.endswith("Worse than their mean (fit below 0): v in the free run; psi ahead.")
+
+
+def test_a_model_that_is_worse_than_every_mean_predicts_nothing(found):
+    rows = [row._replace(fit_percent=-5.0) for row in found.predictions]
+    checks = [check._replace(passed=True) for check in found.checks]
+    text = shown(found._replace(predictions=rows, checks=checks), 200)
+    assert "The model of the CKF does not predict these data. Worse" in text
+
+
+def test_the_band_is_said_to_be_without_process_noise_where_there_is_one(found):
+    assert "without process noise" in shown(found, 120)
+    rows = [row._replace(share_within_band=None) for row in found.predictions]
+    assert "process noise" not in shown(found._replace(predictions=rows), 120)
+
+
 def test_each_panel_shows_errors_over_the_horizon_with_what_explains_them(found):
     figure = horizon_figure("ckf", found.predictions)
     assert len(figure.axes) == 9

@@ -28,8 +28,8 @@ class FreeRunFit(NamedTuple):
     Attributes
     ----------
     run : FreeRun
-        Of the identified model; of a long run evenly spaced samples, without the sensors' errors and, where a current
-        is estimated, through the water.
+        Of the identified model, as the sensors read it: with their errors, and where a current is estimated over
+        ground. Of a long run evenly spaced samples.
     rows : list of Prediction
     excursion : dict of float
         How far the run went from the mean of each signal but the heading, over how far the readings went; infinite
@@ -69,8 +69,8 @@ def fit_free_runs(
 
     def watched() -> Iterator[tuple[Array, Array]]:
         for timeline, predicted in free_motion(timelines, motion, parameters, models.identified):
-            keeper.keep(timeline.time, predicted)
             read = as_read(predicted, errors)
+            keeper.keep(timeline.time, read)
             with np.errstate(invalid="ignore"):
                 farthest[:] = np.maximum(farthest, np.abs(read - centres).max(axis=0))
             yield timeline.time, read

@@ -27,6 +27,8 @@ _TRANSIENT, _STEADY_TURN = np.pi, np.pi
 # s; heading and its extremes are read off a parabola through the readings around.
 _AROUND = 0.5
 _APPROACH = 10.0
+# What of the attitude tells how level a path is.
+TILT = "phi", "theta"
 
 
 class Hold(NamedTuple):
@@ -66,11 +68,11 @@ def manoeuvre_numbers(inputs: InputRecord, signals: Mapping[str, Signal], run: F
     signals : mapping
         Readings by motion symbol.
     run : FreeRun
-        By the same inputs.
+        By the same inputs, as the sensors read it; of it too only what they measure is used.
     """
     if "psi" not in signals:
         return []
-    predicted = {symbol: Signal(run.time, run.motion[:, i], 0.0) for i, symbol in enumerate(MOTION_SYMBOLS)}
+    predicted = {s: Signal(run.time, run.motion[:, i], 0.0) for i, s in enumerate(MOTION_SYMBOLS) if s in signals}
     holds = [hold for hold in rudder_holds(inputs) if _covers(signals["psi"], hold)]
     numbers = []
     for chain in _chains(holds):
@@ -166,7 +168,7 @@ def steady_turn(signals: Mapping[str, Signal], execute: float, begin: float, end
     Parameters
     ----------
     signals : mapping
-        Heading, and for more than the turn rate u, v, w, roll and pitch.
+        Heading, and for more than the turn rate u, v, w. Without roll or pitch the path is taken as level.
     execute : float
         When the rudder was put over, s: before it, the approach.
     begin, end : float
@@ -181,7 +183,7 @@ def steady_turn(signals: Mapping[str, Signal], execute: float, begin: float, end
     apart = heading.time[inside] - begin
     slope = np.linalg.lstsq(np.stack([np.ones(apart.size), apart], axis=1), heading.values[inside])[0][1]
     numbers = {"turn rate": float(slope)}
-    if not {"u", "v", "w", "phi", "theta"} <= set(signals):
+    if not {"u", "v", "w"} <= set(signals):
         return numbers
     speed = _horizontal_speed(signals)
     steady, before = (
@@ -196,8 +198,15 @@ def steady_turn(signals: Mapping[str, Signal], execute: float, begin: float, end
 
 
 def _horizontal_speed(signals: Mapping[str, Signal]) -> Signal:
-    """At the times of u, m/s."""
+    """At the times of u, m/s; where no attitude tells how level the path is, the speed along it."""
     time = signals["u"].time
-    u, v, w, phi, theta = (np.interp(time, signals[s].time, signals[s].values) for s in ("u", "v", "w", "phi", "theta"))
-    down = -np.sin(theta) * u + np.cos(theta) * (np.sin(phi) * v + np.cos(phi) * w)
+
+    def at_its_times(symbol: str) -> Array:
+        return np.interp(time, signals[symbol].time, signals[symbol].values)
+
+    u, v, w = (at_its_times(symbol) for symbol in "uvw")
+    down = np.zeros(time.size)
+    if set(TILT) <= set(signals):
+        phi, theta = (at_its_times(symbol) for symbol in TILT)
+        down = -np.sin(theta) * u + np.cos(theta) * (np.sin(phi) * v + np.cos(phi) * w)
     return Signal(time, np.sqrt(u**2 + v**2 + w**2 - down**2), 0.0)

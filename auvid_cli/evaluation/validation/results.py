@@ -29,7 +29,8 @@ class Prediction(NamedTuple):
         Of what there was before: the prior's mean, the coefficients in the vehicle file, and the motion at the start
         going on as it is.
     expected_rmse : float or None
-        What the stated uncertainties of coefficients, start and readings amount to.
+        What the stated uncertainties of coefficients, start and readings amount to; what the model leaves out, for
+        which the process noise stands, is not in it.
     share_within_band : float or None
         Of the errors, those within two of these standard deviations; 0.95 if the uncertainties are right.
     draws, draws_blown_up : int or None
@@ -55,7 +56,7 @@ class Prediction(NamedTuple):
 
 
 class ManoeuvreNumber(NamedTuple):
-    """A row of ``manoeuvres.csv``: a number by which manoeuvres are known, SI.
+    """A row of ``manoeuvres.csv``: a number by which manoeuvres are known, SI; speeds as the DVL reads them.
 
     Attributes
     ----------
@@ -90,7 +91,7 @@ class Validation(NamedTuple):
     manoeuvres : list of ManoeuvreNumber
     checks : list of Check
     run : FreeRun
-        Of the identified model.
+        Of the identified model, as the sensors read it, see `FreeRunFit`.
     remarks : list of str
         Sentences on what is missing.
     """
@@ -101,3 +102,8 @@ class Validation(NamedTuple):
     checks: list[Check]
     run: FreeRun
     remarks: list[str]
+
+    def worse_than_the_mean(self, kind: str) -> list[str]:
+        """Signals whose readings are nearer to their own mean than to a prediction of a kind."""
+        fits = ((row.signal, row.fit_percent) for row in self.predictions if row.kind == kind)
+        return list(dict.fromkeys(signal for signal, fit in fits if fit is not None and fit < 0.0))

@@ -1,6 +1,6 @@
 """Everything that is said of an estimate on data that it has not seen."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,10 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.validation.ahead import Bundle, evenly_spaced, predict_ahead, rows_ahead
 from auvid_cli.evaluation.validation.free import fit_free_runs
-from auvid_cli.evaluation.validation.manoeuvres import manoeuvre_numbers
+from auvid_cli.evaluation.validation.manoeuvres import TILT, manoeuvre_numbers
 from auvid_cli.evaluation.validation.models import Models, drawn_coefficients, models_of
-from auvid_cli.evaluation.validation.results import Validation
-from auvid_cli.evaluation.validation.signals import measured_signals
+from auvid_cli.evaluation.validation.results import ManoeuvreNumber, Validation
+from auvid_cli.evaluation.validation.signals import Signal, measured_signals
 from auvid_cli.evaluation.validation.starts import Starts, filtered_starts, with_model
 from auvid_cli.evaluation.validation.unseen import other_vehicle
 from auvid_cli.evaluation.validation.verdicts import verdicts
@@ -62,13 +62,15 @@ def validate(dataset: Dataset, estimate: Estimate, starts: int = STARTS) -> Vali
     bundle = _bundle(models, drawn_coefficients(estimate, DRAWS, rng))
     collected = predict_ahead(seen, measuring, signals, found, bundle, rng)
     rows = [*free.rows, *rows_ahead(collected, bundle.names, signals)]
+    numbers = manoeuvre_numbers(seen.inputs, signals, free.run)
+    remarks = [*_remarks(dataset, estimate, found, collected.blown_up), *_taken_as_level(numbers, signals)]
     return Validation(
         estimate.filter,
         rows,
-        manoeuvre_numbers(seen.inputs, signals, free.run),
+        numbers,
         verdicts(estimate.filter, rows, free.excursion, found.nis, found.status),
         free.run,
-        list(_remarks(dataset, estimate, found, collected.blown_up)),
+        remarks,
     )
 
 
@@ -97,3 +99,9 @@ def _remarks(dataset: Dataset, estimate: Estimate, starts: Starts, blown_up: NDA
             f"{blown_up.sum()} of {blown_up.size} sets of coefficients drawn from the estimate's covariance blew up on "
             "the way; the band is without them"
         )
+
+
+def _taken_as_level(numbers: Sequence[ManoeuvreNumber], signals: Mapping[str, Signal]) -> Iterator[str]:
+    untold = [symbol for symbol in TILT if symbol not in signals]
+    if untold and any(one.number == "radius" for one in numbers):
+        yield f"turns are taken as level, their speed as that along the path: no sensor measures {' or '.join(untold)}"

@@ -111,8 +111,8 @@ def _band(name: str, rows: Sequence[Prediction]) -> list[Check]:
             _worst(shares, is_least=True),
             _SMALLEST_SHARE,
             "of the errors within two sigma",
-            "The errors are larger than coefficients, start and sensors are uncertain: the structure of the model does "
-            "not hold for this manoeuvre, or the covariance is too small.",
+            "The errors are larger than coefficients, start and sensors are uncertain; the band is without process "
+            "noise. The structure of the model does not hold for this manoeuvre, or the covariance is too small.",
             fails=False,
             is_least=True,
         )

@@ -127,3 +127,17 @@ def test_without_a_heading_or_a_velocity_there_is_less_to_say():
     only = manoeuvre_numbers(inputs_of(rudder), {"psi": signals["psi"]}, run)
     assert [n.number for n in only] == ["turn rate"]
     assert manoeuvre_numbers(inputs_of(rudder), {"r": signals["r"]}, run) == []
+
+
+@pytest.mark.parametrize(("untold", "speed"), [((), 3.0 * np.cos(0.2)), (("phi",), 3.0), (("phi", "theta"), 3.0)])
+def test_without_a_tilt_a_descending_turn_is_taken_as_level_by_readings_and_model_alike(untold, speed):
+    rudder = held((0.0, 12.0), (RUDDER, 60.0))
+    time = TICK * np.arange(rudder.size)
+    motion = np.zeros((time.size, 9))
+    motion[:, 0], motion[:, 7] = np.where(time < 12.0, 4.0, 3.0), -0.2
+    motion[:, 8] = 0.25 * np.maximum(time - 12.0, 0.0)
+    signals = {symbol: signal for symbol, signal in signals_of(motion).items() if symbol not in untold}
+    found = {n.number: n for n in manoeuvre_numbers(inputs_of(rudder), signals, FreeRun(time, motion))}
+    expected = {"turn rate": 0.25, "speed": speed, "radius": speed / 0.25, "speed lost": 0.25}
+    assert {name: n.measured for name, n in found.items()} == pytest.approx(expected)
+    assert {name: n.predicted for name, n in found.items()} == pytest.approx(expected)

@@ -16,6 +16,8 @@ from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 from .conftest import WHITE, ZIGZAG
 
+CIRCLE = "manoeuvre={type: turning_circle, duration: 60 s, speed: 3.9 m/s, rudder: -15 deg, approach: 10 s}"
+
 
 def rows_of(found, kind):
     return [row for row in found.predictions if row.kind == kind]
@@ -154,6 +156,44 @@ def test_a_current_is_seen_through_where_the_settings_ask_for_it(simulated_with)
     assert max(row.rmse for row in velocities) < 1e-2
     assert min(row.share_within_band for row in velocities if row.kind == AHEAD) > 0.85
     assert not failed(found.checks)
+
+
+def test_a_turn_in_a_current_is_drawn_and_measured_over_ground(simulated_with, with_coefficients, experiment_with):
+    current = "manoeuvre.current_north=0.4 m/s", "manoeuvre.current_east=-0.3 m/s"
+    drifting = simulated_with(CIRCLE, "manoeuvre.duration=40 s", WHITE, "seed=31", *current)
+    asking = experiment_with("identification.estimate.biases=[current]", "identification.estimate.current.walk=0")
+    estimate = replace(with_coefficients(drifting.truth.coefficients), experiment=asking)
+    found = validate(drifting, estimate, starts=12)
+    dvl = drifting.sensors["dvl"]
+    after = dvl.time > found.run.time[0]
+    drawn = [np.interp(dvl.time[after], found.run.time, component) for component in found.run.motion[:, :3].T]
+    np.testing.assert_allclose(np.transpose(drawn), dvl.values[after], atol=0.02)
+    numbers = {number.number: number for number in found.manoeuvres}
+    time, (north, east, _) = drifting.truth.time, drifting.truth.position.T
+    steady = time >= numbers["speed"].time_s
+    way = np.hypot(np.diff(north[steady]), np.diff(east[steady])).sum()
+    over_ground = way / np.ptp(time[steady])
+    u, v, *_ = drifting.truth.motion[steady].T
+    assert abs(np.hypot(u, v).mean() - over_ground) > 0.1
+    for value in (numbers["speed"].measured, numbers["speed"].predicted):
+        assert value == pytest.approx(over_ground, abs=0.01)
+    assert numbers["radius"].predicted == pytest.approx(numbers["radius"].measured, rel=5e-3)
+
+
+def test_a_turn_without_a_roll_is_taken_as_level_and_that_is_said(simulated_with, with_coefficients):
+    whole = simulated_with(CIRCLE, WHITE, "seed=5")
+    attitude = whole.sensors["attitude"]
+    without_roll = replace(attitude, values=attitude.values * [np.nan, 1.0, 1.0])
+    blind = replace(whole, sensors=whole.sensors | {"attitude": without_roll})
+    seen, unseen = (validate(data, with_coefficients(whole.truth.coefficients), starts=12) for data in (whole, blind))
+    assert not any("level" in remark for remark in seen.remarks)
+    (remark,) = [remark for remark in unseen.remarks if "level" in remark]
+    assert remark.endswith("no sensor measures phi")
+    # Depth is held.
+    known = {number.number: number.measured for number in seen.manoeuvres}
+    for number in unseen.manoeuvres:
+        assert number.measured == pytest.approx(known[number.number], rel=0.01, abs=2e-3)
+        assert number.predicted == pytest.approx(number.measured, rel=0.01, abs=2e-3)
 
 
 def test_without_a_dvl_predictions_start_from_what_the_model_says_of_the_velocity(zigzag, with_coefficients):

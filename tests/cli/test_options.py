@@ -1,0 +1,33 @@
+"""What short options stand for."""
+
+import pytest
+import yaml
+
+from auvid_cli.cli.options import overrides, spans
+from auvid_cli.errors import ConfigError
+
+
+@pytest.mark.parametrize(
+    ("stated", "meant"),
+    [
+        (["0:80"], [[0, 80]]),
+        (["100:"], [[100, None]]),
+        ([":80"], [[None, 80]]),
+        ([":20", "1 min : 80 s", "1e2:"], [[None, 20], ["1 min", "80 s"], ["1e2", None]]),
+    ],
+)
+def test_a_span_without_an_end_is_null_there(stated, meant):
+    assert yaml.safe_load(spans(stated)) == meant
+
+
+@pytest.mark.parametrize("wrong", ["80", ":", " : ", "", "1:2:3", "::"])
+def test_what_is_no_pair_of_times_is_one_clear_complaint(wrong):
+    with pytest.raises(ConfigError, match=r"--use .*: expected BEGIN:END in seconds, such as 0:80") as complaint:
+        spans(["0:1", wrong])
+    assert str(complaint.value).startswith(f"--use {wrong}: ")
+
+
+def test_short_options_come_after_the_settings_that_they_override():
+    found = overrides(["name=a", "seed=1"], seed=7, use=["3:"])
+    assert found == ("name=a", "seed=1", "seed=7", "identification.use.spans=[[3, null]]")
+    assert overrides(None) == ()

@@ -1,0 +1,40 @@
+"""Tables for the terminal, against what the terminal makes of them."""
+
+from io import StringIO
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from auvid_cli.report.screen_table import first_that_fits, fits, screen_table
+
+
+def console_of(width):
+    return Console(file=StringIO(), width=width)
+
+
+def shown(table, width):
+    console = console_of(width)
+    console.print(table)
+    return [line.rstrip() for line in console.file.getvalue().splitlines() if line.strip()]
+
+
+def table_of(*cells):
+    table = screen_table()
+    for number, _ in enumerate(cells):
+        table.add_column(f"c{number}")
+    table.add_row(*cells)
+    return table
+
+
+@given(st.lists(st.text("abc", min_size=2, max_size=30), min_size=1, max_size=5), st.integers(8, 120))
+def test_a_table_fits_where_it_is_shown_as_on_the_widest_terminal(cells, width):
+    table = table_of(*cells)
+    assert fits(console_of(width), table) == (shown(table, width) == shown(table, 1000))
+
+
+@pytest.mark.parametrize(("width", "kept"), [(100, 3), (80, 3), (50, 2), (30, 1), (10, 1)])
+def test_the_first_that_fits_is_taken_or_else_the_last(width, kept):
+    tables = [table_of(*["x" * 20] * count) for count in (3, 2, 1)]
+    assert len(first_that_fits(console_of(width), iter(tables)).columns) == kept
