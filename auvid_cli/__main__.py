@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from auvid_cli import __version__
+from auvid_cli.cli.campaign import campaign
 from auvid_cli.cli.check import check
 from auvid_cli.cli.export import export
 from auvid_cli.cli.identifiability import identifiability
@@ -25,7 +26,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
-for command in (run, simulate, identify, report, check, identifiability, inspect, validate, export):
+for command in (run, simulate, identify, report, check, identifiability, inspect, validate, export, campaign):
     app.command()(command)
 app.command("import")(import_log)
 

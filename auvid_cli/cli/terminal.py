@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
 from types import FrameType
+from typing import Protocol
 
 import typer
 
@@ -45,6 +46,14 @@ def reporting_errors() -> Iterator[None]:
 
 def _end(number: int, frame: FrameType | None) -> None:
     raise SystemExit(128 + number)
+
+
+class Advance(Protocol):
+    """What moves a bar."""
+
+    def __call__(self, done: float, total: float, note: str = "") -> None:
+        """Move it to so much of so much, and put a note behind the rate."""
+        ...
 
 
 class Terminal:
@@ -153,8 +162,8 @@ class Terminal:
             self._partner = None
 
     @contextmanager
-    def progress(self, *labels: str, unit: str = "") -> Iterator[list[Callable[[float, float], None]]]:
-        """Show bars with rate and time left; yields, for each, the function that moves it to so much of so much."""
+    def progress(self, *labels: str, unit: str = "") -> Iterator[list[Advance]]:
+        """Show bars with rate and time left; yields, for each, what moves it."""
         from rich.progress import (
             BarColumn,
             MofNCompleteColumn,
@@ -178,14 +187,14 @@ class Terminal:
         shown = self._err.is_terminal and not self.quiet
         with Progress(*columns, console=self._err, disable=not shown) as bars:
 
-            def bar(label: str) -> Callable[[float, float], None]:
+            def bar(label: str) -> Advance:
                 task = bars.add_task(label, total=None, rate="")
 
-                def advance(done: float, total: float) -> None:
+                def advance(done: float, total: float, note: str = "") -> None:
                     ended[label] = perf_counter() - start
                     rate = done / max(ended[label], 1e-9)
                     text = f"{rate:,.3g}" if rate < 100 else f"{rate:,.0f}"
-                    bars.update(task, completed=done, total=total, rate=f"{text}{unit}/s")
+                    bars.update(task, completed=done, total=total, rate=f"{text}{unit}/s{note}")
 
                 return advance
 

@@ -52,18 +52,44 @@ def assemble(source: Source, overrides: Iterable[str] = ()) -> tuple[Tree, list[
     tree, mistakes = read_tree(source)
     if not isinstance(tree.content, dict):
         return tree, mistakes
+    changes = []
     for override in overrides:
         at = Position(Source(f"--set {override}", FilePath()))
-        path: Path = ()
         try:
-            path, new = _parse_override(override, at)
+            changes.append(_parse_override(override, at))
+        except ValueError as error:
+            mistakes.append(Mistake(at, (), str(error)))
+    tree, wrong = with_changes(tree, changes, source.folder)
+    return tree, mistakes + wrong
+
+
+def with_changes(tree: Tree, changes: Iterable[tuple[Path, Tree]], folder: FilePath) -> tuple[Tree, list[Mistake]]:
+    """Put values into the settings of an experiment, in turn, and splice in the files that are then named.
+
+    Parameters
+    ----------
+    tree : Tree
+        A mapping.
+    changes : iterable of (Path, Tree)
+        Where each value goes; a file that it names is relative to the source that it is written in.
+    folder : pathlib.Path
+        Where else such files may lie.
+
+    Returns
+    -------
+    Tree, list of Mistake
+        As of `assemble`.
+    """
+    mistakes: list[Mistake] = []
+    for path, new in changes:
+        try:
             if len(path) > 1:
-                tree = _splice(tree, str(path[0]), source.folder, mistakes)
+                tree = _splice(tree, str(path[0]), folder, mistakes)
             tree = tree.put(path, new)
         except ValueError as error:
-            mistakes.append(Mistake(at, path, str(error)))
+            mistakes.append(Mistake(new.at, path, str(error)))
     for section in SECTIONS:
-        tree = _splice(tree, section, source.folder, mistakes)
+        tree = _splice(tree, section, folder, mistakes)
     for place in (("manoeuvre", "file"), ("identification", "prior", "from_estimate")):
         tree = _absolute_data_file(tree, place)
     return tree, mistakes

@@ -95,16 +95,26 @@ def parse_experiment(text: str, name: str, overrides: Sequence[str] = ()) -> Exp
 
 def dump_experiment(experiment: RunSettings) -> str:
     """Resolved settings as YAML in SI numbers, which `parse_run` reads back to an equal object."""
-    settings = _given(experiment.model_dump(mode="json", by_alias=True))
+    settings = given_settings(experiment)
     # Where PyYAML was built without libyaml its own dumper writes the same, only more slowly.
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     return yaml.dump(settings, Dumper=dumper, sort_keys=False, width=100, default_flow_style=None)
+
+
+def given_settings(experiment: RunSettings) -> dict[str, Any]:
+    """Resolved settings as plain values in SI, without those that are not given."""
+    return _given(experiment.model_dump(mode="json", by_alias=True))
 
 
 def shipped_configs() -> Path:
     """Folder of the settings that ship with auvid: inside the package, or beside it in a checkout."""
     inside = PACKAGE / "configs"
     return inside if inside.is_dir() else PACKAGE.parent / "configs"
+
+
+def find_campaign(name: str) -> Path:
+    """Path of a campaign file, as `find_experiment` finds one of an experiment."""
+    return _found(name, shipped_configs() / "campaigns", "a campaign")
 
 
 def find_experiment(name: str | None) -> Path:
@@ -121,17 +131,17 @@ def find_experiment(name: str | None) -> Path:
         If it is neither; the message lists the shipped experiments.
     """
     folder = shipped_configs()
-    if name is None:
-        return folder / "spiral.yaml"
+    return folder / "spiral.yaml" if name is None else _found(name, folder, "an experiment")
+
+
+def _found(name: str, folder: Path, what: str) -> Path:
     shipped = {path.stem: path for path in sorted(folder.glob("*.yaml"))}
     path = Path(name)
     if name in shipped and not path.is_file():
         return shipped[name]
     if name and path.exists():
         return path
-    raise ConfigError(
-        f"{name!r} is neither a file nor an experiment that ships with auvid: {', '.join(shipped) or 'none'}"
-    )
+    raise ConfigError(f"{name!r} is neither a file nor {what} that ships with auvid: {', '.join(shipped) or 'none'}")
 
 
 AnySettings = TypeVar("AnySettings", bound=Settings)

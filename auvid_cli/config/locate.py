@@ -85,6 +85,10 @@ def _follow(model: type[BaseModel], location: Iterable[str | int]) -> _Place:
     annotation: Any = model
     place = _Place((), None, None, model, False)
     for part in location:
+        if isinstance(part, int) and get_origin(annotation) in (tuple, list):
+            annotation = get_args(annotation)[0]
+            place = _Place((*place.path, part), None, place.field, annotation, place.in_union)
+            continue
         models = _models(annotation)
         tagged = _by_tag(place.field, models)
         if tagged:

@@ -9,7 +9,11 @@ from scipy.stats import chi2
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import Dataset, TruthRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.accuracy import LARGEST_SHARE_OF_VALUE, shares_of_value
+from auvid_cli.evaluation.accuracy import (
+    LARGEST_SHARE_OF_VALUE,
+    normalised_estimation_error,
+    shares_of_value,
+)
 from auvid_cli.evaluation.bounds import Bounds
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.data_checks import data_checks
@@ -206,8 +210,7 @@ def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
     true = np.array([truth.coefficients[estimate.state[i]] for i in rows])
     error, deviation = estimate.mean[-1, rows] - true, estimate.standard_deviation[-1, rows]
     sigmas = {estimate.state[i]: e for i, e in zip(rows, np.abs(error) / deviation, strict=True)}
-    covariance = estimate.covariance[np.ix_(rows, rows)] / np.outer(deviation, deviation)
-    nees = float((error / deviation) @ np.linalg.solve(covariance, error / deviation))
+    nees = normalised_estimation_error(estimate, truth)
     limit = float(chi2.ppf(_CONFIDENCE, len(rows)))
     return [
         Check.of_values(

@@ -12,6 +12,8 @@ from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, Quantity
 
 if TYPE_CHECKING:
+    from auvid_cli.campaign.findings import Findings
+
     # They bring the compiled core along, which is loaded elsewhere, and said to be.
     from auvid_cli.evaluation.assessment import Identifiability
     from auvid_cli.evaluation.evaluate import Evaluation
@@ -79,6 +81,12 @@ class FigureQueue:
     def add_timeline(self, inspection: "Inspection") -> None:
         """What was recorded when, and where something is the matter with it."""
         self._add("timeline", "timeline", inspection)
+
+    def add_campaign(self, found: "Findings", filters: dict[str, str]) -> None:
+        """Spread of the errors of each filter variant, and a map where two settings vary."""
+        self._add("spread", "spread", found.runs, found.columns, filters)
+        if len(found.columns) > 1:
+            self._add("map", "map", found.filters, found.columns, filters)
 
     def finish(self, progress: Callable[[int, int], None] = lambda done, total: None) -> list[Path]:
         """Wait until all are drawn.

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
+from auvid_cli.report.figures.campaign import map_figure, spread_figure
 from auvid_cli.report.figures.coefficients import coefficient_figure
 from auvid_cli.report.figures.identifiability import bounds_figure, correlation_figure
 from auvid_cli.report.figures.innovations import innovation_figure
@@ -21,4 +22,6 @@ KINDS: dict[str, Callable[..., Figure]] = {
     "correlation": correlation_figure,
     "timeline": timeline_figure,
     "horizons": horizon_figure,
+    "spread": spread_figure,
+    "map": map_figure,
 }

@@ -1,0 +1,1 @@
+"""Many runs: seeds, settings and filters, on one machine or a cluster."""

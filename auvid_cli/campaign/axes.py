@@ -1,0 +1,122 @@
+"""What varies in a campaign: each axis as its options, an option as what it sets for a seed."""
+
+import json
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from auvid_cli.config.campaign import Axis, Distribution
+from auvid_cli.config.position import Mistake, Path, report
+from auvid_cli.config.tree import Tree
+from auvid_cli.errors import ConfigError
+
+Label: TypeAlias = str | float | int | bool
+Change: TypeAlias = tuple[Path, Tree]
+
+
+class Option(NamedTuple):
+    """What an axis sets in one run.
+
+    Attributes
+    ----------
+    label : str or number
+        In the results.
+    changes : list of Change
+        Settings, with the place where they are written.
+    known : bool
+        Whether filters are told.
+    """
+
+    label: Label
+    changes: list[Change]
+    known: bool
+
+
+def options(axis: Axis, written: Tree, experiment: Mapping[str, Any]) -> list[Callable[[int], Option]]:
+    """The options of an axis, each as a function of the seed.
+
+    Parameters
+    ----------
+    axis : Axis
+    written : Tree
+        The same as it stands in the campaign file.
+    experiment : mapping
+        Resolved settings, which a relative axis multiplies.
+
+    Raises
+    ------
+    ConfigError
+        If there is no number to multiply.
+    """
+    if axis.levels is not None:
+        places = {label: _at(written, ("levels", label)) for label in axis.levels}
+        found = [Option(label, changes_in(place), axis.known) for label, place in places.items()]
+        return [lambda seed, option=option: option for option in found]
+    setting = setting_path(str(axis.setting))
+
+    def option(label: Any, place: Tree) -> Option:
+        value = _instead(place, _times(label, setting, experiment, place)) if axis.relative else place
+        return Option(label if isinstance(label, Label) else json.dumps(label), [(setting, value)], axis.known)
+
+    if axis.draw is not None:
+        place, distribution = _at(written, ("draw",)), axis.draw
+        # Of the column and not of its place among the axes: another axis more leaves it as it was.
+        key = list(axis.column.encode())
+
+        def drawn(seed: int) -> Option:
+            value = _draw(distribution, np.random.default_rng([seed, *key]))
+            return option(value, _instead(place, value))
+
+        return [drawn]
+    found = [option(value, _at(written, ("values", k))) for k, value in enumerate(axis.values or ())]
+    return [lambda seed, option=option: option for option in found]
+
+
+def changes_in(mapping: Tree | None) -> list[Change]:
+    """The entries of a mapping from dotted keys to values."""
+    return [(setting_path(key), value) for key, value in (mapping.content or {}).items()] if mapping else []
+
+
+def setting_path(key: str) -> Path:
+    """A dotted key as a path."""
+    return tuple(part.strip() for part in key.split("."))
+
+
+def _instead(place: Tree, value: float | list[float]) -> Tree:
+    """A value that is computed, but stands for one that is written there."""
+    content = [_instead(place, item) for item in value] if isinstance(value, list) else value
+    return Tree(content, place.at, place.key_at)
+
+
+def _at(tree: Tree, path: Path) -> Tree:
+    *_, last = tree.descend(path)
+    return last
+
+
+def _draw(distribution: Distribution, random: np.random.Generator) -> float:
+    if distribution.normal is not None:
+        return float(random.normal(*distribution.normal))
+    if distribution.log_uniform is not None:
+        low, high = np.log(distribution.log_uniform)
+        return float(np.exp(random.uniform(low, high)))
+    low, high = distribution.uniform or (0.0, 1.0)
+    return float(random.uniform(low, high))
+
+
+def _times(factor: Any, setting: Path, experiment: Mapping[str, Any], place: Tree) -> float | list[float]:
+    """What the experiment states, times a factor."""
+    stated: Any = experiment
+    for part in setting:
+        stated = stated.get(part) if isinstance(stated, dict) else None
+    if isinstance(stated, dict):
+        # An entry of a vehicle, which says where its value comes from.
+        stated = stated.get("value")
+    numbers = stated if isinstance(stated, list) else [stated]
+    if isinstance(factor, bool) or not isinstance(factor, int | float):
+        raise ConfigError(report([Mistake(place.at, setting, f"`relative` multiplies by numbers, got {factor!r}")]))
+    if not numbers or not all(isinstance(number, int | float) for number in numbers):
+        message = "`relative` multiplies a number, and the experiment states none there"
+        raise ConfigError(report([Mistake(place.at, setting, message)]))
+    scaled = [factor * float(number) for number in numbers]
+    return scaled if isinstance(stated, list) else scaled[0]

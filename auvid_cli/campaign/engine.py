@@ -1,0 +1,84 @@
+"""Groups of runs on the workers of a Dask cluster."""
+
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+from distributed import Client, Future, LocalCluster, as_completed
+
+from auvid_cli.campaign.perform import Performed, perform
+from auvid_cli.campaign.plan import Group
+from auvid_cli.errors import ConfigError
+
+# Groups that wait at the scheduler for each thread: no worker is ever idle, and a campaign of a million runs needs no
+# more memory than a small one.
+_AHEAD = 3
+_PATIENCE = 60.0
+
+
+@contextmanager
+def cluster_client(scheduler: str | None, workers: int | None) -> Iterator[Client]:
+    """A client of an existing scheduler, or of a cluster on this machine that ends with the block.
+
+    Parameters
+    ----------
+    scheduler : str or None
+        Address, such as tcp://10.0.0.1:8786.
+    workers : int or None
+        Processes of one thread each on this machine; None for one for each core.
+
+    Raises
+    ------
+    ConfigError
+        If the scheduler does not answer or has no workers.
+    """
+    with ExitStack() as stack:
+        if scheduler is None:
+            target = stack.enter_context(
+                LocalCluster(
+                    n_workers=workers or os.cpu_count(),
+                    threads_per_worker=1,
+                    # Any port, and only for this machine.
+                    dashboard_address="127.0.0.1:0",
+                    silence_logs=logging.CRITICAL,
+                )
+            )
+        else:
+            target = scheduler
+        try:
+            client = stack.enter_context(Client(target, timeout=_PATIENCE / 2))
+            client.wait_for_workers(1, timeout=_PATIENCE)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise ConfigError(f"--scheduler {scheduler}: no scheduler with workers answers there: {error}") from None
+        yield client
+
+
+def perform_groups(client: Client, groups: Iterator[Group], with_estimates: bool) -> Iterator[list[Performed]]:
+    """Hand groups out and yield what comes back, as it comes.
+
+    A group whose worker dies goes to another one; one that takes several workers with it has failed.
+    """
+    sent: dict[Future, Group] = {}
+    returning = as_completed()
+
+    def send() -> None:
+        while len(sent) < _AHEAD * max(sum(client.nthreads().values()), 1):  # pyright: ignore[reportAttributeAccessIssue]
+            group = next(groups, None)
+            if group is None:
+                return
+            key = f"runs-{group.runs[0].identity}"
+            future = client.submit(perform, group, with_estimates, key=key, pure=False)
+            sent[future] = group
+            returning.add(future)
+
+    send()
+    for future in returning:
+        group = sent.pop(future)
+        error = future.exception()
+        if error is None:
+            yield future.result()
+        else:
+            reason = f"{type(error).__name__}: {error}"
+            yield [Performed(run, [], reason, None) for run in group.runs]
+        send()

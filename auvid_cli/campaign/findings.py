@@ -1,0 +1,37 @@
+"""All that a campaign's results say, as tables."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import pandas as pd
+
+from auvid_cli.campaign.comparison import compare_filters
+from auvid_cli.campaign.statistics import by_coefficient, by_filter
+
+
+class Findings(NamedTuple):
+    """Statistics of a campaign.
+
+    Attributes
+    ----------
+    columns : list of str
+        Axes that tell combinations of settings apart; not those that are drawn for each seed.
+    runs : DataFrame
+        A row for each finished run: axes, filter, seed, status and mean steady-state error.
+    filters, coefficients, comparisons : DataFrame
+        As of `by_filter`, `by_coefficient` and `compare_filters`.
+    """
+
+    columns: list[str]
+    runs: pd.DataFrame
+    filters: pd.DataFrame
+    coefficients: pd.DataFrame
+    comparisons: pd.DataFrame
+
+
+def find(rows: pd.DataFrame, columns: Sequence[str]) -> Findings:
+    """Statistics of rows as `auvid_cli.campaign.measures.Measure`, with a column for each axis."""
+    runs = rows.loc[rows["kind"] == "run", [*columns, "filter", "seed", "status", "steady_state_error_percent"]]
+    return Findings(
+        list(columns), runs, by_filter(rows, columns), by_coefficient(rows, columns), compare_filters(rows, columns)
+    )

@@ -1,0 +1,130 @@
+"""What is kept of a run: one row for itself, for each coefficient, for each motion state and for each sensor."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from auvid_cli.data.dataset import TruthRecord
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, normalised_estimation_error
+from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.vehicle.parameters import MOTION
+
+_ANGLES = ("phi", "theta", "psi")
+
+
+class Measure(NamedTuple):
+    """A row of a campaign's results; what does not apply to its kind is None.
+
+    Attributes
+    ----------
+    run : str
+        Identity of the run.
+    filter : str
+        Name of the filter variant.
+    seed : int
+    kind : str
+        "run", "coefficient", "motion" (a state) or "sensor".
+    name, unit : str
+        Of a coefficient or motion state, SI; of a sensor.
+    status : str
+        Of the run: "completed", or what was wrong, as `auvid_cli.evaluation.consistency.verdict` says it.
+    true, estimate, standard_deviation : float or None
+        Of a coefficient, at the last time.
+    rmse : float or None
+        Of a coefficient or motion state over the whole run.
+    steady_state_error_percent : float or None
+        Of a coefficient; of a run, the mean over its coefficients.
+    cramer_rao_bound, times_bound : float or None
+        Of a coefficient: the least standard deviation that the data allow, and the filter's in terms of it.
+    squares, components : float, int or None
+        Sum of the normalised innovations squared of a sensor and how many components went into it; of a run the NEES
+        of its coefficients and how many there are.
+    processor_time, wall_time : float or None
+        Of the filter alone, s.
+    """
+
+    run: str
+    filter: str
+    seed: int
+    kind: str
+    name: str
+    unit: str
+    status: str
+    true: float | None = None
+    estimate: float | None = None
+    standard_deviation: float | None = None
+    rmse: float | None = None
+    steady_state_error_percent: float | None = None
+    cramer_rao_bound: float | None = None
+    times_bound: float | None = None
+    squares: float | None = None
+    components: int | None = None
+    processor_time: float | None = None
+    wall_time: float | None = None
+
+
+def measures(
+    run: str, filter_name: str, seed: int, estimate: Estimate, truth: TruthRecord, bounds: Mapping[str, float]
+) -> list[Measure]:
+    """All rows of a run.
+
+    Parameters
+    ----------
+    run, filter_name, seed
+        As in `Measure`.
+    estimate : Estimate
+    truth : TruthRecord
+        Of the data that it is made from.
+    bounds : mapping
+        Cramer-Rao's by symbol, SI, as far as known.
+    """
+    status = verdict(estimate)
+
+    def row(kind: str, name: str = "", unit: str = "") -> Measure:
+        return Measure(run, filter_name, seed, kind, name, unit, status)
+
+    results = coefficient_results(estimate, truth, bounds)
+    error = normalised_estimation_error(estimate, truth) if estimate.completed else None
+    rows = [
+        row("run")._replace(
+            steady_state_error_percent=average_steady_state_error(results),
+            squares=error,
+            components=len(results),
+            processor_time=estimate.cpu_time,
+            wall_time=estimate.wall_time,
+        )
+    ]
+    rows += [
+        row("coefficient", result.coefficient, result.unit)._replace(
+            true=result.true,
+            estimate=result.estimate,
+            standard_deviation=result.standard_deviation,
+            rmse=result.rmse,
+            steady_state_error_percent=result.steady_state_error_percent,
+            cramer_rao_bound=result.cramer_rao_bound,
+            times_bound=result.times_bound,
+        )
+        for result in results
+    ]
+    rows += [
+        row("motion", quantity.symbol, quantity.unit)._replace(rmse=_rmse(estimate, truth, i, quantity.symbol))
+        for i, quantity in enumerate(MOTION)
+    ]
+    for sensor, innovations in estimate.innovations.items():
+        tally = innovations.tally()
+        squares, components = float(tally.squares.sum()), int(tally.components.sum())
+        rows.append(row("sensor", sensor)._replace(squares=squares, components=components))
+    return rows
+
+
+def _rmse(estimate: Estimate, truth: TruthRecord, state: int, symbol: str) -> float | None:
+    if not estimate.completed:
+        return None
+    error = estimate.mean[:, estimate.state.index(symbol)] - np.interp(
+        estimate.time, truth.time, truth.motion[:, state]
+    )
+    if symbol in _ANGLES:
+        error = (error + np.pi) % (2.0 * np.pi) - np.pi
+    return float(np.sqrt(np.mean(error**2)))

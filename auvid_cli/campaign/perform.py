@@ -1,0 +1,111 @@
+"""What a worker does: simulate data once, run filters on them, measure."""
+
+import traceback
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from auvid_cli.campaign.measures import Measure, measures
+from auvid_cli.campaign.plan import Group, Run
+from auvid_cli.config.experiment import Experiment, Identification
+from auvid_cli.data.dataset import Dataset, TruthRecord
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.errors import AuvidError, DataError
+from auvid_cli.evaluation.bounds import true_starts
+from auvid_cli.identification.fisher import information_at
+from auvid_cli.identification.identify import identify
+from auvid_cli.simulation.simulate import simulate
+
+# What of the settings of a filter its bound depends on.
+_OF_THE_DATA = {"coefficients", "use", "fin_time_constant", "estimate", "integration_step"}
+
+
+class Performed(NamedTuple):
+    """What came of a run.
+
+    Attributes
+    ----------
+    run : Run
+    rows : list of Measure
+        None of a run that failed.
+    failure : str
+        Why it failed; empty if it did not.
+    estimate : Estimate or None
+        Only if it was asked for.
+    """
+
+    run: Run
+    rows: list[Measure]
+    failure: str
+    estimate: Estimate | None
+
+
+def perform(group: Group, with_estimates: bool = False) -> list[Performed]:
+    """Do all runs of a group, on one core; what goes wrong with one is its failure and does not end the others."""
+    with threadpool_limits(1):
+        pairs = zip(group.runs, group.told, strict=True)
+        return [_perform(group.simulated, run, told, with_estimates) for run, told in pairs]
+
+
+def _perform(simulated: str, run: Run, belief: str, with_estimates: bool) -> Performed:
+    try:
+        dataset = _data(simulated)
+        told = Experiment.model_validate_json(belief)
+        (name,) = told.identification.filters
+        estimate = identify(_as_told(dataset, told), name)
+        bounds = _bounds(simulated, told.identification.model_dump_json(include=_OF_THE_DATA, exclude_none=True))
+        rows = measures(run.identity, run.filter, run.seed, estimate, _truth(dataset), bounds)
+    except AuvidError as error:
+        return Performed(run, [], str(error), None)
+    except Exception as error:
+        # A campaign goes on; the failure is told with its place, and counted.
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        return Performed(run, [], f"{type(error).__name__}: {error} ({place.name}, line {place.lineno})", None)
+    return Performed(run, rows, "", estimate if with_estimates else None)
+
+
+# Groups with the same data come one after the other, and several workers take turns.
+@lru_cache(maxsize=2)
+def _data(simulated: str) -> Dataset:
+    return simulate(Experiment.model_validate_json(simulated))
+
+
+def _as_told(dataset: Dataset, told: Experiment) -> Dataset:
+    """The data with the settings that a filter is told, the noise of the sensors included."""
+    records = {
+        name: replace(record, standard_deviation=np.array(getattr(told.sensors, name).stated_standard_deviation()))
+        for name, record in dataset.sensors.items()
+    }
+    return replace(dataset, sensors=records, experiment=told)
+
+
+def _truth(dataset: Dataset) -> TruthRecord:
+    if dataset.truth is None:
+        raise DataError("simulated data without truth")
+    return dataset.truth
+
+
+@lru_cache(maxsize=8)
+def _bounds(simulated: str, identification: str) -> Mapping[str, float]:
+    """Cramer-Rao bounds at the truth, by symbol; empty where there are none.
+
+    Parameters
+    ----------
+    simulated : str
+        Experiment that makes the data.
+    identification : str
+        What is estimated from which part of them.
+    """
+    dataset = _data(simulated)
+    settings = Identification.model_validate_json(identification)
+    data = replace(dataset, experiment=dataset.experiment.model_copy(update={"identification": settings}))
+    try:
+        found = information_at(data, _truth(dataset).coefficients, true_starts(data))
+    except DataError:
+        # The motion is unstable in open loop, or in several stretches: nothing is known of the least deviation.
+        return {}
+    return found.bound() if found.lost_after is None else {}

@@ -1,0 +1,209 @@
+"""A campaign as its runs: which data are simulated, which filters look at them, and what they are told."""
+
+import hashlib
+import json
+from collections.abc import Callable, Collection, Iterator, Sequence
+from itertools import groupby, product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from auvid_cli import __version__
+from auvid_cli.campaign.axes import Change, Label, Option, changes_in, options
+from auvid_cli.campaign.measures import Measure
+from auvid_cli.config.assemble import assemble, with_changes
+from auvid_cli.config.campaign import Campaign, FilterVariant
+from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.load import find_experiment, given_settings, open_source, validated
+from auvid_cli.config.position import Mistake, report
+from auvid_cli.config.tree import Tree
+from auvid_cli.errors import ConfigError
+
+# Runs on the same data go to a worker together, which simulates only once; what is lost with it stays small.
+LARGEST_GROUP = 6
+# Of an identity, in hexadecimal digits: 96 bits.
+_LENGTH = 24
+
+
+class Run(NamedTuple):
+    """One filter on one set of data.
+
+    Attributes
+    ----------
+    identity : str
+        Hash of the resolved settings of data and filter, the seed, and auvid's version.
+    labels : dict
+        What the axes of the campaign are in this run, by column.
+    filter : str
+        Name of the variant.
+    seed : int
+    """
+
+    identity: str
+    labels: dict[str, Label]
+    filter: str
+    seed: int
+
+
+class Group(NamedTuple):
+    """Runs on the same data.
+
+    Attributes
+    ----------
+    simulated : str
+        Experiment as JSON that makes the data.
+    runs : list of Run
+    told : list of str
+        Of each run the experiment as its filter is told it, as JSON: vehicle and sensors, and how to identify, with
+        that filter alone.
+    """
+
+    simulated: str
+    runs: list[Run]
+    told: list[str]
+
+
+class _Resolved(NamedTuple):
+    """A combination of settings, apart from the seed: of the data, and what each filter is told; and their hashes."""
+
+    labels: dict[str, Label]
+    simulated: dict[str, Any]
+    data: str
+    told: list[tuple[dict[str, Any], str]]
+
+
+class Plan:
+    """All runs of a campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    tree : Tree
+        The same as it is written.
+    path : pathlib.Path
+        Where it is written.
+
+    Raises
+    ------
+    ConfigError
+        With the mistakes in the settings of every combination, each at its place.
+    """
+
+    def __init__(self, campaign: Campaign, tree: Tree, path: Path) -> None:
+        self.campaign = campaign
+        self._tree = tree
+        beside = path.parent / campaign.experiment
+        source = open_source(beside if beside.is_file() else find_experiment(campaign.experiment))
+        self._base, self._folder = assemble(source), source.folder
+        experiment = self._experiment([])
+        # None named: those of the experiment.
+        self.filters = campaign.filters or tuple(
+            FilterVariant(filter=name, name=name.value) for name in experiment.identification.filters
+        )
+        settings, axes = given_settings(experiment), tree.child("vary")
+        written = axes.content if axes is not None else []
+        taken = [
+            Mistake(place.at, ("vary", k), f"results have a column {axis.column!r} already; give it another `name`")
+            for k, (axis, place) in enumerate(zip(campaign.vary, written, strict=True))
+            if axis.column in Measure._fields
+        ]
+        if taken:
+            raise ConfigError(report(taken))
+        self._cells = list(product(*(options(*pair, settings) for pair in zip(campaign.vary, written, strict=True))))
+        # Without draws a combination is the same for all seeds.
+        first = _all_or_errors(self._resolve, self._cells)
+        self._fixed = [] if any(axis.draw for axis in campaign.vary) else first
+
+    @property
+    def columns(self) -> dict[str, bool]:
+        """Names of the axes, in their order, and whether what they hold is numbers."""
+        return {axis.column: axis.draw is not None or _are_numbers(axis.values) for axis in self.campaign.vary}
+
+    @property
+    def fixed_columns(self) -> list[str]:
+        """Names of the axes that are not drawn for each seed."""
+        return [axis.column for axis in self.campaign.vary if axis.draw is None]
+
+    @property
+    def n_runs(self) -> int:
+        """How many there are."""
+        return len(self._cells) * len(self.filters) * len(self.campaign.seed_list)
+
+    def groups(self, done: Collection[str] = ()) -> Iterator[Group]:
+        """What is not done yet, all combinations of a seed before the next one."""
+        for seed in self.campaign.seed_list:
+            pending = [triple for triple in self._of_seed(seed) if triple[2].identity not in done]
+            pending.sort(key=lambda triple: triple[0].data)
+            for _, same in groupby(pending, key=lambda triple: triple[0].data):
+                triples = list(same)
+                for k in range(0, len(triples), LARGEST_GROUP):
+                    cells, beliefs, runs = zip(*triples[k : k + LARGEST_GROUP], strict=True)
+                    yield Group(_text(cells[0].simulated, seed), list(runs), [_text(told, seed) for told in beliefs])
+
+    def labels(self) -> dict[str, dict[str, Label]]:
+        """What the axes are in each run, by its identity."""
+        return {run.identity: run.labels for seed in self.campaign.seed_list for *_, run in self._of_seed(seed)}
+
+    def _of_seed(self, seed: int) -> Iterator[tuple[_Resolved, dict[str, Any], Run]]:
+        for cell in self._fixed or (self._resolve(cell, seed) for cell in self._cells):
+            for variant, (told, key) in zip(self.filters, cell.told, strict=True):
+                # Under whatever name: the same settings are the same run.
+                identity = _hash(__version__, cell.data, key, seed)
+                yield cell, told, Run(identity, cell.labels, variant.name, seed)
+
+    def _resolve(self, cell: tuple[Callable[[int], Option], ...], seed: int | None = None) -> _Resolved:
+        chosen = [option(self.campaign.seed_list[0] if seed is None else seed) for option in cell]
+        every = [change for option in chosen for change in option.changes]
+        known = [change for option in chosen if option.known for change in option.changes]
+        simulated = self._experiment(every)
+        told = [self._told(k, known) for k in range(len(self.filters))]
+        labels = dict(zip(self.columns, (option.label for option in chosen), strict=True))
+        data = given_settings(simulated)
+        beliefs = [given_settings(experiment) for experiment in told]
+        return _Resolved(
+            labels,
+            data,
+            _hash(*(data[section] for section in ("vehicle", "sensors", "manoeuvre"))),
+            [(one, _hash(*(one[section] for section in ("vehicle", "sensors", "identification")))) for one in beliefs],
+        )
+
+    def _told(self, variant: int, known: list[Change]) -> Experiment:
+        *_, written = self._tree.descend(("filters", variant, "settings"))
+        own = changes_in(written) if self.filters[variant].settings else []
+        experiment, name = self._experiment([*known, *own]), self.filters[variant].filter
+        experiment.identification.check_filters([name])
+        identification = experiment.identification.model_copy(update={"filters": (name,)})
+        return experiment.model_copy(update={"identification": identification})
+
+    def _experiment(self, changes: list[Change]) -> Experiment:
+        base, mistakes = self._base
+        of_all = changes_in(self._tree.child("settings"))
+        tree, wrong = with_changes(base, [*of_all, *changes], self._folder)
+        return validated(Experiment, tree, [*mistakes, *wrong])
+
+
+def _are_numbers(values: Sequence[Any] | None) -> bool:
+    return values is not None and all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
+
+
+def _hash(*settings: Any) -> str:
+    return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:_LENGTH]
+
+
+def _text(experiment: dict[str, Any], seed: int) -> str:
+    return json.dumps(experiment | {"seed": seed})
+
+
+def _all_or_errors(
+    resolve: Callable[[tuple[Callable[[int], Option], ...]], _Resolved],
+    cells: list[tuple[Callable[[int], Option], ...]],
+) -> list[_Resolved]:
+    """Every combination, or one error that says what is wrong with any of them."""
+    found, wrong = [], {}
+    for cell in cells:
+        try:
+            found.append(resolve(cell))
+        except ConfigError as error:
+            wrong[str(error)] = None
+    if wrong:
+        raise ConfigError("\n".join(wrong))
+    return found

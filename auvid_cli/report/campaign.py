@@ -1,0 +1,164 @@
+"""What a campaign found, as files and on the screen."""
+
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table as ScreenTable
+from rich.text import Text
+
+from auvid_cli.campaign.findings import Findings
+from auvid_cli.data.files import write_text
+from auvid_cli.report.markdown import render_markdown
+from auvid_cli.report.screen_table import first_that_fits, screen_table
+from auvid_cli.report.table import Cell, Column, Table, number
+
+# More combinations than this are for the files.
+_MOST_ON_SCREEN = 40
+_WHAT = {"steady_state_error_percent": "steady-state error", "rmse_percent": "RMSE"}
+
+
+def write_findings(found: Findings, folder: Path) -> list[Path]:
+    """Write ``filters.csv``, ``coefficients.csv``, ``comparisons.csv`` and ``campaign.md``.
+
+    Raises
+    ------
+    FileError
+        If one cannot be written; it is then not there, or as it was before.
+    """
+    tables = {"filters": found.filters, "coefficients": found.coefficients, "comparisons": found.comparisons}
+    paths = [folder / f"{name}.csv" for name in tables]
+    for path, table in zip(paths, tables.values(), strict=True):
+        write_text(path, table.to_csv(index=False))
+    markdown = folder / "campaign.md"
+    write_text(markdown, render_markdown([_filters_table(found), *_comparison_table(found)]))
+    return [*paths, markdown]
+
+
+def print_findings(console: Console, found: Findings, files: Sequence[Path]) -> None:
+    """Print a row for each combination of settings and filter, who is better in how many, and where the files are."""
+    if len(found.filters) <= _MOST_ON_SCREEN:
+        console.print(first_that_fits(console, _ever_narrower(_filters_table(found))))
+    else:
+        console.print(Text(f"{len(found.filters)} combinations of settings and filter: see the tables"))
+    for sentence in comparison_sentences(found):
+        console.print(Text(sentence))
+    for folder in dict.fromkeys(path.parent for path in files):
+        console.print(Text(f"{sum(path.parent == folder for path in files)} files in {folder}"), soft_wrap=True)
+
+
+def comparison_sentences(found: Findings) -> list[str]:
+    """For each pair of filters and measure: in how many combinations of settings which verdict holds."""
+    sentences = []
+    if not len(found.comparisons):
+        return sentences
+    for (first, second, measure), own in found.comparisons.groupby(["first", "second", "measure"], sort=False):
+        counts = own["verdict"].value_counts()
+        verdicts = ", ".join(f"{verdict} in {count}" for verdict, count in counts.items())
+        sentences.append(f"{first} and {second}, {_WHAT[str(measure)]}: {verdicts}, of {len(own)}")
+    return sentences
+
+
+def _filters_table(found: Findings) -> Table:
+    columns = [Column(_heading(column), numeric=False) for column in [*found.columns, "filter"]]
+    headers = (
+        "runs",
+        "diverged %",
+        "inconsistent %",
+        "error %",
+        "5 - 95 %",
+        "in 2 sd %",
+        "sd / bound",
+        "error / bound",
+    )
+    columns += [Column(header) for header in (*headers, "NEES", "by chance")]
+    rows: list[list[Cell]] = [
+        [
+            *(_label(row[column]) for column in [*found.columns, "filter"]),
+            int(row["runs"]),
+            100.0 * row["diverged"],
+            100.0 * row["inconsistent"],
+            row["steady_state_error_percent"],
+            _interval(row, "steady_state_error_percent"),
+            100.0 * row["within_two_sigma"],
+            row["times_bound"],
+            row["error_times_bound"],
+            row["nees"],
+            _interval(row, "nees"),
+        ]
+        for row in found.filters.to_dict("records")
+    ]
+    notes = (
+        "Error: mean steady-state error of the coefficients, median over the runs. In 2 sd: share of all coefficients "
+        "whose truth lies within two standard deviations; 95.4 if these are honest. Bound: Cramer-Rao's, of the data "
+        "alone. NEES: per coefficient, 1 if the covariance is honest. Runs that diverged count only as such.",
+    )
+    return Table("campaign", "Filters", tuple(columns), rows, notes=notes)
+
+
+def _comparison_table(found: Findings) -> list[Table]:
+    """Who is better where; nothing if there is but one filter."""
+    if not len(found.comparisons):
+        return []
+    kept = [*found.columns, "first", "second"]
+    headers = ("measure", "first", "second", "difference", "95 %", "p, adjusted", "seeds", "verdict")
+    columns = [Column(_heading(name), numeric=False) for name in kept]
+    columns += [Column(header, numeric=header not in ("measure", "verdict")) for header in headers]
+    rows: list[list[Cell]] = [
+        [
+            *(_label(row[name]) for name in kept),
+            _WHAT[row["measure"]],
+            row["median_first"],
+            row["median_second"],
+            row["difference"],
+            _interval(row, "difference"),
+            row["p_adjusted"],
+            int(row["seeds"]),
+            row["verdict"],
+        ]
+        for row in found.comparisons.to_dict("records")
+    ]
+    notes = (
+        *comparison_sentences(found),
+        "On the same data, seed by seed: median of the difference, first minus second, with its 95 % interval; "
+        "Wilcoxon's p-value, adjusted for the number of comparisons (Benjamini and Hochberg). A tie: the whole "
+        "interval lies within 1 % of the error itself.",
+    )
+    return [Table("comparisons", "Filters against each other", tuple(columns), rows, notes=notes)]
+
+
+def _ever_narrower(table: Table) -> Iterator[ScreenTable]:
+    """On the screen, with ever fewer columns."""
+    shown = [column.header for column in table.columns]
+    for dropped in ("", "by chance", "error / bound", "5 - 95 %", "inconsistent %", "sd / bound", "NEES"):
+        shown = [header for header in shown if header != dropped]
+        screen = screen_table()
+        for column in table.columns:
+            if column.header in shown:
+                screen.add_column(column.header, justify="right" if column.numeric else "left")
+        for row in table.rows:
+            cells = zip(row, table.columns, strict=True)
+            screen.add_row(*(Text(_printed(cell)) for cell, column in cells if column.header in shown))
+        yield screen
+
+
+def _printed(cell: Cell) -> str:
+    if isinstance(cell, str):
+        return cell
+    return (number(cell, 3) if isinstance(cell, int | float) else None) or "-"
+
+
+def _heading(column: str) -> str:
+    """Of a setting its last two keys."""
+    return ".".join(column.split(".")[-2:])
+
+
+def _label(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _interval(row: Mapping[Hashable, Any], name: str) -> str | None:
+    low, high = row[f"{name}_low"], row[f"{name}_high"]
+    return f"{number(low, 3)} to {number(high, 3)}" if isfinite(low) and isfinite(high) else None

@@ -1,0 +1,147 @@
+"""What a campaign found: spread of the errors of each filter, and a map over two settings."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure
+
+_HATCHES = ("", "////", "xxxx", "....")
+# Of the boxes of one group, what they take of the room between two.
+_WIDTH = 0.8
+_MOST_PANELS = 12
+_LARGEST = 1e3
+
+
+def spread_figure(runs: pd.DataFrame, columns: list[str], filters: dict[str, str]) -> Figure:
+    """Box plots of the mean steady-state error over all runs that came to an end; below, how many did not.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        A row for each: axes, filter, status, steady_state_error_percent.
+    columns : list of str
+        Axes: the last along each panel, the others from panel to panel.
+    filters : dict
+        Of each variant, by name, its filter.
+    """
+    along, panels = (columns[-1] if columns else None), columns[:-1]
+    cells = [(_title(panels, key), cell) for key, cell in runs.groupby(panels, sort=False)] if panels else [("", runs)]
+    figure = new_figure(11.0, 2.6 * min(len(cells), _MOST_PANELS) + 0.9)
+    axes_list = np.atleast_1d(figure.subplots(min(len(cells), _MOST_PANELS), 1, sharex=True, sharey=True))
+    levels = list(dict.fromkeys(runs[along])) if along else [""]
+    looks = _looks(filters)
+    for axes, (title, cell) in zip(axes_list, cells, strict=False):
+        for k, name in enumerate(filters):
+            own = cell[cell["filter"] == name]
+            by_level = [own if along is None else own[own[along] == level] for level in levels]
+            places = np.arange(len(levels)) + _WIDTH * ((k + 0.5) / len(filters) - 0.5)
+            boxes = axes.boxplot(
+                [np.minimum(some["steady_state_error_percent"].dropna().to_numpy(), _LARGEST) for some in by_level],
+                positions=places,
+                widths=0.85 * _WIDTH / len(filters),
+                whis=(5, 95),
+                manage_ticks=False,
+                patch_artist=True,
+                medianprops={"color": "white", "linewidth": 1.0},
+                flierprops={"markersize": 2.0, "markeredgecolor": "0.5"},
+            )
+            for box in boxes["boxes"]:
+                box.set(**looks[name])
+            for place, some in zip(places, by_level, strict=True):
+                lost = some["steady_state_error_percent"].isna().mean() if len(some) else 0.0
+                if lost:
+                    axes.text(
+                        place,
+                        0.01,
+                        f"{lost:.0%}",
+                        rotation=90,
+                        fontsize=6.5,
+                        ha="center",
+                        va="bottom",
+                        color="#A00000",
+                        transform=axes.get_xaxis_transform(),
+                    )
+        axes.set_yscale("log")
+        axes.grid(axis="y", color="0.9", linewidth=0.6)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.tick_params(labelsize=8)
+        axes.set_ylabel("error (%)", fontsize=9)
+        head(axes, title)
+    axes_list[-1].set_xticks(range(len(levels)), [_text(level) for level in levels])
+    axes_list[-1].set_xlabel(along or "", fontsize=9)
+    handles = [Patch(label=name, **looks[name]) for name in filters]
+    legend_above(figure, [*handles, Patch(label="red: share that diverged", color="none")])
+    return figure
+
+
+def map_figure(table: pd.DataFrame, columns: list[str], filters: dict[str, str]) -> Figure:
+    """Median error over two settings, a panel for each filter, with the share of runs that did not end well.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As of `auvid_cli.campaign.statistics.by_filter`; over further axes the median is taken.
+    columns, filters
+        As of `spread_figure`; the last two axes are the map's.
+    """
+    down, across = columns[-2:]
+    rows, cols = list(dict.fromkeys(table[down])), list(dict.fromkeys(table[across]))
+    n = len(filters)
+    wide = min(n, 3)
+    figure = new_figure(1.0 + wide * (0.62 * len(cols) + 0.9), -(-n // wide) * (0.42 * len(rows) + 1.0) + 0.5)
+    panels = np.atleast_1d(figure.subplots(-(-n // wide), wide, sharex=True, sharey=True, squeeze=False)).ravel()
+    errors = table["steady_state_error_percent"].clip(upper=_LARGEST).dropna().to_numpy(dtype=np.float64)
+    # In decades; of a run that was lost there is none.
+    lowest, highest = np.log10([errors.min(), errors.max()]) if errors.size else (0.0, 0.0)
+    image = None
+    for axes, name in zip(panels, filters, strict=False):
+        own = table[table["filter"] == name]
+        error, lost, belied = (
+            own.pivot_table(values=value, index=down, columns=across, aggfunc="median", dropna=False)
+            .reindex(index=rows, columns=cols)
+            .to_numpy(dtype=np.float64)
+            for value in ("steady_state_error_percent", "diverged", "inconsistent")
+        )
+        decades = np.log10(np.minimum(error, _LARGEST))
+        image = axes.imshow(decades, vmin=lowest, vmax=highest, cmap="viridis_r", aspect="auto")
+        for i, j in np.ndindex(len(rows), len(cols)):
+            text = f"{error[i, j]:.2g}" if np.isfinite(error[i, j]) else "-"
+            text += f"\n{lost[i, j]:.0%} lost" if lost[i, j] > 0.0 else ""
+            text += f"\n{belied[i, j]:.0%} incons." if belied[i, j] > 0.0 else ""
+            is_dark = decades[i, j] > 0.5 * (lowest + highest)
+            axes.text(j, i, text, ha="center", va="center", fontsize=6, color="white" if is_dark else "black")
+        axes.set_xticks(range(len(cols)), [_text(value) for value in cols], fontsize=8)
+        axes.set_yticks(range(len(rows)), [_text(value) for value in rows], fontsize=8)
+        head(axes, name)
+    for axes in panels[n:]:
+        axes.set_visible(False)
+    figure.supxlabel(across, fontsize=9)
+    figure.supylabel(down, fontsize=9)
+    if image is not None:
+        bar = figure.colorbar(image, ax=panels.tolist(), shrink=0.8, label="median steady-state error (%)")
+        bar.ax.yaxis.set_major_formatter(lambda decades, _: f"{10.0**decades:.2g}")
+    return figure
+
+
+def _looks(filters: dict[str, str]) -> dict[str, dict[str, Any]]:
+    """Fill of each variant: the colour of its filter, hatched differently from the filter's other variants."""
+    looks: dict[str, dict[str, Any]] = {}
+    seen: dict[str, int] = {}
+    for name, kind in filters.items():
+        looks[name] = {"facecolor": FILTER_STYLES[kind].color, "hatch": _HATCHES[seen.get(kind, 0) % len(_HATCHES)]}
+        seen[kind] = seen.get(kind, 0) + 1
+    return looks
+
+
+def _title(names: list[str], values: object) -> str:
+    stated = values if isinstance(values, tuple) else (values,)
+    return ", ".join(f"{name} {_text(value)}" for name, value in zip(names, stated, strict=True))
+
+
+def _text(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

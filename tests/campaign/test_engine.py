@@ -1,0 +1,96 @@
+"""Whatever happens to workers, each run is there once."""
+
+import os
+import signal
+import threading
+import time
+from itertools import islice
+
+import pytest
+from distributed import LocalCluster
+
+from auvid_cli.campaign.engine import cluster_client, perform_groups
+from auvid_cli.campaign.plan import Group
+from auvid_cli.errors import ConfigError
+
+MANY = """\
+name: many
+settings: {manoeuvre.duration: 10 s, sensors.attitude.source: direct}
+seeds: 30
+filters: [ckf, tukf]
+"""
+
+
+def test_all_runs_come_back_from_a_scheduler_that_was_there_before(planned):
+    plan = planned(MANY, "seeds=4")
+    with (
+        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
+        cluster_client(cluster.scheduler_address, 1) as client,
+    ):
+        runs = [done for group in perform_groups(client, plan.groups(), False) for done in group]
+    assert sorted(done.run.identity for done in runs) == sorted(plan.labels())
+    assert {done.failure for done in runs} == {""}
+
+
+def test_killed_workers_lose_and_repeat_nothing(planned):
+    plan = planned(MANY)
+    killed = []
+    with cluster_client(None, 2) as client:
+
+        def kill_two() -> None:
+            for _ in range(2):
+                pids = {info["pid"] for info in client.run(lambda: {"pid": os.getpid()}).values()}
+                victim = min(pids - set(killed))
+                killed.append(victim)
+                os.kill(victim, signal.SIGKILL)
+                time.sleep(1.0)
+
+        found = []
+        killer = threading.Thread(target=kill_two)
+        for group in perform_groups(client, plan.groups(), False):
+            found += group
+            if not killer.ident:
+                killer.start()
+        killer.join()
+    assert len(killed) == 2
+    assert sorted(done.run.identity for done in found) == sorted(plan.labels())
+    assert {done.failure for done in found} == {""}
+
+
+def test_a_group_that_no_worker_can_do_has_failed_and_the_others_go_on(planned):
+    plan = planned(MANY, "seeds=3")
+    groups = list(plan.groups())
+    # Text that no worker can read: it fails in the worker's own code, not in a run.
+    broken = [groups[0], Group(7, groups[1].runs, groups[1].told), groups[2]]
+    with (
+        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
+        cluster_client(cluster.scheduler_address, 1) as client,
+    ):
+        runs = [done for group in perform_groups(client, iter(broken), False) for done in group]
+    assert len(runs) == 6
+    assert sum(bool(done.failure) for done in runs) == 2
+
+
+def test_no_more_is_sent_than_is_worked_on_soon(planned):
+    plan, taken = planned(MANY, "seeds=200"), []
+
+    def watched():
+        for group in plan.groups():
+            taken.append(group)
+            yield group
+
+    with (
+        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
+        cluster_client(cluster.scheduler_address, 1) as client,
+    ):
+        for count, _ in enumerate(islice(perform_groups(client, watched(), False), 5), 1):
+            assert len(taken) <= count + 3
+
+
+def test_a_scheduler_that_does_not_answer_is_said(monkeypatch):
+    monkeypatch.setattr("auvid_cli.campaign.engine._PATIENCE", 1.0)
+    with (
+        pytest.raises(ConfigError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler with workers answers"),
+        cluster_client("tcp://127.0.0.1:9", 1),
+    ):
+        pass

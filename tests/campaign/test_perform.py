@@ -1,0 +1,97 @@
+"""What a worker makes of a group: the same as the commands do, one step after the other."""
+
+import numpy as np
+import pytest
+
+from auvid_cli.campaign.perform import perform
+from auvid_cli.config.experiment import Experiment
+from auvid_cli.evaluation.bounds import BoundsOf
+from auvid_cli.evaluation.evaluate import evaluate
+from auvid_cli.identification.identify import identify
+from auvid_cli.simulation.simulate import simulate
+
+TEXT = """\
+name: short
+settings: {manoeuvre.duration: 20 s, sensors.attitude.source: direct}
+seeds: [4]
+filters: [ckf, {name: wide, filter: ckf, settings: {identification.prior.factor: 10}}]
+"""
+
+
+@pytest.fixture
+def performed(planned):
+    (group,) = planned(TEXT).groups()
+    return group, perform(group, with_estimates=True)
+
+
+def test_runs_are_measured_as_the_report_does(performed):
+    group, done = performed
+    for told, result in zip(group.told, done, strict=True):
+        assert result.failure == ""
+        experiment = Experiment.model_validate_json(told)
+        dataset = simulate(experiment)
+        estimate = identify(dataset, experiment.identification.filters[0])
+        wanted = evaluate(dataset, [estimate], BoundsOf(dataset))
+        rows = {(row.kind, row.name): row for row in result.rows}
+        for row in wanted.coefficients:
+            found = rows["coefficient", row.coefficient]
+            assert (found.true, found.estimate, found.standard_deviation, found.rmse) == (
+                row.true,
+                row.estimate,
+                row.standard_deviation,
+                row.rmse,
+            )
+            assert found.cramer_rao_bound == pytest.approx(row.cramer_rao_bound)
+        for row in wanted.consistency:
+            found = rows["sensor", row.sensor]
+            assert found.squares / found.components == pytest.approx(row.mean_nis)
+        run = rows["run", ""]
+        assert run.steady_state_error_percent == wanted.summary[0].average_steady_state_error_percent
+        # NEES by the definition, with an inverse.
+        error = [estimate.mean[-1, i] - dataset.truth.coefficients[estimate.state[i]] for i in range(22)]
+        nees = error @ np.linalg.inv(estimate.covariance[:22, :22]) @ error
+        assert run.squares == pytest.approx(nees, rel=1e-4)
+        assert run.components == 22
+        roll = np.interp(estimate.time, dataset.truth.time, dataset.truth.motion[:, 6])
+        wanted_rmse = np.sqrt(np.mean((estimate.mean[:, estimate.state.index("phi")] - roll) ** 2))
+        assert rows["motion", "phi"].rmse == pytest.approx(wanted_rmse)
+        np.testing.assert_array_equal(result.estimate.mean, estimate.mean)
+
+
+def test_estimates_stay_where_they_are_unless_asked_for(planned):
+    (group,) = planned(TEXT).groups()
+    assert [done.estimate for done in perform(group)] == [None, None]
+
+
+def test_a_filter_that_is_not_told_keeps_the_noise_it_knows(planned):
+    text = TEXT + "vary: [{setting: sensors.dvl.noise, values: [0.5 m/s], known: false}]\n"
+    (group,) = planned(text).groups()
+    rows = perform(group)[0].rows
+    (dvl,) = [row for row in rows if row.kind == "sensor" and row.name == "dvl"]
+    nominal = Experiment.model_validate_json(group.told[0]).sensors.dvl.stated_standard_deviation()[0]
+    # Innovations are larger by about the square of how much more noise there is than the filter believes.
+    assert dvl.squares / dvl.components > 0.3 * (0.5 / nominal) ** 2
+    assert rows[0].status.startswith(("inconsistent", "diverged"))
+
+
+def test_what_goes_wrong_in_one_run_is_its_failure(planned):
+    (group,) = planned(TEXT).groups()
+    broken = group.told[0].replace('"length": 2.194', '"length": -1.0')
+    assert broken != group.told[0]
+    first, second = perform(replace_told(group, [broken, group.told[1]]))
+    assert "length" in first.failure
+    assert first.rows == []
+    assert second.failure == ""
+    assert len(second.rows) > 22
+
+
+def test_data_that_cannot_be_simulated_fail_all_their_runs(planned):
+    text = TEXT.replace("duration: 20 s", "duration: 20 s, manoeuvre.pitch: 1.5, manoeuvre.initial_pitch: 1.5")
+    (group,) = planned(text).groups()
+    for done in perform(group):
+        assert done.failure
+        assert done.rows == []
+
+
+def replace_told(group, told):
+    return group._replace(told=told)

@@ -1,0 +1,213 @@
+"""What a campaign's file means: which runs, on which data, told what."""
+
+import json
+from statistics import mean, stdev
+
+import pytest
+
+from auvid_cli.campaign.plan import LARGEST_GROUP
+from auvid_cli.config.experiment import Experiment
+from auvid_cli.errors import ConfigError
+
+GRID = """\
+name: grid
+settings: {manoeuvre.duration: 5 s}
+seeds: [3, 5]
+filters:
+  - ckf
+  - {name: first_order, filter: ekf, settings: {identification.ekf.transition: first_order}}
+vary:
+  - {setting: identification.prior.factor, values: [1, 10]}
+  - name: rate
+    levels:
+      slow: {sensors.gyroscope.rate: 10 Hz, sensors.attitude.rate: 10 Hz}
+      fast: {sensors.gyroscope.rate: 100 Hz}
+"""
+
+
+def simulated(group):
+    return Experiment.model_validate_json(group.simulated)
+
+
+def told(group):
+    return [Experiment.model_validate_json(text) for text in group.told]
+
+
+def test_every_combination_is_run_with_every_filter_and_seed(planned):
+    plan = planned(GRID)
+    runs = [(run.seed, run.filter, *run.labels.values()) for group in plan.groups() for run in group.runs]
+    wanted = {
+        (seed, name, factor, rate)
+        for seed in (3, 5)
+        for name in ("ckf", "first_order")
+        for factor in (1, 10)
+        for rate in ("slow", "fast")
+    }
+    assert len(runs) == len(wanted) == plan.n_runs
+    assert set(runs) == wanted
+    assert plan.columns == {"identification.prior.factor": True, "rate": False}
+
+
+def test_runs_on_the_same_data_go_together_and_are_told_their_own_settings(planned):
+    groups = list(planned(GRID).groups())
+    # Two rates and two seeds make four sets of data; a prior and a filter are nothing of the data.
+    assert len(groups) == 4
+    for group in groups:
+        data = simulated(group)
+        rate = {run.labels["rate"] for run in group.runs}
+        assert rate == {"slow" if data.sensors.gyroscope.rate == 10.0 else "fast"}
+        assert {run.seed for run in group.runs} == {data.seed}
+        for run, belief in zip(group.runs, told(group), strict=True):
+            assert belief.identification.prior.factor == run.labels["identification.prior.factor"]
+            assert belief.sensors == data.sensors
+            (name,) = belief.identification.filters
+            assert (name.value, belief.identification.ekf.transition) == (
+                ("ekf", "first_order") if run.filter == "first_order" else ("ckf", "first_order")
+            )
+
+
+def test_groups_are_small_so_that_little_is_lost_with_one(planned):
+    text = "name: many\nsettings: {manoeuvre.duration: 5 s}\nseeds: 1\nfilters: [ckf]\n"
+    text += "vary: [{setting: identification.prior.factor, values: [1, 2, 3, 4, 5, 6, 7, 8]}]\n"
+    sizes = [len(group.runs) for group in planned(text).groups()]
+    assert sizes == [LARGEST_GROUP, 8 - LARGEST_GROUP]
+
+
+def test_what_is_done_is_left_out(planned):
+    plan = planned(GRID)
+    done = set(list(plan.labels())[::3])
+    left = [run.identity for group in plan.groups(done) for run in group.runs]
+    assert sorted(left) == sorted(set(plan.labels()) - done)
+
+
+def test_an_identity_is_that_of_the_settings_and_not_of_names_or_places(planned):
+    first = planned(GRID).labels()
+    renamed = planned(
+        GRID.replace("name: grid", "name: other").replace("first_order, filter", "euler, filter"),
+        "experiment=spiral",
+    )
+    assert set(renamed.labels()) == set(first)
+    # A level more, and the axes the other way round: what was there is still the same.
+    more = planned(GRID.replace("[1, 10]", "[10, 1, 30]")).labels()
+    assert set(first) < set(more)
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "settings={manoeuvre.duration: 6 s}",
+        "settings={manoeuvre.duration: 5 s, sensors.dvl.rate: 5 Hz}",
+        "settings={manoeuvre.duration: 5 s, vehicle.parameters.m: 50 kg}",
+        "settings={manoeuvre.duration: 5 s, identification.integration_step: 0.01 s}",
+        "seeds=[7, 8]",
+    ],
+)
+def test_other_settings_are_other_runs(planned, override):
+    assert not set(planned(GRID).labels()) & set(planned(GRID, override).labels())
+
+
+def test_another_version_of_auvid_is_another_run(planned, monkeypatch):
+    before = set(planned(GRID).labels())
+    monkeypatch.setattr("auvid_cli.campaign.plan.__version__", "0.0.0")
+    assert not before & set(planned(GRID).labels())
+
+
+def test_draws_are_the_same_for_all_filters_and_follow_their_distribution(planned):
+    text = (
+        "name: drawn\nsettings: {manoeuvre.duration: 5 s}\nseeds: 200\nfilters: [ckf, tukf]\n"
+        "vary: [{setting: vehicle.parameters.m, relative: true, known: false, draw: {normal: [1, 0.02]}}]\n"
+    )
+    plan = planned(text)
+    factors = {}
+    for group in plan.groups():
+        (factor,) = {run.labels["vehicle.parameters.m"] for run in group.runs}
+        factors[group.runs[0].seed] = factor
+        if len(factors) < 4:
+            nominal = told(group)[0].vehicle.parameters.by_symbol()["m"]
+            assert simulated(group).vehicle.parameters.by_symbol()["m"] == pytest.approx(factor * nominal)
+            assert len(group.runs) == 2
+    values = list(factors.values())
+    # Four standard errors of 200 draws.
+    assert mean(values) == pytest.approx(1.0, abs=4 * 0.02 / 200**0.5)
+    assert stdev(values) == pytest.approx(0.02, rel=4 / 400**0.5)
+    assert plan.fixed_columns == []
+    # Another axis more does not change them.
+    more = planned(text.replace("vary: [", "vary: [{setting: identification.prior.factor, values: [1, 3]}, "))
+    again = {run.seed: run.labels["vehicle.parameters.m"] for group in more.groups() for run in group.runs}
+    assert again == factors
+
+
+def test_what_filters_are_not_told_they_keep_from_the_experiment(planned):
+    text = (
+        "name: noise\nsettings: {manoeuvre.duration: 5 s}\nseeds: 1\nfilters: [ckf]\n"
+        "vary: [{setting: sensors.dvl.noise, values: [0.05], known: false}]\n"
+    )
+    (group,) = planned(text).groups()
+    assert simulated(group).sensors.dvl.noise == (0.05,)
+    assert told(group)[0].sensors.dvl.noise != (0.05,)
+    (known,) = planned(text.replace(", known: false", "")).groups()
+    assert told(known)[0].sensors.dvl.noise == (0.05,)
+
+
+def test_relative_values_multiply_each_component(planned):
+    text = (
+        "name: lists\nsettings: {sensors.dvl.noise: [0.01, 0.02, 0.03]}\nseeds: 1\nfilters: [ckf]\n"
+        "vary: [{setting: sensors.dvl.noise, values: [2], relative: true}]\n"
+    )
+    (group,) = planned(text).groups()
+    assert simulated(group).sensors.dvl.noise == (0.02, 0.04, 0.06)
+
+
+def test_settings_travel_as_text_that_means_the_same(planned):
+    for group in planned(GRID).groups():
+        for text in (group.simulated, *group.told):
+            assert Experiment.model_validate_json(json.dumps(json.loads(text))) == Experiment.model_validate_json(text)
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (
+            ("[1, 10]", "[1, -3]"),
+            r"campaign\.yaml:8:\d+: identification\.prior\.factor: must be greater than 0, got -3",
+        ),
+        (("gyroscope.rate: 10 Hz", "gyroscop.rate: 10 Hz"), r"campaign\.yaml:11:\d+: .*gyroscop.*did you mean"),
+        (("rate: 100 Hz", "rate: 100 kg"), r"campaign\.yaml:12:\d+: sensors\.gyroscope\.rate: expected a frequency"),
+        (("filter: ekf", "filter: efk"), r"campaign\.yaml:6:\d+: .*efk"),
+        (("name: rate\n", "neme: rate\n"), r"campaign\.yaml:9:\d+: vary\.1\.neme: unknown key 'neme'"),
+        (("values: [1, 10]", "values: []"), r"expected at least 1 of them"),
+        (("seeds: [3, 5]", "seeds: [3, 3]"), "a seed stands twice"),
+        (("seeds: [3, 5]", "seeds: 0"), "seeds"),
+        (("{setting: identification.prior.factor,", "{"), "need the key of their `setting`"),
+        (("ekf.transition: first_order", "gate: x"), r"campaign\.yaml:6:\d+: identification\.gate"),
+        (
+            ("{identification.ekf.transition", "{sensors.dvl.rate: 3 Hz, identification.ekf.transition"),
+            "all filters share",
+        ),
+        (("values: [1, 10]", "values: [1, 10], known: false"), "`known: false` is for settings of vehicle or sensors"),
+        (("setting: identification.prior.factor", "setting: seed"), "seeds and filters have lists of their own"),
+        (("name: rate", "name: identification.prior.factor"), "stands twice"),
+        (("name: rate", "name: status"), "results have a column .status. already"),
+        (("settings: {manoeuvre", "settings: {manouvre"), r"campaign\.yaml:2:\d+: manouvre"),
+        (("settings:", "experiment: nowhere\nsettings:"), "'nowhere' is neither a file nor an experiment"),
+    ],
+)
+def test_mistakes_are_told_at_their_place(planned, change, complaint):
+    old, new = change
+    assert GRID.count(old) >= 1
+    with pytest.raises(ConfigError, match=complaint):
+        planned(GRID.replace(old, new, 1))
+
+
+def test_a_factor_needs_a_number_to_multiply(planned):
+    text = "name: x\nfilters: [ckf]\nvary: [{setting: identification.gate, values: [2], relative: true}]\n"
+    with pytest.raises(ConfigError, match=r"campaign\.yaml:3:\d+: identification\.gate: .*states none there"):
+        planned(text)
+    text = "name: x\nfilters: [ckf]\nvary: [{setting: sensors.dvl.rate, values: [2 Hz], relative: true}]\n"
+    with pytest.raises(ConfigError, match=r"multiplies by numbers, got '2 Hz'"):
+        planned(text)
+
+
+def test_without_filters_those_of_the_experiment_run(planned):
+    plan = planned("name: x\nseeds: 1\n")
+    assert [variant.name for variant in plan.filters] == ["ekf", "ckf", "tukf"]

@@ -1,0 +1,177 @@
+"""`auvid campaign` as it is used: done once, taken up again, failed and tried again."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pandas as pd
+import pytest
+
+from auvid_cli.data.estimate_file import read_estimate
+
+CAMPAIGN = """\
+name: small
+settings: {manoeuvre.duration: 10 s, sensors.attitude.source: direct}
+seeds: 6
+filters: [ckf, tukf]
+vary: [{setting: identification.prior.factor, values: [1, 3]}]
+"""
+
+
+def command(*arguments):
+    return [sys.executable, "-m", "auvid_cli", "campaign", *map(str, arguments)]
+
+
+def auvid(*arguments, cwd):
+    return subprocess.run(command(*arguments), cwd=cwd, capture_output=True, text=True, timeout=300)
+
+
+def rows(folder):
+    return pd.read_parquet(folder / "results/campaigns/small/results")
+
+
+def runs(folder):
+    table = rows(folder)
+    return table[table["kind"] == "run"]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("campaign")
+    (folder / "small.yaml").write_text(CAMPAIGN)
+    result = auvid("small.yaml", "--keep-estimates", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    return folder, result
+
+
+def test_a_campaign_leaves_results_tables_and_figures(finished):
+    folder, result = finished
+    home = folder / "results/campaigns/small"
+    assert len(runs(folder)) == 24
+    assert {"ckf", "tukf"} <= set(result.stdout.split())
+    for name in ("filters.csv", "coefficients.csv", "comparisons.csv", "campaign.md"):
+        assert (home / "tables" / name).stat().st_size > 100
+    assert (home / "figures/spread.png").stat().st_size > 1000
+    filters = pd.read_csv(home / "tables/filters.csv")
+    assert list(filters["runs"]) == [6, 6, 6, 6]
+    table = rows(folder)
+    assert len(table[table["kind"] == "coefficient"]) == 24 * 22
+    assert set(table.loc[table["kind"] == "motion", "name"]) == {"u", "v", "w", "p", "q", "r", "phi", "theta", "psi"}
+
+
+def test_estimates_that_were_asked_for_are_whole(finished):
+    folder, _ = finished
+    table = rows(folder)
+    files = sorted((folder / "results/campaigns/small/estimates").iterdir())
+    assert len(files) == 24
+    estimate = read_estimate(files[0])
+    own = table[(table["run"] == files[0].stem) & (table["kind"] == "coefficient")].set_index("name")
+    for symbol, value in estimate.final_coefficients().items():
+        assert own.loc[symbol, "estimate"] == value
+
+
+def test_what_is_finished_is_only_reported_again(finished):
+    folder, first = finished
+    before = {path: path.stat().st_mtime_ns for path in (folder / "results/campaigns/small/results").iterdir()}
+    result = auvid("small.yaml", cwd=folder)
+    assert result.returncode == 0
+    assert result.stdout == first.stdout
+    assert before == {path: path.stat().st_mtime_ns for path in (folder / "results/campaigns/small/results").iterdir()}
+
+
+def test_more_seeds_and_levels_add_to_what_is_there(finished, tmp_path):
+    folder, _ = finished
+    (tmp_path / "small.yaml").write_text(CAMPAIGN.replace("seeds: 6", "seeds: 7").replace("[1, 3]", "[1, 3, 10]"))
+    result = auvid("small.yaml", "--output", folder / "results/campaigns/small", "--dry-run", cwd=tmp_path)
+    assert result.stdout.startswith("small: 42 runs: 3 combinations of settings, 2 filters, 7 seeds; 24 finished")
+    assert "18 runs take about " in result.stdout
+
+
+def test_a_campaign_that_is_killed_goes_on_where_it_was(tmp_path):
+    (tmp_path / "small.yaml").write_text(CAMPAIGN.replace("seeds: 6", "seeds: 40"))
+    process = subprocess.Popen(command("small.yaml"), cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    home = tmp_path / "results/campaigns/small/results"
+    deadline = time.monotonic() + 200.0
+    while len(list(home.glob("part-*"))) < 4:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    os.kill(process.pid, signal.SIGKILL)
+    process.communicate()
+    kept = runs(tmp_path).set_index("run")["processor_time"]
+    assert 12 <= len(kept) < 160
+    result = auvid("small.yaml", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    whole = runs(tmp_path)
+    assert len(whole) == whole["run"].nunique() == 160
+    # Processor time is never the same twice: what was kept was not done again.
+    again = whole.set_index("run")["processor_time"].loc[kept.index]
+    pd.testing.assert_series_equal(again, kept)
+
+
+def test_an_interrupted_campaign_says_how_far_it_got(tmp_path):
+    (tmp_path / "small.yaml").write_text(CAMPAIGN.replace("seeds: 6", "seeds: 400"))
+    process = subprocess.Popen(
+        command("small.yaml"), cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    home = tmp_path / "results/campaigns/small/results"
+    deadline = time.monotonic() + 200.0
+    while not list(home.glob("part-*")):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    said, complaint = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "of 1600 runs are done and kept; the same command goes on with the others" in said
+    assert complaint.endswith("auvid: interrupted; files already written are complete\n")
+
+
+def test_a_run_that_fails_is_told_and_can_be_tried_again(tmp_path):
+    text = (
+        CAMPAIGN.replace("seeds: 6", "seeds: 1")
+        .replace("[1, 3]", "[1]")
+        .replace(
+            "vary: [",
+            "vary: [{name: start, levels: {level: {}, upright: {manoeuvre.pitch: 1.5, manoeuvre.initial_pitch: 1.5}}},",
+        )
+    )
+    (tmp_path / "small.yaml").write_text(text)
+    result = auvid("small.yaml", cwd=tmp_path)
+    assert result.returncode == 1, result.stderr
+    assert "2 runs failed, the first because: " in result.stdout
+    assert "--retry tries them again" in result.stdout
+    failures = pd.read_csv(tmp_path / "results/campaigns/small/failures.csv")
+    assert set(failures["settings"]) == {"start = upright, identification.prior.factor = 1"}
+    assert set(runs(tmp_path)["start"]) == {"level"}
+    # Not tried again unless asked for.
+    assert "0 left" in auvid("small.yaml", "--dry-run", cwd=tmp_path).stdout
+    assert "2 runs failed" in auvid("small.yaml", "--retry", cwd=tmp_path).stdout
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("name: small\nfilters: [ckff]\n", ["small.yaml:2:11", "ckff"]),
+        (
+            "name: small\nvary: [{setting: sensors.dvl.rat, values: [1 Hz]}]\n",
+            ["small.yaml:2:44", "rat", "did you mean"],
+        ),
+        ("", ["small.yaml"]),
+    ],
+)
+def test_a_mistake_ends_before_anything_is_made(tmp_path, text, words):
+    (tmp_path / "small.yaml").write_text(text)
+    result = auvid("small.yaml", cwd=tmp_path)
+    assert result.returncode == 2
+    assert result.stderr.startswith("auvid: ")
+    assert "Traceback" not in result.stderr
+    for word in words:
+        assert word in result.stderr
+    assert not (tmp_path / "results").exists()
+
+
+def test_a_name_that_is_none_lists_the_campaigns_that_ship(tmp_path):
+    result = auvid("nothing", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "neither a file nor a campaign that ships with auvid: regimes" in result.stderr
