@@ -11,6 +11,7 @@ from auvid_cli.cli.options import (
     QuietOption,
     SeedOption,
     SetOption,
+    UseOption,
     VerboseOption,
     overrides,
 )
@@ -20,6 +21,7 @@ from auvid_cli.cli.terminal import Terminal, reporting_errors
 def identifiability(
     data: DataArgument = None,
     settings: SetOption = None,
+    use: UseOption = None,
     seed: SeedOption = None,
     at: Annotated[
         Path | None,
@@ -44,7 +46,7 @@ def identifiability(
         from auvid_cli.config.load import find_experiment, load_experiment
 
         terminal = Terminal(quiet, verbose)
-        changes, path = overrides(settings, seed), pipeline.dataset_path(data)
+        changes, path = overrides(settings, seed, use), pipeline.dataset_path(data)
         if path:
             dataset, folder = pipeline.foreign_dataset(path, changes), output or pipeline.home_of(path)
         else:

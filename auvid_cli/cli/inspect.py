@@ -5,33 +5,52 @@ from typing import Annotated
 
 import typer
 
-from auvid_cli.cli.options import OutputOption, QuietOption, VerboseOption
+from auvid_cli.cli.options import OutputOption, QuietOption, overrides
 from auvid_cli.cli.terminal import DONE, VERDICT_FAILED, Terminal, reporting_errors
+from auvid_cli.errors import ConfigError
 
 
 def inspect(
-    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Dataset file (.h5), recorded or simulated.")],
+    dataset: Annotated[
+        Path,
+        typer.Argument(metavar="DATASET", help="Dataset file (.h5): results/NAME/dataset.h5 after `auvid import`."),
+    ],
+    use: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--use",
+            metavar="BEGIN:END",
+            help="Look at this time of the data only, s, such as 0:80. Default: all.",
+            show_default=False,
+        ),
+    ] = None,
     output: OutputOption = None,
     quiet: QuietOption = False,
-    verbose: VerboseOption = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Also print what passed, and how long each part took.")
+    ] = False,
 ) -> None:
-    """Judge recorded data before anybody identifies from them; exit code 1 if a verdict fails.
+    """Judge recorded data before anybody identifies from them: signs, units, axes, clocks, gaps, spikes, excitation.
 
-    Each sensor by itself, all against each other (signs, axes, units), and whether the manoeuvre tells enough. What
-    passed is in tables/inspection.csv, and with --verbose on the screen.
+    Prints what did not pass, each with what to do about it: FAIL is to be mended first (exit code 1), note is worth
+    knowing. The results folder gets all verdicts (tables/inspection.csv) and what was recorded when (figures/timeline).
     """
     with reporting_errors():
         from auvid_cli.cli import pipeline
-        from auvid_cli.data.dataset_file import read_dataset
         from auvid_cli.evaluation.checks import failed
         from auvid_cli.evaluation.inspection.inspect import inspect_dataset
+        from auvid_cli.evaluation.inspection.part import part_of
         from auvid_cli.report.csv_tables import write_inspection
         from auvid_cli.report.screen import print_checks
 
         terminal = Terminal(quiet, verbose)
         folder = output or pipeline.home_of(dataset)
         with terminal.stage("read the dataset"):
-            read = read_dataset(dataset)
+            read = pipeline.foreign_dataset(dataset, overrides(None, use=use))
+        if use:
+            if len(use) > 1:
+                raise ConfigError(f"--use: one part is inspected at a time, and there are {len(use)}")
+            read = part_of(read, *read.experiment.identification.use.spans[0])
         with terminal.stage("inspect"):
             inspection = inspect_dataset(read)
         paths = [write_inspection(inspection.checks, folder / "tables")]
@@ -41,4 +60,14 @@ def inspect(
         print_checks(terminal.out, inspection.checks, passed=verbose)
         for path in paths:
             terminal.say(str(path))
-        raise typer.Exit(VERDICT_FAILED if failed(inspection.checks) else DONE)
+        part = "".join(f" --use {span}" for span in use or ())
+        fails = len(failed(inspection.checks))
+        if fails:
+            verdicts = "1 verdict fails" if fails == 1 else f"{fails} verdicts fail"
+            terminal.say(
+                f"{verdicts}. Next: mend the map and import again, or leave out bad times with --use BEGIN:END; then "
+                "`auvid inspect` again"
+            )
+        else:
+            terminal.say(f"nothing fails. Next: `auvid identifiability {dataset}{part}`, then `auvid identify` alike")
+        raise typer.Exit(VERDICT_FAILED if fails else DONE)

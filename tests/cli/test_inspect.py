@@ -71,3 +71,44 @@ def test_a_file_that_is_none_is_one_clear_complaint(tmp_path, run):
     assert result.exit_code == 2
     assert "auvid: " in result.output
     assert "nothing.h5" in result.output
+
+
+def test_a_part_is_judged_as_if_nothing_else_had_been_recorded(short_run, tmp_path, run):
+    """The gyroscope is turned in the second half only."""
+    record = short_run.sensors["gyroscope"]
+    sign = np.where(record.time < 30.0, 1.0, -1.0)[:, None]
+    turned = replace(record, values=record.values * sign)
+    path = tmp_path / "dataset.h5"
+    write_dataset(path, replace(short_run, sensors=short_run.sensors | {"gyroscope": turned}, truth=None))
+    assert run(path, "--use", "0:29.9").exit_code == 0
+    late = run(path, "--use", "30.1:60")
+    assert late.exit_code == 1
+    assert "The sign of r is turned" in " ".join(late.output.split())
+
+
+@pytest.mark.parametrize(
+    ("use", "complaint"),
+    [
+        (("0:20", "30:40"), "one part is inspected at a time, and there are 2"),
+        (("70:80",), "no sensor says anything from t = 70 s to 80 s"),
+        (("now",), "expected BEGIN:END in seconds"),
+    ],
+)
+def test_a_part_that_is_none_is_one_clear_complaint(use, complaint, short_run, tmp_path, run):
+    write_dataset(tmp_path / "dataset.h5", short_run)
+    result = run(tmp_path / "dataset.h5", *(word for span in use for word in ("--use", span)))
+    assert result.exit_code == 2
+    assert complaint in result.output
+
+
+def test_the_last_line_says_what_to_run_next(short_run, tmp_path, run):
+    path = tmp_path / "dataset.h5"
+    write_dataset(path, short_run)
+    last = run(path, "--use", "0:40").output.splitlines()[-1]
+    assert f"auvid identifiability {path} --use 0:40" in last
+    dvl = short_run.sensors["dvl"]
+    backwards = replace(dvl, values=-dvl.values)
+    write_dataset(path, replace(short_run, sensors=short_run.sensors | {"dvl": backwards}))
+    last = run(path).output.splitlines()[-1]
+    assert last.startswith("1 verdict fails. Next: ")
+    assert "auvid identify" not in last

@@ -8,6 +8,7 @@ from auvid_cli.evaluation.inspection.inspection import judged
 from auvid_cli.evaluation.inspection.kinematics import attitude_rates, tied
 from auvid_cli.evaluation.inspection.regression import Fit
 from auvid_cli.evaluation.inspection.responses import AXES, Axis, answers, response_check, response_fits
+from auvid_cli.evaluation.inspection.units import mistaken_units
 
 _TOLERANCE = 0.2
 _LEAST_CORRELATION = 0.7
@@ -66,12 +67,9 @@ def _advice(found: Fit, rate: str, angle: str, subject: str) -> str:
             f"The sign of {wrong} is turned, or its axes are those of another frame (x forward, y starboard, z down)."
         )
     size = abs(found.gain)
-    if 0.8 < size / np.rad2deg(1.0) < 1.25:
-        advice.append(f"{rate} is in deg/s, taken for rad/s (or {angle} was converted twice).")
-    elif 0.8 < size * np.rad2deg(1.0) < 1.25:
-        advice.append(f"{angle} is in degrees, taken for rad (or {rate} was converted twice).")
-    elif abs(size - 1.0) > _TOLERANCE:
+    if abs(size - 1.0) > _TOLERANCE:
         advice.append(
-            f"{rate} is {size:.3g} times what {angle} says: look at units, scales, and whether the same axis is meant."
+            mistaken_units(size, (rate, "rad/s"), (angle, "rad"))
+            or f"{rate} is {size:.3g} times what {angle} says: look at units and scales, and whether one axis is meant."
         )
     return " ".join(advice) or "Do not use both before it is clear which is right."

@@ -132,3 +132,9 @@ def change(values: Array, window: int) -> Array:
     if values.size > window:
         result[:-window] = values[window:] - values[:-window]
     return result
+
+
+def without_mean(values: Array, window: int) -> Array:
+    """What is left without the mean over `window` cells about each; NaN where one of them is missing."""
+    means = smoothed(values, window)
+    return values - np.concatenate([np.full(window // 2, np.nan), means[: values.size - window // 2]])

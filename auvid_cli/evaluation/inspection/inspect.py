@@ -9,6 +9,7 @@ from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.data_checks import data_checks
 from auvid_cli.evaluation.inspection.agreement import rotation_checks
+from auvid_cli.evaluation.inspection.alignment import aligned, alignment_checks, input_alignment
 from auvid_cli.evaluation.inspection.allan import bias_instability
 from auvid_cli.evaluation.inspection.excitation import excitation_checks, fitness_checks
 from auvid_cli.evaluation.inspection.excursions import excursion_checks
@@ -18,7 +19,7 @@ from auvid_cli.evaluation.inspection.kinematics import attitude_rates
 from auvid_cli.evaluation.inspection.readings import reading_checks
 from auvid_cli.evaluation.inspection.screening import Screened, screened
 from auvid_cli.evaluation.inspection.steps import angle_steps, gimbal_check, step_check
-from auvid_cli.evaluation.inspection.timing import timing_checks
+from auvid_cli.evaluation.inspection.timing import input_timing_checks, timing_checks
 from auvid_cli.evaluation.inspection.velocity import mean_speed, velocity_checks
 
 Array = NDArray[np.float64]
@@ -60,8 +61,11 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
             signals.blank(symbol, *times)
     speed = mean_speed(signals)
     time_constant = dataset.experiment.vehicle.size.length / speed if speed is not None else None
-    rotations = rotation_checks(signals, time_constant)
-    checks += [*rotations, *velocity_checks(signals, time_constant), *_stability(signals)]
+    alignment = input_alignment(signals, time_constant)
+    checks += [*input_timing_checks(dataset.inputs, time_constant), *alignment_checks(alignment)]
+    in_place = aligned(signals, alignment)
+    rotations = rotation_checks(in_place, time_constant)
+    checks += [*rotations, *velocity_checks(in_place, time_constant), *_stability(signals)]
     # Of sensors that contradict each other none is a witness.
     if not any(check.passed is False and check.subject in sound for check in rotations):
         swings, away = excursion_checks(signals, stepped)

@@ -72,3 +72,16 @@ def tied(values: Array, main: Array, others: Sequence[Array], window: int) -> Fi
     """Regress the averages of signals over a window, the signals beside the main one with gains of their own."""
     # Of the others only the signs and scales of what is looked at elsewhere could be wrong.
     return fit(smoothed(values, window), smoothed(main, window), [smoothed(each, window) for each in others], window)
+
+
+def swings(signals: Signals) -> dict[str, Array]:
+    """Acceleration to starboard and down of a place, per metre that it lies ahead of another; by the velocity there.
+
+    What turning adds to a rigid body's acceleration. Needs attitude.
+    """
+    rates = attitude_rates(signals)
+    if not rates:
+        return {}
+    p, q, r = (signals.values.get(symbol, rates[symbol].total()) for symbol in "pqr")
+    q_dot, r_dot = (derivative(each, signals.grid.step) for each in (q, r))
+    return {"v": r_dot + p * q, "w": p * r - q_dot}

@@ -9,6 +9,7 @@ from scipy.ndimage import maximum_filter1d, median_filter
 from auvid_cli.data.dataset import SENSORS, SensorRecord
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.inspection.inspection import judged
+from auvid_cli.logs.noise import quantisation_step
 from auvid_cli.vehicle.parameters import Quantity
 
 Array = NDArray[np.float64]
@@ -37,6 +38,8 @@ def noise_floor(values: Array) -> float:
     The least over some orders of differences of their median absolute value, so that neither spikes nor motion count;
     an upper bound of white noise.
     """
+    # `logs.noise` states a noise for a filter and takes second differences alone, which leave some motion in it: too
+    # much is safe there. Here a noise that was stated is doubted, so no motion may count.
     least = inf
     difference = values
     for order in range(1, _ORDERS[-1] + 1):
@@ -46,15 +49,10 @@ def noise_floor(values: Array) -> float:
     return least
 
 
-def quantisation_step(values: Array) -> float | None:
-    """Distance of neighbouring levels, None where none shows."""
+def level_distance(values: Array) -> float:
+    """Quantisation step of a signal, 0 where none shows: two levels alone are no grid."""
     some = values[:_ENOUGH]
-    levels = np.unique(some)
-    if levels.size < 3 or levels.size > 0.5 * some.size:
-        return None
-    distances = np.diff(levels)
-    # Levels that differ in the last bits alone are one.
-    return float(np.quantile(distances[distances > 1e-6 * distances.max()], 0.05))
+    return quantisation_step(some) if np.unique(some).size > 2 else 0.0
 
 
 def spike_sizes(time: Array, values: Array, stated: float) -> Array:
@@ -80,7 +78,7 @@ def spike_sizes(time: Array, values: Array, stated: float) -> Array:
     whole = lasted < _LONGEST_FIVE * float(np.median(lasted))
     scale = 1.4826 * float(np.median(from_cubic[whole]))
     # A constant without noise has no scale of its own.
-    floor = max(scale, quantisation_step(values) or 0.0, _LEAST_OF_STATED * stated) or 1.0
+    floor = max(scale, level_distance(values), _LEAST_OF_STATED * stated) or 1.0
     from_median = np.abs(x - median_filter(values, 5, mode="nearest")[2:-2])
     distance[2:-2] = np.where(whole, np.minimum(from_cubic, from_median), 0.0) / floor
     # The cubic of its neighbours is two thirds as far off as a spike, and may be all there is to tell them apart.
@@ -134,7 +132,7 @@ def reading_checks(
     for component, quantity in enumerate(SENSORS[name]):
         values, stated = continuous(record.values[:, component], quantity), record.standard_deviation[component]
         if values.size > _ORDERS[-1] and stated > 0.0:
-            steps[quantity.symbol] = (quantisation_step(values) or 0.0) / stated
+            steps[quantity.symbol] = level_distance(values) / stated
             floors[quantity.symbol] = noise_floor(values) / stated
     if not floors:
         return checks

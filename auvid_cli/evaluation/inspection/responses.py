@@ -54,6 +54,26 @@ def known_sign(found: Fit | None) -> int:
     return 1 if found.gain > 0.0 else -1
 
 
+def moment(signals: Signals, axis: Axis) -> Array | None:
+    """What an input turns the vehicle by, but for a factor; None of a fin that does not move."""
+    given = signals.values[axis.given]
+    if axis.given == "roll_moment":
+        return given
+    if not np.nanstd(given) > _LEAST_DEFLECTION:
+        return None
+    return signals.values["u"] ** 2 * given if signals.has("u") else given
+
+
+def answer_window(signals: Signals, axis: Axis, time_constant: float | None) -> int:
+    """How many cells to watch for the answer to an input."""
+    return signals.window(axis.rate, axis.angle, least=_shown_within(time_constant))
+
+
+def _shown_within(time_constant: float | None) -> float:
+    """How long to watch for the answer to an input, s."""
+    return _USUAL_ANSWER if time_constant is None else min(max(time_constant, _SHORTEST_ANSWER), _LONGEST_ANSWER)
+
+
 def response_fits(signals: Signals, axis: Axis, time_constant: float | None) -> dict[str, Fit | None]:
     """How fast a rate changes by an input, by the sensor that says the rate: "gyroscope" and "attitude".
 
@@ -64,11 +84,10 @@ def response_fits(signals: Signals, axis: Axis, time_constant: float | None) -> 
     said = {"gyroscope": value[axis.rate]} if signals.has(axis.rate) else {}
     if rates:
         said["attitude"] = rates[axis.rate].total()
-    if axis.given != "roll_moment" and not np.nanstd(value[axis.given]) > _LEAST_DEFLECTION:
+    force, window = moment(signals, axis), answer_window(signals, axis, time_constant)
+    if force is None:
         return dict.fromkeys(said)
-    window = signals.window(axis.rate, axis.angle, least=_shown_within(time_constant))
-    pressure = value["u"] ** 2 if axis.given != "roll_moment" and signals.has("u") else 1.0
-    force = smoothed(pressure * value[axis.given], window)
+    force = smoothed(force, window)
     return {
         name: fit(change(rate, window), force, [rate, *(value[s] for s in axis.beside if signals.has(s))], window)
         for name, rate in said.items()
@@ -120,11 +139,6 @@ def thrust_check(signals: Signals, time_constant: float | None) -> Check:
         sign > 0 if sign else None,
         advice if sign else _untold("surge_force"),
     )
-
-
-def _shown_within(time_constant: float | None) -> float:
-    """How long to watch for the answer to an input, s."""
-    return _USUAL_ANSWER if time_constant is None else min(max(time_constant, _SHORTEST_ANSWER), _LONGEST_ANSWER)
 
 
 def slip_sign(signals: Signals, symbol: str) -> dict[str, int]:

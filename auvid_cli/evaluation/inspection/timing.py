@@ -1,9 +1,9 @@
-"""When a sensor speaks: rate, jitter, clock jumps, missing values."""
+"""When a sensor speaks, and the inputs: rate, jitter, clock jumps, missing values."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.data_checks import gap_limit, repeats
 from auvid_cli.evaluation.inspection.inspection import judged
@@ -11,6 +11,8 @@ from auvid_cli.evaluation.inspection.inspection import judged
 Array = NDArray[np.float64]
 
 _LARGEST_JITTER = 0.5
+# s between inputs, of any vehicle.
+_LONGEST_HELD = 0.5
 _MOST_MISSING, _HARDLY_ANY = 0.01, 0.5
 # How much more a reading changes over a long interval than from one sample to the next, where the two tell apart, and
 # how many of the latter a jump of the clock may show.
@@ -70,6 +72,44 @@ def timing_checks(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> 
         _jitter(name, intervals),
         _clock(name, record, jumps),
         _missing(name, record),
+    ]
+
+
+def input_timing_checks(inputs: InputRecord, time_constant: float | None) -> list[Check]:
+    """Rate and longest gap of the inputs, each of which holds until the next; none if there is but one.
+
+    Parameters
+    ----------
+    inputs : InputRecord
+    time_constant : float or None
+        s, of the vehicle, if it is known.
+    """
+    intervals = np.diff(inputs.time)
+    if not intervals.size:
+        return []
+    usual, longest = float(np.median(intervals)), int(intervals.argmax())
+    limit = gap_limit(intervals)
+    slowest = _LONGEST_HELD if time_constant is None else min(time_constant, _LONGEST_HELD)
+    begin, end = inputs.time[longest], inputs.time[longest + 1]
+    return [
+        judged(
+            "inputs",
+            "rate",
+            f"{1.0 / usual:.4g} Hz",
+            f">= {1.0 / slowest:.3g} Hz",
+            True if usual <= slowest else None,
+            "The inputs were logged more seldom than the vehicle answers them. If only changes were logged all is "
+            "well; else what they did in between is lost: log them faster.",
+        ),
+        judged(
+            "inputs",
+            "gap",
+            f"{end - begin:.4g} s from t = {begin:.6g} s on",
+            f"<= {limit:.3g} s without an input",
+            True if intervals[longest] <= limit else None,
+            f"From t = {begin:.6g} s to {end:.6g} s the last inputs are taken to hold. If they were not logged then, "
+            "leave that time out (`--use`).",
+        ),
     ]
 
 

@@ -6,9 +6,18 @@ from numpy.typing import NDArray
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.inspection.grid import Signals, derivative, smoothed
 from auvid_cli.evaluation.inspection.inspection import judged
-from auvid_cli.evaluation.inspection.kinematics import GRAVITY, Tie, diving_speed, felt_accelerations, tied
+from auvid_cli.evaluation.inspection.kinematics import Tie, diving_speed, felt_accelerations, swings, tied
+from auvid_cli.evaluation.inspection.lever_arm import lever_arm_checks
+from auvid_cli.evaluation.inspection.pitch_offset import (
+    PitchOffset,
+    fit_over_seconds,
+    offset_by_depth,
+    offset_by_gravity,
+    pitch_offset_check,
+)
 from auvid_cli.evaluation.inspection.regression import Fit, fit
 from auvid_cli.evaluation.inspection.responses import known_sign, slip_sign, thrust_check
+from auvid_cli.evaluation.inspection.units import mistaken_units
 
 Array = NDArray[np.float64]
 
@@ -17,8 +26,7 @@ _TOLERANCE, _LEAST_CORRELATION, _SIGMAS = 0.2, 0.7, 3.0
 _LARGEST_FACTOR = 3.0
 _LEAST_ACCELERATION, _LEAST_SPEED = 0.02, 0.02
 _SLOWEST, _FASTEST, _LARGEST_SLIP = 0.05, 15.0, 0.5
-_USUAL_OFFSET, _LARGEST_OFFSET = np.deg2rad(2.0), np.deg2rad(5.0)
-_ROUNDS = 4
+_USUAL_OFFSET = np.deg2rad(2.0)
 _UNDER_WAY = 0.2
 
 
@@ -36,19 +44,27 @@ def velocity_checks(signals: Signals, time_constant: float | None) -> list[Check
     speed = _speed(signals)
     if speed.passed is False:
         return [speed]
-    checks, forces = [speed], felt_accelerations(signals)
+    checks, forces, offset = [speed], felt_accelerations(signals), None
     dive = diving_speed(signals) if signals.has("down") else None
     if dive is not None:
-        depth = _depth_rate(signals, dive)
+        offset = offset_by_depth(signals, dive)
+        depth = _depth_rate(signals, dive, offset)
         checks.append(depth)
         # A depth that contradicts itself is no witness.
         dive = None if depth.passed is False else dive
     if forces:
         checks.append(_against_force(signals, "u", forces["u"]))
-    checks += [_direction(signals, symbol, forces, dive) for symbol in ("v", "w")]
-    checks += _pitch_offset(signals, dive, forces)
+    directions = [_direction(signals, symbol, forces, dive) for symbol in ("v", "w")]
+    checks += directions
+    if dive is not None and offset is not None:
+        checks.append(pitch_offset_check(offset, "depth rate"))
+    elif forces and (offset := offset_by_gravity(signals, forces["u"])) is not None:
+        checks.append(pitch_offset_check(offset, "accelerometer"))
     if signals.has("r"):
         checks.append(_heading_offset(signals))
+    # A turned sign looks like an arm.
+    if forces and all(direction.passed is not False for direction in directions):
+        checks += lever_arm_checks(signals, forces)
     return [*checks, thrust_check(signals, time_constant)]
 
 
@@ -80,10 +96,13 @@ def _against_force(signals: Signals, symbol: str, tie: Tie) -> Check:
     """Change of a velocity against the accelerometer: sign and order of size."""
     window = signals.window(symbol, f"f{'xyz'['uvw'.index(symbol)]}")
     force = signals.values[f"f{'xyz'['uvw'.index(symbol)]}"]
-    found = tied(force, tie.main, tie.others, window)
+    moved = tied(force, tie.main, tie.others, window)
+    # Where the sensors do not sit together, what turning adds to one of them is no change of velocity.
+    apart = [swing for other, swing in swings(signals).items() if other == symbol]
+    found = tied(force, tie.main, (*tie.others, *apart), window)
     name = f"{symbol} against accelerometer"
     threshold = f"gain {1.0 / _LARGEST_FACTOR:.2g} to {_LARGEST_FACTOR:g}"
-    if found is None or found.spread < _LEAST_ACCELERATION or not known_sign(found):
+    if found is None or moved is None or moved.spread < _LEAST_ACCELERATION or not known_sign(found):
         return _not_told(symbol, name, threshold)
     return judged(
         "dvl",
@@ -91,8 +110,11 @@ def _against_force(signals: Signals, symbol: str, tie: Tie) -> Check:
         f"gain {found.gain:.3g} +- {found.error:.2g}, correlation {found.correlation:.2g}",
         threshold,
         1.0 / _LARGEST_FACTOR <= found.gain <= _LARGEST_FACTOR,
-        f"{symbol} does not change as the accelerometer feels it: its sign is turned, its unit mistaken, or its axis "
-        "exchanged with another.",
+        _with_units(
+            f"{symbol} does not change as the accelerometer feels it: its sign is turned, its unit mistaken, or its "
+            "axis exchanged with another.",
+            mistaken_units(found.gain, ("the accelerometer", "m/s^2"), (symbol, "m/s")),
+        ),
     )
 
 
@@ -146,8 +168,8 @@ def _sinking(signals: Signals) -> Array:
     return derivative(signals.values["down"], signals.grid.step)
 
 
-def _depth_rate(signals: Signals, dive: Tie) -> Check:
-    """Depth rate against what pitch and surge make of it."""
+def _depth_rate(signals: Signals, dive: Tie, offset: PitchOffset | None) -> Check:
+    """Depth rate against what pitch and surge make of it; an offset of pitch, which may come and go, is no fault."""
     window = signals.window("down", "u", "theta")
     found: Fit | None = tied(_sinking(signals), dive.main, dive.others, window)
     threshold = f"gain 1 +- {_TOLERANCE}, correlation >= {_LEAST_CORRELATION}"
@@ -160,51 +182,31 @@ def _depth_rate(signals: Signals, dive: Tie) -> Check:
             None,
             "The vehicle hardly pitches: signs and scales of depth and theta cannot be checked on these data.",
         )
-    agrees = found.correlation >= _LEAST_CORRELATION and abs(found.gain - 1.0) <= _TOLERANCE + _SIGMAS * found.error
+    agrees, over = found.correlation >= _LEAST_CORRELATION and _is_one(found), ""
+    if not agrees and offset is not None and offset.is_too_large:
+        within_seconds = fit_over_seconds(signals, dive)
+        if within_seconds is not None and known_sign(within_seconds) > 0 and _is_one(within_seconds):
+            found, agrees, over = within_seconds, True, ", of what changes within seconds"
     return judged(
         "depth",
         "depth against pitch and u",
-        f"gain {found.gain:.3g} +- {found.error:.2g}, correlation {found.correlation:.2g}",
+        f"gain {found.gain:.3g} +- {found.error:.2g}, correlation {found.correlation:.2g}{over}",
         threshold,
         agrees,
-        "The vehicle does not go where its nose points: depth must be positive down and in m, theta positive nose up; "
-        "or one of them is delayed.",
+        _with_units(
+            "The vehicle does not go where its nose points: depth must be positive down and in m, theta positive nose "
+            "up; or one of them is delayed.",
+            mistaken_units(found.gain, ("depth", "m"), ("u", "m/s")),
+        ),
     )
 
 
-def _pitch_offset(signals: Signals, dive: Tie | None, forces: dict[str, Tie]) -> list[Check]:
-    """How far theta is off on average, by the depth that was really gained, or by gravity."""
-    theta = signals.values.get("theta")
-    if theta is None:
-        return []
-    if dive is not None:
-        witness, lacking, weight = "depth rate", _sinking(signals) - dive.total(), signals.values["u"]
-    elif forces:
-        witness, lacking = "accelerometer", signals.values["fx"] - forces["u"].total()
-        weight = np.full(lacking.size, -GRAVITY)
-    else:
-        return []
-    known = np.isfinite(lacking) & np.isfinite(weight)
-    if not known.any():
-        return []
-    # Where a sensor errs now and then the median does not follow.
-    missing, weight, theta = float(np.median(lacking[known])), weight[known], theta[known]
-    offset = 0.0
-    for _ in range(_ROUNDS):
-        # sin(theta) - sin(theta - offset) = 2 sin(offset / 2) cos(theta - offset / 2)
-        offset = missing / float(np.mean(weight * np.cos(theta - 0.5 * offset)))
-    size = abs(offset)
-    return [
-        judged(
-            "attitude",
-            "pitch offset",
-            f"theta is {np.rad2deg(offset):+.2g} deg off by the {witness}",
-            f"<= {np.rad2deg(_USUAL_OFFSET):.2g} deg; fails beyond {np.rad2deg(_LARGEST_OFFSET):.2g} deg",
-            True if size <= _USUAL_OFFSET else None if size <= _LARGEST_OFFSET else False,
-            "The unit that measures theta, or the one that measures velocity, is mounted at an angle: take this off "
-            "theta (or turn u and w by it).",
-        )
-    ]
+def _with_units(advice: str, unit: str) -> str:
+    return f"{advice} By the size of the gain: {unit}" if unit else advice
+
+
+def _is_one(found: Fit) -> bool:
+    return abs(found.gain - 1.0) <= _TOLERANCE + _SIGMAS * found.error
 
 
 def _heading_offset(signals: Signals) -> Check:

@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from auvid_cli.evaluation.inspection.readings import noise_floor, quantisation_step, spike_sizes
+from auvid_cli.evaluation.inspection.readings import level_distance, noise_floor, spike_sizes
 
 TIME = 0.1 * np.arange(3000)
 
@@ -16,16 +14,22 @@ def test_the_noise_floor_is_that_of_white_noise_on_any_smooth_course(rng):
     assert noise_floor(smooth) < 1e-4
 
 
-@given(st.floats(1e-4, 10.0), st.floats(-100.0, 100.0))
-def test_a_quantisation_step_is_found_wherever_the_levels_lie(step, offset):
-    rng = np.random.default_rng(0)
-    values = offset + step * np.round(5.0 * rng.standard_normal(2000))
-    assert quantisation_step(values) == pytest.approx(step, rel=1e-6)
+@pytest.mark.parametrize("step", [0.001, 0.1])
+def test_steps_are_told_of_a_signal_with_few_readings_on_each_level(step, rng):
+    values = step * np.round((3.0 * np.sin(TIME) + rng.standard_normal(TIME.size)) / step)
+    assert level_distance(values) == pytest.approx(step, rel=1e-6)
 
 
 def test_what_is_not_quantised_shows_no_step(rng):
-    assert quantisation_step(rng.standard_normal(2000)) is None
-    assert quantisation_step(np.ones(2000)) is None
+    assert level_distance(rng.standard_normal(2000)) == 0.0
+    assert level_distance(np.ones(2000)) == 0.0
+
+
+def test_a_constant_with_a_single_spike_has_no_step():
+    values = np.zeros(100)
+    values[40] = 1.0
+    assert level_distance(values) == 0.0
+    assert spike_sizes(TIME[:100], values, 0.01).argmax() == 40
 
 
 @pytest.mark.parametrize("at", [2, 700, 2997])

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.evaluation.inspection.timing import clock_jumps, new_reading_rate, timing_checks
+from auvid_cli.data.dataset import InputRecord, SensorRecord
+from auvid_cli.evaluation.inspection.timing import clock_jumps, input_timing_checks, new_reading_rate, timing_checks
 
 
 def record_of(time, values):
@@ -67,3 +67,32 @@ def test_missing_values_are_judged_by_their_share(share, passed, turning):
     missing = judged(replace(turning, values=values))["missing"]
     assert missing.passed is passed
     assert missing.statistic == f"{share / 1000:.2%} of values"
+
+
+def judged_inputs(time, time_constant):
+    record = InputRecord(np.asarray(time), np.zeros((len(time), 4)))
+    return {check.check: check for check in input_timing_checks(record, time_constant)}
+
+
+def test_even_inputs_pass():
+    checks = judged_inputs(0.1 * np.arange(1000), 0.5)
+    assert all(check.passed for check in checks.values())
+    assert checks["rate"].statistic == "10 Hz"
+
+
+@pytest.mark.parametrize(("time_constant", "passed"), [(0.1, None), (0.3, True), (None, True)])
+def test_inputs_slower_than_the_vehicle_are_worth_knowing(time_constant, passed):
+    checks = judged_inputs(0.2 * np.arange(500), time_constant)
+    assert checks["rate"].passed is passed
+    assert checks["gap"].passed is True
+
+
+def test_a_time_without_inputs_is_named():
+    time = 0.1 * np.arange(1000)
+    gap = judged_inputs(time[(time < 30.05) | (time > 42.05)], 1.0)["gap"]
+    assert gap.passed is None
+    assert gap.statistic == "12.1 s from t = 30 s on"
+
+
+def test_a_single_input_has_no_rate():
+    assert judged_inputs([0.0], 1.0) == {}
