@@ -136,8 +136,8 @@ def make_problem(n_events: int) -> Problem:
     (exact_ekf,) = set_up_filters(replace(dataset, experiment=experiment), [FilterName.EKF])
 
     problem = augmented_problem(dataset)
-    process, sensors = _call(runs[0]).args[-2:]
-    whole = next(iter(problem.segments[0].timelines))
+    process, sensors = _chosen(runs[0]).args[0].args[-2:]
+    whole = next(iter(problem.stretches[0].timelines))
     if not 0 < n_events <= whole.time.size:
         raise ValueError(f"--events must be from 1 to {whole.time.size}")
     timeline = _first(whole._replace(reading=_unwrapped(whole, sensors)), n_events)
@@ -157,15 +157,15 @@ def units_of(process: Process) -> Array:
     return process.constants[N_CONSTANTS + N_COEFFICIENTS : N_CONSTANTS + 2 * N_COEFFICIENTS]
 
 
-def _call(run: FilterRun) -> partial[Ending]:
-    """auvid's filter with its arguments: for some a point set, then process and sensors."""
+def _chosen(run: FilterRun) -> partial[Ending]:
+    """auvid's filter without its data; the first argument of a Kalman filter runs it on one stretch of them."""
     assert isinstance(run.filter, partial)
-    return run.filter.args[0]
+    return partial(run.filter.func, *run.filter.args[:-2], **run.filter.keywords)
 
 
 def _from_prior(run: FilterRun, prior: Belief) -> Callable[[list[Timeline], Receiver], Ending]:
     """auvid's filter with other data than its own."""
-    return lambda timelines, receive: _call(run)(timelines, prior, receive)
+    return lambda timelines, receive: _chosen(run)([timelines], prior, receive)
 
 
 def _first(timeline: Timeline, n_events: int) -> Timeline:

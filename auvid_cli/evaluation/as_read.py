@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.identification.biases import DVL_ERRORS
-from auvid_cli.logs.frames import earth_to_body
+from auvid_cli.identification.observation import current_in_body_axes, dvl_axes
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ def found_errors(state: Sequence[str], values: Array) -> ReadingErrors:
 def as_read(motion: Array, errors: ReadingErrors) -> Array:
     """What noiseless sensors would say of a motion.
 
-    ``(1 + scale) Rz(yaw)' ([u v w] + R(phi, theta, psi)' [current_north current_east 0])`` for the velocity.
+    Of the velocity a DVL, see `auvid_cli.identification.observation`.
 
     Parameters
     ----------
@@ -53,29 +53,18 @@ def as_read(motion: Array, errors: ReadingErrors) -> Array:
     ndarray, shape (..., 9)
         Its velocity is that over ground.
     """
+    scale, yaw, *current = errors.dvl
     read = motion + errors.offset
     with np.errstate(invalid="ignore", over="ignore"):
-        over_ground = motion[..., :3] + _drift(motion[..., 6:], errors)
-        read[..., :3] = over_ground @ _turn(errors).T + errors.offset[:3]
+        over_ground = motion[..., :3] + current_in_body_axes(motion[..., 6:], *current)
+        read[..., :3] = over_ground @ dvl_axes(scale, yaw).T + errors.offset[:3]
     return read
 
 
 def behind_reading(reading: Array, errors: ReadingErrors) -> Array:
     """The motion, shape (..., 9), of which noiseless sensors would say this: the inverse of `as_read`."""
+    scale, yaw, *current = errors.dvl
     motion = reading - errors.offset
-    motion[..., :3] = motion[..., :3] @ np.linalg.inv(_turn(errors)).T - _drift(motion[..., 6:], errors)
+    over_ground = motion[..., :3] @ np.linalg.inv(dvl_axes(scale, yaw)).T
+    motion[..., :3] = over_ground - current_in_body_axes(motion[..., 6:], *current)
     return motion
-
-
-def _turn(errors: ReadingErrors) -> Array:
-    """From the velocity over ground to that along the axes of the DVL."""
-    scale, yaw, *_ = errors.dvl
-    sine, cosine = np.sin(yaw), np.cos(yaw)
-    return (1.0 + scale) * np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _drift(attitude: Array, errors: ReadingErrors) -> Array:
-    """The current along x, y, z of the vehicle, shape (..., 3)."""
-    *_, north, east = errors.dvl
-    rows = attitude.reshape(-1, 3)
-    return earth_to_body(rows, np.broadcast_to([north, east, 0.0], rows.shape)).reshape(attitude.shape)

@@ -79,7 +79,7 @@ def _bounds(dataset: Dataset, estimate: Estimate) -> Bounds:
     values = dataset.truth.coefficients if dataset.truth is not None else estimate.final_coefficients()
     try:
         data = replace(dataset, experiment=experiment)
-        information = information_at(data, values, true_start(data))
+        information = information_at(data, values, true_starts(data))
     except DataError as error:
         return Bounds({}, {}, str(error))
     if information.lost_after is not None:
@@ -87,9 +87,10 @@ def _bounds(dataset: Dataset, estimate: Estimate) -> Bounds:
     return Bounds(information.bound(), {} if settings.prior.from_estimate else information.bound_with_prior())
 
 
-def true_start(dataset: Dataset) -> Array | None:
-    """The true motion next to where filters start, shape (9,); None without truth."""
-    if dataset.truth is None:
+def true_starts(dataset: Dataset) -> list[Array] | None:
+    """The true motion next to where each stretch starts, shape (9,); None without truth."""
+    truth = dataset.truth
+    if truth is None:
         return None
-    start, _ = stretches(dataset)[0].timelines.span
-    return dataset.truth.motion[np.argmin(np.abs(dataset.truth.time - start))]
+    starts = [stretch.timelines.span[0] for stretch in stretches(dataset)]
+    return [truth.motion[np.argmin(np.abs(truth.time - start))] for start in starts]

@@ -20,7 +20,7 @@ from auvid_cli.evaluation.data_checks import data_checks
 from auvid_cli.evaluation.innovation_checks import innovation_checks
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
 from auvid_cli.identification.prior import natural_magnitude, prior_standard_deviations
-from auvid_cli.identification.segments import used_part
+from auvid_cli.identification.segments import segments
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
 # Share of the prior's standard deviation that may be left.
@@ -41,7 +41,7 @@ _CONFIDENCE = 0.99
 
 def check_estimate(dataset: Dataset, estimate: Estimate, bounds: Bounds) -> list[Check]:
     """All verdicts on one estimate; of one that did not end well only those on the data and the innovations."""
-    used = used_part(replace(dataset, experiment=estimate.experiment))
+    used = segments(replace(dataset, experiment=estimate.experiment))
     checks = [_finished(estimate), *data_checks(used, estimate.filter, list(estimate.innovations))]
     checks += innovation_checks(dataset, estimate)
     if not estimate.completed:

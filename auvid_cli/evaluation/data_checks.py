@@ -1,5 +1,7 @@
 """Verdicts on the readings themselves: what no filter can mend."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,14 +16,16 @@ _LONGEST_REPEAT = 2.0
 _LONGEST_GAP, _INTERVALS = 1.0, 10.0
 
 
-def data_checks(dataset: Dataset, filter_name: str, sensors: list[str]) -> list[Check]:
-    """Stuck values and gaps of the sensors that a filter used."""
+def data_checks(stretches: Sequence[Dataset], filter_name: str, sensors: Sequence[str]) -> list[Check]:
+    """Stuck values and gaps of the sensors that a filter used; time between two stretches is no gap."""
     checks = []
     for name in sensors:
-        record = dataset.sensors[name]
-        if np.isfinite(record.values).any(axis=1).sum() > 1:
-            checks.append(_stuck(filter_name, name, record))
-            checks.append(_gap(filter_name, name, record))
+        records = [stretch.sensors[name] for stretch in stretches]
+        told = [record for record in records if np.isfinite(record.values).any(axis=1).sum() > 1]
+        if told:
+            for judge in (_stuck, _gap):
+                _, worst = max((judge(filter_name, name, record) for record in told), key=lambda judged: judged[0])
+                checks.append(worst)
     return checks
 
 
@@ -53,11 +57,11 @@ def gaps(record: SensorRecord) -> Array:
     return np.stack([time[:-1][long], time[1:][long]], axis=1)
 
 
-def _stuck(filter_name: str, name: str, record: SensorRecord) -> Check:
-    """The longest time over which a reading is repeated exactly."""
+def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Check]:
+    """The longest time over which a reading is repeated exactly, s, and the verdict on it."""
     runs = repeats(record)
     start, end = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
-    return Check.of(
+    return float(end - start), Check.of(
         filter_name,
         name,
         "stuck",
@@ -69,12 +73,13 @@ def _stuck(filter_name: str, name: str, record: SensorRecord) -> Check:
     )
 
 
-def _gap(filter_name: str, name: str, record: SensorRecord) -> Check:
+def _gap(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Check]:
+    """The longest time without a reading, s, and the verdict on it."""
     time = record.time[np.isfinite(record.values).any(axis=1)]
     intervals = np.diff(time)
     longest = int(intervals.argmax())
     limit = gap_limit(intervals)
-    return Check.of(
+    return float(intervals[longest]), Check.of(
         filter_name,
         name,
         "gap",

@@ -1,6 +1,7 @@
 """What data can say about the coefficients at best, before any filter runs: bounds, verdicts, what goes together."""
 
 from collections.abc import Mapping, Sequence
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Collinear, Identifiability, SensorErrorBound
-from auvid_cli.evaluation.bounds import UNSTABLE, true_start
+from auvid_cli.evaluation.bounds import UNSTABLE, true_starts
 from auvid_cli.evaluation.sensor_errors import is_observed
 from auvid_cli.filters.information import Information
 from auvid_cli.identification.biases import sensor_errors
@@ -48,7 +49,7 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
             f"no value is known of {', '.join(missing)}: sensitivities need one of each coefficient; name an estimate "
             "that has them (--at FILE), or give the vehicle those of a similar one"
         )
-    information = information_at(dataset, known, true_start(dataset))
+    information = information_at(dataset, known, true_starts(dataset))
     size = dataset.experiment.vehicle.size
     values = {
         c.symbol: Assessed(known[c.symbol], c.unit, abs(known[c.symbol]) or natural_magnitude(c, size))
@@ -76,8 +77,9 @@ def assess(
     Parameters
     ----------
     by_sensor : mapping of Information
+        About the joint state of all stretches, see `auvid_cli.filters.stretches`.
     growing : sequence of (float, Information)
-        Of all sensors together after so many seconds, the whole last.
+        Of all sensors together after so many seconds, the whole last; about the own state of a stretch.
     values : mapping of Assessed
         In the order of the state.
     to_si : ndarray, shape (n,)
@@ -94,7 +96,7 @@ def assess(
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(bound, bound)
     percent = 100.0 * bound / size
-    shares = _shares(by_sensor, growing[-1][1], n)
+    shares = _shares(by_sensor, n)
     names = tuple(values)
     groups = _collinear(names, value, size, covariance, correlation, percent)
     bounds = []
@@ -126,9 +128,9 @@ def assess(
     return Identifiability(bounds, groups, shares, correlation, growth, errors)
 
 
-def _shares(by_sensor: Mapping[str, Information], whole: Information, n: int) -> dict[str, Array]:
+def _shares(by_sensor: Mapping[str, Information], n: int) -> dict[str, Array]:
     """Of the variance ``c = I^-1 e`` that the sensors leave, ``c' I_s c / c' I c``: which of them holds it down."""
-    root = whole.uncertainty().root
+    root = reduce(Information.join, by_sensor.values()).uncertainty().root
     directions = root @ root.T[:, :n]
     squares = {name: np.square(information.factor @ directions).sum(axis=0) for name, information in by_sensor.items()}
     total = np.sum(list(squares.values()), axis=0)

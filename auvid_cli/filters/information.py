@@ -4,6 +4,7 @@ The normal equations are never formed, and the rows are compressed as they come,
 the run.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +13,9 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.problem import Belief
+from auvid_cli.filters.problem import Belief, Indices
 from auvid_cli.filters.sensitivities import Response
+from auvid_cli.filters.stretches import places
 
 Array = NDArray[np.float64]
 
@@ -29,7 +31,7 @@ _SHARE = 1e-9
 
 @compiled(types.void(_matrix, _matrix, _matrix), reassociate=True)
 def _compress(triangle, rows, columns):
-    """Replace an upper triangle by that of the QR decomposition of itself above some rows, in place.
+    """Replace a square matrix by the triangle of the QR decomposition of itself above some rows, in place.
 
     Modified Gram-Schmidt, whose triangle is as accurate as Householder's, the last column as right-hand side included
     (Bjorck 1967). A column that vanishes gets a row of zeros. Compiled instead of LAPACK's, whose threads get in each
@@ -55,6 +57,7 @@ def _compress(triangle, rows, columns):
                 for k in range(width + _CHUNK):
                     dot += other[k] * column[k]
                 triangle[i, j] = 0.0 if square == 0.0 else dot / norm
+                triangle[j, i] = 0.0
                 share = 0.0 if square == 0.0 else dot / square
                 for k in range(width + _CHUNK):
                     other[k] -= share * column[k]
@@ -65,9 +68,9 @@ class Uncertainty(NamedTuple):
 
     Attributes
     ----------
-    root : ndarray, shape (n, n - q)
+    root : ndarray, shape (n, m)
     blind : ndarray, shape (n, q)
-        Directions of which the readings say nothing; orthonormal in units of `unit`.
+        Directions of which the readings say nothing; of a whole state orthonormal in units of `unit`.
     unit : ndarray, shape (n,)
         By which entries of the state are made comparable.
     """
@@ -89,6 +92,10 @@ class Uncertainty(NamedTuple):
         infinite = np.abs(common) > _SHARE * np.outer(size, size)
         return root @ root.T + np.where(infinite, np.copysign(np.inf, common), 0.0)
 
+    def of(self, place: Indices) -> "Uncertainty":
+        """That of some components."""
+        return Uncertainty(np.linalg.qr(self.root[place].T)[1].T, self.blind[place], self.unit[place])
+
     def _unknown(self, combinations: Array) -> NDArray[np.bool_]:
         size = np.sqrt(np.square(combinations * self.unit).sum(axis=-1, keepdims=True))
         return np.abs(combinations @ self.blind) > _SHARE * size
@@ -104,7 +111,7 @@ class Information(NamedTuple):
     Attributes
     ----------
     factor : ndarray, shape (n, n)
-        Upper triangular, ``factor' factor = J' J``.
+        ``factor' factor = J' J``; upper triangular as it comes from rows.
     projected : ndarray, shape (n,)
         ``factor' projected = J' r``.
     remaining : float
@@ -160,6 +167,27 @@ class Information(NamedTuple):
         last = np.append(np.zeros(other.projected.size), other.remaining)
         return self.with_rows(np.vstack([rows, last]), other.n_readings)
 
+    def split(self, n: int) -> "tuple[Array, Information]":
+        """Tell what it says of the first n components, whatever the others are, from what it says of these besides.
+
+        Returns
+        -------
+        rows : ndarray, shape (m, n_all + 1)
+            As many as there are others, which can meet them all; zero for directions that are not seen.
+        rest : Information
+            About the first n alone.
+        """
+        others = self.factor[:, n:]
+        size = np.linalg.norm(others, axis=0)
+        directions, values, _ = np.linalg.svd(others / np.where(size > 0.0, size, 1.0), full_matrices=False)
+        directions *= values > _ROUNDING * values.max(initial=0.0)
+        whole = np.column_stack([self.factor, self.projected])
+        rows = directions.T @ whole
+        rest = whole - directions @ rows
+        rest[:, n:-1] = 0.0
+        last = np.append(np.zeros(self.projected.size), self.remaining)
+        return rows, Information.none(self.projected.size).with_rows(np.vstack([rest, last]), self.n_readings)
+
     def uncertainty(self) -> Uncertainty:
         """The inverse: the bound of Cramer and Rao, infinite where the readings say nothing."""
         scale, values, directions, seen = self._decomposed()
@@ -180,3 +208,19 @@ class Information(NamedTuple):
         scale = np.where(size > 0.0, size, 1.0)
         _, values, directions = np.linalg.svd(self.factor / scale)
         return scale, values, directions, values > _ROUNDING * values.max(initial=0.0)
+
+
+def jointly(parts: Sequence[Information], n_parameters: int) -> Information:
+    """What stretches say of their joint state, see `auvid_cli.filters.stretches`."""
+    n_own = parts[0].projected.size
+    n_moving = n_own - n_parameters
+    n = n_parameters + len(parts) * n_moving
+    shared, factor, projected = Information.none(n_own), np.zeros((n, n)), np.zeros(n)
+    for part, place in zip(parts, places(n, n_moving, len(parts)), strict=True):
+        rows, rest = part.split(n_parameters)
+        shared = shared.join(rest)
+        factor[np.ix_(place[n_parameters:], place)] = rows[:, :-1]
+        projected[place[n_parameters:]] = rows[:, -1]
+    factor[:n_parameters, :n_parameters] = shared.factor[:n_parameters, :n_parameters]
+    projected[:n_parameters] = shared.projected[:n_parameters]
+    return Information(factor, projected, shared.remaining, shared.n_readings)

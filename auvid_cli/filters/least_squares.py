@@ -1,15 +1,16 @@
-"""Nonlinear least squares of the motion left to itself, on compressed rows."""
+"""Nonlinear least squares of motions left to themselves, on compressed rows."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
-from auvid_cli.filters.information import Information
+from auvid_cli.filters.information import Information, jointly
 from auvid_cli.filters.problem import Belief, Process, Sensors, Timeline
 from auvid_cli.filters.sensitivities import responses
+from auvid_cli.filters.stretches import places
 
 Array = NDArray[np.float64]
 
@@ -18,7 +19,7 @@ least_squares: Any = scipy.optimize.least_squares
 
 
 class Fit(NamedTuple):
-    """The initial state that fits best.
+    """The joint state that fits best.
 
     Attributes
     ----------
@@ -39,23 +40,23 @@ class Fit(NamedTuple):
 def fit(
     process: Process,
     sensors: Sensors,
-    timelines: Iterable[Timeline],
+    stretches: Sequence[Iterable[Timeline]],
     start: Array,
     belief: Belief | None,
     bounds: tuple[Array, Array],
     tolerance: float,
     max_evaluations: int,
 ) -> Fit | None:
-    """Fit the initial state to readings, and to a belief about it if there is one.
+    """Fit parameters and initial motions to readings, and to a belief about them if there is one.
 
     Parameters
     ----------
     process, sensors
         See `auvid_cli.filters.problem`.
-    timelines : iterable of Timeline
+    stretches : sequence of iterable of Timeline
         Gone through once for each evaluation.
     start : ndarray, shape (n,)
-        Within the bounds.
+        Of the joint state, see `auvid_cli.filters.stretches`; within the bounds.
     belief : Belief or None
     bounds : tuple of ndarray, shape (n,)
         Lower and upper.
@@ -70,7 +71,7 @@ def fit(
     Fit or None
         None if the motion from `start` blows up. A trial step from which it does is taken back and made shorter.
     """
-    problem = _Problem(process, sensors, timelines, start.size, belief)
+    problem = _Problem(process, sensors, stretches, start.size, belief)
     if problem.information(start) is None:
         return None
     found = least_squares(
@@ -95,10 +96,12 @@ class _Problem:
     """What the solver asks for; it asks for residuals and derivative at one state after the other."""
 
     def __init__(
-        self, process: Process, sensors: Sensors, timelines: Iterable[Timeline], n: int, belief: Belief | None
+        self, process: Process, sensors: Sensors, stretches: Sequence[Iterable[Timeline]], n: int, belief: Belief | None
     ) -> None:
-        self._model = process, sensors, timelines
-        self._n = n
+        self._model, self._stretches = (process, sensors), stretches
+        self._n, n_moving = n, process.noise_density.size
+        self._n_parameters = n - len(stretches) * n_moving
+        self._places = places(n, n_moving, len(stretches))
         self._mean = np.zeros(n) if belief is None else belief.mean
         self._weight = np.zeros((0, n)) if belief is None else np.linalg.inv(belief.factor).astype(np.float64)
         self._latest: tuple[Array, Information | None] | None = None
@@ -106,14 +109,23 @@ class _Problem:
     def information(self, state: Array) -> Information | None:
         """Of all readings; None if the motion from that state blows up."""
         if self._latest is None or not np.array_equal(self._latest[0], state):
-            total = Information.none(self._n)
-            for response in responses(*self._model, state):
-                if response.blew_up:
-                    total = None
-                    break
-                total = total.with_response(response)
-            self._latest = state.copy(), total if total is not None and total.is_finite else None
+            parts = self._of_stretches(state)
+            self._latest = state.copy(), jointly(parts, self._n_parameters) if parts else None
         return self._latest[1]
+
+    def _of_stretches(self, state: Array) -> list[Information]:
+        """Of the readings of each; none if the motion or its squares blow up in one."""
+        parts = []
+        for timelines, place in zip(self._stretches, self._places, strict=True):
+            part = Information.none(place.size)
+            for response in responses(*self._model, timelines, state[place]):
+                if response.blew_up:
+                    return []
+                part = part.with_response(response)
+            if not part.is_finite:
+                return []
+            parts.append(part)
+        return parts
 
     def residuals(self, state: Array) -> Array:
         """Predicted less measured, compressed; infinite where the motion blows up, which the solver takes back."""

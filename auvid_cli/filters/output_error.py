@@ -1,9 +1,10 @@
-"""Output-error method: the initial state from which the motion, left to itself, fits all readings best.
+"""Output-error method: parameters and initial motions from which motions, left to themselves, fit all readings best.
 
 Maximum likelihood for white measurement noise and no process noise.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +27,12 @@ from auvid_cli.filters.problem import (
 from auvid_cli.filters.residuals import hand_over
 from auvid_cli.filters.sensitivities import responses
 from auvid_cli.filters.square_root import run_square_root_filter
+from auvid_cli.filters.stretches import one_after_the_other, places
 
 Array = NDArray[np.float64]
 
-# Events of the first span, some 40 s of a 100 Hz sensor: few enough for parameters that are somewhat off not to lose
-# the motion altogether, and enough to correct them. Parameters that are far off lose it within seconds.
+# Events of the first span of a stretch, some 40 s of a 100 Hz sensor: few enough for parameters that are somewhat off
+# not to lose the motion altogether, and enough to correct them. Parameters that are far off lose it within seconds.
 _FIRST_SPAN, _FIRST_SPAN_FROM_AFAR = 4000, 250
 # A fit of a span that is not the whole only has to come near enough for the next.
 _EVALUATIONS_OF_A_SPAN = 10
@@ -41,75 +43,91 @@ _COARSE, _FINE = 1e-5, 1e-9
 def run_output_error(
     process: Process,
     sensors: Sensors,
-    timelines: Iterable[Timeline],
+    stretches: Sequence[Iterable[Timeline]],
     prior: Belief,
     receive: Receiver,
     max_evaluations: int = 100,
     bounds: tuple[Array, Array] | None = None,
     use_prior: bool = False,
 ) -> Ending:
-    """Fit parameters and initial motion to data.
+    """Fit parameters, and the initial motion of each stretch, to data.
 
-    It starts from the final parameters of a CKF, or from the prior's if that diverged, and from the prior's motion. The
-    free motion over all of a run is soon lost where parameters are off, its sum of squares full of local minima. So it
-    fits the beginning first, held by the prior's spread about where it starts, and goes on to twice as much.
+    It starts from the final parameters of a CKF, or from the prior's if that diverged, and from the prior's motions.
+    The free motion over all of a run is soon lost where parameters are off, its sum of squares full of local minima. So
+    it fits the beginning of each stretch first, held by the prior's spread about where it starts, and goes on to twice
+    as much.
 
     Parameters
     ----------
-    process, sensors, timelines, prior, receive
-        As of `run_square_root_filter`, but the timelines are gone through many times. The process noise serves only
-        the CKF, and so does the prior unless `use_prior`. What is received is the solution, see `hand_over`.
+    process, sensors, receive
+        As of `run_square_root_filter`. The process noise serves only the CKF. What is received is the solution, see
+        `hand_over`, stretch after stretch.
+    stretches : sequence of iterable of Timeline
+        In time order; gone through many times.
+    prior : Belief
+        About their joint state, see `auvid_cli.filters.stretches`. It serves only the CKF, unless `use_prior`.
     max_evaluations : int
         Of the motion along the data.
     bounds : tuple of ndarray, shape (n,)
-        Lower and upper, of the initial state; the covariance does not know of them.
+        Lower and upper, of the joint state; the covariance does not know of them.
     use_prior : bool
         Whether the prior counts for as much as it says: the posterior mode instead of maximum likelihood.
 
     Returns
     -------
     Ending
-        `NOT_CONVERGED` if `max_evaluations` were not enough; `PREDICTION` if the motion from the best state that was
-        found blows up.
+        `NOT_CONVERGED` if `max_evaluations` were not enough; `PREDICTION` if a motion from the best state that was
+        found blows up. The covariance is of the own state of the last stretch.
     """
-    n = prior.mean.size
+    n, n_moving = prior.mean.size, process.noise_density.size
     box = bounds or (np.full(n, -np.inf), np.full(n, np.inf))
-    n_events = sum(timeline.time.size for timeline in timelines)
-    guess = _filtered(process, sensors, timelines, prior)
+    sizes = [sum(timeline.time.size for timeline in timelines) for timelines in stretches]
+    longest = max(sizes)
+    guess = _filtered(process, sensors, stretches, prior)
     state, span = (prior.mean, _FIRST_SPAN_FROM_AFAR) if guess is None else (guess, _FIRST_SPAN)
     state = np.clip(state, *box)
     known, converged, left = Information.none(n), False, max_evaluations
 
-    fitted, span = 0, min(span, n_events)
+    fitted, span = 0, min(span, longest)
     while left > 0 and fitted < span:
-        belief = Belief(state, prior.factor) if span < n_events else prior if use_prior else None
-        tolerance, most = (_COARSE, min(left, _EVALUATIONS_OF_A_SPAN)) if span < n_events else (_FINE, left)
-        part = fit(process, sensors, FirstEvents(timelines, span), state, belief, box, tolerance, most)
+        belief = Belief(state, prior.factor) if span < longest else prior if use_prior else None
+        tolerance, most = (_COARSE, min(left, _EVALUATIONS_OF_A_SPAN)) if span < longest else (_FINE, left)
+        firsts = [FirstEvents(timelines, span) for timelines in stretches]
+        part = fit(process, sensors, firsts, state, belief, box, tolerance, most)
         left -= part.evaluations if part is not None else 1
         if part is None:
             span = (fitted + span) // 2
         else:
-            state, known, converged = part.state, part.information, part.converged and span == n_events
-            fitted, span = span, min(2 * span, n_events)
+            state, known, converged = part.state, part.information, part.converged and span == longest
+            fitted, span = span, min(2 * span, longest)
     if use_prior:
         known = known.join(Information.of_belief(prior, state))
 
-    solution = responses(process, sensors, timelines, state)
-    covariance, n_good = hand_over(solution, sensors, known.uncertainty(), receive)
-    culprit = PREDICTION if n_good < n_events else OK if converged else NOT_CONVERGED
+    uncertainty, culprit, n_good = known.uncertainty(), OK if converged else NOT_CONVERGED, 0
+    covariance = np.zeros((0, 0))
+    for timelines, size, place in zip(stretches, sizes, places(n, n_moving, len(stretches)), strict=True):
+        solution = responses(process, sensors, timelines, state[place])
+        covariance, reached = hand_over(solution, sensors, uncertainty.of(place), receive)
+        n_good += reached
+        if reached < size:
+            culprit = PREDICTION
+            break
     return Ending(covariance, n_good, culprit)
 
 
-def _filtered(process: Process, sensors: Sensors, timelines: Iterable[Timeline], prior: Belief) -> Array | None:
-    """Parameters as a CKF leaves them at the end, motion as the prior has it; None if the CKF fails."""
-    guess = prior.mean.copy()
-    n_parameters = guess.size - process.noise_density.size
+def _filtered(
+    process: Process, sensors: Sensors, stretches: Sequence[Iterable[Timeline]], prior: Belief
+) -> Array | None:
+    """Parameters as a CKF leaves them at the end, motions as the prior has them; None if the CKF fails."""
+    guess, n_moving = prior.mean.copy(), process.noise_density.size
+    n_parameters = guess.size - len(stretches) * n_moving
 
     def keep_last(timeline: Timeline, records: Records) -> None:
         if len(records.mean):
             guess[:n_parameters] = records.mean[-1, :n_parameters]
 
-    ending = run_square_root_filter(cubature(guess.size), process, sensors, timelines, prior, keep_last)
+    run = partial(run_square_root_filter, cubature(n_parameters + n_moving), process, sensors)
+    ending = one_after_the_other(run, n_moving, stretches, prior, keep_last)
     return guess if ending.culprit == OK else None
 
 

@@ -1,8 +1,6 @@
 """A dataset as an estimation problem: the augmented state, its prior, process, sensors and timeline."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,39 +9,19 @@ from numpy.typing import NDArray
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import ConfigError
-from auvid_cli.filters.problem import Belief, Process, Sensors
+from auvid_cli.filters.problem import Belief, Indices, Process, Sensors
+from auvid_cli.filters.stretches import joint_belief, places
 from auvid_cli.identification.biases import constant_errors, sensor_errors, walking_errors
 from auvid_cli.identification.prior import earlier_belief, prior_standard_deviations
 from auvid_cli.identification.process import vehicle_process
-from auvid_cli.identification.segments import stretches
+from auvid_cli.identification.segments import Stretch, stretches
 from auvid_cli.identification.start import starting_belief
-from auvid_cli.identification.timeline import (
-    DEPTH,
-    PART,
-    Timelines,
-    measurement_model,
-    measuring_sensors,
-)
+from auvid_cli.identification.timeline import DEPTH, PART, measurement_model, measuring_sensors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.dynamics import vehicle_constants
 from auvid_cli.vehicle.parameters import MOTION
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Segment:
-    """A stretch of the data.
-
-    Attributes
-    ----------
-    timelines : Timelines
-    begin : callable
-        From what is known of the parameters to what is known of the whole state at the first event.
-    """
-
-    timelines: Timelines
-    begin: Callable[[Belief], Belief]
 
 
 @dataclass(frozen=True)
@@ -64,10 +42,10 @@ class AugmentedProblem:
     sensors : Sensors
     measuring : dict of SensorRecord
         Records of these sensors by name, in their order.
-    parameters : Belief
-        Of coefficients and constant sensor errors, before any data.
-    segments : list of Segment
+    stretches : list of Stretch
         In time order.
+    prior : Belief
+        About the joint state of the stretches, see `auvid_cli.filters.stretches`.
     """
 
     state: tuple[str, ...]
@@ -77,18 +55,18 @@ class AugmentedProblem:
     process: Process
     sensors: Sensors
     measuring: dict[str, SensorRecord]
-    parameters: Belief
-    segments: list[Segment]
+    stretches: list[Stretch]
+    prior: Belief
 
     @property
-    def prior(self) -> Belief:
-        """Of the whole state at the first event."""
-        return self.segments[0].begin(self.parameters)
+    def places(self) -> list[Indices]:
+        """Where in the joint state the state of each stretch stands."""
+        return places(self.prior.mean.size, self.process.noise_density.size, len(self.stretches))
 
     @property
     def span(self) -> tuple[float, float]:
         """First and last time, s."""
-        return self.segments[0].timelines.span[0], self.segments[-1].timelines.span[1]
+        return self.stretches[0].timelines.span[0], self.stretches[-1].timelines.span[1]
 
 
 def augmented_problem(dataset: Dataset, part: int = PART) -> AugmentedProblem:
@@ -135,28 +113,29 @@ def augmented_problem(dataset: Dataset, part: int = PART) -> AugmentedProblem:
         np.diag([*np.zeros(len(estimated)), *(error.spread for error in constant)]),
     )
     parameters.factor[: len(estimated), : len(estimated)] = factor
-    begin = partial(starting_belief, errors=errors, spread=settings.initial_motion)
+    process = vehicle_process(
+        vehicle_constants(experiment.vehicle.known_parameters()),
+        np.array([held.get(symbol, 0.0) for symbol in SYMBOLS]),
+        np.array([SYMBOLS.index(symbol) for symbol in estimated], dtype=np.int64),
+        scale,
+        settings.process_noise,
+        errors,
+        has_depth,
+    )
+    found = stretches(dataset, part)
+    beliefs = [
+        starting_belief(parameters, stretch.motion, stretch.depth, errors, settings.initial_motion) for stretch in found
+    ]
     return AugmentedProblem(
         state=state,
         unit=unit,
         scale=np.concatenate([scale, np.ones(len(state) - len(estimated))]),
         held=held,
-        process=vehicle_process(
-            vehicle_constants(experiment.vehicle.known_parameters()),
-            np.array([held.get(symbol, 0.0) for symbol in SYMBOLS]),
-            np.array([SYMBOLS.index(symbol) for symbol in estimated], dtype=np.int64),
-            scale,
-            settings.process_noise,
-            errors,
-            has_depth,
-        ),
+        process=process,
         sensors=measurement_model(measuring, state, errors, np.inf if settings.gate is None else settings.gate),
         measuring=measuring,
-        parameters=parameters,
-        segments=[
-            Segment(stretch.timelines, partial(begin, motion=stretch.motion, depth=stretch.depth))
-            for stretch in stretches(dataset, part)
-        ],
+        stretches=found,
+        prior=joint_belief(beliefs, process.noise_density.size),
     )
 
 

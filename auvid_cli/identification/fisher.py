@@ -1,6 +1,6 @@
-"""Fisher information of a dataset about coefficients and initial motion, and the bound of Cramer and Rao."""
+"""Fisher information of a dataset about coefficients and initial motions, and the bound of Cramer and Rao."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 
@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
-from auvid_cli.filters.information import Information
+from auvid_cli.filters.information import Information, jointly
 from auvid_cli.filters.problem import Belief
 from auvid_cli.filters.sensitivities import responses
-from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
 from auvid_cli.identification.timeline import PART, measuring_sensors
 from auvid_cli.vehicle.coefficients import SYMBOLS
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
 
@@ -27,37 +27,36 @@ _ROUNDED = 1.05
 
 @dataclass(frozen=True)
 class DatasetInformation:
-    """What the readings of a dataset say about the coefficients and the motion at the start, jointly.
+    """What the readings of a dataset say about the coefficients and the motion at the start of each stretch, jointly.
 
     Attributes
     ----------
     state : tuple of str
-        Symbols: the estimated coefficients, then the nine motion states at the first event.
+        Symbols: the estimated coefficients, then the nine motion states at the first event of a stretch.
     scale : ndarray, shape (n,)
         SI value of one unit of each in which the information is given: of a coefficient its prior standard deviation,
         of a motion state one.
     prior : Belief
-        That a filter would start from, in the same units.
+        That a filter would start from, in the same units, about the joint state of the stretches.
     by_sensor : dict of Information
-        Of each sensor that measures motion.
+        Of each sensor that measures motion, about the joint state, see `auvid_cli.filters.stretches`.
+    total : Information
+        Of all sensors.
     growing : tuple of (float, Information)
-        Of all of them together up to some times, s, from the beginning; the whole last.
+        Of all of them together after so many seconds of data, about the state of the stretch that these reach; the
+        whole last.
     lost_after : float or None
-        s, from the beginning: what is said holds for the data up to there, because after it the sensitivities of a
-        motion that is unstable in open loop differ by more than doubles can hold.
+        s: what is said holds for so much of the data, because after it the sensitivities of a motion that is unstable
+        in open loop differ by more than doubles can hold.
     """
 
     state: tuple[str, ...]
     scale: Array
     prior: Belief
     by_sensor: dict[str, Information]
+    total: Information
     growing: tuple[tuple[float, Information], ...]
     lost_after: float | None
-
-    @property
-    def total(self) -> Information:
-        """Of all sensors over the whole run."""
-        return self.growing[-1][1]
 
     def bound(self, sensor: str | None = None) -> dict[str, float]:
         """Least standard deviation of an estimate without bias, SI, from all sensors or from one of them.
@@ -71,12 +70,14 @@ class DatasetInformation:
         return self._deviations(self.total.join(Information.of_belief(self.prior, self.prior.mean)))
 
     def _deviations(self, information: Information) -> dict[str, float]:
-        deviation = self.scale * information.uncertainty().deviation(np.eye(self.scale.size))
+        """Of the coefficients and of the first motion."""
+        first = np.eye(self.scale.size, information.projected.size)
+        deviation = self.scale * information.uncertainty().deviation(first)
         return dict(zip(self.state, deviation.tolist(), strict=True))
 
 
 def information_at(
-    dataset: Dataset, coefficients: Mapping[str, float], motion: Array | None = None
+    dataset: Dataset, coefficients: Mapping[str, float], motions: Sequence[Array] | None = None
 ) -> DatasetInformation:
     """Fisher information at given values of the coefficients, for white measurement noise and no process noise.
 
@@ -86,9 +87,9 @@ def information_at(
         Its settings say what is estimated, and at which values the others are held.
     coefficients : mapping
         SI, by symbol; all that are estimated, others are not looked at.
-    motion : ndarray, shape (9,), optional
-        At the instant at which `auvid_cli.identification.timeline.initial_motion` starts, SI; as measured by then if it
-        is left out.
+    motions : sequence of ndarray, shape (9,), optional
+        At the instant at which each stretch starts, see `auvid_cli.identification.segments.stretches`, SI; as measured
+        by then if they are left out.
 
     Raises
     ------
@@ -97,33 +98,57 @@ def information_at(
     """
     busiest = max(record.time.size for record in measuring_sensors(dataset).values())
     problem = augmented_problem(dataset, min(PART, busiest // _STAGES + 1))
-    if len(problem.segments) > 1:
-        raise DataError("bounds are found for one stretch of data only; here are several (identification.use)")
-    timelines, prior = problem.segments[0].timelines, problem.prior
-    start = prior.mean.copy()
+    start, n = _start(problem, coefficients, motions), len(problem.state)
+    n_parameters = n - problem.process.noise_density.size
+    of_stretches: list[dict[str, Information]] = []
+    growing: list[tuple[float, Information]] = []
+    elapsed, before, lost_after = 0.0, Information.none(n), None
+    least = np.full(n, np.inf)
+    for stretch, place in zip(problem.stretches, problem.places, strict=True):
+        by_sensor = dict.fromkeys(problem.measuring, Information.none(n))
+        together = Information.none(n)
+        least[n_parameters:] = np.inf
+        for response in responses(problem.process, problem.sensors, stretch.timelines, start[place]):
+            if response.blew_up:
+                time = response.timeline.time[len(response.mean)]
+                raise DataError(f"with these coefficients the model blows up at t = {time:.3f} s")
+            longer = {
+                name: by_sensor[name].with_response(response, response.timeline.reading_sensor == sensor)
+                for sensor, name in enumerate(by_sensor)
+            }
+            together = reduce(Information.join, longer.values())
+            known = together.join(before)
+            deviation = known.uncertainty().deviation(np.eye(n))
+            # More data cannot say less: if it seems so, rounding has the last word.
+            if (deviation > _ROUNDED * least).any():
+                lost_after = growing[-1][0]
+                break
+            by_sensor, least = longer, deviation
+            growing.append((elapsed + float(response.timeline.time[-1]) - stretch.timelines.span[0], known))
+        of_stretches.append(by_sensor)
+        if lost_after is not None:
+            break
+        elapsed, before = growing[-1][0], before.join(together.split(n_parameters)[1])
+    reached = n_parameters + len(of_stretches) * (n - n_parameters)
+    return DatasetInformation(
+        problem.state,
+        problem.scale,
+        Belief(problem.prior.mean[:reached], problem.prior.factor[:reached, :reached]),
+        {name: jointly([own[name] for own in of_stretches], n_parameters) for name in problem.measuring},
+        jointly([reduce(Information.join, own.values()) for own in of_stretches], n_parameters),
+        tuple(growing),
+        lost_after,
+    )
+
+
+def _start(problem: AugmentedProblem, coefficients: Mapping[str, float], motions: Sequence[Array] | None) -> Array:
+    """The joint state in scaled units; of what is not given as the prior has it."""
+    start = problem.prior.mean.copy()
     for i, symbol in enumerate(problem.state):
         if symbol in SYMBOLS:
             start[i] = coefficients[symbol] / problem.scale[i]
-    if motion is not None:
+    if motions is not None:
         first = problem.state.index(MOTION_SYMBOLS[0])
-        start[first : first + len(motion)] = motion
-    by_sensor = dict.fromkeys(problem.measuring, Information.none(start.size))
-    growing: list[tuple[float, Information]] = []
-    least, lost_after = np.full(start.size, np.inf), None
-    for response in responses(problem.process, problem.sensors, timelines, start):
-        if response.blew_up:
-            time = response.timeline.time[len(response.mean)]
-            raise DataError(f"with these coefficients the model blows up at t = {time:.3f} s")
-        longer = {
-            name: by_sensor[name].with_response(response, response.timeline.reading_sensor == sensor)
-            for sensor, name in enumerate(by_sensor)
-        }
-        together = reduce(Information.join, longer.values())
-        deviation = together.uncertainty().deviation(np.eye(start.size))
-        # More data cannot say less: if it seems so, rounding has the last word.
-        if (deviation > _ROUNDED * least).any():
-            lost_after = growing[-1][0]
-            break
-        by_sensor, least = longer, deviation
-        growing.append((float(response.timeline.time[-1]) - timelines.span[0], together))
-    return DatasetInformation(problem.state, problem.scale, prior, by_sensor, tuple(growing), lost_after)
+        for motion, place in zip(motions, problem.places, strict=True):
+            start[place[first : first + N_MOTION]] = motion
+    return start

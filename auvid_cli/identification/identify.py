@@ -12,11 +12,11 @@ from auvid_cli.config.experiment import Identification
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate, EstimateHeader, EstimatePart, Innovations, Outcome
-from auvid_cli.errors import DataError
 from auvid_cli.filters import problem
 from auvid_cli.filters.point_sets import cubature, transformed, unscented
 from auvid_cli.filters.problem import Belief, Ending, Receiver, Records, Timeline
 from auvid_cli.filters.square_root import run_square_root_filter
+from auvid_cli.filters.stretches import of_stretch, one_after_the_other
 from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
 from auvid_cli.identification.process import first_order_transition
 
@@ -188,11 +188,7 @@ def set_up_filters(
     settings = dataset.experiment.identification
     settings.check_filters(filter_names)
     augmented = augmented_problem(dataset)
-    if len(augmented.segments) > 1 and FilterName.OUTPUT_ERROR in filter_names:
-        raise DataError(
-            f"output_error fits one stretch of data, here are {len(augmented.segments)} (identification.use); "
-            "name one of them, or use a filter"
-        )
+    stretches = [_Watched(stretch.timelines, before_each) for stretch in augmented.stretches]
     return [
         FilterRun(
             EstimateHeader(
@@ -204,13 +200,8 @@ def set_up_filters(
                 dataset_sha256=dataset.sha256,
             ),
             augmented.span,
-            partial(
-                _over_segments,
-                _chosen_filter(name, augmented, dataset.experiment.identification),
-                augmented,
-                before_each,
-            ),
-            augmented.prior,
+            partial(_chosen_filter(name, augmented, settings), stretches, augmented.prior),
+            of_stretch(augmented.prior, augmented.places[0]),
             augmented.scale,
             augmented.measuring,
         )
@@ -227,7 +218,8 @@ def identify(dataset: Dataset, filter_name: FilterName) -> Estimate:
 
 def _chosen_filter(
     name: FilterName, augmented: AugmentedProblem, settings: Identification
-) -> Callable[[Iterable[Timeline], Belief, Receiver], Ending]:
+) -> Callable[[Sequence[Iterable[Timeline]], Belief, Receiver], Ending]:
+    """What takes stretches, a prior about their joint state, and a receiver."""
     process, n = augmented.process, len(augmented.state)
     match name:
         case FilterName.EKF:
@@ -241,8 +233,10 @@ def _chosen_filter(
             from auvid_cli.filters.output_error import run_output_error
 
             stated = settings.output_error
-            run = partial(
+            return partial(
                 run_output_error,
+                process,
+                augmented.sensors,
                 max_evaluations=stated.max_evaluations,
                 bounds=_bounds(augmented, stated.bounds),
                 use_prior=stated.use_prior,
@@ -254,47 +248,13 @@ def _chosen_filter(
         case FilterName.UKF:
             points = unscented(n, settings.ukf.alpha, settings.ukf.beta, settings.ukf.kappa)
             run = partial(run_square_root_filter, points)
-    return partial(run, process, augmented.sensors)
-
-
-def _over_segments(
-    run: Callable[[Iterable[Timeline], Belief, Receiver], Ending],
-    augmented: AugmentedProblem,
-    before_each: Callable[[], None],
-    receive: Receiver,
-) -> Ending:
-    """Run a filter on one segment after the other; each begins with what the one before says of the parameters."""
-    parameters, n_good = augmented.parameters, 0
-    final = parameters.mean
-    ending = Ending(np.zeros((0, 0)), 0, problem.OK)
-
-    def keep_and_pass_on(timeline: Timeline, records: Records) -> None:
-        nonlocal final
-        if len(records.mean):
-            final = records.mean[-1]
-        receive(timeline, records)
-
-    for k, segment in enumerate(augmented.segments):
-        if k:
-            try:
-                parameters = _marginal(final, ending.covariance, parameters.mean.size)
-            except np.linalg.LinAlgError:
-                return ending._replace(n_good=n_good, culprit=problem.PREDICTION)
-        ending = run(_Watched(segment.timelines, before_each), segment.begin(parameters), keep_and_pass_on)
-        n_good += ending.n_good
-        if ending.culprit != problem.OK:
-            break
-    return ending._replace(n_good=n_good)
-
-
-def _marginal(mean: Array, covariance: Array, n: int) -> Belief:
-    """The first n components of a state."""
-    scale = np.sqrt(np.diagonal(covariance)[:n])
-    correlation = covariance[:n, :n] / np.outer(scale, scale)
-    return Belief(mean[:n].copy(), np.asarray(scale[:, None] * np.linalg.cholesky(correlation), dtype=np.float64))
+    return partial(one_after_the_other, partial(run, process, augmented.sensors), process.noise_density.size)
 
 
 def _bounds(augmented: AugmentedProblem, stated: dict[str, tuple[float, float]]) -> tuple[Array, Array]:
-    """Lower and upper bounds of the scaled state."""
-    lower, upper = np.transpose([stated.get(symbol, (-np.inf, np.inf)) for symbol in augmented.state])
-    return lower / augmented.scale, upper / augmented.scale
+    """Lower and upper bounds of the scaled joint state, of which coefficients may have some."""
+    lower, upper = np.full(augmented.prior.mean.size, -np.inf), np.full(augmented.prior.mean.size, np.inf)
+    for symbol, limits in stated.items():
+        place = augmented.state.index(symbol)
+        lower[place], upper[place] = np.array(limits) / augmented.scale[place]
+    return lower, upper

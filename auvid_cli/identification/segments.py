@@ -83,6 +83,8 @@ def stretches(dataset: Dataset, part: int = PART) -> list[Stretch]:
 def used_part(dataset: Dataset) -> Dataset:
     """All that is used of a dataset, as one."""
     parts = segments(dataset)
+    if len(parts) == 1:
+        return parts[0]
     sensors = {
         name: SensorRecord(
             np.concatenate([part.sensors[name].time for part in parts]),

@@ -1,4 +1,4 @@
-"""Where a filter starts in a segment of the data: parameters as known by then, motion as first measured."""
+"""Where a filter starts in a stretch of the data: parameters as known by then, motion as first measured."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from auvid_cli.config.experiment import InitialMotion
 from auvid_cli.filters.problem import Belief
 from auvid_cli.identification.biases import DVL_ERRORS, SensorError, constant_errors, walking_errors
-from auvid_cli.identification.process import current_in_body_axes
+from auvid_cli.identification.observation import earth_in_body_axes
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def starting_belief(
     current = [places[symbol] for symbol in DVL_ERRORS[2:] if symbol in places]
     if not current:
         return Belief(mean, factor)
-    _, _, turn = current_in_body_axes(motion[6:], np.zeros(2))
+    turn = earth_in_body_axes(motion[6:])[:, :2]
     velocity = slice(n_parameters, n_parameters + 3)
     mean[velocity] -= turn @ mean[current]
     factor[velocity] -= turn @ factor[current]

@@ -1,6 +1,7 @@
 import csv
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -94,6 +95,23 @@ def test_a_file_without_truth_gives_the_same_estimates_bit_by_bit(results, tmp_p
     ):
         for name in ("time", "mean", "standard_deviation", "covariance", "innovations/dvl/innovation"):
             assert one[name][...].tobytes() == other[name][...].tobytes()
+
+
+def test_stretches_are_fitted_together_and_reported(results, tmp_path):
+    shutil.copy(results[0] / "results/spiral/dataset.h5", tmp_path / "mission.h5")
+    command = ("identify", "mission.h5", "-f", "output_error", "-f", "tukf", "--use", ":5", "--use", "6:")
+    result = auvid(*command, cwd=tmp_path)
+    assert result.returncode in (0, 1), result.stderr
+    assert auvid("report", "results/mission", cwd=tmp_path).returncode == result.returncode
+    with (tmp_path / "results/mission/tables/coefficients.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["filter"] for row in rows} == {"output_error", "tukf"}
+    assert all(float(row["cramer_rao_bound"]) > 0.0 for row in rows)
+    with h5py.File(tmp_path / "results/mission/estimates/tukf.h5") as file:
+        time = file["time"][()]
+    assert time[0] == 0.01
+    assert time[-1] == 12.0
+    assert not ((time > 5.0) & (time < 6.0)).any()
 
 
 def test_the_output_error_method_stands_beside_the_filters(results, tmp_path):

@@ -35,7 +35,7 @@ def test_with_truth_the_bound_is_one_for_all_and_that_of_the_true_motion(short_r
     assert all(found is bounds[FilterName.CKF] for found in bounds.values())
     truth = short_run.truth
     at_start = truth.motion[np.argmin(np.abs(truth.time - short_estimates[FilterName.CKF].time[0]))]
-    assert bounds[FilterName.CKF] == information_at(short_run, truth.coefficients, at_start).bound()
+    assert bounds[FilterName.CKF] == information_at(short_run, truth.coefficients, [at_start]).bound()
     assert set(SYMBOLS) < set(bounds[FilterName.CKF])
 
 
@@ -55,7 +55,7 @@ def test_with_the_prior_it_is_that_of_both_informations_together(simulated_with,
     estimate = replace(ckf, experiment=dataset.experiment)
     bounds = BoundsOf(dataset)(estimate)
     start = dataset.truth.motion[np.argmin(np.abs(dataset.truth.time - 0.01))]
-    information = information_at(dataset, dataset.truth.coefficients, start)
+    information = information_at(dataset, dataset.truth.coefficients, [start])
     prior = augmented_problem(dataset).prior
     total = information.total.factor.T @ information.total.factor + np.linalg.inv(prior.factor @ prior.factor.T)
     expected = information.scale * np.sqrt(np.diag(np.linalg.inv(total)))
@@ -94,17 +94,33 @@ def test_coefficients_whose_model_blows_up_have_no_bound_and_that_is_said(short_
     assert "blows up" in check.advice
 
 
-def test_a_motion_too_unstable_for_sensitivities_is_judged_as_long_as_they_hold():
+@pytest.fixture(scope="module")
+def unstable_run():
+    """300 s of a vehicle that is unstable in open loop."""
+    return simulate(load_experiment(find_experiment("dive")))
+
+
+def test_a_motion_too_unstable_for_sensitivities_is_judged_as_long_as_they_hold(unstable_run):
     """More data cannot say less; after 300 s this vehicle's seem to say nothing at all."""
-    dataset = simulate(load_experiment(find_experiment("dive")))
-    found = assess_dataset(dataset)
+    found = assess_dataset(unstable_run)
     assert "unstable in open loop" in found.remark
     assert found.growth[-1][0] < 200.0
     assert all(bound.cramer_rao_bound < np.inf for bound in found.bounds)
-    estimate = identify(dataset, FilterName.CKF)
-    bounds = BoundsOf(dataset)(estimate)
+    estimate = identify(unstable_run, FilterName.CKF)
+    bounds = BoundsOf(unstable_run)(estimate)
     assert bounds.of_data == {}
     assert "unstable in open loop" in bounds.remark
+
+
+def test_in_stretches_that_are_short_enough_it_is_judged_to_the_end(unstable_run, with_settings):
+    whole, short = assess_dataset(unstable_run), "identification.use.spans=[[0, 100], [100.5, 200], [200.5, 300]]"
+    cut = assess_dataset(with_settings(unstable_run, short))
+    assert cut.remark == ""
+    assert cut.growth[-1][0] > 298.0
+    assert np.median(cut.growth[-1][1]) < np.median(whole.growth[-1][1])
+    lost = assess_dataset(with_settings(unstable_run, "identification.use.spans=[[0, 100], [101, 300]]"))
+    assert "unstable in open loop" in lost.remark
+    assert 100.0 < lost.growth[-1][0] < 298.0
 
 
 @pytest.mark.parametrize(("share", "failing", "noted"), [(1.0, False, False), (0.5, True, False), (4.0, False, True)])

@@ -65,6 +65,15 @@ def test_a_stuck_sensor_is_named_with_its_time(sensor, long_enough):
     assert any(check == "NIS" for _, check in fails)
 
 
+def test_time_between_two_stretches_is_no_gap(long_enough, with_settings):
+    two = with_settings(long_enough, "identification.use.spans=[[0, 60], [80, 150]]")
+    checks, _ = verdicts(two)
+    gaps = [check for check in checks if check.check == "gap"]
+    assert len(gaps) == 3
+    assert all(check.passed for check in gaps)
+    assert any(check.check == "near the bound" for check in checks)
+
+
 def test_a_gap_is_worth_knowing_but_no_failure(long_enough):
     checks, fails = verdicts(with_values(long_enough, "dvl", silent))
     assert fails == set()

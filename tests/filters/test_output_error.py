@@ -15,6 +15,11 @@ from auvid_cli.filters.problem import NOT_CONVERGED, OK, PREDICTION, Belief
 EVENTS = 30
 
 
+def fit_one(process, sensors, timelines, prior, receive, **settings):
+    """Of a single stretch."""
+    return run_output_error(process, sensors, [timelines], prior, receive, **settings)
+
+
 def least_squares_by_hand(problem, by_hand, with_prior):
     """Initial state that fits all readings, and the prior, by the singular values of their stacked rows.
 
@@ -38,7 +43,7 @@ def least_squares_by_hand(problem, by_hand, with_prior):
 def test_a_linear_problem_is_solved_by_weighted_least_squares(with_prior, part, linear_problem, by_hand, run_whole):
     p = linear_problem
     expected = least_squares_by_hand(p, by_hand, with_prior)
-    history = run_whole(partial(run_output_error, use_prior=with_prior), p, part=part)
+    history = run_whole(partial(fit_one, use_prior=with_prior), p, part=part)
     assert (history.n_good, history.culprit) == (EVENTS, OK)
     unseen = by_hand.transition - by_hand.transition @ expected.seen.T @ expected.seen
     known = np.linalg.norm(unseen, axis=-1) < 1e-8
@@ -58,7 +63,7 @@ def test_a_linear_problem_is_solved_by_weighted_least_squares(with_prior, part, 
 def test_residuals_have_the_covariance_that_the_fit_leaves(with_prior, linear_problem, by_hand, run_whole):
     p, t = linear_problem, linear_problem.timeline
     expected = least_squares_by_hand(p, by_hand, with_prior)
-    records = run_whole(partial(run_output_error, use_prior=with_prior), p).records
+    records = run_whole(partial(fit_one, use_prior=with_prior), p).records
     for k in range(len(t.reading)):
         present = ~np.isnan(t.reading[k])
         h, noise = by_hand.matrix[k, present], np.diag(p.sensors.variance[t.reading_sensor[k], present])
@@ -76,11 +81,11 @@ def test_residuals_have_the_covariance_that_the_fit_leaves(with_prior, linear_pr
 def test_without_process_noise_the_kalman_filter_ends_where_the_fit_ends(linear_problem, run_whole):
     p = linear_problem
     p.process = p.process._replace(noise_density=np.zeros_like(p.process.noise_density))
-    fit, ekf = run_whole(partial(run_output_error, use_prior=True), p), run_whole(run_extended_filter, p)
+    fit, ekf = run_whole(partial(fit_one, use_prior=True), p), run_whole(run_extended_filter, p)
     assert_allclose(fit.records.mean[-1], ekf.records.mean[-1], rtol=1e-6, atol=1e-6)
     assert_allclose(fit.covariance, ekf.covariance, rtol=1e-6, atol=1e-7)
     p.prior = Belief(p.prior.mean, 1e2 * np.eye(p.prior.mean.size))
-    fit, ekf = run_whole(run_output_error, p), run_whole(run_extended_filter, p)
+    fit, ekf = run_whole(fit_one, p), run_whole(run_extended_filter, p)
     deviation = fit.records.standard_deviation[-1]
     # The wide prior still holds what the readings hardly tell.
     known = deviation < 1.0
@@ -92,21 +97,21 @@ def test_without_process_noise_the_kalman_filter_ends_where_the_fit_ends(linear_
 def test_the_prior_and_the_timeline_are_left_as_they_were(linear_problem, run_whole):
     prior, timeline = linear_problem.prior, linear_problem.timeline
     before = prior.mean.copy(), prior.factor.copy(), timeline.reading.copy()
-    run_whole(run_output_error, linear_problem)
+    run_whole(fit_one, linear_problem)
     assert np.array_equal(prior.mean, before[0])
     assert np.array_equal(prior.factor, before[1])
     assert np.array_equal(timeline.reading, before[2], equal_nan=True)
 
 
 def test_the_receiver_is_told_every_part_once(linear_problem, run_whole):
-    assert run_whole(run_output_error, linear_problem, part=12).told == [(12, 12), (12, 12), (6, 6)]
+    assert run_whole(fit_one, linear_problem, part=12).told == [(12, 12), (12, 12), (6, 6)]
 
 
 @pytest.mark.parametrize("first", [1, 4, 11])
 def test_going_on_from_a_shorter_span_leads_to_the_same_fit(first, linear_problem, run_whole, monkeypatch):
-    whole = run_whole(run_output_error, linear_problem)
+    whole = run_whole(fit_one, linear_problem)
     monkeypatch.setattr("auvid_cli.filters.output_error._FIRST_SPAN", first)
-    grown = run_whole(run_output_error, linear_problem)
+    grown = run_whole(fit_one, linear_problem)
     assert grown.culprit == OK
     difference = (grown.records.mean - whole.records.mean) / whole.records.standard_deviation
     assert np.abs(difference).max() < 1e-4
@@ -144,7 +149,7 @@ def test_a_nonlinear_sensor_is_fitted_as_by_all_rows_at_once(nonlinear_problem, 
         )
         return np.append(((seen - t.reading) / deviation)[present], weight @ (x - p.prior.mean))
 
-    history = run_whole(partial(run_output_error, use_prior=True), p)
+    history = run_whole(partial(fit_one, use_prior=True), p)
     assert history.culprit == OK
     start = np.concatenate([history.records.mean[0, :-4], history.records.mean[0, -4:]])
     # Nothing leads to the first event, so its state is the initial one.
@@ -159,10 +164,10 @@ def test_an_angle_is_known_only_modulo_a_turn(turns, linear_problem, run_whole):
     p = linear_problem
     p.prior = Belief(0.01 * p.prior.mean, 0.01 * p.prior.factor)
     p.timeline = p.timeline._replace(reading=0.01 * p.timeline.reading, inputs=0.0 * p.timeline.inputs)
-    plain = run_whole(partial(run_output_error, use_prior=True), p)
+    plain = run_whole(partial(fit_one, use_prior=True), p)
     p.sensors = p.sensors._replace(angular=np.ones_like(p.sensors.angular))
     p.timeline = p.timeline._replace(reading=p.timeline.reading + 2.0 * np.pi * turns)
-    turned = run_whole(partial(run_output_error, use_prior=True), p)
+    turned = run_whole(partial(fit_one, use_prior=True), p)
     assert_allclose(turned.records.mean, plain.records.mean, rtol=1e-7, atol=1e-9)
     assert_allclose(turned.records.innovation, plain.records.innovation, rtol=1e-7, atol=1e-9)
 
@@ -175,7 +180,7 @@ def test_a_parameter_that_nothing_depends_on_is_infinitely_uncertain_and_keeps_i
     # Independent of the others, so that the filter from which it starts does not move it.
     p.prior.factor[:, 0] = p.prior.factor[0] = 0.0
     p.prior.factor[0, 0] = 1.0
-    history = run_whole(run_output_error, p)
+    history = run_whole(fit_one, p)
     assert history.culprit == OK
     assert np.all(history.records.standard_deviation[:, 0] == np.inf)
     assert np.isfinite(history.records.standard_deviation[:, -4:]).all()
@@ -191,7 +196,7 @@ def test_bounds_are_kept_and_the_others_fit_as_well_as_they_allow(linear_problem
     low, high = np.full(n, -np.inf), np.full(n, np.inf)
     # One bound that holds and one that does not matter.
     high[0], low[-1] = free[0] - 1.0, free[-1] - 100.0
-    history = run_whole(partial(run_output_error, use_prior=True, bounds=(low, high)), p)
+    history = run_whole(partial(fit_one, use_prior=True, bounds=(low, high)), p)
     state = history.records.mean[0]
     precision = np.linalg.inv(expected.covariance)
     shift = np.linalg.solve(precision[1:, 1:], precision[1:, :1])[:, 0]
@@ -203,17 +208,17 @@ def test_bounds_are_kept_and_the_others_fit_as_well_as_they_allow(linear_problem
 
 
 def test_a_fit_that_may_not_go_on_says_so(nonlinear_problem, run_whole):
-    history = run_whole(partial(run_output_error, max_evaluations=1), nonlinear_problem)
+    history = run_whole(partial(fit_one, max_evaluations=1), nonlinear_problem)
     assert (history.n_good, history.culprit) == (EVENTS, NOT_CONVERGED)
     assert np.isfinite(history.records.mean).all()
 
 
 def test_a_fit_of_a_shorter_span_does_not_pass_for_one_of_the_whole(linear_problem, run_whole, monkeypatch):
-    whole = run_whole(run_output_error, linear_problem)
+    whole = run_whole(fit_one, linear_problem)
     monkeypatch.setattr("auvid_cli.filters.output_error._FIRST_SPAN", 8)
     culprits = []
     for limit in range(1, 16):
-        history = run_whole(partial(run_output_error, max_evaluations=limit), linear_problem)
+        history = run_whole(partial(fit_one, max_evaluations=limit), linear_problem)
         culprits.append(history.culprit)
         if history.culprit == OK:
             difference = (history.records.mean - whole.records.mean) / whole.records.standard_deviation
@@ -229,7 +234,7 @@ def test_a_motion_that_cannot_go_on_is_fitted_until_there(event, linear_problem,
     piece_input[t.piece_offset[event]] = 5
     inputs = np.vstack([t.inputs, np.full((1, t.inputs.shape[1]), np.nan)])
     p.timeline = t._replace(inputs=inputs, piece_input=piece_input)
-    history = run_whole(run_output_error, p)
+    history = run_whole(fit_one, p)
     assert (history.n_good, history.culprit) == (event, PREDICTION)
     assert np.isfinite(history.records.mean[:event]).all()
     assert np.isnan(history.records.mean[event:]).all()

@@ -107,7 +107,7 @@ def free_motion(problem, start):
     block[:, 0] = start
     moving, parameters = block[n_parameters:].ravel(), block[:n_parameters].ravel()
     process, motions = problem.process, []
-    for t in problem.segments[0].timelines:
+    for t in problem.stretches[0].timelines:
         for event in range(t.time.size):
             for piece in range(t.piece_offset[event], t.piece_offset[event + 1]):
                 held, scratch = t.inputs[t.piece_input[piece]], np.zeros(process.scratch_size)
@@ -119,7 +119,7 @@ def free_motion(problem, start):
 
 def test_of_the_vehicle_they_are_differences_of_the_motion(vehicle_problem):
     problem, start = vehicle_problem
-    mean, sensitivity, _, _ = whole(problem, start, problem.segments[0].timelines)
+    mean, sensitivity, _, _ = whole(problem, start, problem.stretches[0].timelines)
     assert len(mean) > 400
     assert_allclose(mean[:, -N_MOVING:], free_motion(problem, start), rtol=1e-10, atol=1e-12)
     assert np.array_equal(mean[:, :-N_MOVING], np.broadcast_to(start[:-N_MOVING], (len(mean), len(SYMBOLS))))

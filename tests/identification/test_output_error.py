@@ -205,8 +205,8 @@ def test_the_bound_is_in_si_and_infinite_for_what_a_sensor_does_not_see(white_ru
 
 def test_the_information_is_taken_at_the_motion_that_is_given(white_run):
     measured = information_at(white_run, white_run.truth.coefficients)
-    given = information_at(white_run, white_run.truth.coefficients, white_run.truth.motion[1])
-    other = information_at(white_run, white_run.truth.coefficients, white_run.truth.motion[1] + 0.1)
+    given = information_at(white_run, white_run.truth.coefficients, [white_run.truth.motion[1]])
+    other = information_at(white_run, white_run.truth.coefficients, [white_run.truth.motion[1] + 0.1])
     assert_allclose(list(given.bound().values()), list(measured.bound().values()), rtol=0.05)
     assert not np.allclose(list(other.bound().values()), list(measured.bound().values()), rtol=0.05)
 

@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.spatial.transform import Rotation
 
 from auvid_cli.blocks import LANES
-from auvid_cli.config.biases import Current, DvlError, Estimate, ThrustScale
+from auvid_cli.config.biases import Estimate, ThrustScale
 from auvid_cli.config.experiment import ProcessNoise
-from auvid_cli.identification.biases import constant_errors, sensor_errors, walking_errors
+from auvid_cli.identification.biases import sensor_errors
 from auvid_cli.identification.process import first_order_transition, vehicle_process
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.dynamics import vehicle_constants
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 SCALE = np.linspace(0.5, 2.0, N_COEFFICIENTS)
 INPUTS = np.array([[0.1, -0.05, 30.0, 1.0], [-0.1, 0.07, 35.0, -1.0]])
@@ -73,42 +71,6 @@ def test_both_transitions_move_the_mean_alike(state_and_flow):
     assert_allclose(flow(state, 0.04, exact=False)[0], flow(state, 0.04)[0], rtol=1e-12)
 
 
-def assert_seen_alike(process, state, n_parameters, expected):
-    """By both kinds of filter, and the derivative is that of what is seen."""
-    seen, matrix = process.linearise(state, 0)
-    assert_allclose(seen, expected, rtol=1e-12)
-    for j in range(state.size):
-        step = np.zeros(state.size)
-        step[j] = 1e-6
-        difference = (process.linearise(state + step, 0)[0] - process.linearise(state - step, 0)[0]) / 2e-6
-        assert_allclose(matrix[:, j], difference, atol=1e-8)
-
-    block = np.repeat(state[:, None], LANES, axis=1)
-    moving, parameters = block[n_parameters:].ravel(), block[:n_parameters].ravel()
-    by_points = np.zeros(3 * LANES)
-    process.observe(moving, parameters, 0, process.constants, process.selection, 5, by_points)
-    assert_allclose(by_points.reshape(3, LANES)[:, :5], np.repeat(expected[:, None], 5, axis=1), rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    "walks", [{}, {"scale_walk": 1e-3}, {"yaw_walk": 1e-3}, {"scale_walk": 1e-3, "yaw_walk": 1e-3}]
-)
-def test_a_dvl_with_scale_error_and_mounting_yaw(walks, experiment_with):
-    errors = sensor_errors(Estimate(biases=("gyro", "dvl"), dvl=DvlError(**walks)))
-    known = experiment_with().vehicle.known_parameters()
-    process = vehicle_process(
-        vehicle_constants(known), np.zeros(N_COEFFICIENTS), np.arange(2), SCALE[:2], ProcessNoise(), errors
-    )
-    symbols = [*"ab", *(e.symbol for e in constant_errors(errors)), *MOTION_SYMBOLS]
-    symbols += [e.symbol for e in walking_errors(errors)]
-    n_parameters = symbols.index("u")
-    assert process.noise_density.size == len(symbols) - n_parameters
-    values = dict(zip(MOTION_SYMBOLS, MOTION, strict=True)) | {"dvl_scale": 0.03, "dvl_yaw": -0.2}
-    state = np.array([values.get(symbol, 0.7) for symbol in symbols])
-    expected = 1.03 * np.array([np.cos(0.2) * 2.0 - np.sin(0.2) * 0.1, np.sin(0.2) * 2.0 + np.cos(0.2) * 0.1, -0.1])
-    assert_seen_alike(process, state, n_parameters, expected)
-
-
 def test_the_depth_follows_the_vertical_velocity_in_every_way_of_moving_it(experiment_with):
     """Against an integral over many small steps of the velocity along the rotation matrix's third row."""
     vehicle = experiment_with().vehicle
@@ -141,26 +103,6 @@ def test_the_depth_follows_the_vertical_velocity_in_every_way_of_moving_it(exper
     for _ in range(20):
         process.advance(moving, parameters, INPUTS[0], process.constants, process.selection, 5, duration / 20, scratch)
     assert_allclose(moving.reshape(-1, LANES)[:, :5], np.repeat(moved[N_COEFFICIENTS:, None], 5, axis=1), rtol=1e-12)
-
-
-@pytest.mark.parametrize("blocks", [("current",), ("dvl", "current")])
-@pytest.mark.parametrize("walk", [0.0, 1e-3])
-@pytest.mark.parametrize("has_depth", [False, True])
-def test_a_dvl_over_ground_sees_the_current(blocks, walk, has_depth, experiment_with):
-    """As scipy turns it."""
-    errors = sensor_errors(Estimate(biases=blocks, current=Current(walk=walk)))
-    known = experiment_with().vehicle.known_parameters()
-    vehicle = vehicle_constants(known), np.zeros(N_COEFFICIENTS), np.arange(2), SCALE[:2]
-    process = vehicle_process(*vehicle, ProcessNoise(), errors, has_depth)
-    symbols = [*"ab", *(e.symbol for e in constant_errors(errors)), *MOTION_SYMBOLS, *(["down"] * has_depth)]
-    symbols += [e.symbol for e in walking_errors(errors)]
-    n_parameters = symbols.index("u")
-    current = {"current_north": 0.3, "current_east": -0.4}
-    values = dict(zip(MOTION_SYMBOLS, MOTION, strict=True)) | current
-    state = np.array([values.get(symbol, 0.0) for symbol in symbols])
-    turn = Rotation.from_euler("ZYX", [0.3, -0.2, 0.1])
-    expected = MOTION[:3] + turn.apply([0.3, -0.4, 0.0], inverse=True)
-    assert_seen_alike(process, state, n_parameters, expected)
 
 
 @pytest.mark.parametrize("walk", [0.0, 1e-3])

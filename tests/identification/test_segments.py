@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import SensorRecord
@@ -13,6 +14,7 @@ from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.evaluation.free_run import free_run
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.segments import segments, stretches, used_part, used_spans
+from auvid_cli.vehicle.coefficients import SYMBOLS
 
 TWO = "identification.use.spans=[[5, 25], [40 s, 60 s]]"
 
@@ -88,11 +90,38 @@ def test_slow_stretches_are_left_out_but_a_spike_is_not_slow(short_run, with_set
     assert 40.0 <= second[0] < 40.3
 
 
-def test_output_error_fits_one_stretch(short_run, with_settings):
-    with pytest.raises(DataError, match=r"one stretch of data, here are 2 \(identification.use\)"):
-        identify(with_settings(short_run, TWO), FilterName.OUTPUT_ERROR)
-    one = identify(with_settings(short_run, "identification.use.spans=[[20, 60]]"), FilterName.OUTPUT_ERROR)
-    assert one.completed
+def test_several_stretches_are_fitted_at_once_and_agree_with_a_filter(short_run, with_settings):
+    dataset = with_settings(short_run, TWO)
+    fit, tukf = (identify(dataset, name) for name in (FilterName.OUTPUT_ERROR, FilterName.TUKF))
+    assert verdict(fit) == "completed"
+    assert np.array_equal(fit.time, tukf.time)
+    assert fit.steps == fit.time.size
+    n = len(SYMBOLS)
+    assert np.ptp(fit.mean[:, :n], axis=0).max() == 0.0
+    apart = np.abs(fit.mean[-1, :n] - tukf.mean[-1, :n]) / tukf.standard_deviation[-1, :n]
+    assert np.sqrt(np.mean(apart**2)) < 1.0
+    # Each has its own motion, as near to the readings as those of the filter, and both say more than one.
+    velocity = slice(n, n + 3)
+    assert np.abs(fit.mean[:, velocity] - tukf.mean[:, velocity]).max() < 0.05
+    alone = identify(with_settings(short_run, "identification.use.spans=[[5, 25]]"), FilterName.OUTPUT_ERROR)
+    assert np.all(fit.standard_deviation[-1, :n] < alone.standard_deviation[-1, :n])
+
+
+def test_of_several_stretches_the_covariance_is_that_of_the_last_motion(short_run, with_settings):
+    fit = identify(with_settings(short_run, TWO), FilterName.OUTPUT_ERROR)
+    assert fit.covariance.shape == (len(fit.state), len(fit.state))
+    assert_allclose(np.sqrt(np.diag(fit.covariance)), fit.standard_deviation[-1], rtol=1e-9)
+
+
+def test_a_fit_of_several_stretches_that_blows_up_in_one_says_when(short_run, with_settings):
+    """Inputs that nothing can follow, from a time within the second stretch."""
+    values = short_run.inputs.values.copy()
+    values[short_run.inputs.time > 50.0] = 1e30
+    broken = replace(short_run, inputs=replace(short_run.inputs, values=values))
+    fit = identify(with_settings(broken, TWO), FilterName.OUTPUT_ERROR)
+    assert fit.status.startswith("diverged at t = 50.")
+    assert np.isfinite(fit.mean).all()
+    assert 40.0 < fit.time[-1] <= 50.1
 
 
 def test_nothing_left_is_said(short_run, with_settings):

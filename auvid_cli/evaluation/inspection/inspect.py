@@ -82,7 +82,7 @@ def _alone(dataset: Dataset, name: str, found: Screened) -> list[Check]:
     """Verdicts on a sensor by itself."""
     record = dataset.sensors[name]
     checks = timing_checks(name, record, found.jumps) if record.time.size > 1 else []
-    checks += [*data_checks(dataset, "", [name]), *reading_checks(name, record, found.spikes, found.largest)]
+    checks += [*data_checks([dataset], "", [name]), *reading_checks(name, record, found.spikes, found.largest)]
     tells_pitch = name == "attitude" and np.isfinite(record.values[:, 1]).any()
     return [*checks, gimbal_check(record)] if tells_pitch else checks
 

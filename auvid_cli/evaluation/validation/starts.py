@@ -124,7 +124,7 @@ def _filtered(dataset: Dataset, wanted: Array) -> Starts:
     problem = augmented_problem(dataset)
     motion = problem.state.index(MOTION_SYMBOLS[0]) + np.arange(N_MOTION)
     kept, squares, components = [], np.zeros(len(problem.measuring)), np.zeros(len(problem.measuring))
-    timelines, prior = problem.segments[0].timelines, problem.prior
+    timelines, prior = problem.stretches[0].timelines, problem.prior
     reached, last = timelines.span[0], prior.mean
 
     def receive(timeline: Timeline, records: Records) -> None:
