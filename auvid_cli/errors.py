@@ -19,3 +19,7 @@ class SimulationError(AuvidError):
 
 class DataError(AuvidError):
     """A dataset cannot serve the request: no usable sensor, inputs that end too early, ..."""
+
+
+class ClusterError(AuvidError):
+    """The workers of a campaign cannot be reached, or no longer."""

@@ -9,12 +9,13 @@ from distributed import Client, Future, LocalCluster, as_completed
 
 from auvid_cli.campaign.perform import Performed, perform
 from auvid_cli.campaign.plan import Group
-from auvid_cli.errors import ConfigError
+from auvid_cli.errors import ClusterError
 
 # Groups that wait at the scheduler for each thread: no worker is ever idle, and a campaign of a million runs needs no
 # more memory than a small one.
 _AHEAD = 3
 _PATIENCE = 60.0
+_GONE = "the scheduler is gone; what was done is kept, and the same command goes on once there is one again"
 
 
 @contextmanager
@@ -30,9 +31,12 @@ def cluster_client(scheduler: str | None, workers: int | None) -> Iterator[Clien
 
     Raises
     ------
-    ConfigError
+    ClusterError
         If the scheduler does not answer or has no workers.
     """
+    # What matters is said here in one line.
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as stack:
         if scheduler is None:
             target = stack.enter_context(
@@ -50,7 +54,8 @@ def cluster_client(scheduler: str | None, workers: int | None) -> Iterator[Clien
             client = stack.enter_context(Client(target, timeout=_PATIENCE / 2))
             client.wait_for_workers(1, timeout=_PATIENCE)
         except (OSError, TimeoutError, ValueError) as error:
-            raise ConfigError(f"--scheduler {scheduler}: no scheduler with workers answers there: {error}") from None
+            place = f"--scheduler {scheduler}" if scheduler is not None else "the cluster on this machine"
+            raise ClusterError(f"{place}: no scheduler with workers answers there: {error}") from None
         yield client
 
 
@@ -58,12 +63,21 @@ def perform_groups(client: Client, groups: Iterator[Group], with_estimates: bool
     """Hand groups out and yield what comes back, as it comes.
 
     A group whose worker dies goes to another one; one that takes several workers with it has failed.
+
+    Raises
+    ------
+    ClusterError
+        If the scheduler goes away.
     """
     sent: dict[Future, Group] = {}
     returning = as_completed()
 
     def send() -> None:
-        while len(sent) < _AHEAD * max(sum(client.nthreads().values()), 1):  # pyright: ignore[reportAttributeAccessIssue]
+        try:
+            threads = sum(client.nthreads().values())  # pyright: ignore[reportAttributeAccessIssue]
+        except OSError as error:
+            raise ClusterError(f"{_GONE}: {error}") from None
+        while len(sent) < _AHEAD * max(threads, 1):
             group = next(groups, None)
             if group is None:
                 return
@@ -75,6 +89,8 @@ def perform_groups(client: Client, groups: Iterator[Group], with_estimates: bool
     send()
     for future in returning:
         group = sent.pop(future)
+        if future.cancelled():
+            raise ClusterError(_GONE)
         error = future.exception()
         if error is None:
             yield future.result()

@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from auvid_cli import __version__
 from auvid_cli.campaign.measures import Measure, measures
 from auvid_cli.campaign.plan import Group, Run
 from auvid_cli.config.experiment import Experiment, Identification
 from auvid_cli.data.dataset import Dataset, TruthRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.errors import AuvidError, DataError
+from auvid_cli.errors import AuvidError, ConfigError, DataError
 from auvid_cli.evaluation.bounds import true_starts
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.identify import identify
@@ -45,7 +46,15 @@ class Performed(NamedTuple):
 
 
 def perform(group: Group, with_estimates: bool = False) -> list[Performed]:
-    """Do all runs of a group, on one core; what goes wrong with one is its failure and does not end the others."""
+    """Do all runs of a group, on one core; what goes wrong with one is its failure and does not end the others.
+
+    Raises
+    ------
+    ConfigError
+        If this is another version of auvid than the one that made the group.
+    """
+    if group.version != __version__:
+        raise ConfigError(f"the worker has auvid {__version__}, the campaign is of auvid {group.version}")
     with threadpool_limits(1):
         pairs = zip(group.runs, group.told, strict=True)
         return [_perform(group.simulated, run, told, with_estimates) for run, told in pairs]

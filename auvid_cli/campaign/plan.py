@@ -43,6 +43,10 @@ class Run(NamedTuple):
     filter: str
     seed: int
 
+    def settings(self) -> str:
+        """What the axes are, in words."""
+        return ", ".join(f"{column} = {label}" for column, label in self.labels.items())
+
 
 class Group(NamedTuple):
     """Runs on the same data.
@@ -55,11 +59,14 @@ class Group(NamedTuple):
     told : list of str
         Of each run the experiment as its filter is told it, as JSON: vehicle and sensors, and how to identify, with
         that filter alone.
+    version : str
+        Of auvid, which whoever does the runs must have as well.
     """
 
     simulated: str
     runs: list[Run]
     told: list[str]
+    version: str = __version__
 
 
 class _Resolved(NamedTuple):
@@ -112,6 +119,7 @@ class Plan:
         # Without draws a combination is the same for all seeds.
         first = _all_or_errors(self._resolve, self._cells)
         self._fixed = [] if any(axis.draw for axis in campaign.vary) else first
+        _refuse_twins([run for *_, run in self._of_seed(campaign.seed_list[0])])
 
     @property
     def columns(self) -> dict[str, bool]:
@@ -183,6 +191,16 @@ class Plan:
 
 def _are_numbers(values: Sequence[Any] | None) -> bool:
     return values is not None and all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
+
+
+def _refuse_twins(runs: list[Run]) -> None:
+    """Raise ConfigError if two runs of a seed are one and the same, and would be counted as two."""
+    seen: dict[str, Run] = {}
+    for run in runs:
+        twin = seen.setdefault(run.identity, run)
+        if twin is not run:
+            which, other = (f"{one.filter} with {one.settings() or 'the same settings'}" for one in (twin, run))
+            raise ConfigError(f"two runs of the campaign are the same: {which}, and {other}; leave out one of them")
 
 
 def _hash(*settings: Any) -> str:

@@ -202,8 +202,7 @@ class Store:
 
 
 def _failure(run: Run, reason: str) -> Failure:
-    settings = ", ".join(f"{column} = {label}" for column, label in run.labels.items())
-    return Failure(run.identity, run.filter, run.seed, settings, " ".join(reason.split()))
+    return Failure(run.identity, run.filter, run.seed, run.settings(), " ".join(reason.split()))
 
 
 def _type_of(annotation: Any) -> pa.DataType:

@@ -86,8 +86,8 @@ def conduct(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: Te
 
     Raises
     ------
-    ConfigError
-        If a scheduler does not answer.
+    ClusterError
+        If a scheduler does not answer, or no longer.
     FileError
         If results cannot be read or written.
     """

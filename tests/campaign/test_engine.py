@@ -6,12 +6,13 @@ import threading
 import time
 from itertools import islice
 
+import dask
 import pytest
 from distributed import LocalCluster
 
 from auvid_cli.campaign.engine import cluster_client, perform_groups
 from auvid_cli.campaign.plan import Group
-from auvid_cli.errors import ConfigError
+from auvid_cli.errors import ClusterError
 
 MANY = """\
 name: many
@@ -90,7 +91,26 @@ def test_no_more_is_sent_than_is_worked_on_soon(planned):
 def test_a_scheduler_that_does_not_answer_is_said(monkeypatch):
     monkeypatch.setattr("auvid_cli.campaign.engine._PATIENCE", 1.0)
     with (
-        pytest.raises(ConfigError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler with workers answers"),
+        pytest.raises(ClusterError, match=r"--scheduler tcp://127\.0\.0\.1:9: no scheduler with workers answers"),
         cluster_client("tcp://127.0.0.1:9", 1),
     ):
         pass
+
+
+def test_a_scheduler_that_goes_away_is_said_and_what_came_is_there(planned):
+    plan, came = planned(MANY, "seeds=100"), []
+    cluster = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0")
+
+    def work_until_it_goes(client) -> None:
+        for group in perform_groups(client, plan.groups(), False):
+            came.extend(group)
+            if len(came) == 4:
+                cluster.close()
+
+    with (
+        dask.config.set({"distributed.comm.timeouts.connect": "1 s"}),
+        cluster_client(cluster.scheduler_address, 1) as client,
+        pytest.raises(ClusterError, match="the scheduler is gone; what was done is kept"),
+    ):
+        work_until_it_goes(client)
+    assert 4 <= len(came) < plan.n_runs

@@ -5,6 +5,7 @@ import pytest
 
 from auvid_cli.campaign.perform import perform
 from auvid_cli.config.experiment import Experiment
+from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.identification.identify import identify
@@ -83,6 +84,12 @@ def test_what_goes_wrong_in_one_run_is_its_failure(planned):
     assert first.rows == []
     assert second.failure == ""
     assert len(second.rows) > 22
+
+
+def test_a_worker_of_another_version_does_nothing(planned):
+    (group,) = planned(TEXT).groups()
+    with pytest.raises(ConfigError, match=r"the worker has auvid \d.*, the campaign is of auvid 0\.0\.1"):
+        perform(group._replace(version="0.0.1"))
 
 
 def test_data_that_cannot_be_simulated_fail_all_their_runs(planned):

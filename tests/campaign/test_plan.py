@@ -211,3 +211,16 @@ def test_a_factor_needs_a_number_to_multiply(planned):
 def test_without_filters_those_of_the_experiment_run(planned):
     plan = planned("name: x\nseeds: 1\n")
     assert [variant.name for variant in plan.filters] == ["ekf", "ckf", "tukf"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "filters: [ckf, {name: same, filter: ckf}]",
+        "filters: [ckf]\nvary: [{setting: identification.prior.factor, values: [3, 3.0]}]",
+        "filters: [ckf, {name: same, filter: ckf, settings: {identification.prior.factor: 3}}]",
+    ],
+)
+def test_the_same_run_is_not_counted_twice(planned, text):
+    with pytest.raises(ConfigError, match="two runs of the campaign are the same: ckf with "):
+        planned(f"name: twins\nseeds: 2\n{text}\n")
