@@ -1,0 +1,104 @@
+"""Tables, sentences and figures of a campaign say what its statistics say."""
+
+import io
+
+import numpy as np
+import pandas as pd
+import pytest
+from rich.console import Console
+
+from auvid_cli.campaign.findings import find
+from auvid_cli.campaign.measures import Measure
+from auvid_cli.report.campaign import comparison_sentences, print_findings, write_findings
+from auvid_cli.report.figures.campaign import map_figure, spread_figure
+
+SEEDS = 20
+FILTERS = {"ckf": "ckf", "wide": "ckf", "ekf": "ekf"}
+COLUMNS = ["rate", "identification.prior.factor"]
+
+
+def rows_of(name, factor, rate, error, lost):
+    rows = []
+    for seed in range(SEEDS):
+        run, status = f"{name}-{factor}-{rate}-{seed}", "diverged at t = 1 s: why" if seed < lost else "completed"
+        known = None if seed < lost else error * (1.0 + 0.01 * seed)
+        of_run = Measure(run, name, seed, "run", "", "", status, steady_state_error_percent=known, components=1)
+        coefficient = Measure(run, name, seed, "coefficient", "X_u|u|", "kg/m", status, true=-2.0)._replace(
+            estimate=-2.1, standard_deviation=0.1, cramer_rao_bound=0.05, times_bound=2.0, rmse=known
+        )
+        rows += [of_run._replace(squares=None if seed < lost else 1.0), coefficient]
+    return pd.DataFrame(rows).assign(rate=rate, **{"identification.prior.factor": factor})
+
+
+@pytest.fixture(scope="module")
+def found():
+    parts = [
+        rows_of(name, factor, rate, error, lost if factor > 1.0 else 0)
+        for rate in ("slow", "fast")
+        for factor in (1.0, 10.0)
+        for name, error, lost in (("ckf", 1.0, 0), ("wide", 1.0, 0), ("ekf", 2.0, 10))
+    ]
+    return find(pd.concat(parts, ignore_index=True), COLUMNS)
+
+
+def test_files_hold_every_combination(found, tmp_path):
+    paths = write_findings(found, tmp_path)
+    assert {path.name for path in paths} == {"filters.csv", "coefficients.csv", "comparisons.csv", "campaign.md"}
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "filters.csv"), found.filters, check_dtype=False)
+    text = (tmp_path / "campaign.md").read_text()
+    assert "| fast | 10 | ekf | 20 | 50.00 |" in text
+    # Two rates, two factors, three pairs, two measures, and twelve filters.
+    assert sum(line.startswith(("| slow", "| fast")) for line in text.splitlines()) == 12 + 24
+
+
+def test_sentences_count_the_combinations(found):
+    sentences = comparison_sentences(found)
+    assert "ckf and wide, steady-state error: tie in 4, of 4" in sentences
+    assert "ckf and ekf, steady-state error: ckf is better in 2, ekf diverges more often in 2, of 4" in sentences
+
+
+@pytest.mark.parametrize("width", [40, 80, 200])
+def test_the_screen_shows_what_it_has_room_for(found, width):
+    screen = io.StringIO()
+    print_findings(Console(file=screen, width=width, highlight=False), found, [])
+    text = screen.getvalue()
+    assert "ckf and wide" in text.replace("\n", " ")
+    if width >= 80:
+        assert max(map(len, text.splitlines())) <= width
+        assert text.count("ekf") >= 4
+
+
+def test_boxes_are_drawn_for_every_combination_and_losses_are_written(found):
+    figure = spread_figure(found.runs, COLUMNS, FILTERS)
+    assert [axes.get_title() for axes in figure.axes] == ["rate slow", "rate fast"]
+    for axes in figure.axes:
+        assert len(axes.patches) == 6
+        assert [text.get_text() for text in axes.texts] == ["50%"]
+        medians = [line.get_ydata()[0] for line in axes.lines if line.get_color() == "white"]
+        assert np.isclose(sorted(medians)[0], 1.0 + 0.01 * (SEEDS - 1) / 2)
+
+
+def test_the_map_writes_error_and_losses_into_each_cell(found):
+    figure = map_figure(found.filters, COLUMNS, FILTERS)
+    panels = {axes.get_title(): [text.get_text() for text in axes.texts] for axes in figure.axes if axes.get_title()}
+    assert list(panels) == list(FILTERS)
+    assert panels["ckf"] == ["1.1"] * 4
+    assert [text.splitlines()[1:] for text in panels["ekf"]] == [[], ["50% lost"], [], ["50% lost"]]
+
+
+def test_one_axis_or_none_has_boxes_too():
+    rows = rows_of("ckf", 1.0, "slow", 1.0, 0)
+    for columns in ([], ["rate"]):
+        figure = spread_figure(find(rows, columns).runs, columns, {"ckf": "ckf"})
+        (axes,) = figure.axes
+        assert len(axes.patches) == 1
+
+
+def test_a_campaign_of_which_all_runs_were_lost_is_told_as_well(tmp_path):
+    rows = pd.concat([rows_of(name, 1.0, "slow", 1.0, SEEDS) for name in ("ckf", "ekf")], ignore_index=True)
+    found = find(rows, ["rate", "identification.prior.factor"])
+    write_findings(found, tmp_path)
+    assert set(found.filters["diverged"]) == {1.0}
+    assert set(found.comparisons["verdict"]) == {"no difference found"}
+    spread_figure(found.runs, found.columns, {"ckf": "ckf", "ekf": "ekf"})
+    map_figure(found.filters, found.columns, {"ckf": "ckf", "ekf": "ekf"})
