@@ -88,5 +88,10 @@ def _run(settings: LogMap, text: str, files: Sequence[Path], found: Conversion) 
         name=settings.name,
         vehicle=settings.vehicle,
         identification=settings.identification,
-        recording=Recording(files=recorded, map=text, origin=found.origin),
+        recording=Recording(
+            files=recorded,
+            map=text,
+            origin=found.origin,
+            remarks={account.name: account.remarks for account in found.accounts if account.remarks},
+        ),
     )

@@ -223,6 +223,9 @@ class Recording(Settings):
     files: tuple[RecordedFile, ...]
     map: Annotated[str, Field(description="text of the map by which they were read")]
     origin: Annotated[float, Unit("s"), Field(description="time of the log at which the dataset's begins")]
+    remarks: Annotated[
+        dict[str, tuple[str, ...]], Field(description="what the import had to say of a sensor or input")
+    ] = Field(default_factory=dict)
 
 
 class RunSettings(Settings):

@@ -9,6 +9,8 @@ from auvid_cli.logs.overlap import Overlap
 from auvid_cli.logs.readings import Rows
 from auvid_cli.logs.wander import Wander
 
+_DAY = 86400.0
+
 
 class Account(NamedTuple):
     """What became of one sensor or input.
@@ -44,7 +46,7 @@ def account_of(name: str, time: NDArray[np.float64], missing: int, rows: Rows, r
         (order.backward, f"time went back in {order.backward} rows, by up to {order.furthest_back:.3g} s: sorted"),
         (order.without_time, f"{order.without_time} rows without a time left out"),
         (rollovers, f"the hour or the day of the clock ended, {rollovers} in all: taken to go on"),
-        (wander, _wandering(wander) if wander else ""),
+        (wander, _differing(wander) if wander else ""),
         *((True, _overlapping(overlap)) for overlap in rows.overlaps),
     )
     own = tuple(text for applies, text in said if applies)
@@ -53,12 +55,19 @@ def account_of(name: str, time: NDArray[np.float64], missing: int, rows: Rows, r
     return Account(name, time.size, rate, span, missing, order.duplicates, (*own, *remarks))
 
 
-def _wandering(wander: Wander) -> str:
-    by = f"{_duration(wander.spread)} (5 to 95 %), at most {_duration(wander.furthest)}"
-    return f"{wander.clock} wanders from {wander.better} by {by}: `time: '{wander.better}'` would be right"
+def _differing(wander: Wander) -> str:
+    if wander.wanders:
+        by = f"{_duration(wander.spread)} (5 to 95 %), at most {_duration(wander.furthest)}"
+        return f"{wander.clock} wanders from {wander.other} by {by}: `time: '{wander.other}'` would be right"
+    return (
+        f"{wander.clock} is {_duration(wander.later)} after {wander.other}: the log was played back, or a clock was not "
+        "set; take the same one for all"
+    )
 
 
 def _duration(seconds: float) -> str:
+    if seconds > 2.0 * _DAY:
+        return f"{seconds / _DAY:.3g} days"
     return f"{1e3 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.4g} s"
 
 

@@ -18,7 +18,8 @@ def test_a_clock_with_jitter_wanders_from_the_even_one_and_not_the_other_way_rou
     late = delayed(rng, 0.08)
     found = find_wander(late, EVEN, NAMES)
     assert found is not None
-    assert (found.clock, found.better) == NAMES
+    assert (found.clock, found.other, found.wanders) == (*NAMES, True)
+    assert found.later == pytest.approx(5e5, abs=0.1)
     # Of a uniform distribution 90 % lie within 0.9 of its width, and none is further from the middle than half of it.
     assert found.spread == pytest.approx(0.9 * 0.08, rel=0.05)
     assert found.furthest == pytest.approx(0.5 * 0.08, rel=0.05)
@@ -38,7 +39,7 @@ def test_a_stamp_that_jumps_once_is_worse_than_the_time_of_the_recording(rng):
     found = find_wander(jumping, late, NAMES)
     assert found is not None
     assert found.furthest == pytest.approx(30.0, abs=0.01)
-    assert find_wander(late, jumping, NAMES) is None
+    assert not find_wander(late, jumping, NAMES).wanders
 
 
 @pytest.mark.parametrize("other", [np.zeros(1000), np.full(1000, np.nan), np.full(1000, 5.0)])
@@ -52,3 +53,15 @@ def test_times_that_are_missing_do_not_count(rng):
     found = find_wander(late, stamps, NAMES)
     assert found is not None
     assert found.furthest < 0.05
+
+
+@pytest.mark.parametrize(
+    ("later", "since", "said"), [(5e5, 1e9, True), (30.0, 1e9, False), (-5e5, 1e9, False), (5e5, 10.0, False)]
+)
+def test_a_log_that_was_played_back_is_told_by_its_date(later, since, said):
+    stamps = since + 0.1 * np.arange(100)
+    found = find_wander(stamps + later, stamps, NAMES)
+    assert (found is not None) == said
+    if found is not None:
+        assert found.later == pytest.approx(later)
+        assert not found.wanders

@@ -137,23 +137,27 @@ def test_inspection_finds_the_swings_of_the_compass_and_the_spike_of_the_dvl(ins
     assert failed == {("attitude", "excursions of psi from heading"), ("dvl", "spikes")}
 
 
-def test_the_time_of_the_recording_goes_unnoticed(inspected, run):
-    """Nothing in a dataset contradicts a clock that is six days late as a whole."""
+def test_the_time_of_the_recording_is_named(inspected, run):
+    """Nothing but the stamps contradicts a clock that is six days late as a whole."""
     late = run("couguv", ("@header_stamp", "@log_time"))
     origins = [origin_of(read_dataset(path)) for path in (run(), late)]
     assert origins[1] - origins[0] == pytest.approx(514944.06, abs=0.02)
     stamps, arrivals = (read_dataset(path).sensors["dvl"].time for path in (run(), late))
     delay = arrivals - stamps - np.median(arrivals - stamps)
     assert np.abs(delay).max() == pytest.approx(0.0155, abs=5e-4)
-    verdicts = [{key: row["passed"] for key, row in inspected(path, code=1).items()} for path in (run(), late)]
-    assert verdicts[0] == verdicts[1]
+    right, wrong = (inspected(path, code=1) for path in (run(), late))
+    named = {subject for (subject, check), row in wrong.items() if "@log_time is 5.96 days after" in row["advice"]}
+    assert {"dvl", "attitude"} <= named
+    assert not any("@log_time" in row["advice"] for row in right.values())
+    others = [{key: row["passed"] for key, row in said.items() if key[1] != "import"} for said in (right, wrong)]
+    assert others[0] == others[1]
 
 
 BOTH = "{bag: [%s, %s]}"
 
 
 @pytest.mark.parametrize(("clock", "said"), [("@log_time", True), ("@header_stamp", False)])
-def test_the_better_clock_is_named_where_it_matters(auvid, bag, tmp_path, clock, said):
+def test_the_better_clock_is_named_where_it_matters(auvid, bag, tmp_path, clock, said, inspected):
     """The second bag was played back first, 276 s before the one that it continues; its own stamps tell."""
     files = BOTH % (bag(FIRST), bag(RUN))
     text = (MAPS / "couguv.yaml").read_text().replace("@header_stamp", clock).replace("{bag: {}}", files)
@@ -161,6 +165,9 @@ def test_the_better_clock_is_named_where_it_matters(auvid, bag, tmp_path, clock,
     output = " ".join(auvid("import", "--map", tmp_path / "map.yaml", "-o", tmp_path / "dataset.h5").split())
     remark = "magnetometer, dvl, depth: @log_time wanders from @header_stamp by 275.9 s (5 to 95 %)"
     assert (remark in output) == said
+    verdicts = inspected(tmp_path / "dataset.h5", 1)
+    clock = {subject for (subject, check), row in verdicts.items() if check == "import" and "wanders" in row["advice"]}
+    assert ({"magnetometer", "dvl", "depth"} <= clock) == said
     # By the stamps the bags overlap, with the same messages: somebody else merged them.
     overlap = "dvl: file 2 of the log overlaps those before it from 1743805387.413 to 1743805398.534 s"
     assert (overlap in output) != said

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.config.experiment import ImportedRun, RunSettings
 from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.data_checks import data_checks
@@ -42,6 +43,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     """
     sensors = {name: record for name, record in dataset.sensors.items() if np.isfinite(record.values).any()}
     checks = [_silent(name) for name in dataset.sensors if name not in sensors]
+    checks += _said_at_import(dataset.experiment)
     marks, sound = [], {}
     for name, record in sensors.items():
         found = screened(name, record)
@@ -90,6 +92,15 @@ def _alone(dataset: Dataset, name: str, found: Screened) -> list[Check]:
 def _silent(name: str) -> Check:
     advice = f"{name} holds no valid value at all: leave it out, or find out why."
     return judged(name, "missing", "100% of values", "some", False, advice)
+
+
+def _said_at_import(run: RunSettings) -> list[Check]:
+    """What only the log could tell, such as that its other clock is the better one."""
+    remarks = run.recording.remarks if isinstance(run, ImportedRun) else {}
+    return [
+        judged(name, "import", "a remark", "none", None, f"At import: {'; '.join(said)}.")
+        for name, said in remarks.items()
+    ]
 
 
 def _span(inputs: InputRecord, sensors: dict[str, SensorRecord]) -> tuple[float, float]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auvid_cli.config.experiment import ImportedRun, Recording
 from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.evaluation.checks import failed
 from auvid_cli.evaluation.inspection.inspect import inspect_dataset
@@ -42,6 +43,18 @@ def scaled(changed, dataset, symbol, factor):
         values[:, component] *= factor
 
     return changed(dataset, name, scale)
+
+
+def test_what_only_the_log_could_tell_is_said_again(sound_run):
+    dataset = sound_run("spiral", "direct", 1)
+    settings = dataset.experiment
+    remark = "@log_time wanders from @header_stamp by 276 s"
+    recording = Recording(files=(), map="by this test", origin=0.0, remarks={"dvl": (remark,)})
+    run = ImportedRun(name="log", vehicle=settings.vehicle, recording=recording)
+    inspection, _ = verdicts(replace(dataset, experiment=run))
+    told = advice_of(inspection, "dvl", "import")
+    assert told.passed is None
+    assert told.advice == f"At import: {remark}."
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
