@@ -60,8 +60,8 @@ def _differing(wander: Wander) -> str:
         by = f"{_duration(wander.spread)} (5 to 95 %), at most {_duration(wander.furthest)}"
         return f"{wander.clock} wanders from {wander.other} by {by}: `time: '{wander.other}'` would be right"
     return (
-        f"{wander.clock} is {_duration(wander.later)} after {wander.other}: the log was played back, or a clock was not "
-        "set; take the same one for all"
+        f"{wander.clock} is {_duration(wander.later)} after {wander.other}: the log was played back, or a clock was "
+        "not set; take the same one for all"
     )
 
 
