@@ -51,7 +51,7 @@ def main() -> None:
     path = find_campaign("regimes")
     plan = Plan(*load_campaign(path), path)
     labels = plan.labels()
-    rows = Store(options.results, plan.columns).rows(labels.keys()).to_pandas()
+    rows = Store(options.results, plan.columns).rows().to_pandas()
     order = {run: k for k, run in enumerate(labels)}
     found = find(rows.sort_values("run", kind="stable", key=lambda runs: runs.map(order)), plan.fixed_columns)
     n_runs = len(found.runs)

@@ -8,7 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import binom, binomtest, false_discovery_control, wilcoxon
 
-from auvid_cli.campaign.statistics import CONFIDENCE, diverged
+from auvid_cli.campaign.statistics import CONFIDENCE, diverged, ended
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ def compare_filters(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
         over the whole run, in percent of the true value; how many seeds both filters finished; the medians of both;
         median of the differences, first minus second, with its 95 % interval by order statistics; Wilcoxon's p-value,
         as it is and adjusted for the number of comparisons (Benjamini and Hochberg); seeds on which only the one or
-        only the other diverged, with the p-value of McNemar's exact test; a verdict.
+        only the other diverged, with the p-value of McNemar's exact test, as it is and adjusted; a verdict.
     """
     runs = _runs(rows, columns)
     names = list(dict.fromkeys(runs["filter"]))
@@ -49,10 +49,11 @@ def compare_filters(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
     table = pd.DataFrame(found)
     if not len(table):
         return table
-    tested = table["p_value"].notna()
-    table["p_adjusted"] = np.nan
-    if tested.any():
-        table.loc[tested, "p_adjusted"] = false_discovery_control(table.loc[tested, "p_value"])
+    for p in ("p_value", "p_diverged"):
+        tested = table[p].notna()
+        table[f"{p}_adjusted"] = np.nan
+        if tested.any():
+            table.loc[tested, f"{p}_adjusted"] = false_discovery_control(table.loc[tested, p])
     table["verdict"] = [_verdict(row) for row in table.to_dict("records")]
     return table
 
@@ -64,15 +65,15 @@ def _runs(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
     percent = 100.0 * coefficients["rmse"] / coefficients["true"].abs()
     rmse = percent.groupby(coefficients["run"]).mean()
     kept = runs[["run", "seed", "filter", *columns, "steady_state_error_percent"]]
-    return kept.assign(rmse_percent=runs["run"].map(rmse), diverged=diverged(runs))
+    return kept.assign(rmse_percent=runs["run"].map(rmse), diverged=diverged(runs), ended=ended(runs))
 
 
 def _difference(first: pd.DataFrame, second: pd.DataFrame, measure: str) -> dict[str, float]:
     both = first.merge(second, on="seed", suffixes=("_first", "_second"))
-    only_first = int((both["diverged_first"] & ~both["diverged_second"]).sum())
-    only_second = int((~both["diverged_first"] & both["diverged_second"]).sum())
-    ended = both[~both["diverged_first"] & ~both["diverged_second"]]
-    one, other = (ended[f"{measure}_{side}"].to_numpy(dtype=np.float64) for side in ("first", "second"))
+    only_first = int((both["diverged_first"] & both["ended_second"]).sum())
+    only_second = int((both["ended_first"] & both["diverged_second"]).sum())
+    finished = both[both["ended_first"] & both["ended_second"]]
+    one, other = (finished[f"{measure}_{side}"].to_numpy(dtype=np.float64) for side in ("first", "second"))
     difference = one - other
     low, high = median_interval(difference)
     lost = only_first + only_second
@@ -86,7 +87,7 @@ def _difference(first: pd.DataFrame, second: pd.DataFrame, measure: str) -> dict
         "p_value": float(tuple(wilcoxon(difference))[1]) if np.count_nonzero(difference) else np.nan,
         "only_first_diverged": only_first,
         "only_second_diverged": only_second,
-        "p_diverged": float(binomtest(only_first, lost).pvalue) if lost else 1.0,
+        "p_diverged": float(binomtest(only_first, lost).pvalue) if lost else np.nan,
     }
 
 
@@ -106,11 +107,11 @@ def median_interval(values: Array) -> tuple[float, float]:
 def _verdict(row: dict) -> str:
     low, high = row["difference_low"], row["difference_high"]
     room = LEAST_SHARE * min(row["median_first"], row["median_second"])
-    if row["p_diverged"] < FALSE_DISCOVERIES:
+    if row["p_diverged_adjusted"] < FALSE_DISCOVERIES:
         more = "first" if row["only_first_diverged"] > row["only_second_diverged"] else "second"
         return f"{row[more]} diverges more often"
     if -room <= low and high <= room:
         return "tie"
-    if row["p_adjusted"] < FALSE_DISCOVERIES and (low > 0.0 or high < 0.0) and abs(row["difference"]) > room:
+    if row["p_value_adjusted"] < FALSE_DISCOVERIES and (low > 0.0 or high < 0.0) and abs(row["difference"]) > room:
         return f"{row['second' if low > 0.0 else 'first']} is better"
     return "no difference found"

@@ -7,12 +7,12 @@ from contextlib import ExitStack, contextmanager
 
 from distributed import Client, Future, LocalCluster, as_completed
 
+from auvid_cli import __version__
 from auvid_cli.campaign.perform import Performed, perform
 from auvid_cli.campaign.plan import Group
 from auvid_cli.errors import ClusterError
 
-# Groups that wait at the scheduler for each thread: no worker is ever idle, and a campaign of a million runs needs no
-# more memory than a small one.
+# Groups that wait at the scheduler for each thread: no worker is ever idle, and no more is handed out than that.
 _AHEAD = 3
 _PATIENCE = 60.0
 _GONE = "the scheduler is gone; what was done is kept, and the same command goes on once there is one again"
@@ -32,7 +32,7 @@ def cluster_client(scheduler: str | None, workers: int | None) -> Iterator[Clien
     Raises
     ------
     ClusterError
-        If the scheduler does not answer or has no workers.
+        If the scheduler does not answer, or has no workers with this version of auvid.
     """
     # What matters is said here in one line.
     for name in ("distributed", "distributed.client"):
@@ -53,10 +53,26 @@ def cluster_client(scheduler: str | None, workers: int | None) -> Iterator[Clien
         try:
             client = stack.enter_context(Client(target, timeout=_PATIENCE / 2))
             client.wait_for_workers(1, timeout=_PATIENCE)
+            versions = set(client.run(_version).values())  # pyright: ignore[reportAttributeAccessIssue]
+        except ModuleNotFoundError as error:
+            raise ClusterError(f"--scheduler {scheduler}: its workers have no auvid: {error}") from None
         except (OSError, TimeoutError, ValueError) as error:
-            place = f"--scheduler {scheduler}" if scheduler is not None else "the cluster on this machine"
-            raise ClusterError(f"{place}: no scheduler with workers answers there: {error}") from None
+            if scheduler is None:
+                raise ClusterError(f"the workers on this machine do not start: {error}") from None
+            raise ClusterError(f"--scheduler {scheduler}: no scheduler with workers answers there: {error}") from None
+        if versions != {__version__}:
+            theirs = ", ".join(sorted(versions))
+            raise ClusterError(f"--scheduler {scheduler}: its workers have auvid {theirs}, this is {__version__}")
         yield client
+
+
+def n_threads(client: Client) -> int:
+    """How many runs are done at once."""
+    return sum(client.nthreads().values())  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def _version() -> str:
+    return __version__
 
 
 def perform_groups(client: Client, groups: Iterator[Group], with_estimates: bool) -> Iterator[list[Performed]]:
@@ -74,15 +90,15 @@ def perform_groups(client: Client, groups: Iterator[Group], with_estimates: bool
 
     def send() -> None:
         try:
-            threads = sum(client.nthreads().values())  # pyright: ignore[reportAttributeAccessIssue]
+            threads = n_threads(client)
         except OSError as error:
             raise ClusterError(f"{_GONE}: {error}") from None
         while len(sent) < _AHEAD * max(threads, 1):
             group = next(groups, None)
             if group is None:
                 return
-            key = f"runs-{group.runs[0].identity}"
-            future = client.submit(perform, group, with_estimates, key=key, pure=False)
+            # A name of its own each: another campaign on this scheduler may ask for the same runs, with others.
+            future = client.submit(perform, group, with_estimates, pure=False)
             sent[future] = group
             returning.add(future)
 

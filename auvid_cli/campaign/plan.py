@@ -16,6 +16,7 @@ from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.load import find_experiment, given_settings, open_source, validated
 from auvid_cli.config.position import Mistake, report
 from auvid_cli.config.tree import Tree
+from auvid_cli.data.netcdf import digest
 from auvid_cli.errors import ConfigError
 
 # Runs on the same data go to a worker together, which simulates only once; what is lost with it stays small.
@@ -99,7 +100,11 @@ class Plan:
         self.campaign = campaign
         self._tree = tree
         beside = path.parent / campaign.experiment
-        source = open_source(beside if beside.is_file() else find_experiment(campaign.experiment))
+        try:
+            source = open_source(beside if beside.is_file() else find_experiment(campaign.experiment))
+        except ConfigError as error:
+            at = tree.child("experiment") or tree
+            raise ConfigError(report([Mistake(at.at, ("experiment",), str(error))])) from None
         self._base, self._folder = assemble(source), source.folder
         experiment = self._experiment([])
         # None named: those of the experiment.
@@ -119,7 +124,7 @@ class Plan:
         # Without draws a combination is the same for all seeds.
         first = _all_or_errors(self._resolve, self._cells)
         self._fixed = [] if any(axis.draw for axis in campaign.vary) else first
-        _refuse_twins([run for *_, run in self._of_seed(campaign.seed_list[0])])
+        _refuse_twins(path, [run for *_, run in self._of_seed(campaign.seed_list[0])])
 
     @property
     def columns(self) -> dict[str, bool]:
@@ -148,8 +153,12 @@ class Plan:
                     yield Group(_text(cells[0].simulated, seed), list(runs), [_text(told, seed) for told in beliefs])
 
     def labels(self) -> dict[str, dict[str, Label]]:
-        """What the axes are in each run, by its identity."""
-        return {run.identity: run.labels for seed in self.campaign.seed_list for *_, run in self._of_seed(seed)}
+        """Filter and axes of each run, by its identity."""
+        found: dict[str, dict[str, Label]] = {}
+        for seed in self.campaign.seed_list:
+            for *_, run in self._of_seed(seed):
+                found[run.identity] = {"filter": run.filter, **run.labels}
+        return found
 
     def _of_seed(self, seed: int) -> Iterator[tuple[_Resolved, dict[str, Any], Run]]:
         for cell in self._fixed or (self._resolve(cell, seed) for cell in self._cells):
@@ -170,8 +179,10 @@ class Plan:
         return _Resolved(
             labels,
             data,
-            _hash(*(data[section] for section in ("vehicle", "sensors", "manoeuvre"))),
-            [(one, _hash(*(one[section] for section in ("vehicle", "sensors", "identification")))) for one in beliefs],
+            _hash(
+                *(data[section] for section in ("vehicle", "sensors", "manoeuvre")), _digest(data["manoeuvre"], "file")
+            ),
+            [(one, _hash_of_belief(one)) for one in beliefs],
         )
 
     def _told(self, variant: int, known: list[Change]) -> Experiment:
@@ -193,18 +204,31 @@ def _are_numbers(values: Sequence[Any] | None) -> bool:
     return values is not None and all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
 
 
-def _refuse_twins(runs: list[Run]) -> None:
+def _refuse_twins(path: Path, runs: list[Run]) -> None:
     """Raise ConfigError if two runs of a seed are one and the same, and would be counted as two."""
     seen: dict[str, Run] = {}
     for run in runs:
         twin = seen.setdefault(run.identity, run)
         if twin is not run:
             which, other = (f"{one.filter} with {one.settings() or 'the same settings'}" for one in (twin, run))
-            raise ConfigError(f"two runs of the campaign are the same: {which}, and {other}; leave out one of them")
+            raise ConfigError(
+                f"{path}: two runs of the campaign are the same: {which}, and {other}; leave out one of them"
+            )
 
 
 def _hash(*settings: Any) -> str:
     return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:_LENGTH]
+
+
+def _hash_of_belief(told: dict[str, Any]) -> str:
+    prior = told["identification"].get("prior", {})
+    sections = (told[section] for section in ("vehicle", "sensors", "identification"))
+    return _hash(*sections, _digest(prior, "from_estimate"))
+
+
+def _digest(settings: dict[str, Any], key: str) -> str:
+    """Of the file that a setting names: with another content it is another run."""
+    return digest(Path(settings[key])) if key in settings else ""
 
 
 def _text(experiment: dict[str, Any], seed: int) -> str:

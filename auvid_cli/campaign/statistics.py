@@ -1,6 +1,6 @@
 """What many runs say of a filter: spread of its errors, honesty of its covariance, how often it fails."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -10,8 +10,6 @@ from scipy.stats import binomtest, chi2
 # 90 % of the runs lie between these quantiles.
 LOW, HIGH = 0.05, 0.95
 CONFIDENCE = 0.95
-# Share within two standard deviations, if these are honest.
-TWO_SIGMA = 0.9545
 
 
 def by_filter(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
@@ -27,11 +25,11 @@ def by_filter(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        The axes, the filter, and: how many runs; shares that diverged and that are inconsistent; median and 90 %
-        interval of the mean steady-state error, percent; over all coefficients the share within two standard
+        The axes, the filter, and: how many runs; shares that failed, that diverged and that are inconsistent; median
+        and 90 % interval of the mean steady-state error, percent; over all coefficients the share within two standard
         deviations, the median of the standard deviations in terms of the bound, and the root mean square of the errors
         in terms of it; NEES per component with the interval in which it lies by chance, 95 %; the same for the NIS of
-        each sensor; median processor time of the filter, s. Runs that diverged count only in their share.
+        each sensor; median processor time of the filter, s. Runs that failed or diverged count only in their share.
     """
     return _for_each(rows, [*columns, "filter"], _of_filter)
 
@@ -47,42 +45,46 @@ def by_coefficient(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        The axes, filter, coefficient, and: how many runs came to the end; median and 90 % interval of steady-state
-        error, percent, and RMSE, SI; share within two standard deviations with its 95 % interval; standard deviation
-        and root mean square error in terms of the bound.
+        The axes, filter, coefficient, its unit, and: how many runs came to the end; median and 90 % interval of
+        steady-state error, percent, and RMSE, SI; share within two standard deviations with its 95 % interval;
+        standard deviation and root mean square error in terms of the bound.
     """
-    coefficients = rows[(rows["kind"] == "coefficient") & ~diverged(rows)].rename(columns={"name": "coefficient"})
+    coefficients = rows[(rows["kind"] == "coefficient") & ended(rows)].rename(columns={"name": "coefficient"})
     return _for_each(coefficients, [*columns, "filter", "coefficient"], _of_coefficient)
 
 
-def _for_each(rows: pd.DataFrame, keys: list[str], summary: Callable[[pd.DataFrame], dict[str, float]]) -> pd.DataFrame:
+def _for_each(
+    rows: pd.DataFrame, keys: list[str], summary: Callable[[pd.DataFrame], Mapping[str, float | str]]
+) -> pd.DataFrame:
     groups = rows.groupby(keys, sort=False, dropna=False)
-    return pd.DataFrame([dict(zip(keys, key, strict=True)) | summary(group) for key, group in groups])
+    return pd.DataFrame([dict(zip(keys, key, strict=True)) | dict(summary(group)) for key, group in groups])
 
 
 def _of_filter(rows: pd.DataFrame) -> dict[str, float]:
-    runs, ended = rows[rows["kind"] == "run"], ~diverged(rows)
-    sound = runs[ended[runs.index]]
-    coefficients = rows[(rows["kind"] == "coefficient") & ended]
+    rows, runs = rows[ended(rows)], rows[rows["kind"] == "run"]
+    sound = rows[rows["kind"] == "run"]
+    coefficients = rows[rows["kind"] == "coefficient"]
     found = {
         "runs": len(runs),
-        "diverged": (len(runs) - len(sound)) / len(runs),
+        "failed": float(failed(runs).mean()),
+        "diverged": float(diverged(runs).mean()),
         "inconsistent": float(runs["status"].str.startswith("inconsistent").mean()),
         **_spread("steady_state_error_percent", sound["steady_state_error_percent"]),
         "within_two_sigma": _share(_within_two_sigma(coefficients)),
         **_against_bound(coefficients),
         **_per_component("nees", sound),
     }
-    sensors = rows[(rows["kind"] == "sensor") & ended]
+    sensors = rows[rows["kind"] == "sensor"]
     for sensor, own in sensors.groupby("name", sort=False):
         found |= _per_component(f"nis_{sensor}", own)
     return found | {"processor_time": _median(sound["processor_time"])}
 
 
-def _of_coefficient(rows: pd.DataFrame) -> dict[str, float]:
+def _of_coefficient(rows: pd.DataFrame) -> dict[str, float | str]:
     within = _within_two_sigma(rows)
     interval = binomtest(int(within.sum()), len(within)).proportion_ci(CONFIDENCE, method="exact")
     return {
+        "unit": rows["unit"].iloc[0],
         "runs": len(rows),
         **_spread("steady_state_error_percent", rows["steady_state_error_percent"]),
         **_spread("rmse", rows["rmse"]),
@@ -93,9 +95,19 @@ def _of_coefficient(rows: pd.DataFrame) -> dict[str, float]:
     }
 
 
+def ended(rows: pd.DataFrame) -> pd.Series:
+    """Whether a row is of a run that came to the end of its data."""
+    return rows["status"].str.startswith(("completed", "inconsistent"))
+
+
+def failed(rows: pd.DataFrame) -> pd.Series:
+    """Whether a row is of a run that could not be done at all."""
+    return rows["status"].str.startswith("failed")
+
+
 def diverged(rows: pd.DataFrame) -> pd.Series:
-    """Whether a row is of a run that did not come to the end of its data."""
-    return ~rows["status"].str.startswith(("completed", "inconsistent"))
+    """Whether a row is of a run whose filter did not come to the end of its data."""
+    return ~ended(rows) & ~failed(rows)
 
 
 def _spread(name: str, values: pd.Series) -> dict[str, float]:
@@ -122,13 +134,14 @@ def _against_bound(coefficients: pd.DataFrame) -> dict[str, float]:
 
 def _per_component(name: str, rows: pd.DataFrame) -> dict[str, float]:
     """Mean of normalised squares, and where chance leaves the mean of so many."""
-    components = float(rows["components"].sum())
+    known = rows[np.isfinite(rows["squares"].astype(np.float64))]
+    components = float(known["components"].sum())
     if components == 0.0:
         return {name: np.nan, f"{name}_low": np.nan, f"{name}_high": np.nan}
     low, high = (
         float(chi2.ppf(p, components)) / components for p in (0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE))
     )
-    return {name: float(rows["squares"].sum()) / components, f"{name}_low": low, f"{name}_high": high}
+    return {name: float(known["squares"].sum()) / components, f"{name}_low": low, f"{name}_high": high}
 
 
 def _share(values: NDArray[np.bool_]) -> float:

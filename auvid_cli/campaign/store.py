@@ -23,7 +23,7 @@ from auvid_cli.errors import FileError
 
 _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64()}
 # So many files that came one by one are made one.
-_MOST_PARTS = 200
+_MOST_PARTS = 50
 # In a file's metadata: which files went into it.
 _MERGED = b"auvid.merged"
 
@@ -60,10 +60,13 @@ def locked(folder: Path) -> Iterator[None]:
 class Store:
     """Results that are added to, whole groups of runs at a time; killed at any moment it holds what was added.
 
+    Groups come in one file each, apart from the results that others read, and are merged into those now and then:
+    whoever reads the results sees each run once, also after a kill. Runs that are none of the campaign, as its settings
+    are now, are kept apart as well: what stands together can be compared.
+
     Parameters
     ----------
     folder : pathlib.Path
-        Made if it is missing.
     columns : mapping
         Of the axes, in their order: whether what they hold is numbers.
 
@@ -74,23 +77,17 @@ class Store:
     """
 
     def __init__(self, folder: Path, columns: Mapping[str, bool]) -> None:
-        self.folder = folder / "results"
+        self._results, self._incoming, self._earlier = (folder / name for name in ("results", "incoming", "earlier"))
         self._failures_file = folder / "failures.csv"
         self._schema = pa.schema(
             [pa.field(name, _type_of(Measure.__annotations__[name])) for name in Measure._fields[:3]]
             + [pa.field(name, pa.float64() if numeric else pa.string()) for name, numeric in columns.items()]
             + [pa.field(name, _type_of(Measure.__annotations__[name])) for name in Measure._fields[3:]]
         )
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise FileError(f"{self.folder}: cannot be made: {error.strerror or error}") from None
-        merged = [_metadata(path).get(_MERGED, b"[]") for path in self._files()]
-        # What was merged just before a campaign was killed still stands beside the whole.
-        for name in (name for names in merged for name in json.loads(names)):
-            (self.folder / name).unlink(missing_ok=True)
-        self._parts = len(list(self.folder.glob("part-*.parquet")))
-        self._failures = {failure.run: failure for failure in self._read_failures()}
+        self._parts = len(_files(self._incoming))
+        finished = self.finished()
+        # Killed between writing a result and this list, a run may stand in both.
+        self._failures = {one.run: one for one in self._read_failures() if one.run not in finished}
 
     @property
     def failures(self) -> list[Failure]:
@@ -98,33 +95,50 @@ class Store:
         return list(self._failures.values())
 
     def finished(self) -> set[str]:
-        """Identities of the runs that are there."""
-        files = self._files()
-        if not files:
-            return set()
-        rows = ds.dataset(files).to_table(columns=["run"], filter=ds.field("kind") == "run")
-        return set(rows["run"].to_pylist())
+        """Identities of the runs that are there, those that are kept apart included."""
+        return _runs(self._results) | _runs(self._incoming) | _runs(self._earlier)
 
     def conform(self, labels: Mapping[str, Mapping[str, Label]]) -> None:
-        """Give what was stored with other axes the present ones.
+        """Hold the runs of the campaign as it is now, named as they are now, and keep the others apart.
 
         Parameters
         ----------
         labels : mapping
-            Of each run of the campaign, by identity. Rows of other runs keep what they have.
+            Of each run of the campaign, by identity: its filter and its axes.
         """
-        for path in self._files():
-            if not pq.read_schema(path).remove_metadata().equals(self._schema):
-                rows = _read(path).to_pylist()
-                table = self._table(row | dict(labels.get(row["run"], {})) for row in rows)
-                # It keeps to itself what was merged into it.
-                _write(table.replace_schema_metadata(_metadata(path)), path)
+        self._forget_what_was_merged()
+        self.merge()
+        here = _runs(self._results)
+        for path in _files(self._earlier):
+            table = _read(path)
+            # Whoever was killed here may have left runs on both sides.
+            back = [run for run in _unique(table) if run in labels and run not in here]
+            if back:
+                _write(self._relabelled(table.filter(_among(back)), labels), _new(self._results))
+            here.update(back)
+            _keep(path, table, table.filter(~_among(labels)))
+        for path in _files(self._results):
+            table = _read(path)
+            away = table.filter(~_among(labels))
+            if away.num_rows:
+                _write(away, _new(self._earlier))
+            kept = table.filter(_among(labels))
+            if _keep(path, table, kept) and self._is_named_otherwise(kept, labels):
+                _write(self._relabelled(kept, labels), path)
+
+    def set_aside(self) -> None:
+        """Put away all results: those that are not done again come back with the next `conform`."""
+        self._forget_what_was_merged()
+        self.merge()
+        for path in _files(self._results):
+            _write(_read(path), _new(self._earlier))
+            path.unlink()
 
     def add(self, performed: Sequence[Performed]) -> None:
         """Keep what a group of runs came to."""
         rows = [row._asdict() | dict(done.run.labels) for done in performed for row in done.rows]
         if rows:
-            _write(self._table(rows), self.folder / f"part-{uuid4().hex}.parquet")
+            _write(self._table(rows), _new(self._incoming))
             self._parts += 1
         before = dict(self._failures)
         for done in performed:
@@ -138,40 +152,50 @@ class Store:
             self.merge()
 
     def merge(self) -> None:
-        """Make one file of those that came one by one."""
-        parts = sorted(self.folder.glob("part-*.parquet"))
+        """Add to the results what came in."""
+        parts = _files(self._incoming)
         self._parts = 0
-        if len(parts) < 2:
+        if not parts:
             return
-        table = pa.concat_tables([_read(path) for path in parts])
+        table = pa.concat_tables([self._conformed(_read(path)) for path in parts])
         names = json.dumps([path.name for path in parts])
-        # Never a name that was there before: what is merged is told from what comes later by its name alone.
-        path = self.folder / f"block-{uuid4().hex}.parquet"
-        _write(table.replace_schema_metadata({_MERGED: names.encode()}), path)
+        _write(table.replace_schema_metadata({_MERGED: names.encode()}), _new(self._results))
         for path in parts:
             path.unlink()
 
-    def forget(self, runs: Collection[str]) -> None:
-        """Take out runs that are to be done again."""
-        wanted = pa.array(sorted(runs), pa.string())
-        for path in self._files():
-            table = _read(path)
-            kept = table.filter(~ds.field("run").isin(wanted))
-            if kept.num_rows == 0:
-                path.unlink()
-            elif kept.num_rows < table.num_rows:
-                _write(kept, path)
+    def rows(self) -> pa.Table:
+        """All rows of the campaign."""
+        files = _files(self._results)
+        return ds.dataset(files, schema=self._schema).to_table() if files else self._schema.empty_table()
 
-    def rows(self, runs: Collection[str]) -> pa.Table:
-        """All rows of some runs."""
-        files = self._files()
-        if not files:
-            return self._schema.empty_table()
-        wanted = pa.array(sorted(runs), pa.string())
-        return ds.dataset(files, schema=self._schema).to_table(filter=ds.field("run").isin(wanted))
+    def _forget_what_was_merged(self) -> None:
+        """Take away what a campaign that was killed had merged, but not yet taken away."""
+        for path in _files(self._results):
+            for name in json.loads(_metadata(path).get(_MERGED, b"[]")):
+                (self._incoming / name).unlink(missing_ok=True)
 
-    def _files(self) -> list[Path]:
-        return sorted(self.folder.glob("[!.]*.parquet"))
+    def _conformed(self, table: pa.Table) -> pa.Table:
+        """With the present columns; of axes that were not there, or held something else, nothing yet."""
+        columns = [
+            table[field.name]
+            if field.name in table.schema.names and table.schema.field(field.name).type == field.type
+            else pa.nulls(table.num_rows, field.type)
+            for field in self._schema
+        ]
+        return pa.table(columns, schema=self._schema)
+
+    def _is_named_otherwise(self, table: pa.Table, labels: Mapping[str, Mapping[str, Label]]) -> bool:
+        if not table.schema.remove_metadata().equals(self._schema):
+            return True
+        names = [name for name in self._schema.names if name in next(iter(labels.values()))]
+        runs = table.select(["run", *names]).group_by(["run", *names]).aggregate([]).to_pylist()
+        wanted = self._table(labels[run["run"]] for run in runs).select(names).to_pylist()
+        return [{name: run[name] for name in names} for run in runs] != wanted
+
+    def _relabelled(self, table: pa.Table, labels: Mapping[str, Mapping[str, Label]]) -> pa.Table:
+        # A file keeps to itself what was merged into it.
+        named = self._table(row | dict(labels[row["run"]]) for row in table.to_pylist())
+        return named.replace_schema_metadata(table.schema.metadata)
 
     def _table(self, rows: Iterable[Mapping[str, Any]]) -> pa.Table:
         columns = {field.name: [] for field in self._schema}
@@ -201,12 +225,47 @@ class Store:
         write_text(self._failures_file, text.getvalue())
 
 
+def failure_row(failure: Failure) -> Measure:
+    """A run that failed among those that did not."""
+    return Measure(failure.run, failure.filter, failure.seed, "run", "", "", f"failed: {failure.reason}")
+
+
 def _failure(run: Run, reason: str) -> Failure:
     return Failure(run.identity, run.filter, run.seed, run.settings(), " ".join(reason.split()))
 
 
 def _type_of(annotation: Any) -> pa.DataType:
     return next(kind for python, kind in _TYPES.items() if annotation in (python, python | None))
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(folder.glob("[!.]*.parquet"))
+
+
+def _new(folder: Path) -> Path:
+    """A name that was never there before: what is merged is told from what comes later by its name alone."""
+    return folder / f"{uuid4().hex}.parquet"
+
+
+def _runs(folder: Path) -> set[str]:
+    return {run for path in _files(folder) for run in _unique(_read(path, ["run"]))}
+
+
+def _unique(table: pa.Table) -> list[str]:
+    return table["run"].unique().to_pylist()
+
+
+def _among(runs: Collection[str]) -> ds.Expression:
+    return ds.field("run").isin(pa.array(sorted(runs), pa.string()))
+
+
+def _keep(path: Path, table: pa.Table, kept: pa.Table) -> bool:
+    """Make a file hold only some of its rows; whether it is still there."""
+    if kept.num_rows == 0:
+        path.unlink()
+    elif kept.num_rows < table.num_rows:
+        _write(kept, path)
+    return kept.num_rows > 0
 
 
 def _metadata(path: Path) -> Mapping[bytes, bytes]:
@@ -216,9 +275,10 @@ def _metadata(path: Path) -> Mapping[bytes, bytes]:
         raise FileError(f"{path}: is no Parquet file, or damaged; take it away: {error}") from None
 
 
-def _read(path: Path) -> pa.Table:
+def _read(path: Path, columns: list[str] | None = None) -> pa.Table:
     try:
-        return pq.read_table(path)
+        # By itself, so that a folder's name is no column.
+        return pq.ParquetFile(path).read(columns)
     except (pa.ArrowInvalid, OSError) as error:
         raise FileError(f"{path}: is no Parquet file, or damaged; take it away: {error}") from None
 

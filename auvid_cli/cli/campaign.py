@@ -32,7 +32,7 @@ def campaign(
     retry: Annotated[bool, typer.Option("--retry", help="Also try the runs again that failed.")] = False,
     again: Annotated[bool, typer.Option("--again", help="Do all runs again, also those that are finished.")] = False,
     keep_estimates: Annotated[
-        bool, typer.Option("--keep-estimates", help="Also write each run's whole estimate: some 20 MB each.")
+        bool, typer.Option("--keep-estimates", help="Also write the whole estimate of each new run: some 20 MB each.")
     ] = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say how many runs there are and about how long they take, and stop.")
@@ -49,8 +49,11 @@ def campaign(
         # The workers find the compiled core in its cache.
         with terminal.compiling():
             from auvid_cli.cli import campaigning
+            from auvid_cli.errors import ConfigError
 
         plan, folder = campaigning.set_up(file, tuple(settings or ()), output)
+        if scheduler is not None and workers is not None:
+            raise ConfigError("--workers is for this machine, and --scheduler has workers of its own: say one of them")
         where = campaigning.Where(scheduler, workers or os.cpu_count() or 1)
         if dry_run:
             campaigning.forecast(plan, folder, where, terminal)

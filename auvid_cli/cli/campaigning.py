@@ -7,12 +7,14 @@ from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
+import pandas as pd
+
 from auvid_cli.campaign.axes import Label
-from auvid_cli.campaign.engine import cluster_client, perform_groups
+from auvid_cli.campaign.engine import cluster_client, n_threads, perform_groups
 from auvid_cli.campaign.findings import find
 from auvid_cli.campaign.perform import perform
 from auvid_cli.campaign.plan import Plan
-from auvid_cli.campaign.store import Store, locked
+from auvid_cli.campaign.store import Store, failure_row, locked
 from auvid_cli.cli import pipeline
 from auvid_cli.cli.terminal import DONE, VERDICT_FAILED, Terminal
 from auvid_cli.config.campaign import load_campaign
@@ -59,26 +61,34 @@ def forecast(plan: Plan, folder: Path, where: Where, terminal: Terminal) -> None
     store = Store(folder, plan.columns)
     done = store.finished() & labels.keys()
     failed = {failure.run for failure in store.failures} & labels.keys()
+    n_seeds = len(plan.campaign.seed_list)
     terminal.say(
-        f"{plan.campaign.name}: {len(labels)} runs: {plan.campaign.n_cells} combinations of settings, "
-        f"{len(plan.filters)} filters, {len(plan.campaign.seed_list)} seeds; {len(done)} finished, {len(failed)} failed"
+        f"{plan.campaign.name}: {len(labels)} runs: combinations of settings {plan.campaign.n_cells}, filters "
+        f"{len(plan.filters)}, seeds {n_seeds}; {len(done)} finished, {len(failed)} failed"
     )
     left = len(labels) - len(done | failed)
     if not left:
         terminal.say("0 left to do; --retry tries again what failed, --again does all anew")
         return
-    first = list(islice(plan.groups(done | failed), -(-plan.n_runs // len(plan.campaign.seed_list))))
+    threads = where.workers
+    if where.scheduler is not None:
+        with cluster_client(where.scheduler, None) as client:
+            threads = n_threads(client)
+    first = list(islice(plan.groups(done | failed), -(-plan.n_runs // n_seeds)))
     probes = first[:: -(-len(first) // _PROBES)]
-    # The first takes what is loaded once.
-    perform(probes[0])
-    start = perf_counter()
-    for group in probes:
-        perform(group)
-    seconds = (perf_counter() - start) / sum(len(group.runs) for group in probes) * left / where.workers
+    with terminal.stage("try some runs"):
+        # The first takes what is loaded once.
+        perform(probes[0])
+        start = perf_counter()
+        tried = [performed for group in probes for performed in perform(group)]
+        seconds = (perf_counter() - start) / len(tried) * left / threads
+    failures = [performed.failure for performed in tried if performed.failure]
     terminal.say(
-        f"{left} runs take about {_duration(seconds)} on {where.workers} workers of this kind, "
-        f"by {len(probes)} of the first groups of them"
+        f"{left} runs take about {_duration(seconds)} on {threads} workers like this machine, after some seconds to "
+        f"start; by {len(tried)} of them, tried here"
     )
+    if failures:
+        terminal.say(f"{len(failures)} of those {len(tried)} failed, the first because: {failures[0]}")
 
 
 def conduct(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: Terminal) -> int:
@@ -100,22 +110,28 @@ def _conduct(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: T
     with terminal.stage("look at what is there"):
         store = Store(folder, plan.columns)
         if choice.again:
-            store.forget(labels)
-        store.conform(labels)
-        skipped = store.finished()
+            store.set_aside()
+        else:
+            store.conform(labels)
+        skipped = set() if choice.again else store.finished() & labels.keys()
+    if choice.keep_estimates and skipped:
+        terminal.say(f"{len(skipped)} runs are finished, and estimates are only written of new ones; --again does all")
     if not (choice.retry or choice.again):
-        skipped |= {failure.run for failure in store.failures}
-    left = len(labels.keys() - skipped)
-    if left:
-        _work(plan, store, skipped, left, where, folder / "estimates" if choice.keep_estimates else None, terminal)
-        store.merge()
+        skipped |= {failure.run for failure in store.failures} & labels.keys()
+    if len(skipped) < len(labels):
+        estimates = folder / "estimates" if choice.keep_estimates else None
+        try:
+            _work(plan, store, skipped, len(labels), where, estimates, terminal)
+        finally:
+            store.merge()
+    store.conform(labels)
     return _report(plan, folder, store, labels, terminal)
 
 
 def _work(
-    plan: Plan, store: Store, skipped: set[str], left: int, where: Where, estimates: Path | None, terminal: Terminal
+    plan: Plan, store: Store, skipped: set[str], total: int, where: Where, estimates: Path | None, terminal: Terminal
 ) -> None:
-    ended = failed = 0
+    ended, failed, left = len(skipped), 0, total - len(skipped)
     with ExitStack() as stack:
         with terminal.stage("start the workers"):
             client = stack.enter_context(cluster_client(where.scheduler, where.workers))
@@ -128,9 +144,9 @@ def _work(
                 store.add(group)
                 ended += len(group)
                 failed += sum(bool(performed.failure) for performed in group)
-                progress(ended, left, f", {failed} failed")
+                progress(ended - len(skipped), left, f", {failed} failed")
         except KeyboardInterrupt:
-            terminal.say(f"{ended} of {left} runs are done and kept; the same command goes on with the others")
+            terminal.say(f"{ended} of {total} runs are done and kept; the same command goes on with the others")
             raise
 
 
@@ -144,12 +160,13 @@ def _report(
     plan: Plan, folder: Path, store: Store, labels: Mapping[str, Mapping[str, Label]], terminal: Terminal
 ) -> int:
     with terminal.stage("evaluate"):
-        rows = store.rows(labels.keys()).to_pandas()
+        failures = [failure for failure in store.failures if failure.run in labels]
+        told = [failure_row(failure)._asdict() | dict(labels[failure.run]) for failure in failures]
+        rows = pd.concat([store.rows().to_pandas(), *([pd.DataFrame(told)] if told else [])], ignore_index=True)
         # In the order of the plan, not in that in which they ended.
         rows = rows.sort_values(
             "run", kind="stable", key=lambda runs: runs.map({run: k for k, run in enumerate(labels)})
         )
-        failures = [failure for failure in store.failures if failure.run in labels]
     if len(rows):
         with terminal.stage("statistics"):
             found = find(rows, plan.fixed_columns)
@@ -158,14 +175,16 @@ def _report(
             figures.add_campaign(found, {variant.name: variant.filter.value for variant in plan.filters})
             paths += figures.finish(progress)
         print_findings(terminal.out, found, paths)
-    n_runs = int((rows["kind"] == "run").sum())
+    n_runs = int((rows["kind"] == "run").sum()) - len(failures)
     terminal.say(f"{folder / 'results'}: {n_runs} of {len(labels)} runs")
+    if apart := len(store.finished() - labels.keys()):
+        terminal.say(f"{folder / 'earlier'}: {apart} runs of other settings, kept apart")
     if failures:
         terminal.say(
             f"{folder / 'failures.csv'}: {len(failures)} runs failed, the first because: {failures[0].reason}; "
             "--retry tries them again"
         )
-    return VERDICT_FAILED if failures else DONE
+    return DONE if n_runs == len(labels) else VERDICT_FAILED
 
 
 def _duration(seconds: float) -> str:

@@ -59,7 +59,13 @@ UseOption = Annotated[
 ]
 OutputOption = Annotated[
     Path | None,
-    typer.Option("--output", "-o", metavar="DIR", help="Results folder. Default: results/NAME.", show_default=False),
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="DIR",
+        help="Results folder. Default: results/NAME, or the folder of a dataset.h5.",
+        show_default=False,
+    ),
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Also say how long each part took.")]
@@ -86,10 +92,18 @@ def spans(stated: list[str]) -> str:
     ConfigError
         If one is no pair of times.
     """
+    from auvid_cli.config.quantity import parse_quantity
+
     pairs = []
     for span in stated:
         begin, colon, end = (part.strip() for part in span.partition(":"))
-        if not colon or ":" in end or not (begin or end):
+        try:
+            known = [parse_quantity(bound, "s") for bound in (begin, end) if bound]
+        except ValueError:
+            known = []
+        if not colon or not known:
             raise ConfigError(f"--use {span}: expected BEGIN:END in seconds, such as 0:80, or 80: for all after that")
+        if known != sorted(set(known)):
+            raise ConfigError(f"--use {span}: ends before it begins, or as it does")
         pairs.append(f"[{begin or 'null'}, {end or 'null'}]")
     return f"[{', '.join(pairs)}]"

@@ -54,11 +54,10 @@ def assemble(source: Source, overrides: Iterable[str] = ()) -> tuple[Tree, list[
         return tree, mistakes
     changes = []
     for override in overrides:
-        at = Position(Source(f"--set {override}", FilePath()))
         try:
-            changes.append(_parse_override(override, at))
+            changes.append(parse_override(override))
         except ValueError as error:
-            mistakes.append(Mistake(at, (), str(error)))
+            mistakes.append(Mistake(_place(override), (), str(error)))
     tree, wrong = with_changes(tree, changes, source.folder)
     return tree, mistakes + wrong
 
@@ -95,7 +94,15 @@ def with_changes(tree: Tree, changes: Iterable[tuple[Path, Tree]], folder: FileP
     return tree, mistakes
 
 
-def _parse_override(override: str, at: Position) -> tuple[Path, Tree]:
+def parse_override(override: str) -> tuple[Path, Tree]:
+    """``key.key=value`` as a path and what goes there.
+
+    Raises
+    ------
+    ValueError
+        If it is no such thing, or the value no YAML.
+    """
+    at = _place(override)
     key, equals, value = override.partition("=")
     path = tuple(part.strip() for part in key.split("."))
     if not equals or not all(path):
@@ -104,6 +111,10 @@ def _parse_override(override: str, at: Position) -> tuple[Path, Tree]:
     if mistakes:
         raise ValueError(mistakes[0].message)
     return path, _all_at(tree, at)
+
+
+def _place(override: str) -> Position:
+    return Position(Source(f"--set {override}", FilePath()))
 
 
 def _all_at(tree: Tree, at: Position) -> Tree:

@@ -7,10 +7,11 @@ from typing import Annotated, Any, TypeAlias
 
 from pydantic import Field, field_validator, model_validator
 
-from auvid_cli.config.assemble import assemble
+from auvid_cli.config.assemble import assemble, parse_override
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import open_source, validated
 from auvid_cli.config.model import Settings
+from auvid_cli.config.position import Mistake
 from auvid_cli.config.tree import Tree
 
 # A value of any setting, as YAML gives it; the experiment judges it.
@@ -181,5 +182,13 @@ def load_campaign(path: Path, overrides: Sequence[str] = ()) -> tuple[Campaign, 
     ConfigError
         With every mistake at once, each at its file, line and column.
     """
-    tree, mistakes = assemble(open_source(path), overrides)
+    # Keys of the experiment have dots of their own: `settings.manoeuvre.duration=60 s` sets one of them.
+    of_settings = [override for override in overrides if override.startswith("settings.")]
+    tree, mistakes = assemble(open_source(path), [one for one in overrides if one not in of_settings])
+    for override in of_settings:
+        try:
+            (section, *key), value = parse_override(override)
+            tree = tree.put((section, ".".join(map(str, key))), value)
+        except ValueError as error:
+            mistakes.append(Mistake(tree.at, (), f"--set {override}: {error}"))
     return validated(Campaign, tree, mistakes), tree

@@ -65,6 +65,7 @@ def _filters_table(found: Findings) -> Table:
     columns = [Column(_heading(column), numeric=False) for column in [*found.columns, "filter"]]
     headers = (
         "runs",
+        "failed %",
         "diverged %",
         "inconsistent %",
         "error %",
@@ -78,6 +79,7 @@ def _filters_table(found: Findings) -> Table:
         [
             *(_label(row[column]) for column in [*found.columns, "filter"]),
             int(row["runs"]),
+            100.0 * row["failed"],
             100.0 * row["diverged"],
             100.0 * row["inconsistent"],
             row["steady_state_error_percent"],
@@ -91,9 +93,12 @@ def _filters_table(found: Findings) -> Table:
         for row in found.filters.to_dict("records")
     ]
     notes = (
-        "Error: mean steady-state error of the coefficients, median over the runs. In 2 sd: share of all coefficients "
-        "whose truth lies within two standard deviations; 95.4 if these are honest. Bound: Cramer-Rao's, of the data "
-        "alone. NEES: per coefficient, 1 if the covariance is honest. Runs that diverged count only as such.",
+        "Error: mean steady-state error of the coefficients, median over the runs; 90 % of them lie from 5 to 95 %. "
+        "In 2 sd: share of all coefficients whose truth lies within two standard deviations; 95.4 if these are honest.",
+        "sd / bound: median of the stated standard deviations in terms of Cramer-Rao's bound, of the data alone. "
+        "Error / bound: root mean square of the errors in terms of it.",
+        "NEES: per coefficient, 1 if the covariance is honest; by chance it lies in the last interval in 95 %. "
+        "Runs that failed or diverged count only as such; those that are inconsistent count.",
     )
     return Table("campaign", "Filters", tuple(columns), rows, notes=notes)
 
@@ -103,7 +108,7 @@ def _comparison_table(found: Findings) -> list[Table]:
     if not len(found.comparisons):
         return []
     kept = [*found.columns, "first", "second"]
-    headers = ("measure", "first", "second", "difference", "95 %", "p, adjusted", "seeds", "verdict")
+    headers = ("measure", "of first %", "of second %", "difference", "95 %", "p, adjusted", "seeds", "verdict")
     columns = [Column(_heading(name), numeric=False) for name in kept]
     columns += [Column(header, numeric=header not in ("measure", "verdict")) for header in headers]
     rows: list[list[Cell]] = [
@@ -114,7 +119,7 @@ def _comparison_table(found: Findings) -> list[Table]:
             row["median_second"],
             row["difference"],
             _interval(row, "difference"),
-            row["p_adjusted"],
+            row["p_value_adjusted"],
             int(row["seeds"]),
             row["verdict"],
         ]
@@ -131,8 +136,13 @@ def _comparison_table(found: Findings) -> list[Table]:
 
 def _ever_narrower(table: Table) -> Iterator[ScreenTable]:
     """On the screen, with ever fewer columns."""
-    shown = [column.header for column in table.columns]
-    for dropped in ("", "by chance", "error / bound", "5 - 95 %", "inconsistent %", "sd / bound", "NEES"):
+    failed = [column.header for column in table.columns].index("failed %")
+    shown = [
+        column.header
+        for column in table.columns
+        if column.header != "failed %" or any(row[failed] for row in table.rows)
+    ]
+    for dropped in ("", "by chance", "error / bound", "5 - 95 %", "sd / bound", "in 2 sd %", "NEES"):
         shown = [header for header in shown if header != dropped]
         screen = screen_table()
         for column in table.columns:

@@ -6,6 +6,7 @@ from auvid_cli.vehicle.coefficients import COEFFICIENTS
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _FINS = {"rudder": r"\delta_r", "elevator": r"\delta_e"}
+_WORDS = {"heading": r"$\psi$", "down": "depth"}
 _GREEK = ("phi", "theta", "psi")
 _SENSOR_ERRORS = {"dvl_scale": r"$s_{\mathrm{DVL}}$", "dvl_yaw": r"$\psi_{\mathrm{DVL}}$"}
 _COEFFICIENTS = {c.symbol: c for c in COEFFICIENTS}
@@ -13,8 +14,8 @@ _COEFFICIENTS = {c.symbol: c for c in COEFFICIENTS}
 
 def symbol_math(symbol: str) -> str:
     r"""A symbol as mathematics for LaTeX and mathtext, for example ``$X_{u|u|}$`` or ``$\psi$``."""
-    if symbol == "heading":
-        return r"$\psi$"
+    if symbol in _WORDS:
+        return _WORDS[symbol]
     if symbol in _GREEK:
         return rf"$\{symbol}$"
     if symbol in _COEFFICIENTS:

@@ -63,7 +63,7 @@ def test_equal_filters_tie():
     )
     # A difference that is sure, and does not matter.
     row = verdicts(rows_of("ckf", errors), rows_of("tukf", errors * 1.001))["steady_state_error_percent", "ckf", "tukf"]
-    assert row["p_adjusted"] < 1e-6
+    assert row["p_value_adjusted"] < 1e-6
     assert row["verdict"] == "tie"
 
 

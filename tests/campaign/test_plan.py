@@ -106,6 +106,16 @@ def test_other_settings_are_other_runs(planned, override):
     assert not set(planned(GRID).labels()) & set(planned(GRID, override).labels())
 
 
+def test_other_inputs_in_the_same_file_are_other_runs(planned, tmp_path):
+    inputs = tmp_path / "inputs.csv"
+    manoeuvre = f"{{type: recorded, duration: 5 s, speed: 2 m/s, file: {inputs}}}"
+    text = f"name: x\nfilters: [ckf]\nsettings: {{manoeuvre: {manoeuvre}}}\n"
+    inputs.write_text("time,rudder,elevator,surge_force,roll_moment\n0,0.1,0,10,0\n5,0.1,0,10,0\n")
+    before = set(planned(text).labels())
+    inputs.write_text("time,rudder,elevator,surge_force,roll_moment\n0,0.2,0,10,0\n5,0.2,0,10,0\n")
+    assert not before & set(planned(text).labels())
+
+
 def test_another_version_of_auvid_is_another_run(planned, monkeypatch):
     before = set(planned(GRID).labels())
     monkeypatch.setattr("auvid_cli.campaign.plan.__version__", "0.0.0")
@@ -189,7 +199,10 @@ def test_settings_travel_as_text_that_means_the_same(planned):
         (("name: rate", "name: identification.prior.factor"), "stands twice"),
         (("name: rate", "name: status"), "results have a column .status. already"),
         (("settings: {manoeuvre", "settings: {manouvre"), r"campaign\.yaml:2:\d+: manouvre"),
-        (("settings:", "experiment: nowhere\nsettings:"), "'nowhere' is neither a file nor an experiment"),
+        (
+            ("settings:", "experiment: nowhere\nsettings:"),
+            r"campaign\.yaml:2:13: experiment: 'nowhere' is neither a file nor an experiment",
+        ),
     ],
 )
 def test_mistakes_are_told_at_their_place(planned, change, complaint):
@@ -222,5 +235,5 @@ def test_without_filters_those_of_the_experiment_run(planned):
     ],
 )
 def test_the_same_run_is_not_counted_twice(planned, text):
-    with pytest.raises(ConfigError, match="two runs of the campaign are the same: ckf with "):
+    with pytest.raises(ConfigError, match=r"campaign\.yaml: two runs of the campaign are the same: ckf with "):
         planned(f"name: twins\nseeds: 2\n{text}\n")

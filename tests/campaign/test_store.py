@@ -1,7 +1,5 @@
 """Results on disk: nothing twice, nothing lost, one table for whoever reads it."""
 
-import json
-
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
@@ -28,12 +26,17 @@ def failed(name, reason="no data"):
     return Performed(Run(name, {"factor": 1.0, "rate": "slow"}, "ckf", 1), [], reason, None)
 
 
+def labels_of(*names):
+    return {name: {"filter": "ckf", "factor": 1.0, "rate": "slow"} for name in names}
+
+
 def test_what_is_added_is_there_for_the_next_one(tmp_path):
     store = Store(tmp_path, COLUMNS)
     store.add([finished("a"), finished("b", 3.0, "fast")])
     store.add([finished("c")])
     again = Store(tmp_path, COLUMNS)
     assert again.finished() == {"a", "b", "c"}
+    again.merge()
     table = pd.read_parquet(tmp_path / "results")
     assert len(table) == 6
     row = table[(table["run"] == "b") & (table["kind"] == "coefficient")].iloc[0]
@@ -47,23 +50,25 @@ def test_what_is_added_is_there_for_the_next_one(tmp_path):
     assert pd.isna(row["rmse"])
 
 
-def test_many_files_become_one_with_the_same_rows(tmp_path):
+def test_what_came_in_becomes_results_with_the_same_rows(tmp_path):
     store = Store(tmp_path, COLUMNS)
     for k in range(7):
         store.add([finished(f"run-{k}", factor=float(k))])
-    before = pd.read_parquet(tmp_path / "results").sort_values(["run", "kind"], ignore_index=True)
+    before = pd.read_parquet(tmp_path / "incoming").sort_values(["run", "kind"], ignore_index=True)
     store.merge()
+    assert not list((tmp_path / "incoming").iterdir())
     assert len(list((tmp_path / "results").iterdir())) == 1
     after = pd.read_parquet(tmp_path / "results").sort_values(["run", "kind"], ignore_index=True)
     pd.testing.assert_frame_equal(before, after)
 
 
-def test_files_are_merged_by_themselves_when_there_are_many(tmp_path, monkeypatch):
+def test_results_grow_by_themselves_when_much_came_in(tmp_path, monkeypatch):
     monkeypatch.setattr("auvid_cli.campaign.store._MOST_PARTS", 4)
     store = Store(tmp_path, COLUMNS)
     for k in range(10):
         store.add([finished(f"run-{k}")])
-    assert len(list((tmp_path / "results").iterdir())) == 4
+    assert len(list((tmp_path / "results").iterdir())) == 2
+    assert len(list((tmp_path / "incoming").iterdir())) == 2
     assert len(Store(tmp_path, COLUMNS).finished()) == 10
 
 
@@ -71,21 +76,37 @@ def test_killed_between_merging_and_taking_away_nothing_is_there_twice(tmp_path)
     store = Store(tmp_path, COLUMNS)
     for k in range(3):
         store.add([finished(f"run-{k}")])
-    parts = {path.name: path.read_bytes() for path in (tmp_path / "results").iterdir()}
+    parts = {path.name: path.read_bytes() for path in (tmp_path / "incoming").iterdir()}
     store.merge()
     for name, content in parts.items():
-        (tmp_path / "results" / name).write_bytes(content)
-    assert len(pd.read_parquet(tmp_path / "results")) == 12
-    assert Store(tmp_path, COLUMNS).finished() == {"run-0", "run-1", "run-2"}
+        (tmp_path / "incoming" / name).write_bytes(content)
+    # Whoever reads sees each run once, also before anybody has tidied up.
     assert len(pd.read_parquet(tmp_path / "results")) == 6
+    again = Store(tmp_path, COLUMNS)
+    assert again.finished() == {"run-0", "run-1", "run-2"}
+    again.conform(labels_of("run-0", "run-1", "run-2"))
+    assert len(pd.read_parquet(tmp_path / "results")) == 6
+    assert not list((tmp_path / "incoming").iterdir())
 
 
 def test_killed_while_writing_leaves_nothing_that_counts(tmp_path):
     store = Store(tmp_path, COLUMNS)
     store.add([finished("a")])
-    (tmp_path / "results" / ".part-b-x1.parquet").write_bytes(b"PAR1 half of it")
-    assert Store(tmp_path, COLUMNS).finished() == {"a"}
+    (tmp_path / "incoming" / ".b-x1.parquet").write_bytes(b"PAR1 half of it")
+    again = Store(tmp_path, COLUMNS)
+    assert again.finished() == {"a"}
+    again.merge()
     assert set(pd.read_parquet(tmp_path / "results")["run"]) == {"a"}
+
+
+def test_a_run_that_failed_and_was_done_since_is_no_failure(tmp_path):
+    """Killed between the result and the list of failures."""
+    store = Store(tmp_path, COLUMNS)
+    store.add([failed("a")])
+    before = (tmp_path / "failures.csv").read_bytes()
+    store.add([finished("a")])
+    (tmp_path / "failures.csv").write_bytes(before)
+    assert Store(tmp_path, COLUMNS).failures == []
 
 
 def test_a_run_that_failed_is_told_until_it_succeeds(tmp_path):
@@ -100,19 +121,19 @@ def test_a_run_that_failed_is_told_until_it_succeeds(tmp_path):
     assert Store(tmp_path, COLUMNS).finished() == {"a", "b"}
 
 
-def test_what_is_done_again_after_a_merge_stays(tmp_path):
+def test_what_is_done_again_takes_the_place_of_what_was_there(tmp_path):
     store = Store(tmp_path, COLUMNS)
-    store.add([finished("a")])
-    store.add([finished("b")])
-    store.merge()
-    store.forget(["a"])
+    store.add([finished("a"), finished("b")])
+    store.set_aside()
+    assert not list((tmp_path / "results").iterdir())
     store.add([finished("a", error=1.5)])
-    store.add([finished("c")])
-    assert Store(tmp_path, COLUMNS).finished() == {"a", "b", "c"}
-    store.merge()
-    assert Store(tmp_path, COLUMNS).finished() == {"a", "b", "c"}
+    # Interrupted here: what was not done again comes back, what was stays as it is now.
+    again = Store(tmp_path, COLUMNS)
+    again.conform(labels_of("a", "b"))
     table = pd.read_parquet(tmp_path / "results")
-    assert list(table.loc[(table["run"] == "a") & (table["kind"] == "run"), "steady_state_error_percent"]) == [1.5]
+    errors = table[table["kind"] == "run"].set_index("run")["steady_state_error_percent"]
+    assert errors.to_dict() == {"a": 1.5, "b": 2.5}
+    assert not list((tmp_path / "earlier").iterdir())
 
 
 def test_two_campaigns_do_not_share_a_folder(tmp_path):
@@ -122,35 +143,88 @@ def test_two_campaigns_do_not_share_a_folder(tmp_path):
         pass
 
 
-def test_what_is_to_be_done_again_is_forgotten(tmp_path):
-    store = Store(tmp_path, COLUMNS)
-    store.add([finished("a"), finished("b")])
-    store.add([finished("c")])
-    store.forget(["a", "c"])
-    assert Store(tmp_path, COLUMNS).finished() == {"b"}
-
-
 def test_results_take_on_the_axes_that_a_campaign_has_now(tmp_path):
     store = Store(tmp_path, {"factor": True})
-    run = Run("a", {"factor": 1.0}, "ckf", 1)
-    store.add([finished("a")._replace(run=run), finished("other")._replace(run=run._replace(identity="other"))])
-    wider = Store(tmp_path, {"factor": True, "rate": False})
-    wider.conform({"a": {"factor": 1.0, "rate": "fast"}})
+    store.add([finished("a")._replace(run=Run("a", {"factor": 1.0}, "ckf", 1))])
+    wider = Store(tmp_path, COLUMNS)
+    wider.conform({"a": {"filter": "ckf", "factor": 1.0, "rate": "fast"}})
     table = pd.read_parquet(tmp_path / "results")
-    assert set(table.loc[table["run"] == "a", "rate"]) == {"fast"}
-    assert table.loc[table["run"] == "other", "rate"].isna().all()
-    assert set(wider.rows(["a"])["rate"].to_pylist()) == {"fast"}
+    assert set(table["rate"]) == {"fast"}
+    assert wider.rows()["rate"].to_pylist() == ["fast", "fast"]
 
 
 def test_numbers_become_text_where_an_axis_has_both(tmp_path):
-    Store(tmp_path, {"factor": True, "rate": False}).add([finished("a", factor=3.0)])
+    Store(tmp_path, COLUMNS).add([finished("a", factor=3.0)])
     mixed = Store(tmp_path, {"factor": False, "rate": False})
-    mixed.conform({"a": {"factor": 3.0, "rate": "slow"}})
+    mixed.conform({"a": {"filter": "ckf", "factor": 3.0, "rate": "slow"}})
     mixed.add([finished("b", factor="wide")])
-    assert set(mixed.rows(["a", "b"])["factor"].to_pylist()) == {"3.0", "wide"}
+    mixed.merge()
+    assert set(mixed.rows()["factor"].to_pylist()) == {"3.0", "wide"}
 
 
-@pytest.mark.parametrize("place", ["results/part-*.parquet", "failures.csv"])
+def test_runs_of_other_settings_are_kept_apart_and_come_back(tmp_path):
+    store = Store(tmp_path, COLUMNS)
+    store.add([finished("a"), finished("b")])
+    store.add([finished("c")])
+    other = Store(tmp_path, {"factor": True})
+    other.conform({name: {"filter": "ckf", "factor": 2.0} for name in ("b", "new")})
+    table = pd.read_parquet(tmp_path / "results")
+    assert set(table["run"]) == {"b"}
+    assert "rate" not in table
+    # Nothing of it has to be done again.
+    assert other.finished() == {"a", "b", "c"}
+    again = Store(tmp_path, COLUMNS)
+    again.conform(labels_of(*"abc"))
+    table = pd.read_parquet(tmp_path / "results")
+    assert sorted(table["run"]) == ["a", "a", "b", "b", "c", "c"]
+    assert set(table["rate"]) == {"slow"}
+    assert not list((tmp_path / "earlier").glob("*.parquet"))
+
+
+def test_killed_while_runs_come_back_none_is_there_twice(tmp_path):
+    store = Store(tmp_path, COLUMNS)
+    store.add([finished("a")])
+    store.merge()
+    (part,) = (tmp_path / "results").iterdir()
+    (tmp_path / "earlier").mkdir()
+    (tmp_path / "earlier" / "part-1.parquet").write_bytes(part.read_bytes())
+    (tmp_path / "earlier" / "part-2.parquet").write_bytes(part.read_bytes())
+    Store(tmp_path, COLUMNS).conform(labels_of("a"))
+    assert len(pd.read_parquet(tmp_path / "results")) == 2
+    assert not list((tmp_path / "earlier").glob("*.parquet"))
+
+
+def test_other_names_for_levels_and_filters_are_taken_on(tmp_path):
+    store = Store(tmp_path, COLUMNS)
+    store.add([finished("a", rate="low"), finished("b", rate="high")])
+    store.merge()
+    swapped = {
+        "a": {"filter": "first", "factor": 1.0, "rate": "high"},
+        "b": {"filter": "first", "factor": 1.0, "rate": "low"},
+    }
+    Store(tmp_path, COLUMNS).conform(swapped)
+    table = pd.read_parquet(tmp_path / "results")
+    assert table.groupby("run")["rate"].agg(set).to_dict() == {"a": {"high"}, "b": {"low"}}
+    assert set(table["filter"]) == {"first"}
+
+
+def test_an_axis_that_becomes_numeric_does_not_trip_over_text(tmp_path):
+    store = Store(tmp_path, {"prior": False})
+    runs = {name: Run(name, {"prior": name}, "ckf", 1) for name in ("low", "high")}
+    store.add([finished(name)._replace(run=run) for name, run in runs.items()])
+    numeric = Store(tmp_path, {"prior": True})
+    numeric.conform({"low": {"filter": "ckf", "prior": 0.3}})
+    assert numeric.rows()["prior"].to_pylist() == [0.3, 0.3]
+
+
+def test_looking_makes_nothing(tmp_path):
+    store = Store(tmp_path / "new", COLUMNS)
+    assert store.finished() == set()
+    assert store.rows().num_rows == 0
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("place", ["incoming/*.parquet", "failures.csv"])
 def test_a_damaged_file_is_named(tmp_path, place):
     Store(tmp_path, COLUMNS).add([finished("a"), failed("b")])
     (path,) = tmp_path.glob(place)
@@ -164,37 +238,29 @@ def test_a_damaged_file_is_named(tmp_path, place):
         st.one_of(
             st.tuples(st.just("add"), st.lists(st.integers(0, 20), min_size=1, max_size=4, unique=True)),
             st.tuples(st.just("merge"), st.none()),
-            st.tuples(st.just("forget"), st.lists(st.integers(0, 20), max_size=4)),
-            st.tuples(st.just("open"), st.none()),
+            st.tuples(st.just("aside"), st.none()),
+            st.tuples(st.just("conform"), st.sets(st.integers(0, 20), min_size=1)),
         ),
         max_size=12,
     )
 )
 def test_whatever_is_done_each_run_is_there_once(tmp_path_factory, operations):
     folder = tmp_path_factory.mktemp("store")
-    store, wanted = Store(folder, COLUMNS), set()
+    everything: set[str] = set()
     for what, runs in operations:
+        store = Store(folder, COLUMNS)
         if what == "add":
-            new = [f"{k}" for k in runs if f"{k}" not in wanted]
+            new = [f"{k}" for k in runs if f"{k}" not in everything]
             store.add([finished(name) for name in new])
-            wanted |= set(new)
+            everything |= set(new)
         elif what == "merge":
             store.merge()
-        elif what == "forget":
-            store.forget([f"{k}" for k in runs])
-            wanted -= {f"{k}" for k in runs}
+        elif what == "aside":
+            store.set_aside()
         else:
-            store = Store(folder, COLUMNS)
-    assert store.finished() == wanted
-    rows = [row for path in (folder / "results").glob("*.parquet") for row in pq.read_table(path)["run"].to_pylist()]
-    assert sorted(rows) == sorted(2 * list(wanted))
-
-
-def test_metadata_of_a_merged_file_names_what_went_into_it(tmp_path):
-    store = Store(tmp_path, COLUMNS)
-    store.add([finished("a")])
-    store.add([finished("b")])
-    parts = sorted(path.name for path in (tmp_path / "results").iterdir())
-    store.merge()
-    (path,) = (tmp_path / "results").iterdir()
-    assert sorted(json.loads(pq.read_schema(path).metadata[b"auvid.merged"])) == parts
+            mine = {f"{k}" for k in runs}
+            store.conform(labels_of(*mine))
+            assert set(store.rows()["run"].to_pylist()) == everything & mine
+    assert Store(folder, COLUMNS).finished() == everything
+    rows = [row for path in folder.glob("*/*.parquet") for row in pq.read_table(path)["run"].to_pylist()]
+    assert sorted(rows) == sorted(2 * list(everything))

@@ -29,7 +29,9 @@ def auvid(*arguments, cwd):
 
 
 def rows(folder):
-    return pd.read_parquet(folder / "results/campaigns/small/results")
+    home = folder / "results/campaigns/small"
+    tables = [pd.read_parquet(home / name) for name in ("results", "incoming") if list(home.glob(f"{name}/*.parquet"))]
+    return pd.concat(tables, ignore_index=True)
 
 
 def runs(folder):
@@ -85,16 +87,33 @@ def test_more_seeds_and_levels_add_to_what_is_there(finished, tmp_path):
     folder, _ = finished
     (tmp_path / "small.yaml").write_text(CAMPAIGN.replace("seeds: 6", "seeds: 7").replace("[1, 3]", "[1, 3, 10]"))
     result = auvid("small.yaml", "--output", folder / "results/campaigns/small", "--dry-run", cwd=tmp_path)
-    assert result.stdout.startswith("small: 42 runs: 3 combinations of settings, 2 filters, 7 seeds; 24 finished")
+    assert result.stdout.startswith("small: 42 runs: combinations of settings 3, filters 2, seeds 7; 24 finished")
     assert "18 runs take about " in result.stdout
+
+
+def test_other_settings_do_not_mix_with_what_is_there(finished):
+    folder, first = finished
+    result = auvid("small.yaml", "--set", "settings.manoeuvre.duration=8 s", "--set", "seeds=1", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert len(runs(folder)) == 4
+    assert "24 runs of other settings, kept apart" in result.stdout
+    again = auvid("small.yaml", cwd=folder)
+    assert len(runs(folder)) == 24
+    assert first.stdout.splitlines()[:8] == again.stdout.splitlines()[:8]
+
+
+def test_a_dry_run_makes_nothing(tmp_path):
+    (tmp_path / "small.yaml").write_text(CAMPAIGN)
+    assert auvid("small.yaml", "--dry-run", cwd=tmp_path).returncode == 0
+    assert not (tmp_path / "results").exists()
 
 
 def test_a_campaign_that_is_killed_goes_on_where_it_was(tmp_path):
     (tmp_path / "small.yaml").write_text(CAMPAIGN.replace("seeds: 6", "seeds: 40"))
     process = subprocess.Popen(command("small.yaml"), cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-    home = tmp_path / "results/campaigns/small/results"
+    home = tmp_path / "results/campaigns/small/incoming"
     deadline = time.monotonic() + 200.0
-    while len(list(home.glob("part-*"))) < 4:
+    while len(list(home.glob("*.parquet"))) < 4:
         assert time.monotonic() < deadline
         time.sleep(0.05)
     os.kill(process.pid, signal.SIGKILL)
@@ -115,9 +134,9 @@ def test_an_interrupted_campaign_says_how_far_it_got(tmp_path):
     process = subprocess.Popen(
         command("small.yaml"), cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    home = tmp_path / "results/campaigns/small/results"
+    home = tmp_path / "results/campaigns/small/incoming"
     deadline = time.monotonic() + 200.0
-    while not list(home.glob("part-*")):
+    while not list(home.glob("*.parquet")):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)

@@ -20,11 +20,17 @@ def test_a_span_without_an_end_is_null_there(stated, meant):
     assert yaml.safe_load(spans(stated)) == meant
 
 
-@pytest.mark.parametrize("wrong", ["80", ":", " : ", "", "1:2:3", "::"])
+@pytest.mark.parametrize("wrong", ["80", ":", " : ", "", "1:2:3", "::", "a:b", "3 m:"])
 def test_what_is_no_pair_of_times_is_one_clear_complaint(wrong):
     with pytest.raises(ConfigError, match=r"--use .*: expected BEGIN:END in seconds, such as 0:80") as complaint:
         spans(["0:1", wrong])
     assert str(complaint.value).startswith(f"--use {wrong}: ")
+
+
+@pytest.mark.parametrize("wrong", ["30:10", "1 min:60"])
+def test_a_span_ends_after_it_begins(wrong):
+    with pytest.raises(ConfigError, match=f"--use {wrong}: ends before it begins"):
+        spans([wrong])
 
 
 def test_short_options_come_after_the_settings_that_they_override():

@@ -46,7 +46,7 @@ def test_files_hold_every_combination(found, tmp_path):
     assert {path.name for path in paths} == {"filters.csv", "coefficients.csv", "comparisons.csv", "campaign.md"}
     pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "filters.csv"), found.filters, check_dtype=False)
     text = (tmp_path / "campaign.md").read_text()
-    assert "| fast | 10 | ekf | 20 | 50.00 |" in text
+    assert "| fast | 10 | ekf | 20 | 0 | 50.00 |" in text
     # Two rates, two factors, three pairs, two measures, and twelve filters.
     assert sum(line.startswith(("| slow", "| fast")) for line in text.splitlines()) == 12 + 24
 

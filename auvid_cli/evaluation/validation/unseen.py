@@ -38,7 +38,8 @@ def check_unseen(dataset: Dataset, estimate: Estimate, training: Dataset | None 
         times = [record.time for record in dataset.sensors.values() if record.time.size]
         begin, end = min(t[0] for t in times) + shift, max(t[-1] for t in times) + shift
         used = estimate.experiment.identification.use.spans or ((estimate.time[0], estimate.time[-1]),)
-        if any(begin <= last and first <= end for first, last in used):
+        # Where two stretches meet, one reading stands in both.
+        if any(begin < last and first < end for first, last in used):
             raise DataError(f"the estimate was made from this time of these very data; {advice}")
     if training is None:
         return

@@ -6,7 +6,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import NullFormatter
 
+from auvid_cli.campaign.statistics import ended
 from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure
 
 _HATCHES = ("", "////", "xxxx", "....")
@@ -17,7 +19,7 @@ _LARGEST = 1e3
 
 
 def spread_figure(runs: pd.DataFrame, columns: list[str], filters: dict[str, str]) -> Figure:
-    """Box plots of the mean steady-state error over all runs that came to an end; below, how many did not.
+    """Box plots of the mean steady-state error over all runs that came to the end; below, how many did not.
 
     Parameters
     ----------
@@ -52,7 +54,7 @@ def spread_figure(runs: pd.DataFrame, columns: list[str], filters: dict[str, str
             for box in boxes["boxes"]:
                 box.set(**looks[name])
             for place, some in zip(places, by_level, strict=True):
-                lost = some["steady_state_error_percent"].isna().mean() if len(some) else 0.0
+                lost = float((~ended(some)).mean()) if len(some) else 0.0
                 if lost:
                     axes.text(
                         place,
@@ -66,6 +68,8 @@ def spread_figure(runs: pd.DataFrame, columns: list[str], filters: dict[str, str
                         transform=axes.get_xaxis_transform(),
                     )
         axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
         axes.grid(axis="y", color="0.9", linewidth=0.6)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
@@ -75,7 +79,10 @@ def spread_figure(runs: pd.DataFrame, columns: list[str], filters: dict[str, str
     axes_list[-1].set_xticks(range(len(levels)), [_text(level) for level in levels])
     axes_list[-1].set_xlabel(along or "", fontsize=9)
     handles = [Patch(label=name, **looks[name]) for name in filters]
-    legend_above(figure, [*handles, Patch(label="red: share that diverged", color="none")])
+    words = ["box: quartiles, whiskers: 5 to 95 %"]
+    words += ["red: share that did not end"] * (not ended(runs).all())
+    words += [f"{len(cells) - _MOST_PANELS} more combinations: see the tables"] * (len(cells) > _MOST_PANELS)
+    legend_above(figure, [*handles, *(Patch(label=text, color="none") for text in words)])
     return figure
 
 
@@ -85,7 +92,7 @@ def map_figure(table: pd.DataFrame, columns: list[str], filters: dict[str, str])
     Parameters
     ----------
     table : DataFrame
-        As of `auvid_cli.campaign.statistics.by_filter`; over further axes the median is taken.
+        As of `auvid_cli.campaign.statistics.by_filter`; over further axes the median is taken, of shares the mean.
     columns, filters
         As of `spread_figure`; the last two axes are the map's.
     """
@@ -102,10 +109,16 @@ def map_figure(table: pd.DataFrame, columns: list[str], filters: dict[str, str])
     for axes, name in zip(panels, filters, strict=False):
         own = table[table["filter"] == name]
         error, lost, belied = (
-            own.pivot_table(values=value, index=down, columns=across, aggfunc="median", dropna=False)
+            own.groupby([down, across])[value]
+            .agg(over)
+            .unstack()
             .reindex(index=rows, columns=cols)
-            .to_numpy(dtype=np.float64)
-            for value in ("steady_state_error_percent", "diverged", "inconsistent")
+            .to_numpy(np.float64)
+            for value, over in (
+                ("steady_state_error_percent", "median"),
+                ("diverged", "mean"),
+                ("inconsistent", "mean"),
+            )
         )
         decades = np.log10(np.minimum(error, _LARGEST))
         image = axes.imshow(decades, vmin=lowest, vmax=highest, cmap="viridis_r", aspect="auto")
@@ -123,7 +136,7 @@ def map_figure(table: pd.DataFrame, columns: list[str], filters: dict[str, str])
     figure.supxlabel(across, fontsize=9)
     figure.supylabel(down, fontsize=9)
     if image is not None:
-        bar = figure.colorbar(image, ax=panels.tolist(), shrink=0.8, label="median steady-state error (%)")
+        bar = figure.colorbar(image, ax=panels.tolist(), shrink=0.8, label="median error (%), darker is larger")
         bar.ax.yaxis.set_major_formatter(lambda decades, _: f"{10.0**decades:.2g}")
     return figure
 

@@ -5,6 +5,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+# Of the usual interval, and s.
+_JUMP, _LEAST_JUMP = 20.0, 1.0
+
 
 def finite(values: Array) -> Array:
     """The same with NaN for what is infinite, which breaks a line instead of shooting off."""
@@ -26,7 +29,7 @@ def thin(time: Array, values: Array, points: int = 2000) -> tuple[Array, Array]:
     time, values : ndarray
         A subset in order, or all of them if they are few.
     """
-    values = finite(values)
+    time, values = _broken(time, finite(values))
     n = values.size
     if n <= points:
         return time, values
@@ -41,6 +44,15 @@ def thin(time: Array, values: Array, points: int = 2000) -> tuple[Array, Array]:
     greatest = begin + np.where(gap, -np.inf, block).argmax(axis=1)
     kept = np.unique(np.concatenate([[0], least, greatest, [n - 1]]))
     return time[kept], values[kept]
+
+
+def _broken(time: Array, values: Array) -> tuple[Array, Array]:
+    """The same with a gap wherever time jumps on."""
+    steps = np.diff(time)
+    if not steps.size:
+        return time, values
+    jumps = np.flatnonzero(steps > max(_JUMP * float(np.median(steps)), _LEAST_JUMP)) + 1
+    return np.insert(time, jumps, time[jumps]), np.insert(values, jumps, np.nan)
 
 
 def spaced(n: int, points: int) -> NDArray[np.int64]:
