@@ -38,9 +38,16 @@ def against_reference(found: Findings, settings: dict[str, object]) -> str:
     for row in own.to_dict("records"):
         if _REFERENCE in (row["first"], row["second"]):
             other = row["second"] if row["first"] == _REFERENCE else row["first"]
-            said.setdefault(row["verdict"].replace(f"{other} is better", "better"), []).append(other)
-    words = {"tie": "tie", "no difference found": "cannot be told", f"{_REFERENCE} is better": "worse"}
-    return "; ".join(f"{', '.join(others)} {words.get(verdict, verdict)}" for verdict, others in said.items())
+            said.setdefault(row["verdict"].replace(other, "it"), []).append(other)
+    words = {
+        "tie": "tie",
+        "no difference found": "cannot be told",
+        "it is better": "better",
+        f"{_REFERENCE} is better": "worse",
+        "it diverges more often": "lost more often",
+        f"{_REFERENCE} diverges more often": "lost less often",
+    }
+    return "; ".join(f"{words[verdict]}: {', '.join(others)}" for verdict, others in said.items())
 
 
 def main() -> None:
