@@ -75,10 +75,13 @@ class LogMap(Settings):
             for name, log in self.logs.items()
             if log.file is not None
         }
+        named: dict[str, tuple[Path, ...]] = {}
         for place, text in enumerate(given):
             name, equals, file = text.partition("=")
             if equals and name in names:
-                files[name] = (Path(file),)
+                # Of a log that goes on in further files each is named.
+                named[name] = (*named.get(name, ()), Path(file))
+                files[name] = named[name]
             elif equals and name.isidentifier() and not Path(text).exists():
                 raise ConfigError(f"{text}: the map has no log named {name!r}; it has {', '.join(names)}")
             elif place < len(names):

@@ -46,7 +46,7 @@ def evaluate(dataset: Dataset, estimates: list[Estimate], bounds_of: Callable[[E
     """Evaluate estimates against the dataset they came from, its truth where it has one, and their bounds."""
     bounds = {estimate.filter: bounds_of(estimate) for estimate in estimates}
     remarks = {f"no Cramer-Rao bound: {found.remark}" for found in bounds.values() if found.remark}
-    evaluation = Evaluation([], [], [], [], [], {}, sorted(remarks))
+    evaluation = Evaluation([], [], [], [], [], {}, [*sorted(remarks), *_of_different_data(estimates)])
     for estimate in estimates:
         run, errors = free_run(replace(dataset, experiment=estimate.experiment), estimate)
         results = coefficient_results(estimate, dataset.truth, bounds[estimate.filter].of_data)
@@ -68,3 +68,12 @@ def evaluate(dataset: Dataset, estimates: list[Estimate], bounds_of: Callable[[E
         evaluation.sensor_errors.extend(sensor_error_results(estimate))
         evaluation.free_runs[estimate.filter] = run
     return evaluation
+
+
+def _of_different_data(estimates: list[Estimate]) -> list[str]:
+    """A sentence if estimates were made from different parts of the data, which their numbers then do not compare."""
+    used = {estimate.filter: estimate.experiment.identification.use.model_dump_json() for estimate in estimates}
+    if len(set(used.values())) < 2:
+        return []
+    spans = ", ".join(f"{one.filter} {one.time[0]:.6g} to {one.time[-1]:.6g} s" for one in estimates)
+    return [f"made from different parts of the data, which do not compare (identification.use): {spans}"]

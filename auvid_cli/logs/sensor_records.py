@@ -168,6 +168,10 @@ def _account(
         (rows.repeats, f"{rows.repeats} rows that repeat the one before left out"),
         (unused, f"{unused} samples not in the spans of `use` left out"),
         (noise, f"standard deviation estimated from the signal: {stated} {unit}"),
+        (
+            noise and name == "attitude",
+            "that is scatter alone, and errors of an AHRS last and are far larger: state what it may be off by",
+        ),
         (steps, f"the noise is lost in the steps of the numbers, taken as step / sqrt(12): {steps} {unit}"),
     )
     missing = int(np.count_nonzero(np.isnan(record.values).all(axis=1)))

@@ -74,6 +74,8 @@ def test_units_as_logs_write_them(stated, unit, size):
 def test_file_of_the_command_line_beats_that_of_the_map(load, tmp_path):
     two = load(HEAD.replace("{log: run.csv}", "{a: a.csv, b: {delimiter: ';'}}") + "sensors:\n" + GYROSCOPE + INPUTS)
     assert two.files(tmp_path, ["b=x.csv"]) == {"a": (tmp_path / "a.csv",), "b": (Path("x.csv"),)}
+    goes_on = two.files(tmp_path, ["a=1.csv", "b=x.csv", "a=2.csv"])
+    assert goes_on == {"a": (Path("1.csv"), Path("2.csv")), "b": (Path("x.csv"),)}
     assert list(two.files(tmp_path, ["1.csv", "2.csv"]).values()) == [(Path("1.csv"),), (Path("2.csv"),)]
     with pytest.raises(ConfigError, match="names no file for the log 'b'"):
         two.files(tmp_path)
