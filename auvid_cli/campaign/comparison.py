@@ -8,7 +8,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import binom, binomtest, false_discovery_control, wilcoxon
 
-from auvid_cli.campaign.statistics import CONFIDENCE, diverged, ended
+from auvid_cli.campaign.statistics import CONFIDENCE
+from auvid_cli.campaign.status import diverged, ended
 
 Array = NDArray[np.float64]
 

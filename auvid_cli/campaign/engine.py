@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
+import dask.config
 from distributed import Client, Future, LocalCluster, as_completed
 
 from auvid_cli import __version__
@@ -39,6 +40,8 @@ def cluster_client(scheduler: str | None, workers: int | None) -> Iterator[Clien
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as stack:
         if scheduler is None:
+            # Nobody looks at profiles of these workers, and sampling takes time from the runs.
+            stack.enter_context(dask.config.set({"distributed.worker.profile.enabled": False}))
             target = stack.enter_context(
                 LocalCluster(
                     n_workers=workers or os.cpu_count(),

@@ -7,6 +7,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import binomtest, chi2
 
+from auvid_cli.campaign.status import diverged, ended, failed
+
 # 90 % of the runs lie between these quantiles.
 LOW, HIGH = 0.05, 0.95
 CONFIDENCE = 0.95
@@ -93,21 +95,6 @@ def _of_coefficient(rows: pd.DataFrame) -> dict[str, float | str]:
         "within_two_sigma_high": float(interval.high),
         **_against_bound(rows),
     }
-
-
-def ended(rows: pd.DataFrame) -> pd.Series:
-    """Whether a row is of a run that came to the end of its data."""
-    return rows["status"].str.startswith(("completed", "inconsistent"))
-
-
-def failed(rows: pd.DataFrame) -> pd.Series:
-    """Whether a row is of a run that could not be done at all."""
-    return rows["status"].str.startswith("failed")
-
-
-def diverged(rows: pd.DataFrame) -> pd.Series:
-    """Whether a row is of a run whose filter did not come to the end of its data."""
-    return ~ended(rows) & ~failed(rows)
 
 
 def _spread(name: str, values: pd.Series) -> dict[str, float]:

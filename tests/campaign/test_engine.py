@@ -6,7 +6,7 @@ import threading
 import time
 from itertools import islice
 
-import dask
+import dask.config
 import pytest
 from distributed import LocalCluster
 
@@ -33,10 +33,10 @@ def test_all_runs_come_back_from_a_scheduler_that_was_there_before(planned):
     assert {done.failure for done in runs} == {""}
 
 
-def test_killed_workers_lose_and_repeat_nothing(planned):
+def test_two_of_eight_workers_that_are_killed_lose_and_repeat_nothing(planned):
     plan = planned(MANY)
     killed = []
-    with cluster_client(None, 2) as client:
+    with cluster_client(None, 8) as client:
 
         def kill_two() -> None:
             for _ in range(2):

@@ -1,15 +1,18 @@
 """What a campaign found: spread of the errors of each filter, and a map over two settings."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter
 
-from auvid_cli.campaign.statistics import ended
+from auvid_cli.campaign.status import ended
 from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure
+
+if TYPE_CHECKING:
+    # Who draws something else does not need it.
+    import pandas as pd
 
 _HATCHES = ("", "////", "xxxx", "....")
 # Of the boxes of one group, what they take of the room between two.
@@ -18,7 +21,7 @@ _MOST_PANELS = 12
 _LARGEST = 1e3
 
 
-def spread_figure(runs: pd.DataFrame, columns: list[str], filters: dict[str, str]) -> Figure:
+def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, str]) -> Figure:
     """Box plots of the mean steady-state error over all runs that came to the end; below, how many did not.
 
     Parameters
@@ -86,7 +89,7 @@ def spread_figure(runs: pd.DataFrame, columns: list[str], filters: dict[str, str
     return figure
 
 
-def map_figure(table: pd.DataFrame, columns: list[str], filters: dict[str, str]) -> Figure:
+def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str]) -> Figure:
     """Median error over two settings, a panel for each filter, with the share of runs that did not end well.
 
     Parameters
