@@ -1,7 +1,8 @@
 """Time and memory of whole commands: `python benchmarks/commands.py`, some ten minutes and 5 GB of disk.
 
-How `auvid run` starts cold, with nothing compiled, and warm, how fast help comes, and how simulation, identification and report grow with
-the duration of the data and the number of sensors. Needs Linux, which says what processes share of their memory.
+How `auvid run` starts cold, with nothing compiled, and warm, how fast help comes, and how simulation, identification
+and report grow with the duration of the data and the number of sensors. Needs Linux, which says what processes share
+of their memory.
 """
 
 import argparse
@@ -140,7 +141,7 @@ def main() -> None:
         [
             *(f"- {name}: {value}" for name, value in described_machine().items()),
             "",
-            f"| command | wall, median (s) | min - max | processor (s) | memory (MB) |",
+            "| command | wall, median (s) | min - max | processor (s) | memory (MB) |",
             "| --- | ---: | ---: | ---: | ---: |",
             *start_up,
             "",
