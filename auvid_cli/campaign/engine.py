@@ -16,6 +16,12 @@ from auvid_cli.errors import ClusterError
 # Groups that wait at the scheduler for each thread: no worker is ever idle, and no more is handed out than that.
 _AHEAD = 3
 _PATIENCE = 60.0
+# Nobody looks at profiles of these workers, and sampling takes time from the runs; so does memory that is given back to
+# the system after each array, as Dask would have it. What is left of its environment is one thread for each library.
+_UNDISTURBED = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.nanny.pre-spawn-environ": {"OMP_NUM_THREADS": 1, "MKL_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1},
+}
 _GONE = "the scheduler is gone; what was done is kept, and the same command goes on once there is one again"
 
 
@@ -40,8 +46,7 @@ def cluster_client(scheduler: str | None, workers: int | None) -> Iterator[Clien
         logging.getLogger(name).setLevel(logging.CRITICAL)
     with ExitStack() as stack:
         if scheduler is None:
-            # Nobody looks at profiles of these workers, and sampling takes time from the runs.
-            stack.enter_context(dask.config.set({"distributed.worker.profile.enabled": False}))
+            stack.enter_context(dask.config.set(_UNDISTURBED))
             target = stack.enter_context(
                 LocalCluster(
                     n_workers=workers or os.cpu_count(),
