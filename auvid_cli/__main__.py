@@ -3,8 +3,7 @@
 import gc
 import sys
 
-# As a shell says it of a command that was interrupted.
-INTERRUPTED = 130
+from auvid_cli.cli.exit_codes import INTERRUPTED
 
 
 def main() -> None:

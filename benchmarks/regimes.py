@@ -8,12 +8,13 @@ import pandas as pd
 from section import replace_section
 from timing import described_machine
 
-from auvid_cli.campaign.findings import Findings, find
+from auvid_cli.campaign.findings import Findings, find, in_order
 from auvid_cli.campaign.plan import Plan
 from auvid_cli.campaign.store import Store
 from auvid_cli.config.campaign import load_campaign
 from auvid_cli.config.load import find_campaign
 from auvid_cli.report.campaign import comparison_sentences
+from auvid_cli.report.notation import setting_text
 
 _IMAGES = Path(__file__).parents[1] / "docs/images"
 # Against which the others are held in the table.
@@ -57,10 +58,8 @@ def main() -> None:
     options = parser.parse_args()
     path = find_campaign("regimes")
     plan = Plan(*load_campaign(path), path)
-    labels = plan.labels()
     rows = Store(options.results, plan.columns).rows().to_pandas()
-    order = {run: k for k, run in enumerate(labels)}
-    found = find(rows.sort_values("run", kind="stable", key=lambda runs: runs.map(order)), plan.fixed_columns)
+    found = find(in_order(rows, plan.labels()), plan.fixed_columns)
     n_runs = len(found.runs)
     if n_runs < plan.n_runs:
         raise SystemExit(f"{options.results}: {n_runs} of {plan.n_runs} runs; finish it with `auvid campaign regimes`")
@@ -69,8 +68,9 @@ def main() -> None:
     for key, own in found.filters.groupby(found.columns, sort=False):
         by_name = own.set_index("filter")
         settings = dict(zip(found.columns, key, strict=True))
-        shown = [f"{value:g}" if isinstance(value, float) else str(value) for value in key]
-        table.append([*shown, *(cell(by_name.loc[name]) for name in names), against_reference(found, settings)])
+        table.append(
+            [*map(setting_text, key), *(cell(by_name.loc[name]) for name in names), against_reference(found, settings)]
+        )
     header = [*(column.split(".", 1)[-1] for column in found.columns), *names, f"against {_REFERENCE}"]
     lines = [
         *(f"- {name}: {value}" for name, value in described_machine().items() if name != "processor"),

@@ -1,6 +1,6 @@
 """All that a campaign's results say, as tables."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import pandas as pd
@@ -35,3 +35,9 @@ def find(rows: pd.DataFrame, columns: Sequence[str]) -> Findings:
     return Findings(
         list(columns), runs, by_filter(rows, columns), by_coefficient(rows, columns), compare_filters(rows, columns)
     )
+
+
+def in_order(rows: pd.DataFrame, runs: Iterable[str]) -> pd.DataFrame:
+    """Rows in the order in which their runs were planned, not in that in which these ended."""
+    place = {run: k for k, run in enumerate(runs)}
+    return rows.sort_values("run", kind="stable", key=lambda own: own.map(place))

@@ -16,8 +16,7 @@ from auvid_cli.config.experiment import Experiment, Identification
 from auvid_cli.data.dataset import Dataset, TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import AuvidError, ConfigError, DataError
-from auvid_cli.evaluation.bounds import true_starts
-from auvid_cli.identification.fisher import information_at
+from auvid_cli.evaluation.bounds import bounds_at
 from auvid_cli.identification.identify import identify
 from auvid_cli.simulation.simulate import simulate
 
@@ -112,9 +111,4 @@ def _bounds(simulated: str, identification: str) -> Mapping[str, float]:
     dataset = _data(simulated)
     settings = Identification.model_validate_json(identification)
     data = replace(dataset, experiment=dataset.experiment.model_copy(update={"identification": settings}))
-    try:
-        found = information_at(data, _truth(dataset).coefficients, true_starts(data))
-    except DataError:
-        # The motion is unstable in open loop, or in several stretches: nothing is known of the least deviation.
-        return {}
-    return found.bound() if found.lost_after is None else {}
+    return bounds_at(data, _truth(dataset).coefficients).of_data

@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import StringIO
 from pathlib import Path
@@ -18,6 +18,7 @@ from auvid_cli.campaign.axes import Label
 from auvid_cli.campaign.measures import Measure
 from auvid_cli.campaign.perform import Performed
 from auvid_cli.campaign.plan import Run
+from auvid_cli.data.csv_text import csv_text
 from auvid_cli.data.files import replacing, write_text
 from auvid_cli.errors import FileError
 
@@ -49,12 +50,14 @@ def locked(folder: Path) -> Iterator[None]:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with FileLock(folder / ".lock", timeout=0):
-            yield
+        held = FileLock(folder / ".lock", timeout=0).acquire()
     except Timeout:
         raise FileError(f"{folder}: another campaign is at work here; wait for it, or give --output") from None
     except OSError as error:
         raise FileError(f"{folder}: cannot be written: {error.strerror or error}") from None
+    # What fails from here on is not the folder's fault.
+    with held:
+        yield
 
 
 class Store:
@@ -108,21 +111,23 @@ class Store:
         """
         self._forget_what_was_merged()
         self.merge()
+        wanted = ds.field("run").isin(pa.array(list(labels), pa.string()))
         here = _runs(self._results)
         for path in _files(self._earlier):
             table = _read(path)
             # Whoever was killed here may have left runs on both sides.
             back = [run for run in _unique(table) if run in labels and run not in here]
             if back:
-                _write(self._relabelled(table.filter(_among(back)), labels), _new(self._results))
+                returning = ds.field("run").isin(pa.array(back, pa.string()))
+                _write(self._relabelled(table.filter(returning), labels), _new(self._results))
             here.update(back)
-            _keep(path, table, table.filter(~_among(labels)))
+            _keep(path, table, table.filter(~wanted))
         for path in _files(self._results):
             table = _read(path)
-            away = table.filter(~_among(labels))
+            away = table.filter(~wanted)
             if away.num_rows:
                 _write(away, _new(self._earlier))
-            kept = table.filter(_among(labels))
+            kept = table.filter(wanted)
             if _keep(path, table, kept) and self._is_named_otherwise(kept, labels):
                 _write(self._relabelled(kept, labels), path)
 
@@ -218,11 +223,7 @@ class Store:
             raise FileError(f"{self._failures_file}: is no list of failed runs; take it away") from None
 
     def _write_failures(self) -> None:
-        text = StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(Failure._fields)
-        writer.writerows(self._failures.values())
-        write_text(self._failures_file, text.getvalue())
+        write_text(self._failures_file, csv_text(Failure._fields, self._failures.values()))
 
 
 def failure_row(failure: Failure) -> Measure:
@@ -255,10 +256,6 @@ def _unique(table: pa.Table) -> list[str]:
     return table["run"].unique().to_pylist()
 
 
-def _among(runs: Collection[str]) -> ds.Expression:
-    return ds.field("run").isin(pa.array(sorted(runs), pa.string()))
-
-
 def _keep(path: Path, table: pa.Table, kept: pa.Table) -> bool:
     """Make a file hold only some of its rows; whether it is still there."""
     if kept.num_rows == 0:
@@ -269,16 +266,20 @@ def _keep(path: Path, table: pa.Table, kept: pa.Table) -> bool:
 
 
 def _metadata(path: Path) -> Mapping[bytes, bytes]:
-    try:
+    with _refusing_damage(path):
         return pq.read_schema(path).metadata or {}
-    except (pa.ArrowInvalid, OSError) as error:
-        raise FileError(f"{path}: is no Parquet file, or damaged; take it away: {error}") from None
 
 
 def _read(path: Path, columns: list[str] | None = None) -> pa.Table:
-    try:
+    with _refusing_damage(path):
         # By itself, so that a folder's name is no column.
         return pq.ParquetFile(path).read(columns)
+
+
+@contextmanager
+def _refusing_damage(path: Path) -> Iterator[None]:
+    try:
+        yield
     except (pa.ArrowInvalid, OSError) as error:
         raise FileError(f"{path}: is no Parquet file, or damaged; take it away: {error}") from None
 

@@ -11,12 +11,13 @@ import pandas as pd
 
 from auvid_cli.campaign.axes import Label
 from auvid_cli.campaign.engine import cluster_client, n_threads, perform_groups
-from auvid_cli.campaign.findings import find
+from auvid_cli.campaign.findings import find, in_order
 from auvid_cli.campaign.perform import perform
 from auvid_cli.campaign.plan import Plan
 from auvid_cli.campaign.store import Store, failure_row, locked
 from auvid_cli.cli import pipeline
-from auvid_cli.cli.terminal import DONE, VERDICT_FAILED, Terminal
+from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
+from auvid_cli.cli.terminal import Terminal
 from auvid_cli.config.campaign import load_campaign
 from auvid_cli.config.load import find_campaign
 from auvid_cli.data.estimate import Estimate
@@ -124,7 +125,9 @@ def _conduct(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: T
             _work(plan, store, skipped, len(labels), where, estimates, terminal)
         finally:
             store.merge()
-    store.conform(labels)
+    if choice.again:
+        # What was not done again comes back.
+        store.conform(labels)
     return _report(plan, folder, store, labels, terminal)
 
 
@@ -163,13 +166,9 @@ def _report(
         failures = [failure for failure in store.failures if failure.run in labels]
         told = [failure_row(failure)._asdict() | dict(labels[failure.run]) for failure in failures]
         rows = pd.concat([store.rows().to_pandas(), *([pd.DataFrame(told)] if told else [])], ignore_index=True)
-        # In the order of the plan, not in that in which they ended.
-        rows = rows.sort_values(
-            "run", kind="stable", key=lambda runs: runs.map({run: k for k, run in enumerate(labels)})
-        )
     if len(rows):
         with terminal.stage("statistics"):
-            found = find(rows, plan.fixed_columns)
+            found = find(in_order(rows, labels), plan.fixed_columns)
         paths = write_findings(found, folder / "tables")
         with pipeline.drawing(folder) as figures, terminal.progress("figures") as (progress,):
             figures.add_campaign(found, {variant.name: variant.filter.value for variant in plan.filters})

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import typer
 
+from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.options import QuietOption, ResultsArgument, VerboseOption
-from auvid_cli.cli.terminal import DONE, VERDICT_FAILED, Terminal, reporting_errors
+from auvid_cli.cli.terminal import Terminal, reporting_errors
 
 
 def check(

@@ -2,6 +2,7 @@
 
 import typer
 
+from auvid_cli.cli.exit_codes import DONE
 from auvid_cli.cli.options import (
     DataArgument,
     DryRunOption,
@@ -13,7 +14,7 @@ from auvid_cli.cli.options import (
     VerboseOption,
     overrides,
 )
-from auvid_cli.cli.terminal import DONE, Terminal, reporting_errors
+from auvid_cli.cli.terminal import Terminal, reporting_errors
 
 
 def identify(

@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
+from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.options import OutputOption, QuietOption, overrides
-from auvid_cli.cli.terminal import DONE, VERDICT_FAILED, Terminal, reporting_errors
+from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.errors import ConfigError
 
 

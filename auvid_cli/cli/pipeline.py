@@ -9,7 +9,8 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING
 
-from auvid_cli.cli.terminal import DONE, VERDICT_FAILED, Terminal
+from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
+from auvid_cli.cli.terminal import Terminal
 from auvid_cli.config.experiment import Experiment, RunSettings
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import dump_experiment

@@ -1,4 +1,4 @@
-"""What commands say and how they end: messages, progress bars, exit codes."""
+"""What commands say and how they end: messages, progress bars, errors."""
 
 import os
 import signal
@@ -12,7 +12,7 @@ from typing import Protocol
 
 import typer
 
-DONE, VERDICT_FAILED, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
+from auvid_cli.cli.exit_codes import DONE, INTERRUPTED, WRONG_INPUT
 
 
 @contextmanager

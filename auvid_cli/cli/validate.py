@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.options import OutputOption, QuietOption, UseOption, VerboseOption, overrides
-from auvid_cli.cli.terminal import DONE, VERDICT_FAILED, Terminal, reporting_errors
+from auvid_cli.cli.terminal import Terminal, reporting_errors
 
 if TYPE_CHECKING:
     from auvid_cli.data.dataset import Dataset

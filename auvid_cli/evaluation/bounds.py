@@ -1,5 +1,6 @@
 """What estimates are held against: the least standard deviation that their data allow."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -77,14 +78,26 @@ def _bounds(dataset: Dataset, estimate: Estimate) -> Bounds:
     identification = settings.model_copy(update={"prior": prior})
     experiment = estimate.experiment.model_copy(update={"identification": identification})
     values = dataset.truth.coefficients if dataset.truth is not None else estimate.final_coefficients()
+    found = bounds_at(replace(dataset, experiment=experiment), values)
+    return found._replace(with_prior={}) if settings.prior.from_estimate else found
+
+
+def bounds_at(dataset: Dataset, values: Mapping[str, float]) -> Bounds:
+    """Bounds with a dataset's own settings.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    values : mapping
+        Of the coefficients, by symbol, SI.
+    """
     try:
-        data = replace(dataset, experiment=experiment)
-        information = information_at(data, values, true_starts(data))
+        information = information_at(dataset, values, true_starts(dataset))
     except DataError as error:
         return Bounds({}, {}, str(error))
     if information.lost_after is not None:
         return Bounds({}, {}, UNSTABLE.format(information.lost_after))
-    return Bounds(information.bound(), {} if settings.prior.from_estimate else information.bound_with_prior())
+    return Bounds(information.bound(), information.bound_with_prior())
 
 
 def true_starts(dataset: Dataset) -> list[Array] | None:

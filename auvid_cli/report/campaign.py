@@ -12,6 +12,8 @@ from rich.text import Text
 from auvid_cli.campaign.findings import Findings
 from auvid_cli.data.files import write_text
 from auvid_cli.report.markdown import render_markdown
+from auvid_cli.report.notation import setting_text
+from auvid_cli.report.screen import print_files
 from auvid_cli.report.screen_table import first_that_fits, screen_table
 from auvid_cli.report.table import Cell, Column, Table, number
 
@@ -45,8 +47,7 @@ def print_findings(console: Console, found: Findings, files: Sequence[Path]) -> 
         console.print(Text(f"{len(found.filters)} combinations of settings and filter: see the tables"))
     for sentence in comparison_sentences(found):
         console.print(Text(sentence))
-    for folder in dict.fromkeys(path.parent for path in files):
-        console.print(Text(f"{sum(path.parent == folder for path in files)} files in {folder}"), soft_wrap=True)
+    print_files(console, files)
 
 
 def comparison_sentences(found: Findings) -> list[str]:
@@ -77,7 +78,7 @@ def _filters_table(found: Findings) -> Table:
     columns += [Column(header) for header in (*headers, "NEES", "by chance")]
     rows: list[list[Cell]] = [
         [
-            *(_label(row[column]) for column in [*found.columns, "filter"]),
+            *(setting_text(row[column]) for column in [*found.columns, "filter"]),
             int(row["runs"]),
             100.0 * row["failed"],
             100.0 * row["diverged"],
@@ -113,7 +114,7 @@ def _comparison_table(found: Findings) -> list[Table]:
     columns += [Column(header, numeric=header not in ("measure", "verdict")) for header in headers]
     rows: list[list[Cell]] = [
         [
-            *(_label(row[name]) for name in kept),
+            *(setting_text(row[name]) for name in kept),
             _WHAT[row["measure"]],
             row["median_first"],
             row["median_second"],
@@ -163,10 +164,6 @@ def _printed(cell: Cell) -> str:
 def _heading(column: str) -> str:
     """Of a setting its last two keys."""
     return ".".join(column.split(".")[-2:])
-
-
-def _label(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _interval(row: Mapping[Hashable, Any], name: str) -> str | None:

@@ -1,11 +1,10 @@
 """The tables as CSV: one file for each kind of row, with the row's own fields as columns."""
 
-import csv
 from collections.abc import Iterable, Sequence
-from io import StringIO
 from pathlib import Path
 from typing import NamedTuple
 
+from auvid_cli.data.csv_text import csv_text
 from auvid_cli.data.files import write_text
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.assessment import CoefficientBound, Collinear, Identifiability
@@ -45,7 +44,7 @@ def write_csv_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
     paths = []
     for name, (row_type, rows) in tables.items():
         path = folder / f"{name}.csv"
-        write_text(path, csv_text(row_type, rows))
+        write_text(path, csv_text(row_type._fields, rows))
         paths.append(path)
     return paths
 
@@ -53,7 +52,7 @@ def write_csv_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
 def write_checks(checks: Sequence[Check], folder: Path) -> Path:
     """Write ``checks.csv``; a verdict that is only worth knowing has an empty cell under `passed`."""
     path = folder / "checks.csv"
-    write_text(path, csv_text(Check, checks))
+    write_text(path, csv_text(Check._fields, checks))
     return path
 
 
@@ -61,15 +60,17 @@ def write_inspection(checks: Sequence[Check], folder: Path) -> Path:
     """Write ``inspection.csv``: verdicts on data, as ``checks.csv`` but of no filter."""
     path = folder / "inspection.csv"
     # A check begins with the filter that it is of.
-    write_text(path, _csv_text(Check._fields[1:], (check[1:] for check in checks)))
+    write_text(path, csv_text(Check._fields[1:], (check[1:] for check in checks)))
     return path
 
 
 def write_identifiability(found: Identifiability, folder: Path) -> list[Path]:
     """Write ``identifiability.csv``, a row for each coefficient, and ``collinear.csv``, one for each group."""
     tables = {
-        "identifiability": csv_text(CoefficientBound, found.bounds),
-        "collinear": csv_text(Collinear, [group._replace(members=" ".join(group.members)) for group in found.groups]),
+        "identifiability": csv_text(CoefficientBound._fields, found.bounds),
+        "collinear": csv_text(
+            Collinear._fields, [group._replace(members=" ".join(group.members)) for group in found.groups]
+        ),
     }
     paths = [folder / f"{name}.csv" for name in tables]
     for path, text in zip(paths, tables.values(), strict=True):
@@ -80,24 +81,11 @@ def write_identifiability(found: Identifiability, folder: Path) -> list[Path]:
 def write_validation(found: Validation, folder: Path) -> list[Path]:
     """Write ``validation.csv``, ``manoeuvres.csv``, and the verdicts as ``validation_checks.csv``."""
     tables = {
-        "validation": csv_text(Prediction, found.predictions),
-        "manoeuvres": csv_text(ManoeuvreNumber, found.manoeuvres),
-        "validation_checks": csv_text(Check, found.checks),
+        "validation": csv_text(Prediction._fields, found.predictions),
+        "manoeuvres": csv_text(ManoeuvreNumber._fields, found.manoeuvres),
+        "validation_checks": csv_text(Check._fields, found.checks),
     }
     paths = [folder / f"{name}.csv" for name in tables]
     for path, text in zip(paths, tables.values(), strict=True):
         write_text(path, text)
     return paths
-
-
-def csv_text(row_type: type[NamedTuple], rows: Iterable[NamedTuple]) -> str:
-    """Rows as CSV with a header; None is an empty cell, a float keeps all its digits."""
-    return _csv_text(row_type._fields, rows)
-
-
-def _csv_text(header: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
-    text = StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    return text.getvalue()

@@ -47,3 +47,8 @@ def unit_latex(unit: str) -> str:
 def filter_label(name: str) -> str:
     """A filter's name as it is read: EKF, CKF, TUKF, UKF; OE for the output-error method."""
     return "OE" if name == "output_error" else name.upper()
+
+
+def setting_text(value: object) -> str:
+    """A value of an axis of a campaign."""
+    return f"{value:g}" if isinstance(value, float) else str(value)

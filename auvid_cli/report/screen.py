@@ -46,6 +46,11 @@ def print_summary(console: Console, evaluation: Evaluation, files: Sequence[Path
     marked = [_printable(console, text, text.replace("†", "?")) for text in mark_explained(evaluation)]
     for text in [*marked, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:
         console.print(Text(text))
+    print_files(console, files)
+
+
+def print_files(console: Console, files: Sequence[Path]) -> None:
+    """Print in which folders files are, and how many."""
     for folder, count in Counter(path.parent for path in files).items():
         line = f"{count} {'file' if count == 1 else 'files'} in {folder}"
         console.print(Text(line), soft_wrap=True)

@@ -143,6 +143,13 @@ def test_two_campaigns_do_not_share_a_folder(tmp_path):
         pass
 
 
+def test_what_goes_wrong_meanwhile_is_not_blamed_on_the_folder(tmp_path):
+    with pytest.raises(BrokenPipeError), locked(tmp_path):
+        raise BrokenPipeError
+    with locked(tmp_path):
+        pass
+
+
 def test_results_take_on_the_axes_that_a_campaign_has_now(tmp_path):
     store = Store(tmp_path, {"factor": True})
     store.add([finished("a")._replace(run=Run("a", {"factor": 1.0}, "ckf", 1))])

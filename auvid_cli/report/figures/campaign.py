@@ -9,6 +9,7 @@ from matplotlib.ticker import NullFormatter
 
 from auvid_cli.campaign.status import ended
 from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure
+from auvid_cli.report.notation import setting_text
 
 if TYPE_CHECKING:
     # Who draws something else does not need it.
@@ -79,7 +80,7 @@ def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, s
         axes.tick_params(labelsize=8)
         axes.set_ylabel("error (%)", fontsize=9)
         head(axes, title)
-    axes_list[-1].set_xticks(range(len(levels)), [_text(level) for level in levels])
+    axes_list[-1].set_xticks(range(len(levels)), [setting_text(level) for level in levels])
     axes_list[-1].set_xlabel(along or "", fontsize=9)
     handles = [Patch(label=name, **looks[name]) for name in filters]
     words = ["box: quartiles, whiskers: 5 to 95 %"]
@@ -131,8 +132,8 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
             text += f"\n{belied[i, j]:.0%} incons." if belied[i, j] > 0.0 else ""
             is_dark = decades[i, j] > 0.5 * (lowest + highest)
             axes.text(j, i, text, ha="center", va="center", fontsize=6, color="white" if is_dark else "black")
-        axes.set_xticks(range(len(cols)), [_text(value) for value in cols], fontsize=8)
-        axes.set_yticks(range(len(rows)), [_text(value) for value in rows], fontsize=8)
+        axes.set_xticks(range(len(cols)), [setting_text(value) for value in cols], fontsize=8)
+        axes.set_yticks(range(len(rows)), [setting_text(value) for value in rows], fontsize=8)
         head(axes, name)
     for axes in panels[n:]:
         axes.set_visible(False)
@@ -156,8 +157,4 @@ def _looks(filters: dict[str, str]) -> dict[str, dict[str, Any]]:
 
 def _title(names: list[str], values: object) -> str:
     stated = values if isinstance(values, tuple) else (values,)
-    return ", ".join(f"{name} {_text(value)}" for name, value in zip(names, stated, strict=True))
-
-
-def _text(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return ", ".join(f"{name} {setting_text(value)}" for name, value in zip(names, stated, strict=True))
