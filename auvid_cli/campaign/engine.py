@@ -16,10 +16,14 @@ from auvid_cli.errors import ClusterError
 # Groups that wait at the scheduler for each thread: no worker is ever idle, and no more is handed out than that.
 _AHEAD = 3
 _PATIENCE = 60.0
-# Nobody looks at profiles of these workers, and sampling takes time from the runs; so does memory that is given back to
-# the system after each array, as Dask would have it. What is left of its environment is one thread for each library.
+# Nobody looks at profiles of these workers, and sampling takes time from the runs; so does asking 50 times a second
+# whether all is well, and memory that is given back to the system after each array, as Dask would have it. What is left
+# of its environment is one thread for each library.
 _UNDISTURBED = {
     "distributed.worker.profile.enabled": False,
+    "distributed.worker.memory.monitor-interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.admin.tick.interval": "1s",
     "distributed.nanny.pre-spawn-environ": {"OMP_NUM_THREADS": 1, "MKL_NUM_THREADS": 1, "OPENBLAS_NUM_THREADS": 1},
 }
 _GONE = "the scheduler is gone; what was done is kept, and the same command goes on once there is one again"
