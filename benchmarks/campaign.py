@@ -11,7 +11,6 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
@@ -30,6 +29,7 @@ from auvid_cli.config.campaign import load_campaign
 
 _RUNS, _ROUNDS, _MANY = 200, 3, 1000
 _LOOKS = 5
+_OTHER_SEEDS = 1_000_000
 
 
 class Round(NamedTuple):
@@ -43,6 +43,7 @@ class Round(NamedTuple):
 
 def planned(folder: Path, text: str) -> Plan:
     """Plan of a campaign file with a text."""
+    folder.mkdir(parents=True, exist_ok=True)
     path = folder / "campaign.yaml"
     path.write_text(f"name: benchmark\n{text}")
     return Plan(*load_campaign(path), path)
@@ -56,7 +57,7 @@ def timed(groups: list[Group], folder: Path) -> Round:
     alone = time.perf_counter() - start
     one, two = (_seconds_on(workers, groups, folder / str(workers)) for workers in (1, 2))
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        list(pool.map(perform, _warm(groups, 2)))
+        list(pool.map(perform, _warm(folder, 2)))
         start = time.perf_counter()
         list(pool.map(perform, groups))
         return Round(alone, one, two, time.perf_counter() - start)
@@ -65,7 +66,7 @@ def timed(groups: list[Group], folder: Path) -> Round:
 def _seconds_on(workers: int, groups: list[Group], folder: Path) -> float:
     """Wall time, s, of groups on so many workers, results written."""
     with cluster_client(None, workers) as client:
-        list(perform_groups(client, _warm(groups, workers), False))
+        list(perform_groups(client, _warm(folder.parent, workers), False))
         store = Store(folder, {})
         start = time.perf_counter()
         for performed in perform_groups(client, iter(groups), False):
@@ -74,10 +75,9 @@ def _seconds_on(workers: int, groups: list[Group], folder: Path) -> float:
         return time.perf_counter() - start
 
 
-def _warm(groups: list[Group], workers: int) -> Iterator[Group]:
-    """The first groups under other names, a few for each worker."""
-    for k, group in enumerate(islice(groups, 3 * workers)):
-        yield group._replace(runs=[run._replace(identity=f"warm-{k}-{run.identity}") for run in group.runs])
+def _warm(folder: Path, workers: int) -> Iterator[Group]:
+    """Groups of other seeds, a few for each worker."""
+    return planned(folder, f"seeds: [{', '.join(str(_OTHER_SEEDS + k) for k in range(3 * workers))}]\n").groups()
 
 
 def memory_over(groups: Iterator[Group], n_runs: int) -> list[tuple[int, float]]:

@@ -58,8 +58,9 @@ def main() -> None:
     options = parser.parse_args()
     path = find_campaign("regimes")
     plan = Plan(*load_campaign(path), path)
-    rows = Store(options.results, plan.columns).rows().to_pandas()
-    found = find(in_order(rows, plan.labels()), plan.fixed_columns)
+    labels = plan.labels()
+    rows = Store(options.results, plan.columns).rows(labels).to_pandas()
+    found = find(in_order(rows, labels), plan.fixed_columns)
     n_runs = len(found.runs)
     if n_runs < plan.n_runs:
         raise SystemExit(f"{options.results}: {n_runs} of {plan.n_runs} runs; finish it with `auvid campaign regimes`")

@@ -130,6 +130,10 @@ class Store:
             kept = table.filter(wanted)
             if _keep(path, table, kept) and self._is_named_otherwise(kept, labels):
                 _write(self._relabelled(kept, labels), path)
+        if standing := here & self._failures.keys():
+            for run in standing:
+                del self._failures[run]
+            self._write_failures()
 
     def set_aside(self) -> None:
         """Put away all results: those that are not done again come back with the next `conform`."""
@@ -168,10 +172,13 @@ class Store:
         for path in parts:
             path.unlink()
 
-    def rows(self) -> pa.Table:
-        """All rows of the campaign."""
+    def rows(self, labels: Mapping[str, Mapping[str, Label]]) -> pa.Table:
+        """All rows of the campaign, with one for each of its runs that failed; `labels` as of `conform`."""
         files = _files(self._results)
-        return ds.dataset(files, schema=self._schema).to_table() if files else self._schema.empty_table()
+        done = ds.dataset(files, schema=self._schema).to_table() if files else self._schema.empty_table()
+        own = [failure for failure in self.failures if failure.run in labels]
+        failed = self._table(_failure_row(failure)._asdict() | dict(labels[failure.run]) for failure in own)
+        return pa.concat_tables([done, failed])
 
     def _forget_what_was_merged(self) -> None:
         """Take away what a campaign that was killed had merged, but not yet taken away."""
@@ -226,7 +233,7 @@ class Store:
         write_text(self._failures_file, csv_text(Failure._fields, self._failures.values()))
 
 
-def failure_row(failure: Failure) -> Measure:
+def _failure_row(failure: Failure) -> Measure:
     """A run that failed among those that did not."""
     return Measure(failure.run, failure.filter, failure.seed, "run", "", "", f"failed: {failure.reason}")
 

@@ -55,8 +55,8 @@ def campaign(
         if scheduler is not None and workers is not None:
             raise ConfigError("--workers is for this machine, and --scheduler has workers of its own: say one of them")
         where = campaigning.Where(scheduler, workers or os.cpu_count() or 1)
-        if dry_run:
-            campaigning.forecast(plan, folder, where, terminal)
-            return
         choice = campaigning.Choice(retry, again, keep_estimates)
+        if dry_run:
+            campaigning.forecast(plan, folder, where, choice, terminal)
+            return
         raise typer.Exit(campaigning.conduct(plan, folder, where, choice, terminal))

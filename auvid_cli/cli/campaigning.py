@@ -7,14 +7,12 @@ from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
-import pandas as pd
-
 from auvid_cli.campaign.axes import Label
 from auvid_cli.campaign.engine import cluster_client, n_threads, perform_groups
 from auvid_cli.campaign.findings import find, in_order
 from auvid_cli.campaign.perform import perform
 from auvid_cli.campaign.plan import Plan
-from auvid_cli.campaign.store import Store, failure_row, locked
+from auvid_cli.campaign.store import Store, locked
 from auvid_cli.cli import pipeline
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import Terminal
@@ -56,18 +54,19 @@ def set_up(name: str, overrides: Sequence[str], output: Path | None) -> tuple[Pl
     return Plan(campaign, tree, path), output or Path("results") / "campaigns" / campaign.name
 
 
-def forecast(plan: Plan, folder: Path, where: Where, terminal: Terminal) -> None:
+def forecast(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: Terminal) -> None:
     """Say how many runs there are, and about how long those take that are to be done."""
     labels = plan.labels()
     store = Store(folder, plan.columns)
     done = store.finished() & labels.keys()
     failed = {failure.run for failure in store.failures} & labels.keys()
+    skipped = _skipped(done, failed, choice)
     n_seeds = len(plan.campaign.seed_list)
     terminal.say(
         f"{plan.campaign.name}: {len(labels)} runs: combinations of settings {plan.campaign.n_cells}, filters "
         f"{len(plan.filters)}, seeds {n_seeds}; {len(done)} finished, {len(failed)} failed"
     )
-    left = len(labels) - len(done | failed)
+    left = len(labels) - len(skipped)
     if not left:
         terminal.say("0 left to do; --retry tries again what failed, --again does all anew")
         return
@@ -75,11 +74,12 @@ def forecast(plan: Plan, folder: Path, where: Where, terminal: Terminal) -> None
     if where.scheduler is not None:
         with cluster_client(where.scheduler, None) as client:
             threads = n_threads(client)
-    first = list(islice(plan.groups(done | failed), -(-plan.n_runs // n_seeds)))
+    first = list(islice(plan.groups(skipped), -(-plan.n_runs // n_seeds)))
     probes = first[:: -(-len(first) // _PROBES)]
     with terminal.stage("try some runs"):
-        # The first takes what is loaded once.
-        perform(probes[0])
+        if len(probes) > 1:
+            # The first takes what is loaded once.
+            perform(probes.pop(0))
         start = perf_counter()
         tried = [performed for group in probes for performed in perform(group)]
         seconds = (perf_counter() - start) / len(tried) * left / threads
@@ -114,11 +114,10 @@ def _conduct(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: T
             store.set_aside()
         else:
             store.conform(labels)
-        skipped = set() if choice.again else store.finished() & labels.keys()
-    if choice.keep_estimates and skipped:
-        terminal.say(f"{len(skipped)} runs are finished, and estimates are only written of new ones; --again does all")
-    if not (choice.retry or choice.again):
-        skipped |= {failure.run for failure in store.failures} & labels.keys()
+        done = store.finished() & labels.keys()
+        skipped = _skipped(done, {failure.run for failure in store.failures} & labels.keys(), choice)
+    if choice.keep_estimates and done and not choice.again:
+        terminal.say(f"{len(done)} runs are finished, and estimates are only written of new ones; --again does all")
     if len(skipped) < len(labels):
         estimates = folder / "estimates" if choice.keep_estimates else None
         try:
@@ -126,9 +125,19 @@ def _conduct(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: T
         finally:
             store.merge()
     if choice.again:
-        # What was not done again comes back.
+        # What was not done again, or failed this time, comes back.
+        failed = len(store.failures)
         store.conform(labels)
+        if standing := failed - len(store.failures):
+            terminal.say(f"{standing} runs failed when they were done again: what they came to before stands")
     return _report(plan, folder, store, labels, terminal)
+
+
+def _skipped(done: set[str], failed: set[str], choice: Choice) -> set[str]:
+    """Of the runs that were done or failed, those that are left as they are."""
+    if choice.again:
+        return set()
+    return done if choice.retry else done | failed
 
 
 def _work(
@@ -164,8 +173,7 @@ def _report(
 ) -> int:
     with terminal.stage("evaluate"):
         failures = [failure for failure in store.failures if failure.run in labels]
-        told = [failure_row(failure)._asdict() | dict(labels[failure.run]) for failure in failures]
-        rows = pd.concat([store.rows().to_pandas(), *([pd.DataFrame(told)] if told else [])], ignore_index=True)
+        rows = store.rows(labels).to_pandas()
     if len(rows):
         with terminal.stage("statistics"):
             found = find(in_order(rows, labels), plan.fixed_columns)

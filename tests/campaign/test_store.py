@@ -136,6 +136,32 @@ def test_what_is_done_again_takes_the_place_of_what_was_there(tmp_path):
     assert not list((tmp_path / "earlier").iterdir())
 
 
+def test_what_fails_when_it_is_done_again_stays_what_it_was(tmp_path):
+    store = Store(tmp_path, COLUMNS)
+    store.add([finished("a"), finished("b")])
+    store.set_aside()
+    store.add([failed("a"), failed("c"), finished("b", error=1.5)])
+    store.conform(labels_of("a", "b", "c"))
+    table = store.rows(labels_of("a", "b", "c")).to_pandas()
+    own = table[table["kind"] == "run"].set_index("run")
+    assert own["steady_state_error_percent"].dropna().to_dict() == {"a": 2.5, "b": 1.5}
+    assert own["status"].to_dict() == {"a": "completed", "b": "completed", "c": "failed: no data"}
+    assert [failure.run for failure in store.failures] == ["c"]
+    assert Store(tmp_path, COLUMNS).failures == store.failures
+
+
+def test_a_failed_run_is_labelled_as_those_that_are_finished(tmp_path):
+    """Of an axis with values that are no numbers all are text."""
+    store = Store(tmp_path, {"gate": False})
+    labels = {name: {"filter": "ckf", "gate": 4} for name in "ab"}
+    runs = [Run(name, {"gate": 4}, "ckf", 1) for name in "ab"]
+    store.add([finished("a")._replace(run=runs[0]), failed("b")._replace(run=runs[1])])
+    store.merge()
+    rows = store.rows(labels)
+    assert set(rows["run"].to_pylist()) == {"a", "b"}
+    assert set(rows["gate"].to_pylist()) == {"4"}
+
+
 def test_two_campaigns_do_not_share_a_folder(tmp_path):
     with locked(tmp_path), pytest.raises(FileError, match="another campaign is at work here"), locked(tmp_path):
         pass
@@ -157,7 +183,7 @@ def test_results_take_on_the_axes_that_a_campaign_has_now(tmp_path):
     wider.conform({"a": {"filter": "ckf", "factor": 1.0, "rate": "fast"}})
     table = pd.read_parquet(tmp_path / "results")
     assert set(table["rate"]) == {"fast"}
-    assert wider.rows()["rate"].to_pylist() == ["fast", "fast"]
+    assert wider.rows({})["rate"].to_pylist() == ["fast", "fast"]
 
 
 def test_numbers_become_text_where_an_axis_has_both(tmp_path):
@@ -166,7 +192,7 @@ def test_numbers_become_text_where_an_axis_has_both(tmp_path):
     mixed.conform({"a": {"filter": "ckf", "factor": 3.0, "rate": "slow"}})
     mixed.add([finished("b", factor="wide")])
     mixed.merge()
-    assert set(mixed.rows()["factor"].to_pylist()) == {"3.0", "wide"}
+    assert set(mixed.rows({})["factor"].to_pylist()) == {"3.0", "wide"}
 
 
 def test_runs_of_other_settings_are_kept_apart_and_come_back(tmp_path):
@@ -221,13 +247,13 @@ def test_an_axis_that_becomes_numeric_does_not_trip_over_text(tmp_path):
     store.add([finished(name)._replace(run=run) for name, run in runs.items()])
     numeric = Store(tmp_path, {"prior": True})
     numeric.conform({"low": {"filter": "ckf", "prior": 0.3}})
-    assert numeric.rows()["prior"].to_pylist() == [0.3, 0.3]
+    assert numeric.rows({})["prior"].to_pylist() == [0.3, 0.3]
 
 
 def test_looking_makes_nothing(tmp_path):
     store = Store(tmp_path / "new", COLUMNS)
     assert store.finished() == set()
-    assert store.rows().num_rows == 0
+    assert store.rows({}).num_rows == 0
     assert not (tmp_path / "new").exists()
 
 
@@ -267,7 +293,7 @@ def test_whatever_is_done_each_run_is_there_once(tmp_path_factory, operations):
         else:
             mine = {f"{k}" for k in runs}
             store.conform(labels_of(*mine))
-            assert set(store.rows()["run"].to_pylist()) == everything & mine
+            assert set(store.rows({})["run"].to_pylist()) == everything & mine
     assert Store(folder, COLUMNS).finished() == everything
     rows = [row for path in folder.glob("*/*.parquet") for row in pq.read_table(path)["run"].to_pylist()]
     assert sorted(rows) == sorted(2 * list(everything))

@@ -102,6 +102,12 @@ def test_other_settings_do_not_mix_with_what_is_there(finished):
     assert first.stdout.splitlines()[:8] == again.stdout.splitlines()[:8]
 
 
+def test_a_dry_run_counts_what_would_be_done(finished):
+    folder, _ = finished
+    assert "0 left to do" in auvid("small.yaml", "--dry-run", cwd=folder).stdout
+    assert "24 runs take about" in auvid("small.yaml", "--dry-run", "--again", cwd=folder).stdout
+
+
 def test_a_dry_run_makes_nothing(tmp_path):
     (tmp_path / "small.yaml").write_text(CAMPAIGN)
     assert auvid("small.yaml", "--dry-run", cwd=tmp_path).returncode == 0
