@@ -112,7 +112,8 @@ def main() -> None:
         folder = Path(name)
         plan = planned(folder, f"seeds: {-(-options.runs // 3)}\n")
         groups = list(plan.groups())
-        perform(groups[0])
+        for group in _warm(folder / "warm", 1):
+            perform(group)
         rounds = []
         for k in range(options.rounds):
             rounds.append(timed(groups, folder / f"round-{k}"))

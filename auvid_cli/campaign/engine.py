@@ -12,6 +12,7 @@ from auvid_cli import __version__
 from auvid_cli.campaign.perform import Performed, perform
 from auvid_cli.campaign.plan import Group
 from auvid_cli.errors import ClusterError
+from auvid_cli.interrupts import deaf_to_interrupts
 
 # Groups that wait at the scheduler for each thread: no worker is ever idle, and no more is handed out than that.
 _AHEAD = 3
@@ -51,15 +52,15 @@ def cluster_client(scheduler: str | None, workers: int | None) -> Iterator[Clien
     with ExitStack() as stack:
         if scheduler is None:
             stack.enter_context(dask.config.set(_UNDISTURBED))
-            target = stack.enter_context(
-                LocalCluster(
+            with deaf_to_interrupts():
+                cluster = LocalCluster(
                     n_workers=workers or os.cpu_count(),
                     threads_per_worker=1,
                     # Any port, and only for this machine.
                     dashboard_address="127.0.0.1:0",
                     silence_logs=logging.CRITICAL,
                 )
-            )
+            target = stack.enter_context(cluster)
         else:
             target = scheduler
         try:

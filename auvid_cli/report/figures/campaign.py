@@ -140,7 +140,8 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
     figure.supxlabel(across, fontsize=9)
     figure.supylabel(down, fontsize=9)
     if image is not None:
-        bar = figure.colorbar(image, ax=panels.tolist(), shrink=0.8, label="median error (%), darker is larger")
+        bar = figure.colorbar(image, ax=panels.tolist(), shrink=0.8)
+        bar.set_label("median error (%),\ndarker is larger", fontsize=8)
         bar.ax.yaxis.set_major_formatter(lambda decades, _: f"{10.0**decades:.2g}")
     return figure
 

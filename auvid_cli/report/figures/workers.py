@@ -9,12 +9,13 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPool
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
-from multiprocessing import forkserver, resource_tracker
+from multiprocessing import forkserver
 from multiprocessing.context import BaseContext
 from pathlib import Path
 from typing import Any
 
 from auvid_cli.errors import FileError
+from auvid_cli.interrupts import deaf_to_interrupts
 
 Submit = Callable[..., Future[Any]]
 
@@ -43,13 +44,8 @@ def figure_workers() -> Iterator[Submit]:
     context = multiprocessing.get_context(method)
     context.set_forkserver_preload(["auvid_cli.report.figures.patience", "auvid_cli.report.figures.kinds"])
     if method == "forkserver":
-        # The server would bring this one along, which undoes the mask.
-        resource_tracker.ensure_running()
-        # It inherits the mask: an interrupt at the terminal is for the command to handle, not for what loads here.
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        with _without_the_current_folder():
+        with deaf_to_interrupts(), _without_the_current_folder():
             forkserver.ensure_running()
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     pool = _Pool(count, context)
     # A process is there only when its server has loaded everything: who has a figure to draw need not wait for that.
     threads = ThreadPoolExecutor(count)
