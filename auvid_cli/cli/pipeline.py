@@ -164,15 +164,16 @@ def report_to(
     """Write tables and figures, print the summary; the exit code says whether a verdict failed."""
     with terminal.compiling():
         from auvid_cli.evaluation.evaluate import evaluate
-        from auvid_cli.report.screen import print_summary
+        from auvid_cli.report.screen import print_files, print_summary
         from auvid_cli.report.write import write_tables
     with terminal.stage("evaluate"):
         evaluation = evaluate(dataset, estimates, bounds_of)
     figures.add_others(dataset, estimates, evaluation)
     paths = write_tables(evaluation, folder / "tables")
+    print_summary(terminal.out, evaluation)
     with terminal.progress("figures") as (progress,):
         paths += figures.finish(progress)
-    print_summary(terminal.out, evaluation, paths)
+    print_files(terminal.out, paths)
     sound = all(row.status == "completed" for row in evaluation.summary)
     return DONE if sound else VERDICT_FAILED
 

@@ -28,8 +28,8 @@ from auvid_cli.data.netcdf import (
     write_variable,
 )
 
-# Of more than so many events or readings, every so many are read: evenly spaced, they say the same.
-_MOST_STATES, _MOST_READINGS = 50_000, 100_000
+# Of more than so many events or readings of a sensor, every so many are read: evenly spaced, they say the same.
+_MOST_ROWS = 50_000
 
 
 class EstimateWriter:
@@ -109,7 +109,7 @@ def read_estimate(path: Path) -> Estimate:
         If it is missing, damaged, foreign or of a newer schema.
     """
     with open_file(path, "estimate") as file:
-        every = 1 + count_rows(file, "time") // _MOST_STATES
+        every = 1 + count_rows(file, "time") // _MOST_ROWS
         return Estimate(
             filter=read_attribute(file, "filter"),
             experiment=parse_run(read_attribute(file, "settings"), f"{path} (settings)"),
@@ -131,7 +131,7 @@ def read_estimate(path: Path) -> Estimate:
 
 def _read_innovations(group: h5py.Group) -> Innovations:
     rows = count_rows(group, "time")
-    every, deviation = 1 + rows // _MOST_READINGS, read_array(group, "standard_deviation")
+    every, deviation = 1 + rows // _MOST_ROWS, read_array(group, "standard_deviation")
 
     def innovations(read: Callable[[str], NDArray[np.float64]]) -> Innovations:
         return Innovations(read("time"), read("innovation"), read("variance"), read("nis"), deviation)
@@ -140,8 +140,8 @@ def _read_innovations(group: h5py.Group) -> Innovations:
     if every == 1:
         return thinned
     start, whole = float(read_rows(group, "time", 0, 1)[0]), None
-    for first in range(0, rows, _MOST_READINGS):
-        rows_read = partial(read_rows, group, first=first, last=first + _MOST_READINGS)
+    for first in range(0, rows, _MOST_ROWS):
+        rows_read = partial(read_rows, group, first=first, last=first + _MOST_ROWS)
         tally = innovations(rows_read).tally(start)
         whole = tally if whole is None else whole.plus(tally)
     return replace(thinned, whole=whole)

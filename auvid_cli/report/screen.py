@@ -24,16 +24,14 @@ _MISSING = "-"
 _ERROR_DIGITS = 2
 
 
-def print_summary(console: Console, evaluation: Evaluation, files: Sequence[Path] = ()) -> None:
-    """Print coefficients, averages, consistency, cost and status of every filter, and where files are.
+def print_summary(console: Console, evaluation: Evaluation) -> None:
+    """Print coefficients, averages, consistency, cost and status of every filter.
 
     Parameters
     ----------
     console : rich.console.Console
         Where it is narrow, units and then standard deviations are left out, the latter only with a truth.
     evaluation : Evaluation
-    files : sequence of pathlib.Path
-        Files written, counted by folder.
     """
     filters = [row.filter for row in evaluation.summary]
     if evaluation.coefficients:
@@ -46,7 +44,6 @@ def print_summary(console: Console, evaluation: Evaluation, files: Sequence[Path
     marked = [_printable(console, text, text.replace("†", "?")) for text in mark_explained(evaluation)]
     for text in [*marked, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:
         console.print(Text(text))
-    print_files(console, files)
 
 
 def print_files(console: Console, files: Sequence[Path]) -> None:

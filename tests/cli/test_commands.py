@@ -290,13 +290,21 @@ def test_figures_are_not_drawn_by_what_lies_in_the_current_folder(results, tmp_p
     assert result.returncode in (0, 1)
 
 
-def test_help_imports_nothing_heavy():
-    script = (
-        "import sys; import auvid_cli.__main__;"
-        "print([m for m in ('numba', 'scipy', 'h5py', 'matplotlib', 'pint', 'pydantic') if m in sys.modules])"
-    )
-    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert result.stdout.strip() == "[]"
+@pytest.mark.parametrize(
+    ("arguments", "environment"),
+    [
+        (["--help"], {}),
+        ([], {"_AUVID_COMPLETE": "complete_bash", "COMP_WORDS": "auvid identify --filter ", "COMP_CWORD": "3"}),
+    ],
+    ids=["help", "completion"],
+)
+def test_help_and_completion_import_nothing_heavy(arguments, environment):
+    command = [sys.executable, "-X", "importtime", Path(sys.executable).with_name("auvid"), *arguments]
+    result = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=True)
+    assert "identify" in result.stdout or "tukf" in result.stdout
+    imported = {line.rpartition("|")[2].strip() for line in result.stderr.splitlines()}
+    assert "typer" in imported
+    assert imported.isdisjoint({"numba", "numpy", "scipy", "h5py", "matplotlib", "pint"})
 
 
 def test_check_lists_verdicts_with_advice_and_its_exit_code_says_whether_one_failed(results, tmp_path):

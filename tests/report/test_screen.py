@@ -4,12 +4,12 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from auvid_cli.report.screen import print_summary
+from auvid_cli.report.screen import print_files, print_summary
 
 
-def printed(evaluation, width, files=()):
+def printed(evaluation, width):
     text = StringIO()
-    print_summary(Console(file=text, width=width), evaluation, files)
+    print_summary(Console(file=text, width=width), evaluation)
     return text.getvalue()
 
 
@@ -43,12 +43,16 @@ def test_without_truth_estimates_and_deviations_only(evaluation):
     assert "10.20 ± 0.25" in text
 
 
-def test_the_reason_of_a_divergence_and_the_folders_are_printed(evaluation):
+def test_the_reason_of_a_divergence_is_printed(evaluation):
     status = "diverged at t = 0.200 s: [odd] reason"
     changed = evaluation._replace(summary=[row._replace(status=status) for row in evaluation.summary])
-    text = printed(changed, 100, [Path("results/a[b]/x.csv"), Path("results/a[b]/y.csv")])
-    assert f"TUKF {status}" in text
-    assert f"2 files in {Path('results/a[b]')}" in text
+    assert f"TUKF {status}" in printed(changed, 100)
+
+
+def test_files_are_counted_by_folder():
+    text = StringIO()
+    print_files(Console(file=text, width=100), [Path("results/a[b]/x.csv"), Path("results/a[b]/y.csv"), Path("c/d")])
+    assert text.getvalue().splitlines() == [f"2 files in {Path('results/a[b]')}", "1 file in c"]
 
 
 def test_an_inconsistent_filter_is_named_so(evaluation):

@@ -1,5 +1,6 @@
 """Processes that draw figures while others work."""
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -108,6 +109,8 @@ def _prepare() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     import auvid_cli.report.figures.patience  # noqa: F401
 
+    # What matplotlib is made of need not be gone through again after each figure.
+    gc.freeze()
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
@@ -124,4 +127,7 @@ def draw_and_save(kind: str, arguments: tuple[Any, ...], folder: Path, name: str
     from auvid_cli.report.figures.canvas import save
     from auvid_cli.report.figures.kinds import KINDS
 
-    return save(KINDS[kind](*arguments), folder, name)
+    paths = save(KINDS[kind](*arguments), folder, name)
+    # A figure refers to itself, with all that it shows, and would be there while the next is drawn.
+    gc.collect()
+    return paths
