@@ -3,8 +3,8 @@
     python benchmarks/instructions.py            compare with what is written down; exit code 1 if it has grown
     python benchmarks/instructions.py --update   write it down anew
 
-Needs valgrind. The code is compiled for one fixed processor, so that the numbers hold on every x86-64 machine; another
-numba or LLVM may change them a little.
+Needs valgrind and some ten minutes. The code is compiled for one fixed processor, so that the numbers hold on every
+x86-64 machine; another numba or LLVM may change them a little.
 """
 
 import argparse

@@ -9,9 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from dynamax.nonlinear_gaussian_ssm import ParamsNLGSSM, UKFHyperParams, extended_kalman_filter, unscented_kalman_filter
 from plain_dynamics import Vehicle, advance, vehicle_of
-from problem import N_COEFFICIENTS, N_STATE, Answer, Peer, Problem
+from problem import N_COEFFICIENTS, Answer, Peer, Problem
 
-_N_MOTION = N_STATE - N_COEFFICIENTS
+from auvid_cli.vehicle.parameters import N_MOTION
+
 _WANTED = ["filtered_means", "filtered_covariances"]
 
 jax.config.update("jax_enable_x64", True)
@@ -24,7 +25,7 @@ def _arrays(problem: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     All are divided by their standard deviation, because dynamax adds 1e-9 to the variance of the innovation.
     """
     n = len(problem.events)
-    emissions, weights = np.zeros((n, _N_MOTION)), np.zeros((n, _N_MOTION))
+    emissions, weights = np.zeros((n, N_MOTION)), np.zeros((n, N_MOTION))
     for row, event in enumerate(problem.events):
         deviation = np.sqrt(event.variance)
         place = event.measured - N_COEFFICIENTS
@@ -40,7 +41,7 @@ def _parameters(problem: Problem, vehicle: Vehicle, process_noise: Any) -> Param
         dynamics_function=lambda state, given: advance(state, given[4], given[:4], vehicle, jnp),
         dynamics_covariance=process_noise,
         emission_function=lambda state, given: given[5:] * state[N_COEFFICIENTS:],
-        emission_covariance=jnp.eye(_N_MOTION),
+        emission_covariance=jnp.eye(N_MOTION),
     )
 
 
@@ -77,6 +78,14 @@ _ABSENT = (
 )
 
 PEERS = (
-    Peer("EKF, exact transition", "dynamax", "JAX", "ekf exact", partial(_filter, unscented=False), note=_ABSENT),
-    Peer("UKF", "dynamax", "JAX", "ukf", partial(_filter, unscented=True), note=_ABSENT),
+    Peer(
+        "EKF, exact transition",
+        "dynamax",
+        "JAX",
+        "ekf exact",
+        partial(_filter, unscented=False),
+        compiles=True,
+        note=_ABSENT,
+    ),
+    Peer("UKF", "dynamax", "JAX", "ukf", partial(_filter, unscented=True), compiles=True, note=_ABSENT),
 )

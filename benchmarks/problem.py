@@ -13,14 +13,16 @@ from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.filters.problem import Belief, Ending, Process, Receiver, Sensors, Timeline
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.identify import FilterRun, set_up_filters
+from auvid_cli.identification.process import first_order_transition
 from auvid_cli.simulation.simulate import simulate
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import N_CONSTANTS
+from auvid_cli.vehicle.parameters import N_MOTION
 
 Array = NDArray[np.float64]
 
 # Coefficients come first in the state, in units of their prior standard deviation; then the nine motion states.
-N_COEFFICIENTS = 22
-N_STATE = 31
+N_STATE = N_COEFFICIENTS + N_MOTION
 
 
 class Answer(NamedTuple):
@@ -114,6 +116,8 @@ class Peer:
         Makes a function that filters a problem from its prior to its end.
     max_events : int or None
         Where a slow one stops.
+    compiles : bool
+        Whether it compiles itself for the data when it first runs.
     note : str
     """
 
@@ -123,6 +127,7 @@ class Peer:
     reference: str
     build: Callable[[Problem], Callable[[], Answer]]
     max_events: int | None = None
+    compiles: bool = False
     note: str = ""
 
 
@@ -136,7 +141,7 @@ def make_problem(n_events: int) -> Problem:
     (exact_ekf,) = set_up_filters(replace(dataset, experiment=experiment), [FilterName.EKF])
 
     problem = augmented_problem(dataset)
-    process, sensors = _chosen(runs[0]).args[0].args[-2:]
+    process, sensors = problem.process._replace(transition=first_order_transition), problem.sensors
     whole = next(iter(problem.stretches[0].timelines))
     if not 0 < n_events <= whole.time.size:
         raise ValueError(f"--events must be from 1 to {whole.time.size}")

@@ -69,6 +69,7 @@ class Row:
     difference: float
     deviation_ratio: tuple[float, float]
     is_reference: bool
+    compiles: bool
     note: str
 
     @property
@@ -96,6 +97,7 @@ def compare(entry: Entry, same_filter: Entry, tukf: Entry) -> Row:
         float(difference.max()),
         (float(ratio.min()), float(ratio.max())),
         entry is same_filter,
+        peer.compiles,
         peer.note,
     )
 
@@ -111,7 +113,7 @@ def markdown(rows: Sequence[Row], environment: dict[str, str], remarks: Sequence
     compilations = [
         f"{row.library} {row.filter}: compilation takes {row.compilation:.1f} s more, anew for another number of events"
         for row in rows
-        if row.process == "JAX"
+        if row.compiles
     ]
     lines = [
         _INTRODUCTION,

@@ -192,9 +192,11 @@ def first_order_transition(mean, inputs, piece_input, piece_duration, constants,
         coefficient_block[m * LANES] = coefficients[m]
     for piece in range(piece_duration.size):
         held, duration = inputs[piece_input[piece]], piece_duration[piece]
-        _sink(block, 1, 0.5 * duration)
+        if depth_is_state(constants):
+            _sink(block, 1, 0.5 * duration)
         runge_kutta_step(block, coefficient_block, held, vehicle, 1, duration, work)
-        _sink(block, 1, 0.5 * duration)
+        if depth_is_state(constants):
+            _sink(block, 1, 0.5 * duration)
     for i in range(N_MOTION):
         motion[i] = block[i * LANES]
     if depth_is_state(constants):

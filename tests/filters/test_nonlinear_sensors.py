@@ -41,7 +41,7 @@ def inverse(matrix):
 
 
 def covariance_filter(problem, predict, see):
-    """Joint updates, full covariances of extended precision; `predict` moves a belief, `see` is the view of a sensor."""
+    """Joint updates, full covariances in extended precision; `predict` moves a belief, `see` is a sensor's view."""
     t, n = problem.timeline, problem.prior.mean.size
     mean, factor = problem.prior.mean.astype(EXTENDED), problem.prior.factor.astype(EXTENDED)
     covariance = factor @ factor.T
