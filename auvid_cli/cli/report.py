@@ -13,6 +13,9 @@ def report(
 ) -> None:
     """Write tables and figures of a results folder, and print a summary."""
     with reporting_errors():
+        from auvid_cli.report.figures.workers import load_ahead
+
+        load_ahead()
         from auvid_cli.cli import pipeline
 
         terminal = Terminal(quiet, verbose)

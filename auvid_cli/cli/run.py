@@ -33,6 +33,10 @@ def run(
 ) -> None:
     """Simulate an experiment, identify with every filter named there, report."""
     with reporting_errors():
+        if not dry_run:
+            from auvid_cli.report.figures.workers import load_ahead
+
+            load_ahead()
         from auvid_cli.cli import pipeline
         from auvid_cli.config.load import find_experiment, load_experiment
 
@@ -44,7 +48,6 @@ def run(
         loaded.identification.check_filters(chosen)
         terminal = Terminal(quiet, verbose)
         folder = pipeline.results_folder(loaded, output)
-        # Entered first: what draws loads while others simulate.
         with pipeline.drawing(folder) as figures:
             # The filters know nothing of vehicles, so the halves have no function in common.
             with terminal.compiling_beside("auvid_cli.filters.square_root", "auvid_cli.filters.information"):

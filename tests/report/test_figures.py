@@ -53,6 +53,17 @@ def check(paths, folder, stems):
         assert 3_000 < path.stat().st_size < 1_000_000
 
 
+def test_figures_of_many_panels_are_drawn_first(tmp_path, dataset, estimates, evaluation):
+    handed_out = []
+
+    def submit(function, kind, arguments, folder, name):
+        handed_out.append(name)
+
+    FigureQueue(tmp_path, submit).add_others(dataset, estimates, evaluation)
+    shared = ["velocities", "coefficients_damping", "coefficients_lift", "attitude", "coefficients_control"]
+    assert handed_out == [*shared, "path"]
+
+
 def test_the_whole_report(tmp_path, dataset, estimates, evaluation, draw_figures):
     assert {path.parent for path in write_tables(evaluation, tmp_path / "tables")} == {tmp_path / "tables"}
     check(draw_figures(dataset, estimates, evaluation, tmp_path / "figures"), tmp_path / "figures", ALL)

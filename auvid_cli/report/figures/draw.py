@@ -52,18 +52,21 @@ class FigureQueue:
             self._add("path", "path", dataset.truth, [estimate.course(MOTION_SYMBOLS) for estimate in estimates])
 
     def add_others(self, dataset: Dataset, estimates: list[Estimate], evaluation: "Evaluation") -> None:
-        """What shows all filters together, those that take longest first; free runs against the measurements."""
+        """What shows all filters together, free runs against the measurements; those of many panels first."""
+        wanted: list[tuple[Any, ...]] = []
         state = {symbol for estimate in estimates for symbol in estimate.state}
         true = dataset.truth.coefficients if dataset.truth is not None else {}
         for group in dict.fromkeys(c.group for c in COEFFICIENTS):
             members = [c for c in COEFFICIENTS if c.group == group and c.symbol in state]
             if members:
                 courses = [estimate.course([c.symbol for c in members]) for estimate in estimates]
-                self._add(f"coefficients_{group}", "coefficients", members, courses, true)
+                wanted.append((len(members), f"coefficients_{group}", "coefficients", members, courses, true))
         if evaluation.free_runs or dataset.sensors:
             for name, quantities in (("velocities", MOTION[:6]), ("attitude", MOTION[6:])):
                 sensors = _seen(quantities, dataset.sensors)
-                self._add(name, "motion", quantities, sensors, evaluation.free_runs)
+                wanted.append((2 * len(quantities), name, "motion", quantities, sensors, evaluation.free_runs))
+        for _, *figure in sorted(wanted, key=lambda one: one[0], reverse=True):
+            self._add(*figure)
         self.add_path(dataset, estimates)
 
     def add_identifiability(self, found: "Identifiability") -> None:

@@ -24,6 +24,21 @@ Submit = Callable[..., Future[Any]]
 _MOST = 4
 
 
+def load_ahead() -> None:
+    """Begin to load what draws, on a core that has nothing else to do yet; harmless where that has been done."""
+    context = _context()
+    context.set_forkserver_preload(["auvid_cli.report.figures.patience", "auvid_cli.report.figures.kinds"])
+    if context.get_start_method() == "forkserver":
+        with deaf_to_interrupts(), _without_the_current_folder():
+            forkserver.ensure_running()
+
+
+def _context() -> BaseContext:
+    # Forking this process, which has threads, could lock it up; a server that has loaded matplotlib once forks well.
+    has_server = "forkserver" in multiprocessing.get_all_start_methods()
+    return multiprocessing.get_context("forkserver" if has_server else "spawn")
+
+
 @contextmanager
 def figure_workers() -> Iterator[Submit]:
     """Processes that are there from the first figure on; what they have not begun when the block ends is dropped.
@@ -39,15 +54,9 @@ def figure_workers() -> Iterator[Submit]:
         If one of them was killed.
     """
     count = min(os.cpu_count() or 1, _MOST)
-    # Forking this process, which has threads, could lock it up; a server that has loaded matplotlib once forks well.
+    load_ahead()
     # None starts before there is something to draw: an interrupt while the core is compiled finds nobody to tell.
-    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-    context = multiprocessing.get_context(method)
-    context.set_forkserver_preload(["auvid_cli.report.figures.patience", "auvid_cli.report.figures.kinds"])
-    if method == "forkserver":
-        with deaf_to_interrupts(), _without_the_current_folder():
-            forkserver.ensure_running()
-    pool = _Pool(count, context)
+    pool = _Pool(count, _context())
     # A process is there only when its server has loaded everything: who has a figure to draw need not wait for that.
     threads = ThreadPoolExecutor(count)
     try:
