@@ -104,6 +104,8 @@ def _start_up(folder: Path) -> list[str]:
     cold_memory = cost_of(*run, watched=True, NUMBA_CACHE_DIR=str(folder / "cache-watched")).memory
     warm_memory = cost_of(*run, watched=True).memory
     return [
+        "| command | wall, median (s) | min - max | processor (s) | memory (MB) |",
+        "| --- | ---: | ---: | ---: | ---: |",
         _row("`auvid run`, cold: compiles", cold, f"{cold_memory:.0f}"),
         _row("`auvid run`, warm", warm, f"{warm_memory:.0f}"),
         _row("`auvid --help`", [cost_of("--help") for _ in range(_ROUNDS)]),
@@ -111,8 +113,11 @@ def _start_up(folder: Path) -> list[str]:
     ]
 
 
-def _growth(folder: Path, durations: tuple[int, ...]) -> list[str]:
-    rows = []
+def _growth(folder: Path, durations: list[int]) -> list[str]:
+    rows = [
+        "| command | data (s) | sensors | wall (s) | processor (s) | memory (MB) |",
+        "| --- | ---: | ---: | ---: | ---: | ---: |",
+    ]
     for duration in durations:
         home = folder / str(duration)
         dataset = str(home / "dataset.h5")
@@ -148,33 +153,26 @@ def _growth_row(label: str, duration: int, n_sensors: int, cost: Cost) -> str:
     return f"| {label} | {duration} | {n_sensors} | {cost.wall:.1f} | {cost.processor:.1f} | {cost.memory:.0f} |"
 
 
+def _write(section: str, *tables: list[str]) -> None:
+    machine = [f"- {name}: {value}" for name, value in described_machine().items()]
+    text = "\n".join("\n".join([*lines, ""]) for lines in (machine, *tables))
+    print(text)
+    replace_section(section, text)
+
+
 def main() -> None:
-    """Run everything and write the tables."""
+    """Run everything, or one part, and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", choices=("start", "growth"), help="one of the two parts")
     parser.add_argument("--durations", type=int, nargs="+", default=_DURATIONS, help="of the data, s")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        start_up, steps = _start_up(folder), stages(folder, _ROUNDS)
-        growth = _growth(folder, tuple(options.durations))
-        growth += _sensors(folder, sorted(options.durations)[len(options.durations) // 2])
-    text = "\n".join(
-        [
-            *(f"- {name}: {value}" for name, value in described_machine().items()),
-            "",
-            "| command | wall, median (s) | min - max | processor (s) | memory (MB) |",
-            "| --- | ---: | ---: | ---: | ---: |",
-            *start_up,
-            "",
-            *steps,
-            "",
-            "| command | data (s) | sensors | wall (s) | processor (s) | memory (MB) |",
-            "| --- | ---: | ---: | ---: | ---: | ---: |",
-            *growth,
-        ]
-    )
-    print(text)
-    replace_section("commands", text)
+        if options.only != "growth":
+            _write("start", _start_up(folder), stages(folder, _ROUNDS))
+        if options.only != "start":
+            durations = sorted(options.durations)
+            _write("growth", _growth(folder, durations) + _sensors(folder, durations[len(durations) // 2]))
 
 
 if __name__ == "__main__":
