@@ -15,8 +15,8 @@ def deaf_to_interrupts() -> Iterator[None]:
     # The first process of all would bring this one along, which undoes the mask.
     resource_tracker.ensure_running()
     # It is inherited.
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,4 +1,4 @@
-"""Time and memory of whole commands: `python benchmarks/commands.py`, some twenty minutes and 12 GB of disk.
+"""Time and memory of whole commands: `python benchmarks/commands.py`, some fifteen minutes and 12 GB of disk.
 
 How `auvid run` starts cold, with nothing compiled, and warm, what its steps take, how fast help comes, and how
 simulation, identification, report and all of them together grow with the duration of the data and the number of

@@ -76,9 +76,9 @@ def one_round(folder: Path, stages: Stages) -> None:
                 writer.finish(outcome)
     with stages.step("read the estimates"):
         estimates = [read_estimate(folder / f"{run.header.filter}.h5") for run in runs]
-    bounds_of = BoundsOf(dataset)
     with stages.step("evaluate"):
         evaluate(dataset, estimates, lambda estimate: Bounds({}, {}))
+    bounds_of = BoundsOf(dataset)
     with stages.step("bounds, found while a filter runs"):
         for estimate in estimates:
             bounds_of(estimate)

@@ -57,9 +57,7 @@ def set_up(name: str, overrides: Sequence[str], output: Path | None) -> tuple[Pl
 def forecast(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: Terminal) -> None:
     """Say how many runs there are, and about how long those take that are to be done."""
     labels = plan.labels()
-    store = Store(folder, plan.columns)
-    done = store.finished() & labels.keys()
-    failed = {failure.run for failure in store.failures} & labels.keys()
+    done, failed = _done_and_failed(Store(folder, plan.columns), labels)
     skipped = _skipped(done, failed, choice)
     n_seeds = len(plan.campaign.seed_list)
     terminal.say(
@@ -114,8 +112,8 @@ def _conduct(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: T
             store.set_aside()
         else:
             store.conform(labels)
-        done = store.finished() & labels.keys()
-        skipped = _skipped(done, {failure.run for failure in store.failures} & labels.keys(), choice)
+        done, failed = _done_and_failed(store, labels)
+        skipped = _skipped(done, failed, choice)
     if choice.keep_estimates and done and not choice.again:
         terminal.say(f"{len(done)} runs are finished, and estimates are only written of new ones; --again does all")
     if len(skipped) < len(labels):
@@ -126,11 +124,16 @@ def _conduct(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: T
             store.merge()
     if choice.again:
         # What was not done again, or failed this time, comes back.
-        failed = len(store.failures)
+        n_failed = len(store.failures)
         store.conform(labels)
-        if standing := failed - len(store.failures):
+        if standing := n_failed - len(store.failures):
             terminal.say(f"{standing} runs failed when they were done again: what they came to before stands")
     return _report(plan, folder, store, labels, terminal)
+
+
+def _done_and_failed(store: Store, labels: Mapping[str, Mapping[str, Label]]) -> tuple[set[str], set[str]]:
+    """Of the planned runs, those that a store has results of, and those that failed."""
+    return store.finished() & labels.keys(), {failure.run for failure in store.failures} & labels.keys()
 
 
 def _skipped(done: set[str], failed: set[str], choice: Choice) -> set[str]:

@@ -73,6 +73,17 @@ def _step_matrices(mixing, duration):
 
 
 @pytest.fixture(scope="session")
+def share_of_largest():
+    """Function: by how much the rows of two tables differ at most, as a share of each column's largest value."""
+
+    def share(got, expected):
+        assert np.array_equal(np.isnan(got), np.isnan(expected))
+        return np.nanmax(np.abs(got - expected), axis=0) / np.nanmax(np.abs(expected), axis=0)
+
+    return share
+
+
+@pytest.fixture(scope="session")
 def events_of():
     """Function: some consecutive events of a timeline, as a timeline."""
 
