@@ -20,6 +20,8 @@ from auvid_cli.config.campaign import load_campaign
 from auvid_cli.config.load import find_campaign
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.estimate_file import new_estimate
+from auvid_cli.data.results_folder import dataset_in
+from auvid_cli.errors import FileError
 from auvid_cli.report.campaign import print_findings, write_findings
 
 # Groups of which a dry run takes the time.
@@ -100,6 +102,8 @@ def conduct(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: Te
     FileError
         If results cannot be read or written.
     """
+    if dataset_in(folder).exists():
+        raise FileError(f"{dataset_in(folder)}: results of a run stand here; name another folder with --output")
     with locked(folder):
         return _conduct(plan, folder, where, choice, terminal)
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from auvid_cli.cli.options import QuietOption, VerboseOption
+from auvid_cli.cli.options import OverwriteOption, QuietOption, VerboseOption
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.export.format_name import FormatName
 
@@ -35,6 +35,7 @@ def export(
             show_default=False,
         ),
     ] = None,
+    overwrite: OverwriteOption = False,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
 ) -> None:
@@ -46,6 +47,7 @@ def export(
         from auvid_cli.data.estimate_file import read_estimate
         from auvid_cli.data.files import keep_apart, write_text
         from auvid_cli.data.netcdf import digest
+        from auvid_cli.data.results_folder import exported_from, refuse_unless
 
         terminal = Terminal(quiet, verbose)
         estimate = read_estimate(path)
@@ -65,7 +67,9 @@ def export(
         model, form = identified_model(estimate, data, bounds, origin), FORMATS[target]
         file = output or home / "export" / f"{default_stem(model)}{form.suffix}"
         check_stem(target, file.stem)
-        keep_apart(file, [path, dataset_file])
+        keep_apart([file], [path, dataset_file])
+        if file.exists() and exported_from(file) != data.sha256:
+            refuse_unless(overwrite, f"{file}: is there, and was not exported from the same data")
         losses = form.losses(model)
         write_text(file, form.text(model, losses, file.stem))
         for line in [*doubts(model), *loss_lines(losses), str(file)]:

@@ -8,6 +8,7 @@ import typer
 from auvid_cli.cli.options import (
     DataArgument,
     OutputOption,
+    OverwriteOption,
     QuietOption,
     SeedOption,
     SetOption,
@@ -33,6 +34,7 @@ def identifiability(
         ),
     ] = None,
     output: OutputOption = None,
+    overwrite: OverwriteOption = False,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
 ) -> None:
@@ -43,13 +45,20 @@ def identifiability(
     """
     with reporting_errors():
         from auvid_cli.cli import pipeline
-        from auvid_cli.config.load import find_experiment, load_experiment
+        from auvid_cli.config.load import find_experiment, load_with_files
+        from auvid_cli.data.files import keep_apart
+        from auvid_cli.data.results_folder import put_copy, tables_and_figures
 
         terminal = Terminal(quiet, verbose)
         changes, path = overrides(settings, seed, use), pipeline.dataset_path(data)
+        earlier = [] if at is None else [at]
         if path:
             dataset, folder = pipeline.foreign_dataset(path, changes), output or pipeline.home_of(path)
+            files = [path, *dataset.experiment.data_files(), *earlier]
+            put_copy(path, dataset, folder, files, overwrite)
         else:
-            experiment = load_experiment(find_experiment(data), changes)
-            dataset, folder = pipeline.simulated(experiment, terminal), pipeline.results_folder(experiment, output)
+            experiment, files = load_with_files(find_experiment(data), changes)
+            folder, files = pipeline.results_folder(experiment, output), [*files, *earlier]
+            dataset = pipeline.simulate_to(folder, experiment, terminal, files, overwrite)
+        keep_apart(tables_and_figures(folder), files)
         pipeline.assess_to(folder, dataset, at, terminal)

@@ -8,6 +8,7 @@ from auvid_cli.cli.options import (
     DryRunOption,
     FilterOption,
     OutputOption,
+    OverwriteOption,
     QuietOption,
     SetOption,
     UseOption,
@@ -23,6 +24,7 @@ def identify(
     settings: SetOption = None,
     use: UseOption = None,
     output: OutputOption = None,
+    overwrite: OverwriteOption = False,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
     dry_run: DryRunOption = False,
@@ -30,22 +32,28 @@ def identify(
     """Estimate coefficients from a dataset into results/NAME/estimates/FILTER.h5."""
     with reporting_errors():
         from auvid_cli.cli import pipeline
-        from auvid_cli.config.load import find_experiment, load_experiment
+        from auvid_cli.config.load import find_experiment, load_with_files
+        from auvid_cli.data.files import keep_apart
+        from auvid_cli.data.results_folder import products, put_copy
 
         changes = overrides(settings, use=use)
         path = pipeline.dataset_path(source)
         dataset = pipeline.foreign_dataset(path, changes) if path else None
-        experiment = dataset.experiment if dataset else load_experiment(find_experiment(source), changes)
+        if dataset:
+            experiment, files = dataset.experiment, dataset.experiment.data_files()
+        else:
+            experiment, files = load_with_files(find_experiment(source), changes)
         if dry_run:
             pipeline.print_settings(experiment)
             return
         folder = output or (pipeline.home_of(path) if path else pipeline.results_folder(experiment, None))
-        if path:
-            pipeline.keep_copy(path, folder)
+        keep_apart(products(folder), files)
+        if path and dataset:
+            put_copy(path, dataset, folder, files, overwrite)
         dataset = dataset or pipeline.dataset_of(experiment, folder)
         chosen = tuple(filters or experiment.identification.filters)
         terminal = Terminal(quiet, verbose)
-        estimates = pipeline.identify_to(folder, dataset, chosen, terminal)
+        estimates = pipeline.identify_to(folder, dataset, chosen, terminal, overwrite)
         code = pipeline.exit_code(estimates)
         terminal.say(f"next: auvid report {folder}")
         if code == DONE:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from auvid_cli.cli.options import QuietOption, VerboseOption
+from auvid_cli.cli.options import OverwriteOption, QuietOption, VerboseOption
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 
 LogsArgument = Annotated[
@@ -45,6 +45,7 @@ def import_log(
     map_file: MapOption = None,
     suggest: SuggestOption = False,
     output: FileOption = None,
+    overwrite: OverwriteOption = False,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
 ) -> None:
@@ -60,7 +61,7 @@ def import_log(
         if not suggest and map_file is None:
             raise ConfigError("say --map MAP to import logs, or --suggest to have a map suggested from them")
         if map_file is not None:
-            importing.import_logs(map_file, logs or [], output, terminal)
+            importing.import_logs(map_file, logs or [], output, overwrite, terminal)
         elif logs:
             importing.suggest_to([Path(log) for log in logs], output, terminal)
         else:

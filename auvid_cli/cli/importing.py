@@ -7,9 +7,9 @@ from auvid_cli.cli.terminal import Terminal
 from auvid_cli.config.experiment import ImportedRun, RecordedFile, Recording
 from auvid_cli.config.log_map import LogMap, load_map
 from auvid_cli.data.dataset import Dataset
-from auvid_cli.data.dataset_file import write_dataset
 from auvid_cli.data.files import keep_apart, write_text
 from auvid_cli.data.netcdf import digest
+from auvid_cli.data.results_folder import put_dataset
 from auvid_cli.errors import FileError
 from auvid_cli.logs.convert import Conversion, convert
 from auvid_cli.logs.joined import JoinedLog
@@ -20,7 +20,7 @@ from auvid_cli.logs.suggest import suggest
 from auvid_cli.report.accounts import print_accounts
 
 
-def import_logs(map_file: Path, given: Sequence[str], output: Path | None, terminal: Terminal) -> None:
+def import_logs(map_file: Path, given: Sequence[str], output: Path | None, overwrite: bool, terminal: Terminal) -> None:
     """Convert logs by a map into a dataset file, and say what was done.
 
     Raises
@@ -28,19 +28,20 @@ def import_logs(map_file: Path, given: Sequence[str], output: Path | None, termi
     ConfigError
         If the map has mistakes, or does not fit the logs.
     FileError
-        If a log cannot be read, or the dataset cannot be written.
+        If a log cannot be read, or the dataset cannot be written, or another stands there and may not be replaced.
     """
     settings, tree = load_map(map_file)
     files = settings.files(map_file.parent, given)
     path = output if output is not None else Path("results") / settings.name / "dataset.h5"
     recorded = [part for paths in files.values() for file in paths for part in _parts(file)]
-    keep_apart(path, [map_file, *recorded])
+    inputs = [*tree.files(), *recorded]
+    keep_apart([path], inputs)
     with terminal.stage("read the logs"):
         logs = {name: _opened(paths, _layout(settings, name)) for name, paths in files.items()}
         found = convert(settings, tree, logs)
     with terminal.stage("write the dataset"):
         run = _run(settings, tree.at.source.text, recorded, found)
-        write_dataset(path, Dataset(found.inputs, found.sensors, run))
+        put_dataset(path, Dataset(found.inputs, found.sensors, run), inputs, overwrite)
     print_accounts(terminal.out, found.accounts, found.remarks)
     terminal.say(f"{path}: t = 0 is {found.origin:.6f} s by the log's clock")
     terminal.say(f"next: auvid inspect {path}")

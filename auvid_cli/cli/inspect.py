@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
-from auvid_cli.cli.options import OutputOption, QuietOption, overrides
+from auvid_cli.cli.options import OutputOption, OverwriteOption, QuietOption, overrides
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.errors import ConfigError
 
@@ -26,6 +26,7 @@ def inspect(
         ),
     ] = None,
     output: OutputOption = None,
+    overwrite: OverwriteOption = False,
     quiet: QuietOption = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Also print what passed, and how long each part took.")
@@ -38,6 +39,8 @@ def inspect(
     """
     with reporting_errors():
         from auvid_cli.cli import pipeline
+        from auvid_cli.data.files import keep_apart
+        from auvid_cli.data.results_folder import put_copy, tables_and_figures
         from auvid_cli.evaluation.checks import failed
         from auvid_cli.evaluation.inspection.inspect import inspect_dataset
         from auvid_cli.evaluation.inspection.part import part_of
@@ -52,6 +55,9 @@ def inspect(
             if len(use) > 1:
                 raise ConfigError(f"--use: one part is inspected at a time, and there are {len(use)}")
             read = part_of(read, *read.experiment.identification.use.spans[0])
+        files = [dataset, *read.experiment.data_files()]
+        put_copy(dataset, read, folder, files, overwrite)
+        keep_apart(tables_and_figures(folder), files)
         with terminal.stage("inspect"):
             inspection = inspect_dataset(read)
         paths = [write_inspection(inspection.checks, folder / "tables")]
@@ -66,8 +72,8 @@ def inspect(
         if fails:
             verdicts = "1 verdict fails" if fails == 1 else f"{fails} verdicts fail"
             terminal.say(
-                f"{verdicts}. Next: mend the map and import again, or leave out bad times with --use BEGIN:END; then "
-                "`auvid inspect` again"
+                f"{verdicts}. Next: mend the map and import again with --overwrite, or leave out bad times with "
+                "--use BEGIN:END; then `auvid inspect` again"
             )
         else:
             terminal.say(f"nothing fails. Next: `auvid identifiability {dataset}{part}`, then `auvid identify` alike")

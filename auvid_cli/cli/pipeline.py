@@ -1,7 +1,6 @@
 """The steps of the main job, as the commands string them together."""
 
 import os
-import shutil
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
@@ -15,10 +14,21 @@ from auvid_cli.config.experiment import Experiment, RunSettings
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import dump_experiment
 from auvid_cli.data.dataset import Dataset
-from auvid_cli.data.dataset_file import read_dataset, write_dataset
+from auvid_cli.data.dataset_file import read_dataset
 from auvid_cli.data.estimate import Estimate, EstimatePart
 from auvid_cli.data.estimate_file import new_estimate, read_estimate
-from auvid_cli.data.files import replacing
+from auvid_cli.data.netcdf import digest
+from auvid_cli.data.results_folder import (
+    dataset_in,
+    estimates_in,
+    other_estimates,
+    other_run,
+    products,
+    put_dataset,
+    refuse_unless,
+    remove,
+    remove_undrawn_figures,
+)
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.report.remedies import remedies
 
@@ -33,18 +43,44 @@ def results_folder(experiment: RunSettings, output: Path | None) -> Path:
     return output if output is not None else Path("results") / experiment.name
 
 
-def simulate_to(folder: Path, experiment: Experiment, terminal: Terminal) -> Dataset:
-    """Simulate an experiment into ``folder/dataset.h5`` and read it back, as any later step would."""
-    path = folder / "dataset.h5"
+def simulate_to(
+    folder: Path,
+    experiment: Experiment,
+    terminal: Terminal,
+    inputs: list[Path],
+    overwrite: bool,
+    filters: tuple[FilterName, ...] = (),
+) -> Dataset:
+    """Simulate an experiment into ``folder/dataset.h5`` and read it back, as any later step would.
+
+    The same settings give the same data, and then the file stays as it is: what was made from it remains true.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+    experiment : Experiment
+    terminal : Terminal
+    inputs : list of pathlib.Path
+        Files that the experiment is read from.
+    overwrite : bool
+        Whether results of another run may be replaced: all of them, as soon as the new data are there.
+    filters : tuple of FilterName
+        That will be run on it.
+
+    Raises
+    ------
+    FileError
+        If results of another run stand in the folder, and `overwrite` is not said.
+    """
+    path = dataset_in(folder)
+    objection = other_run(path, experiment)
+    if not objection and filters and path.exists():
+        objection = next(iter(other_estimates(folder, experiment, digest(path), filters).values()), "")
+    refuse_unless(overwrite, objection)
     # Nothing holds on to what was simulated: hours of it fill a good part of a machine's memory.
-    write_dataset(path, simulated(experiment, terminal))
+    put_dataset(path, simulated(experiment, terminal), inputs, overwrite, objection)
     with terminal.stage("read the dataset"):
         dataset = read_dataset(path)
-    # What other filters made of the dataset that stood here before belongs to nothing any more.
-    for name in FilterName:
-        (folder / "estimates" / f"{name.value}.h5").unlink(missing_ok=True)
-        for kind in ("png", "svg"):
-            (folder / "figures" / f"innovations_{name.value}.{kind}").unlink(missing_ok=True)
     sensors = ", ".join(f"{name} {record.time.size}" for name, record in dataset.sensors.items())
     terminal.say(f"{path}: {dataset.inputs.time[-1]:g} s of {experiment.manoeuvre.type}; samples: {sensors}")
     return dataset
@@ -91,9 +127,19 @@ def identify_to(
     dataset: Dataset,
     filters: tuple[FilterName, ...],
     terminal: Terminal,
+    overwrite: bool,
     look_at: Callable[[Estimate], None] = lambda estimate: None,
 ) -> list[Estimate]:
-    """Run filters on a dataset side by side, each writing its estimate as it goes; `look_at` each when it is there."""
+    """Run filters on a dataset side by side, each writing its estimate as it goes; `look_at` each when it is there.
+
+    Raises
+    ------
+    FileError
+        If estimates stand there that are of other data, or were made with other settings, and `overwrite` is not said;
+        else those, and all that was made from them, go when the new ones are there.
+    """
+    others = other_estimates(folder, dataset.experiment, dataset.sha256, filters)
+    refuse_unless(overwrite, next(iter(others.values()), ""))
     with terminal.compiling():
         from auvid_cli.evaluation.consistency import verdict
         from auvid_cli.identification.identify import set_up_filters
@@ -121,6 +167,9 @@ def identify_to(
             # Whatever went wrong, an interrupt included, ends the others at their next part.
             stopping.set()
     estimates = [future.result() for future in futures]
+    if others:
+        kept = {*paths, *(path for path in estimates_in(folder).values() if path not in others)}
+        remove(path for path in products(folder) if path not in kept)
     for path, estimate in zip(paths, estimates, strict=True):
         terminal.say(f"{path}: {verdict(estimate)}; {estimate.cpu_time:.2f} s of processor time")
     for line in remedies(estimates):
@@ -173,6 +222,7 @@ def report_to(
     print_summary(terminal.out, evaluation)
     with terminal.progress("figures") as (progress,):
         paths += figures.finish(progress)
+    remove_undrawn_figures(folder, paths)
     print_files(terminal.out, paths)
     sound = all(row.status == "completed" for row in evaluation.summary)
     return DONE if sound else VERDICT_FAILED
@@ -203,7 +253,7 @@ def dataset_of(experiment: RunSettings, folder: Path) -> Dataset:
     FileError
         If there is none, or if it was simulated with other settings than the experiment has now.
     """
-    path = folder / "dataset.h5"
+    path = dataset_in(folder)
     if not path.is_file():
         raise FileError(f"{path}: no such dataset; make it with `auvid simulate`, or do all with `auvid run`")
     dataset = read_dataset(path)
@@ -245,14 +295,6 @@ def home_of(path: Path) -> Path:
     return path.parent if path.name == "dataset.h5" else Path("results") / path.stem
 
 
-def keep_copy(path: Path, folder: Path) -> None:
-    """Copy a dataset into a results folder, so that a report needs nothing else."""
-    copy = folder / "dataset.h5"
-    if copy.resolve() != path.resolve():
-        with replacing(copy) as temporary:
-            shutil.copyfile(path, temporary)
-
-
 def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:
     """Dataset and estimates of a results folder, estimates in the order of `FilterName`.
 
@@ -261,9 +303,8 @@ def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:
     FileError
         If something is missing or an estimate belongs to another dataset.
     """
-    dataset = read_dataset(folder / "dataset.h5")
-    paths = [folder / "estimates" / f"{name.value}.h5" for name in FilterName]
-    estimates = [read_estimate(path) for path in paths if path.is_file()]
+    dataset = read_dataset(dataset_in(folder))
+    estimates = [read_estimate(path) for path in estimates_in(folder).values()]
     if not estimates:
         raise FileError(f"{folder / 'estimates'}: no estimates; make them with `auvid identify`")
     for estimate in estimates:
@@ -272,6 +313,8 @@ def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:
                 f"{folder / 'estimates' / estimate.filter}.h5: was made from another dataset than "
                 f"{folder / 'dataset.h5'}; run `auvid identify` again"
             )
+    for why in other_estimates(folder, estimates[0].experiment, dataset.sha256, ()).values():
+        raise FileError(f"{why} than that of {estimates[0].filter}, and tables show all together; identify again")
     return dataset, estimates
 
 

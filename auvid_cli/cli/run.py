@@ -9,6 +9,7 @@ from auvid_cli.cli.options import (
     ExperimentArgument,
     FilterOption,
     OutputOption,
+    OverwriteOption,
     QuietOption,
     SeedOption,
     SetOption,
@@ -27,6 +28,7 @@ def run(
     settings: SetOption = None,
     seed: SeedOption = None,
     output: OutputOption = None,
+    overwrite: OverwriteOption = False,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
     dry_run: DryRunOption = False,
@@ -38,9 +40,11 @@ def run(
 
             load_ahead()
         from auvid_cli.cli import pipeline
-        from auvid_cli.config.load import find_experiment, load_experiment
+        from auvid_cli.config.load import find_experiment, load_with_files
+        from auvid_cli.data.files import keep_apart
+        from auvid_cli.data.results_folder import products
 
-        loaded = load_experiment(find_experiment(experiment), overrides(settings, seed))
+        loaded, files = load_with_files(find_experiment(experiment), overrides(settings, seed))
         if dry_run:
             pipeline.print_settings(loaded)
             return
@@ -48,10 +52,11 @@ def run(
         loaded.identification.check_filters(chosen)
         terminal = Terminal(quiet, verbose)
         folder = pipeline.results_folder(loaded, output)
+        keep_apart(products(folder), files)
         with pipeline.drawing(folder) as figures:
             # The filters know nothing of vehicles, so the halves have no function in common.
             with terminal.compiling_beside("auvid_cli.filters.square_root", "auvid_cli.filters.information"):
-                dataset = pipeline.simulate_to(folder, loaded, terminal)
+                dataset = pipeline.simulate_to(folder, loaded, terminal, files, overwrite, chosen)
                 with terminal.compiling():
                     import auvid_cli.identification.process  # noqa: F401
             figures.add_path(dataset)
@@ -62,5 +67,5 @@ def run(
                 # The same for all filters, and known before the slowest of them is done.
                 bounds_of(estimate)
 
-            estimates = pipeline.identify_to(folder, dataset, chosen, terminal, look_at)
+            estimates = pipeline.identify_to(folder, dataset, chosen, terminal, overwrite, look_at)
             raise typer.Exit(pipeline.report_to(folder, dataset, estimates, bounds_of, terminal, figures))

@@ -4,6 +4,7 @@ from auvid_cli.cli.options import (
     DryRunOption,
     ExperimentArgument,
     OutputOption,
+    OverwriteOption,
     QuietOption,
     SeedOption,
     SetOption,
@@ -18,6 +19,7 @@ def simulate(
     settings: SetOption = None,
     seed: SeedOption = None,
     output: OutputOption = None,
+    overwrite: OverwriteOption = False,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
     dry_run: DryRunOption = False,
@@ -25,10 +27,11 @@ def simulate(
     """Simulate an experiment's vehicle and sensors into results/NAME/dataset.h5."""
     with reporting_errors():
         from auvid_cli.cli import pipeline
-        from auvid_cli.config.load import find_experiment, load_experiment
+        from auvid_cli.config.load import find_experiment, load_with_files
 
-        loaded = load_experiment(find_experiment(experiment), overrides(settings, seed))
+        loaded, files = load_with_files(find_experiment(experiment), overrides(settings, seed))
         if dry_run:
             pipeline.print_settings(loaded)
             return
-        pipeline.simulate_to(pipeline.results_folder(loaded, output), loaded, Terminal(quiet, verbose))
+        folder = pipeline.results_folder(loaded, output)
+        pipeline.simulate_to(folder, loaded, Terminal(quiet, verbose), files, overwrite)

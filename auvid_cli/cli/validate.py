@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
-from auvid_cli.cli.options import OutputOption, QuietOption, UseOption, VerboseOption, overrides
+from auvid_cli.cli.options import OutputOption, OverwriteOption, QuietOption, UseOption, VerboseOption, overrides
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ def validate(
     ],
     use: UseOption = None,
     output: OutputOption = None,
+    overwrite: OverwriteOption = False,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
 ) -> None:
@@ -37,9 +38,11 @@ def validate(
         from auvid_cli.cli import pipeline
         from auvid_cli.data.dataset_file import read_dataset
         from auvid_cli.data.estimate_file import read_estimate
+        from auvid_cli.data.files import keep_apart
+        from auvid_cli.data.results_folder import put_copy, tables_and_figures
 
         terminal = Terminal(quiet, verbose)
-        estimate, dataset = read_estimate(estimate_file), read_dataset(dataset_file, overrides(None, use=use))
+        estimate, whole = read_estimate(estimate_file), read_dataset(dataset_file, overrides(None, use=use))
         with terminal.compiling():
             from auvid_cli.evaluation.checks import failed
             from auvid_cli.evaluation.validation.unseen import check_unseen
@@ -51,11 +54,13 @@ def validate(
             training = _dataset_behind(estimate_file, estimate)
             if training is not None:
                 training = used_part(replace(training, experiment=estimate.experiment))
-            dataset = the_only_segment(dataset)
+            dataset = the_only_segment(whole)
             check_unseen(dataset, estimate, training)
+        folder = output or pipeline.home_of(dataset_file)
+        put_copy(dataset_file, whole, folder, [estimate_file], overwrite)
+        keep_apart(tables_and_figures(folder), [estimate_file, dataset_file])
         with terminal.stage("predict"):
             found = validated(dataset, estimate)
-        folder = output or pipeline.home_of(dataset_file)
         paths = write_validation(found, folder / "tables")
         with pipeline.drawing(folder) as figures, terminal.progress("figures") as (progress,):
             figures.add_validation(dataset, found)

@@ -29,7 +29,7 @@ def read_source(path: FilePath, name: str | None = None) -> Source:
     except (OSError, ValueError) as error:
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
         raise ValueError(f"cannot be read: {reason}") from None
-    return Source(name or str(path), path.parent, text)
+    return Source(name or str(path), path.parent, text, path)
 
 
 def assemble(source: Source, overrides: Iterable[str] = ()) -> tuple[Tree, list[Mistake]]:

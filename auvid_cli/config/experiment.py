@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from auvid_cli.config.biases import Estimate
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.manoeuvre import AnyManoeuvre
+from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
 from auvid_cli.config.model import Settings
 from auvid_cli.config.quantity import Unit, parse_quantity
 from auvid_cli.config.sensors import SensorSuite
@@ -236,6 +236,11 @@ class RunSettings(Settings):
     vehicle: VehicleSettings
     identification: Identification = Identification()
 
+    def data_files(self) -> list[Path]:
+        """Files with numbers that the settings name."""
+        earlier = self.identification.prior.from_estimate
+        return [] if earlier is None else [Path(earlier)]
+
 
 class ImportedRun(RunSettings):
     """A run that a vehicle recorded."""
@@ -248,3 +253,8 @@ class Experiment(RunSettings):
 
     sensors: SensorSuite
     manoeuvre: AnyManoeuvre
+
+    def data_files(self) -> list[Path]:
+        """As of any run, and the inputs of a recorded manoeuvre."""
+        recorded = [Path(self.manoeuvre.file)] if isinstance(self.manoeuvre, Recorded) else []
+        return [*super().data_files(), *recorded]

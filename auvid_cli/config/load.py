@@ -38,7 +38,14 @@ def load_experiment(path: Path, overrides: Sequence[str] = ()) -> Experiment:
     ConfigError
         With every mistake at once, each at its file, line and column.
     """
-    return validated(Experiment, *assemble(open_source(path), overrides))
+    return load_with_files(path, overrides)[0]
+
+
+def load_with_files(path: Path, overrides: Sequence[str] = ()) -> tuple[Experiment, list[Path]]:
+    """An experiment as of `load_experiment`, and the files that it is read from and that it names."""
+    tree, mistakes = assemble(open_source(path), overrides)
+    experiment = validated(Experiment, tree, mistakes)
+    return experiment, [*tree.files(), *experiment.data_files()]
 
 
 def open_source(path: Path) -> Source:

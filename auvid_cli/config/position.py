@@ -23,11 +23,14 @@ class Source:
         What relative paths in it refer to.
     text : str
         Its whole content; empty for an override, whose name says it all.
+    path : pathlib.Path or None
+        The file, if it is one.
     """
 
     name: str
     folder: FilePath
     text: str = ""
+    path: FilePath | None = None
 
 
 @dataclass(frozen=True)

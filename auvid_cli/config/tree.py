@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path as FilePath
 from typing import Any
 
 import yaml
@@ -68,6 +69,16 @@ class Tree:
             if node is None:
                 return
             yield node
+
+    def files(self) -> set[FilePath]:
+        """The files in which the values are written."""
+        own = {self.at.source.path} if self.at.source.path is not None else set()
+        match self.content:
+            case dict():
+                return own.union(*(child.files() for child in self.content.values()))
+            case list():
+                return own.union(*(child.files() for child in self.content))
+        return own
 
     def put(self, path: Path, new: "Tree") -> "Tree":
         """A copy with `new` at `path`; mappings on the way are made where there is nothing.

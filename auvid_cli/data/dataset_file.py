@@ -1,5 +1,6 @@
 """dataset.h5: reading and writing a Dataset."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import h5py
@@ -127,3 +128,32 @@ def _read_truth(group: h5py.Group) -> TruthRecord:
         read_table(group, [quantity.symbol for quantity in POSITION], every),
         dict(zip(read_names(group, "coefficient"), read_array(group, "true_coefficient").tolist(), strict=True)),
     )
+
+
+def holds_data(path: Path, dataset: Dataset) -> bool:
+    """Whether a file has the very numbers of a dataset; its settings are not looked at.
+
+    Raises
+    ------
+    FileError
+        As of `read_dataset`.
+    """
+    with open_file(path, "dataset") as file:
+        # One after the other: hours of data need not be in memory twice.
+        return all(np.array_equal(read_array(file, name), own, equal_nan=True) for name, own in _variables(dataset))
+
+
+def _variables(dataset: Dataset) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """What `write_dataset` writes, by its place in the file."""
+    inputs, truth = dataset.inputs, dataset.truth
+    tables = [("inputs", inputs.time, INPUTS, inputs.values)]
+    for name, record in dataset.sensors.items():
+        tables.append((f"sensors/{name}", record.time, SENSORS[name], record.values))
+        yield f"sensors/{name}/standard_deviation", record.standard_deviation
+    if truth is not None:
+        tables += [("truth", truth.time, MOTION, truth.motion), ("truth", truth.time, POSITION, truth.position)]
+        yield "truth/true_coefficient", np.array([truth.coefficients[c.symbol] for c in COEFFICIENTS])
+    for group, time, quantities, values in tables:
+        yield f"{group}/time", time
+        for column, quantity in enumerate(quantities):
+            yield f"{group}/{quantity.symbol}", values[:, column]

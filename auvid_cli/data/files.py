@@ -1,54 +1,72 @@
-"""Writing files so that nothing half-written ever stands under a final name."""
+"""Writing files so that nothing half-written ever stands under a final name, and nothing is lost that was read."""
 
-import os
-import tempfile
+import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from auvid_cli.data.temporaries import temporary_in
 from auvid_cli.errors import FileError
+
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+}
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` that takes its name when the block ends well.
 
+    Where `path` is a link, the file that it leads to is replaced, and the link stays.
+
     Raises
     ------
     FileError
-        If the folder or the file cannot be written; the temporary file is removed, and an earlier
-        file of that name stays as it was.
+        If the folder or the file cannot be written, or something that is no file has that name; the temporary file is
+        removed, and an earlier file of that name stays as it was.
     """
-    temporary = None
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
-        os.close(handle)
-        temporary = Path(name)
-        # mkstemp makes files for the owner's eyes only; a result has the rights of any new file.
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
-        yield temporary
-        temporary.replace(path)
+        place = _place_of(path)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with temporary_in(place.parent) as temporary:
+            yield temporary
+            temporary.replace(place)
     except OSError as error:
         raise FileError(f"{path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
 
 
-def keep_apart(output: Path, inputs: Iterable[Path]) -> None:
-    """Refuse to write over what is read.
+def _place_of(path: Path) -> Path:
+    try:
+        kind = stat.S_IFMT(path.stat().st_mode)
+    except FileNotFoundError:
+        kind = stat.S_IFREG
+    if kind != stat.S_IFREG:
+        raise FileError(f"{path}: cannot be written: it is {_KINDS.get(kind, 'something else')}, not a file")
+    return path.resolve() if path.is_symlink() else path
+
+
+def keep_apart(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
+    """Refuse to write over what is read, whatever it is called there.
 
     Raises
     ------
     FileError
-        If the output is one of the inputs.
+        If one of the outputs is one of the inputs.
     """
-    for path in inputs:
-        if output.resolve() == path.resolve():
-            raise FileError(f"{output}: is read from here, and would be written over; name another file")
+    read = {_identity(path): path for path in inputs if path.exists()}
+    for output in outputs:
+        if output.exists() and (path := read.get(_identity(output))) is not None:
+            same = "" if path == output else f" as {path}"
+            raise FileError(f"{output}: is read from here{same}, and would be written over; name another place")
+
+
+def _identity(path: Path) -> tuple[int, int]:
+    status = path.stat()
+    return status.st_dev, status.st_ino
 
 
 def write_text(path: Path, text: str) -> None:

@@ -1,0 +1,67 @@
+"""Temporary files that do not outlive who writes them, or not for long."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from secrets import token_hex
+
+try:
+    import fcntl
+except ImportError:
+    # Windows: what was killed leaves its temporary file behind.
+    fcntl = None
+
+_PREFIX = ".auvid-"
+
+
+@contextmanager
+def temporary_in(folder: Path) -> Iterator[Path]:
+    """A new file in a folder, removed when the block ends; it may be moved away before.
+
+    It is locked as long as its writer lives, whatever ends that. What is there of others and not locked was left behind
+    by somebody who was killed, and is removed.
+    """
+    _remove_abandoned(folder)
+    path, handle = _new(folder)
+    try:
+        yield path
+    finally:
+        path.unlink(missing_ok=True)
+        if fcntl is not None:
+            os.close(handle)
+
+
+def _new(folder: Path) -> tuple[Path, int]:
+    while True:
+        path = folder / f"{_PREFIX}{token_hex(8)}"
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
+        if fcntl is None:
+            # What is open there cannot be renamed.
+            os.close(handle)
+            return path, handle
+        # Where files cannot be locked, as on some network disks, nobody finds this one unlocked either.
+        with suppress(OSError):
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        # Somebody may have found it before it was locked.
+        if os.fstat(handle).st_nlink:
+            return path, handle
+        os.close(handle)
+
+
+def _remove_abandoned(folder: Path) -> None:
+    if fcntl is None:
+        return
+    with os.scandir(folder) as entries:
+        found = [
+            entry.path for entry in entries if entry.name.startswith(_PREFIX) and entry.is_file(follow_symlinks=False)
+        ]
+    for path in found:
+        # It may be gone by now, be somebody else's, or be written at this moment: then it is left to its owner.
+        with suppress(OSError):
+            handle = os.open(path, os.O_RDWR | os.O_NOFOLLOW)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                Path(path).unlink()
+            finally:
+                os.close(handle)
