@@ -47,7 +47,8 @@ def export(
         from auvid_cli.data.estimate_file import read_estimate
         from auvid_cli.data.files import keep_apart, write_text
         from auvid_cli.data.netcdf import digest
-        from auvid_cli.data.results_folder import exported_from, refuse_unless
+        from auvid_cli.data.replacement import refuse_unless
+        from auvid_cli.data.results_folder import exported_from
 
         terminal = Terminal(quiet, verbose)
         estimate = read_estimate(path)

@@ -47,7 +47,8 @@ def identifiability(
         from auvid_cli.cli import pipeline
         from auvid_cli.config.load import find_experiment, load_with_files
         from auvid_cli.data.files import keep_apart
-        from auvid_cli.data.results_folder import put_copy, tables_and_figures
+        from auvid_cli.data.replacement import put_copy
+        from auvid_cli.data.results_folder import tables_and_figures
 
         terminal = Terminal(quiet, verbose)
         changes, path = overrides(settings, seed, use), pipeline.dataset_path(data)

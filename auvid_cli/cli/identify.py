@@ -34,7 +34,8 @@ def identify(
         from auvid_cli.cli import pipeline
         from auvid_cli.config.load import find_experiment, load_with_files
         from auvid_cli.data.files import keep_apart
-        from auvid_cli.data.results_folder import products, put_copy
+        from auvid_cli.data.replacement import put_copy
+        from auvid_cli.data.results_folder import products
 
         changes = overrides(settings, use=use)
         path = pipeline.dataset_path(source)

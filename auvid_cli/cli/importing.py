@@ -9,7 +9,7 @@ from auvid_cli.config.log_map import LogMap, load_map
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.files import keep_apart, write_text
 from auvid_cli.data.netcdf import digest
-from auvid_cli.data.results_folder import put_dataset
+from auvid_cli.data.replacement import put_dataset
 from auvid_cli.errors import FileError
 from auvid_cli.logs.convert import Conversion, convert
 from auvid_cli.logs.joined import JoinedLog

@@ -40,7 +40,8 @@ def inspect(
     with reporting_errors():
         from auvid_cli.cli import pipeline
         from auvid_cli.data.files import keep_apart
-        from auvid_cli.data.results_folder import put_copy, tables_and_figures
+        from auvid_cli.data.replacement import put_copy
+        from auvid_cli.data.results_folder import tables_and_figures
         from auvid_cli.evaluation.checks import failed
         from auvid_cli.evaluation.inspection.inspect import inspect_dataset
         from auvid_cli.evaluation.inspection.part import part_of

@@ -18,17 +18,8 @@ from auvid_cli.data.dataset_file import read_dataset
 from auvid_cli.data.estimate import Estimate, EstimatePart
 from auvid_cli.data.estimate_file import new_estimate, read_estimate
 from auvid_cli.data.netcdf import digest
-from auvid_cli.data.results_folder import (
-    dataset_in,
-    estimates_in,
-    other_estimates,
-    other_run,
-    products,
-    put_dataset,
-    refuse_unless,
-    remove,
-    remove_undrawn_figures,
-)
+from auvid_cli.data.replacement import other_estimates, other_run, put_dataset, refuse_unless
+from auvid_cli.data.results_folder import dataset_in, estimates_in, products, remove, remove_former
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.report.remedies import remedies
 
@@ -222,7 +213,7 @@ def report_to(
     print_summary(terminal.out, evaluation)
     with terminal.progress("figures") as (progress,):
         paths += figures.finish(progress)
-    remove_undrawn_figures(folder, paths)
+    remove_former(folder, paths, [estimate.filter for estimate in estimates])
     print_files(terminal.out, paths)
     sound = all(row.status == "completed" for row in evaluation.summary)
     return DONE if sound else VERDICT_FAILED

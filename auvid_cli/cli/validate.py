@@ -39,7 +39,8 @@ def validate(
         from auvid_cli.data.dataset_file import read_dataset
         from auvid_cli.data.estimate_file import read_estimate
         from auvid_cli.data.files import keep_apart
-        from auvid_cli.data.results_folder import put_copy, tables_and_figures
+        from auvid_cli.data.replacement import put_copy
+        from auvid_cli.data.results_folder import tables_and_figures
 
         terminal = Terminal(quiet, verbose)
         estimate, whole = read_estimate(estimate_file), read_dataset(dataset_file, overrides(None, use=use))

@@ -1,24 +1,11 @@
-"""A results folder: what auvid writes there, and what may take its place.
+"""A results folder: what auvid writes there, and nothing that a user put there."""
 
-A folder belongs to one dataset, its `dataset.h5`: all other results there are made from that, and its estimates with the
-same settings. What would break this is refused, unless the user says that it may replace what stands there.
-"""
-
+import csv
 import re
-import shutil
-from collections.abc import Callable, Collection, Iterable
-from functools import partial
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
-from auvid_cli import __version__
-from auvid_cli.config.experiment import EkfSettings, Identification, OutputErrorSettings, RunSettings, UkfSettings
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.load import dump_experiment, parse_run
-from auvid_cli.data.dataset import Dataset
-from auvid_cli.data.dataset_file import holds_data, write_dataset
-from auvid_cli.data.files import keep_apart, replacing
-from auvid_cli.data.netcdf import digest, open_file, read_attribute
-from auvid_cli.errors import AuvidError, FileError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 
 _REPORT_FIGURES = (
@@ -37,8 +24,6 @@ _TABLES = (
 _EXPORTS = (".yaml", ".json", ".py", ".m", ".sdf")
 # As it stands in the heading of an exported model, or in its JSON.
 _EXPORTED_FROM = re.compile(r'dataset(?: with SHA-256 |_sha256": ")([0-9a-f]{64})\b')
-# Settings that concern one filter alone, by its name.
-_OWN = {"ekf": EkfSettings(), "ukf": UkfSettings(), "output_error": OutputErrorSettings()}
 
 
 def dataset_in(folder: Path) -> Path:
@@ -74,159 +59,22 @@ def exported_from(path: Path) -> str:
 
 
 def remove(paths: Iterable[Path]) -> None:
-    """Take away results of other data."""
+    """Take away results that are true no more."""
     for path in paths:
         path.unlink(missing_ok=True)
 
 
-def remove_undrawn_figures(folder: Path, drawn: Collection[Path]) -> None:
-    """Take away what an earlier report drew and the present one has no data for."""
+def remove_former(folder: Path, drawn: Collection[Path], filters: Collection[str]) -> None:
+    """Take away what earlier reports drew and the present one did not, and verdicts on filters that are not there."""
     remove(path for path in _figures(folder, _REPORT_FIGURES) if path not in drawn)
+    checks = folder / "tables" / "checks.csv"
+    if checks.is_file():
+        with checks.open(newline="", encoding="utf-8") as file:
+            is_former = any(row.get("filter") not in filters for row in csv.DictReader(file))
+        if is_former:
+            checks.unlink()
 
 
 def _figures(folder: Path, names: Iterable[str]) -> list[Path]:
     paths = [folder / "figures" / f"{name}.{kind}" for name in names for kind in ("png", "svg")]
     return [path for path in paths if path.exists()]
-
-
-def refuse_unless(overwrite: bool, objection: str, instead: str = "name another folder with --output") -> None:
-    """Refuse to replace what stands in the way, if anything does, and say how to go on.
-
-    Raises
-    ------
-    FileError
-        If there is an objection, and the user has not said that it may be replaced.
-    """
-    if objection and not overwrite:
-        raise FileError(f"{objection}; {instead}, or replace it with --overwrite")
-
-
-def put_dataset(path: Path, dataset: Dataset, inputs: Iterable[Path], overwrite: bool, objection: str = "") -> None:
-    """Write a dataset, unless the very same stands there: then what was made from it remains true.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    dataset : Dataset
-    inputs : iterable of pathlib.Path
-        What it was made from, and may not be lost.
-    overwrite : bool
-        Whether anything else that stands there may be replaced.
-    objection : str
-        What of that is known already.
-
-    Raises
-    ------
-    FileError
-        If it may not, or cannot.
-    """
-    objection = objection or other_run(path, dataset.experiment)
-    if path.exists() and not objection:
-        if holds_data(path, dataset):
-            return
-        objection = f"{path}: holds other data than auvid {__version__} makes by the same settings"
-    refuse_unless(overwrite, objection)
-    _replace(path, inputs, partial(write_dataset, path, dataset))
-
-
-def put_copy(path: Path, dataset: Dataset, folder: Path, inputs: Iterable[Path], overwrite: bool) -> None:
-    """Copy a dataset's file into a results folder, so that all that is made from it stands beside it.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    dataset : Dataset
-        That was read from it.
-    folder : pathlib.Path
-    inputs, overwrite
-        As of `put_dataset`.
-
-    Raises
-    ------
-    FileError
-        If results of other data stand there, and may not be replaced.
-    """
-    copy = dataset_in(folder)
-    objection = "" if copy.exists() else _without_dataset(folder)
-    if copy.exists():
-        if copy.is_file() and digest(copy) == dataset.sha256:
-            return
-        objection = f"{copy}: holds other data than {path}"
-    refuse_unless(overwrite, objection)
-    _replace(copy, [path, *inputs], partial(_copy, path, copy))
-
-
-def _copy(path: Path, copy: Path) -> None:
-    with replacing(copy) as temporary:
-        shutil.copyfile(path, temporary)
-
-
-def _replace(path: Path, inputs: Iterable[Path], write: Callable[[], object]) -> None:
-    """Write a dataset, and then take away what was made from the one that stood there before."""
-    made_from_it = products(path.parent) if path == dataset_in(path.parent) else []
-    keep_apart([path, *made_from_it], inputs)
-    write()
-    remove(made_from_it)
-
-
-def other_run(path: Path, experiment: RunSettings) -> str:
-    """What of another run than that of an experiment stands where its dataset is to go; empty if nothing does."""
-    if path.exists():
-        return _difference(path, "dataset", experiment, "")
-    return _without_dataset(path.parent) if path == dataset_in(path.parent) else ""
-
-
-def other_estimates(
-    folder: Path, experiment: RunSettings, sha256: str, filters: Collection[FilterName]
-) -> dict[Path, str]:
-    """The estimates in a folder beside which those of some filters may not stand, and why.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-    experiment : RunSettings
-        By which the filters are run.
-    sha256 : str
-        Of the dataset.
-    filters : collection of FilterName
-        Of these the settings that are theirs alone count as well.
-    """
-    found = {}
-    for name, path in estimates_in(folder).items():
-        own = name.value if name in filters else ""
-        if why := _difference(path, "estimate", experiment, own, sha256):
-            found[path] = why
-    return found
-
-
-def _without_dataset(folder: Path) -> str:
-    found = [*estimates_in(folder).values(), *tables_and_figures(folder)]
-    return f"{found[0]}: was made from data that are no longer there" if found else ""
-
-
-def _difference(path: Path, kind: str, experiment: RunSettings, own: str, sha256: str = "") -> str:
-    """Why a file does not go with an experiment; empty if it does."""
-    if not path.is_file():
-        return f"{path}: is no file"
-    try:
-        with open_file(path, kind) as file:
-            text = read_attribute(file, "settings")
-            if sha256 and read_attribute(file, "dataset_sha256") != sha256:
-                return f"{path}: was made from other data"
-        if text == dump_experiment(experiment):
-            return ""
-        there = parse_run(text, f"{path} (settings)")
-    except AuvidError as error:
-        # Whatever it is, it is not what would be written.
-        return " ".join(str(error).splitlines()[0].split())
-    here = experiment
-    if kind == "estimate":
-        here, there = (_settings_for(own, run) for run in (here, there))
-    parts = [part for part in type(here).model_fields if getattr(here, part) != getattr(there, part, None)]
-    return f"{path}: was made with other settings of {', '.join(f'`{part}`' for part in parts)}" if parts else ""
-
-
-def _settings_for(own: str, run: RunSettings) -> RunSettings:
-    """A run's settings without those that concern other filters alone, and its name."""
-    without = {"filters": Identification().filters} | {name: value for name, value in _OWN.items() if name != own}
-    return run.model_copy(update={"name": "", "identification": run.identification.model_copy(update=without)})
