@@ -1,0 +1,248 @@
+"""What stands in a results folder, and what may replace it."""
+
+import hashlib
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import auvid_cli.data.replacement
+from auvid_cli.cli.app import app
+from auvid_cli.config.load import shipped_configs
+from auvid_cli.data.files import write_text
+from auvid_cli.data.results_folder import dataset_in, products
+from auvid_cli.errors import SimulationError
+from auvid_cli.report.figures import draw
+
+SHORT = ("--set", "manoeuvre.duration=6 s")
+HOME = Path("results/spiral")
+
+
+def auvid(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def done(*arguments):
+    result = auvid(*arguments)
+    assert result.exit_code in (0, 1), result.output
+    return result
+
+
+def state(folder=Path()) -> dict[str, str]:
+    """All files and what is in them."""
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    return {str(path): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def assert_refused(*arguments, words=()):
+    before = state()
+    result = auvid(*arguments)
+    assert result.exit_code == 2, result.output
+    assert len(result.stderr.splitlines()) == 1
+    for word in ("auvid: ", "--output", "--overwrite", *words):
+        assert word in result.stderr
+    assert state() == before
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder in which everything has been made from one run; figures are drawn by other tests."""
+    folder = tmp_path_factory.mktemp("made")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(draw, "draw_and_save", save_text)
+        patch.chdir(folder)
+        done("run", *SHORT, "-f", "ckf", "-f", "tukf")
+        done("check", HOME)
+        done("inspect", dataset_in(HOME))
+        done("identifiability", dataset_in(HOME))
+        done("simulate", *SHORT, "--seed", "2", "-o", "results/other")
+        done("validate", HOME / "estimates/ckf.h5", "results/other/dataset.h5")
+        for form in ("yaml", "json", "python", "matlab", "sdf"):
+            done("export", HOME / "estimates/ckf.h5", "--to", form)
+    return folder
+
+
+@pytest.fixture
+def here(made, tmp_path, monkeypatch):
+    """A copy of that as the current folder."""
+    folder = tmp_path / "here"
+    shutil.copytree(made, folder)
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(draw, "draw_and_save", save_text)
+    return folder
+
+
+def save_text(kind, arguments, folder, name):
+    for suffix in ("png", "svg"):
+        write_text(folder / f"{name}.{suffix}", kind)
+    return [folder / f"{name}.png", folder / f"{name}.svg"]
+
+
+def test_all_that_auvid_writes_into_a_folder_is_known(here):
+    for folder in (HOME, Path("results/other")):
+        written = {path for path in folder.rglob("*") if path.is_file()}
+        assert written == {dataset_in(folder), *products(folder)}
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (("run", *SHORT, "--seed", "3"), ("results/spiral/dataset.h5", "`seed`")),
+        (("simulate", *SHORT, "--set", "sensors.dvl.rate=5 Hz"), ("`sensors`",)),
+        (("run", *SHORT, "--set", "identification.prior.factor=2"), ("`identification`",)),
+        (("identifiability", *SHORT, "--seed", "3"), ("`seed`",)),
+        (("identify", "results/other/dataset.h5", "-o", HOME), ("holds other data than results/other/dataset.h5",)),
+        (("inspect", "results/other/dataset.h5", "-o", HOME), ("holds other data",)),
+        (("identifiability", "results/other/dataset.h5", "-o", HOME), ("holds other data",)),
+        (
+            ("identify", dataset_in(HOME), "-f", "ckf", "--set", "identification.prior.factor=2"),
+            ("ckf.h5", "`identification`"),
+        ),
+        (("identify", dataset_in(HOME), "-f", "ukf", "--use", "1:5"), ("ckf.h5", "`identification`")),
+        (("export", HOME / "estimates/ckf.h5", "--to", "json", "-o", "notes.json"), ("notes.json: is there",)),
+    ],
+)
+def test_other_data_or_settings_are_refused_and_nothing_is_touched(here, command, words):
+    Path("notes.json").write_text("{}")
+    assert_refused(*command, words=words)
+
+
+@pytest.mark.parametrize("text", [b"not a dataset", b""])
+def test_what_is_no_dataset_is_not_replaced(here, text):
+    dataset_in(HOME).write_bytes(text)
+    assert_refused("run", *SHORT, words=("dataset.h5",))
+    assert_refused("simulate", *SHORT)
+
+
+def test_results_without_their_dataset_are_not_replaced(here):
+    dataset_in(HOME).unlink()
+    assert_refused("run", *SHORT, words=("estimates/ckf.h5", "no longer there"))
+    shutil.rmtree(HOME / "estimates")
+    assert_refused("simulate", *SHORT, words=("tables/",))
+
+
+def test_a_repetition_keeps_the_dataset_and_estimates_of_other_filters(here):
+    before = state(HOME)
+    done("simulate", *SHORT)
+    assert state(HOME) == before
+    done("run", *SHORT, "-f", "tukf")
+    after = state(HOME)
+    for name in ("dataset.h5", "estimates/ckf.h5"):
+        assert after[str(HOME / name)] == before[str(HOME / name)]
+    assert done("report", HOME).exit_code in (0, 1)
+
+
+def test_other_numbers_by_the_same_settings_are_not_replaced(here, monkeypatch):
+    monkeypatch.setattr(auvid_cli.data.replacement, "holds_data", lambda path, dataset: False)
+    assert_refused("run", *SHORT, words=("other data than auvid",))
+
+
+@pytest.mark.parametrize("command", ["run", "simulate"])
+def test_overwriting_leaves_nothing_stale_and_what_is_the_users(here, command):
+    notes = [HOME / name for name in ("notes.txt", "tables/mine.csv", "figures/path.pdf", "export/mine.json")]
+    for path in notes:
+        path.write_text("{}")
+    before = {path: path.stat().st_mtime_ns for path in products(HOME)}
+    done(command, *SHORT, "--seed", "3", *(("-f", "ukf") if command == "run" else ()), "--overwrite")
+    assert not [path for path in products(HOME) if path.stat().st_mtime_ns == before.get(path)]
+    assert all(path.is_file() for path in notes)
+    assert [path.name for path in (HOME / "estimates").glob("*")] == (["ukf.h5"] if command == "run" else [])
+    assert not (HOME / "tables/identifiability.csv").exists()
+    assert not (HOME / "figures/innovations_ckf.png").exists()
+
+
+def test_a_simulation_that_fails_loses_nothing(here, monkeypatch):
+    def capsize(experiment):
+        raise SimulationError("capsized")
+
+    monkeypatch.setattr("auvid_cli.simulation.simulate.simulate", capsize)
+    before = state()
+    assert auvid("run", *SHORT, "--seed", "3", "--overwrite").exit_code == 2
+    assert state() == before
+
+
+def test_identifying_over_other_settings_leaves_only_what_goes_together(here):
+    done("identify", dataset_in(HOME), "-f", "ukf", "--use", "1:5", "--overwrite")
+    assert {str(path) for path in HOME.rglob("*") if path.is_file()} == {
+        str(dataset_in(HOME)),
+        str(HOME / "estimates/ukf.h5"),
+    }
+
+
+def test_what_concerns_one_filter_alone_may_differ(here):
+    done("identify", dataset_in(HOME), "-f", "ukf", "--set", "identification.ukf.alpha=0.2")
+    done("identify", dataset_in(HOME), "-f", "tukf")
+    done("report", HOME)
+    assert_refused("identify", dataset_in(HOME), "-f", "ukf", words=("ukf.h5", "`identification`"))
+
+
+def test_a_report_never_mixes_settings(here):
+    done("identify", dataset_in(HOME), "-f", "ukf", "--use", "1:5", "-o", "part")
+    shutil.copy("part/estimates/ukf.h5", HOME / "estimates/ukf.h5")
+    result = auvid("report", HOME)
+    assert result.exit_code == 2
+    assert "ukf.h5: was made with other settings of `identification`" in result.stderr
+
+
+def test_a_report_leaves_nothing_of_a_filter_that_is_gone(here):
+    (HOME / "estimates/ckf.h5").unlink()
+    done("report", HOME)
+    assert not [path for path in products(HOME) if path.name.startswith("innovations_ckf")]
+    assert not (HOME / "tables/checks.csv").exists()
+    assert (HOME / "figures/timeline.png").exists()
+
+
+def test_a_dry_run_refuses_nothing(here):
+    before = state()
+    for command in ("run", "simulate", "identify"):
+        assert auvid(command, *SHORT, "--set", "seed=3", "--dry-run").exit_code == 0
+    assert state() == before
+
+
+def test_a_model_is_exported_again_from_the_same_data(here):
+    done("export", HOME / "estimates/ckf.h5", "--to", "yaml")
+    done("export", HOME / "estimates/tukf.h5", "--to", "yaml", "-o", "model.yaml")
+    done("run", *SHORT, "--seed", "3", "-f", "tukf", "--overwrite")
+    assert_refused("export", HOME / "estimates/tukf.h5", "--to", "yaml", "-o", "model.yaml", words=("model.yaml",))
+    done("export", HOME / "estimates/tukf.h5", "--to", "yaml", "-o", "model.yaml", "--overwrite")
+
+
+def test_a_campaign_does_not_mix_with_a_run(here):
+    Path("small.yaml").write_text("name: small\n")
+    before = state()
+    result = auvid("campaign", "small.yaml", "-o", HOME)
+    assert (result.exit_code, state()) == (2, before)
+    assert "results of a run stand here" in result.stderr
+
+
+@pytest.mark.parametrize("link", [Path.hardlink_to, Path.symlink_to])
+def test_no_settings_are_written_over_whatever_they_are_called_there(here, link):
+    vehicle = Path("mine.yaml").absolute()
+    shutil.copy(shipped_configs() / "vehicles/vt690.yaml", vehicle)
+    text = vehicle.read_bytes()
+    (HOME / "tables/summary.csv").unlink()
+    link(HOME / "tables/summary.csv", vehicle)
+    for options in ((), ("--overwrite",)):
+        result = auvid("run", *SHORT, "--set", f"vehicle={vehicle}", "-f", "ckf", *options)
+        assert result.exit_code == 2
+        assert "would be written over" in result.stderr
+    assert vehicle.read_bytes() == text
+
+
+def test_an_earlier_estimate_that_is_the_prior_is_not_replaced_by_its_successor(here):
+    prior = f"identification.prior.from_estimate={Path(HOME / 'estimates/ckf.h5').absolute()}"
+    before = state()
+    for command in (("run", *SHORT, "--seed", "3"), ("identify", "results/other/dataset.h5")):
+        result = auvid(*command, "--set", prior, "-f", "ckf", "-o", HOME, "--overwrite")
+        assert result.exit_code == 2
+        assert "would be written over" in result.stderr
+        assert state() == before
+
+
+def test_the_validated_estimate_is_not_removed_with_its_folder(here):
+    estimate = HOME / "estimates/ckf.h5"
+    before = state()
+    result = auvid("validate", estimate, "results/other/dataset.h5", "-o", HOME, "--overwrite")
+    assert (result.exit_code, state()) == (2, before)
+    assert "would be written over" in result.stderr

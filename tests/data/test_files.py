@@ -1,0 +1,109 @@
+"""Writing under a temporary name: what is replaced, what never is, and what a killed writer leaves."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from auvid_cli.data.files import keep_apart, replacing, write_text
+from auvid_cli.errors import FileError
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from auvid_cli.data.files import replacing
+with replacing(Path(sys.argv[1])) as temporary:
+    temporary.write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def test_what_a_killed_writer_left_goes_with_the_next_file(tmp_path):
+    result = subprocess.run([sys.executable, "-c", KILLED, tmp_path / "a.txt"], check=False)
+    assert result.returncode == -signal.SIGKILL
+    assert len(names(tmp_path)) == 1
+    write_text(tmp_path / "b.txt", "whole")
+    assert names(tmp_path) == {"b.txt"}
+
+
+def test_two_writers_in_one_folder_leave_each_other_alone(tmp_path):
+    with replacing(tmp_path / "a.txt") as one, replacing(tmp_path / "b.txt") as other:
+        write_text(tmp_path / "c.txt", "c")
+        one.write_text("a")
+        other.write_text("b")
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {f"{x}.txt": x for x in "abc"}
+
+
+def test_a_failing_writer_leaves_nothing_and_what_stood_there(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("before")
+    with pytest.raises(TypeError):
+        write_text(path, 1)
+    assert (names(tmp_path), path.read_text()) == ({"a.txt"}, "before")
+
+
+def test_hidden_files_of_others_stay(tmp_path):
+    (tmp_path / ".notes").write_text("mine")
+    (tmp_path / ".auvid-link").symlink_to(tmp_path / ".notes")
+    os.mkfifo(tmp_path / ".auvid-pipe")
+    write_text(tmp_path / "a.txt", "a")
+    assert names(tmp_path) == {".notes", ".auvid-link", ".auvid-pipe", "a.txt"}
+
+
+def make_socket(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as one:
+        one.bind(os.path.relpath(path))
+
+
+def link_to_device(path: Path) -> None:
+    path.symlink_to("/dev/null")
+
+
+@pytest.mark.parametrize(
+    ("make", "kind"),
+    [(os.mkfifo, "a pipe"), (Path.mkdir, "a folder"), (make_socket, "a socket"), (link_to_device, "a device")],
+)
+def test_what_is_no_file_is_not_replaced(make, kind, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "a.txt"
+    make(path)
+    before = path.lstat()
+    with pytest.raises(FileError, match=f"a.txt: cannot be written: it is {kind}, not a file"):
+        write_text(path, "a")
+    assert os.path.samestat(path.lstat(), before)
+    assert names(tmp_path) == {"a.txt"}
+
+
+def test_a_link_stays_one_and_its_file_is_replaced(tmp_path):
+    elsewhere = tmp_path / "disk/a.txt"
+    (tmp_path / "a.txt").symlink_to(elsewhere)
+    for text in ("new", "newer"):
+        write_text(tmp_path / "a.txt", text)
+        assert (tmp_path / "a.txt").is_symlink()
+        assert elsewhere.read_text() == text
+    assert names(elsewhere.parent) == {"a.txt"}
+
+
+def test_a_loop_of_links_is_one_clear_complaint(tmp_path):
+    (tmp_path / "a").symlink_to(tmp_path / "b")
+    (tmp_path / "b").symlink_to(tmp_path / "a")
+    with pytest.raises(FileError, match="a: cannot be written"):
+        write_text(tmp_path / "a", "a")
+
+
+@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
+def test_what_is_read_is_known_by_any_name(link, tmp_path):
+    (tmp_path / "read.yaml").write_text("a")
+    link(tmp_path / "other", tmp_path / "read.yaml")
+    keep_apart([tmp_path / "new"], [tmp_path / "read.yaml", tmp_path / "missing"])
+    for name in ("read.yaml", "other"):
+        with pytest.raises(FileError, match="would be written over"):
+            keep_apart([tmp_path / name], [tmp_path / "read.yaml"])
