@@ -236,3 +236,53 @@ def test_what_is_read_is_never_written_over(exported, tmp_path, target):
     assert suggested.exit_code == 2
     assert "exists already" in suggested.stderr
     assert (folder / target).read_bytes() == before
+
+
+@pytest.fixture
+def own_log(exported, tmp_path):
+    """A copy of the logs, with a vehicle file of its own; what was imported from them stands beside."""
+    folder = tmp_path / "log"
+    shutil.copytree(exported, folder)
+    shutil.copy(shipped_configs() / "vehicles" / "vt690.yaml", folder / "v.yaml")
+    (folder / "map.yaml").write_text(re.sub("vehicle: .*", "vehicle: v.yaml", MAP))
+    assert auvid_import("--map", folder / "map.yaml", "-o", tmp_path / "d.h5").exit_code == 0
+    return folder
+
+
+@pytest.mark.parametrize("link", [None, "symlink_to", "hardlink_to"])
+def test_the_vehicle_file_that_a_map_names_is_never_written_over(own_log, tmp_path, link):
+    vehicle, output = own_log / "v.yaml", tmp_path / "linked.yaml"
+    before = vehicle.read_bytes()
+    if link is None:
+        output = vehicle
+    else:
+        getattr(output, link)(vehicle)
+    for options in ((), ("--overwrite",)):
+        result = auvid_import("--map", own_log / "map.yaml", "-o", output, *options)
+        assert result.exit_code == 2
+        assert "would be written over" in result.stderr
+    assert vehicle.read_bytes() == before
+
+
+def test_another_import_is_replaced_only_when_asked(own_log, tmp_path):
+    path = tmp_path / "d.h5"
+    before = path.read_bytes()
+    assert auvid_import("--map", own_log / "map.yaml", "-o", path).exit_code == 0
+    assert path.read_bytes() == before, "the same logs by the same map are the same data"
+    (own_log / "map.yaml").write_text((own_log / "map.yaml").read_text().replace("1 deg", "2 deg"))
+    result = auvid_import("--map", own_log / "map.yaml", "-o", path)
+    assert result.exit_code == 2
+    assert "d.h5: was made with other settings of `recording`" in result.stderr
+    assert path.read_bytes() == before
+    assert auvid_import("--map", own_log / "map.yaml", "-o", path, "--overwrite").exit_code == 0
+    assert path.read_bytes() != before
+
+
+def test_an_import_does_not_replace_what_is_no_dataset(own_log, tmp_path):
+    notes = tmp_path / "notes.txt"
+    notes.write_text("mine")
+    result = auvid_import("--map", own_log / "map.yaml", "-o", notes)
+    assert result.exit_code == 2
+    assert "notes.txt" in result.stderr
+    assert notes.read_text() == "mine"
+    assert auvid_import("--map", own_log / "map.yaml", "-o", "/dev/null", "--overwrite").exit_code == 2
