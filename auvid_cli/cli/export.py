@@ -49,11 +49,13 @@ def export(
         from auvid_cli.data.netcdf import digest
         from auvid_cli.data.replacement import refuse_unless
         from auvid_cli.data.results_folder import exported_from
+        from auvid_cli.data.screening import screen
 
         terminal = Terminal(quiet, verbose)
-        estimate = read_estimate(path)
         home = path.parent.parent if path.parent.name == "estimates" else path.parent
         dataset_file = dataset or home / "dataset.h5"
+        screen([path, dataset_file])
+        estimate = read_estimate(path)
         data = _dataset_of(path, estimate.dataset_sha256, dataset_file)
         with terminal.compiling():
             from auvid_cli.evaluation.bounds import BoundsOf

@@ -20,6 +20,7 @@ from auvid_cli.data.estimate_file import new_estimate, read_estimate
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.replacement import other_estimates, other_run, put_dataset, refuse_unless
 from auvid_cli.data.results_folder import dataset_in, estimates_in, products, remove, remove_former
+from auvid_cli.data.screening import screen
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.report.remedies import remedies
 
@@ -294,8 +295,9 @@ def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:
     FileError
         If something is missing or an estimate belongs to another dataset.
     """
-    dataset = read_dataset(dataset_in(folder))
-    estimates = [read_estimate(path) for path in estimates_in(folder).values()]
+    paths = [dataset_in(folder), *estimates_in(folder).values()]
+    screen(paths)
+    dataset, estimates = read_dataset(paths[0]), [read_estimate(path) for path in paths[1:]]
     if not estimates:
         raise FileError(f"{folder / 'estimates'}: no estimates; make them with `auvid identify`")
     for estimate in estimates:

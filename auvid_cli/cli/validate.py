@@ -41,8 +41,10 @@ def validate(
         from auvid_cli.data.files import keep_apart
         from auvid_cli.data.replacement import put_copy
         from auvid_cli.data.results_folder import tables_and_figures
+        from auvid_cli.data.screening import screen
 
         terminal = Terminal(quiet, verbose)
+        screen([estimate_file, dataset_file])
         estimate, whole = read_estimate(estimate_file), read_dataset(dataset_file, overrides(None, use=use))
         with terminal.compiling():
             from auvid_cli.evaluation.checks import failed

@@ -5,26 +5,23 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from auvid_cli.config.load import dump_experiment, parse_run
 from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord, TruthRecord
-from auvid_cli.data.netcdf import (
+from auvid_cli.data.netcdf import digest, new_file, write_dimension, write_variable
+from auvid_cli.data.netcdf_reading import (
+    FileAttributes,
     count_rows,
-    digest,
     mark_missing,
-    new_file,
     open_file,
     read_array,
-    read_attribute,
+    read_attributes,
     read_names,
     read_table,
     subgroup,
     subgroups,
-    write_dimension,
-    write_variable,
 )
-from auvid_cli.errors import FileError
+from auvid_cli.data.soundness import check_dataset
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import INPUTS, MOTION, POSITION
 
@@ -80,44 +77,42 @@ def _write_truth(group: h5py.Group, truth: TruthRecord) -> None:
     )
 
 
+class _Attributes(FileAttributes):
+    """What the root of a dataset file says of it."""
+
+    settings: str
+
+
 def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:
     """Read a dataset; `overrides` change its settings as on the command line.
 
     Raises
     ------
     FileError
-        If it is missing, damaged, foreign or of a newer schema.
+        If it is missing, damaged, foreign, of a newer schema, or holds what no vehicle can have recorded.
     ConfigError
         If the settings inside, with the overrides, are not valid.
     """
     with open_file(path, "dataset") as file:
-        experiment = parse_run(read_attribute(file, "settings"), f"{path} (settings)", overrides)
+        settings = read_attributes(file, _Attributes).settings
         group = subgroup(file, "inputs")
-        inputs = InputRecord(read_array(group, "time"), read_table(group, [quantity.symbol for quantity in INPUTS]))
-        sensors = {name: _read_sensor(path, group, name) for name, group in subgroups(file, "sensors").items()}
-        truth = _read_truth(subgroup(file, "truth")) if "truth" in file else None
-    sound = inputs.time.size == inputs.values.shape[0] > 0 and _increases(inputs.time)
-    if not (sound and np.isfinite(inputs.values).all()):
-        raise FileError(f"{path}: /inputs needs finite values at as many finite, strictly increasing times")
-    return Dataset(inputs, sensors, experiment, truth, digest(path))
+        dataset = Dataset(
+            InputRecord(read_array(group, "time"), read_table(group, [quantity.symbol for quantity in INPUTS])),
+            {name: _read_sensor(group, name) for name, group in subgroups(file, "sensors").items()},
+            parse_run(settings, f"{path} (settings)", overrides),
+            _read_truth(subgroup(file, "truth")) if "truth" in file else None,
+            digest(path),
+        )
+        check_dataset(dataset)
+    return dataset
 
 
-def _read_sensor(path: Path, group: h5py.Group, name: str) -> SensorRecord:
+def _read_sensor(group: h5py.Group, name: str) -> SensorRecord:
     if name not in SENSORS:
-        raise FileError(f"{path}: unknown sensor {name!r}; auvid knows {', '.join(SENSORS)}")
+        raise ValueError(f"unknown sensor {name!r}; auvid knows {', '.join(SENSORS)}")
     values = read_table(group, [quantity.symbol for quantity in SENSORS[name]])
     mark_missing(group, "valid", values)
-    time = read_array(group, "time")
-    if not _increases(time):
-        raise FileError(f"{path}: times of /sensors/{name} are not finite and strictly increasing")
-    stated = read_array(group, "standard_deviation")
-    if time.size != values.shape[0] or stated.size != values.shape[1]:
-        raise FileError(f"{path}: variables of /sensors/{name} do not fit each other in length")
-    return SensorRecord(time, values, stated)
-
-
-def _increases(time: NDArray[np.float64]) -> bool:
-    return bool(np.isfinite(time).all() and (np.diff(time) > 0.0).all())
+    return SensorRecord(read_array(group, "time"), values, read_array(group, "standard_deviation"))
 
 
 def _read_truth(group: h5py.Group) -> TruthRecord:

@@ -8,10 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import RunSettings
-from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.data.dataset import SENSORS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.parameters import MOTION, POSITION
 
 Array = NDArray[np.float64]
 
+# Unit of everything that an augmented state may be made of: coefficients, motion, depth, errors of sensors and thrust.
+STATES = {each.symbol: each.unit for each in (*COEFFICIENTS, *MOTION, POSITION[2])} | {
+    **{"dvl_scale": "1", "dvl_yaw": "rad", "current_north": "m/s", "current_east": "m/s", "thrust_scale": "1"},
+    **{f"bias_{each.symbol}": each.unit for name in ("gyroscope", "attitude") for each in SENSORS[name]},
+}
 
 # s; innovations are also judged by windows of this length.
 WINDOW = 20.0

@@ -5,28 +5,29 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Annotated
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import dump_experiment, parse_run
 from auvid_cli.data.dataset import SENSORS
 from auvid_cli.data.estimate import Estimate, EstimateHeader, EstimatePart, Innovations, Outcome
-from auvid_cli.data.netcdf import (
-    append,
+from auvid_cli.data.netcdf import append, new_file, write_dimension, write_growing, write_variable
+from auvid_cli.data.netcdf_reading import (
+    FileAttributes,
     count_rows,
-    new_file,
     open_file,
     read_array,
-    read_attribute,
+    read_attributes,
     read_names,
     read_rows,
     subgroups,
-    write_dimension,
-    write_growing,
-    write_variable,
 )
+from auvid_cli.data.soundness import check_estimate, check_innovations
 
 # Of more than so many events or readings of a sensor, every so many are read: evenly spaced, they say the same.
 _MOST_ROWS = 50_000
@@ -100,48 +101,72 @@ def _prepare_innovations(group: h5py.Group, sensor: str, standard_deviation: NDA
     write_growing(group, "nis", (), ("time",), "normalised innovation squared", "1")
 
 
+class _Attributes(FileAttributes):
+    """What the root of an estimate file says of it."""
+
+    filter: FilterName
+    settings: str
+    status: Annotated[str, Field(pattern=r"^(completed|(diverged at t = \S+ s|unconverged): [ -~]+)$", max_length=1000)]
+    steps: Annotated[int, Field(ge=0)]
+    cpu_time_s: Annotated[float, Field(ge=0)]
+    wall_time_s: Annotated[float, Field(ge=0)]
+    dataset_sha256: Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]
+
+
 def read_estimate(path: Path) -> Estimate:
     """Read an estimate; of a very long one every k-th event and reading, as many as an evaluation needs.
 
     Raises
     ------
     FileError
-        If it is missing, damaged, foreign or of a newer schema.
+        If it is missing, damaged, foreign, of a newer schema, or holds what no filter can have found.
     """
     with open_file(path, "estimate") as file:
+        known = read_attributes(file, _Attributes)
         every = 1 + count_rows(file, "time") // _MOST_ROWS
-        return Estimate(
-            filter=read_attribute(file, "filter"),
-            experiment=parse_run(read_attribute(file, "settings"), f"{path} (settings)"),
+        estimate = Estimate(
+            filter=known.filter.value,
+            experiment=parse_run(known.settings, f"{path} (settings)"),
             state=read_names(file, "state"),
             unit=read_names(file, "unit"),
             time=read_array(file, "time", every),
-            mean=read_array(file, "mean", every),
-            standard_deviation=read_array(file, "standard_deviation", every),
-            covariance=read_array(file, "covariance"),
-            innovations={name: _read_innovations(group) for name, group in subgroups(file, "innovations").items()},
+            mean=read_array(file, "mean", every, ndim=2),
+            standard_deviation=read_array(file, "standard_deviation", every, ndim=2),
+            covariance=read_array(file, "covariance", ndim=2),
+            innovations={
+                name: _read_innovations(group, name, known.filter)
+                for name, group in subgroups(file, "innovations").items()
+            },
             held=dict(zip(read_names(file, "held"), read_array(file, "held_value").tolist(), strict=True)),
-            status=read_attribute(file, "status"),
-            steps=int(read_attribute(file, "steps")),
-            cpu_time=float(read_attribute(file, "cpu_time_s")),
-            wall_time=float(read_attribute(file, "wall_time_s")),
-            dataset_sha256=read_attribute(file, "dataset_sha256"),
+            status=known.status,
+            steps=known.steps,
+            cpu_time=known.cpu_time_s,
+            wall_time=known.wall_time_s,
+            dataset_sha256=known.dataset_sha256,
         )
+        check_estimate(estimate)
+    return estimate
 
 
-def _read_innovations(group: h5py.Group) -> Innovations:
+def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName) -> Innovations:
     rows = count_rows(group, "time")
     every, deviation = 1 + rows // _MOST_ROWS, read_array(group, "standard_deviation")
 
-    def innovations(read: Callable[[str], NDArray[np.float64]]) -> Innovations:
-        return Innovations(read("time"), read("innovation"), read("variance"), read("nis"), deviation)
+    def innovations(read: Callable[[str, int], NDArray[np.float64]]) -> Innovations:
+        found = Innovations(read("time", 1), read("innovation", 2), read("variance", 2), read("nis", 1), deviation)
+        check_innovations(sensor, found, filter_name)
+        return found
 
-    thinned = innovations(lambda name: read_array(group, name, every))
+    thinned = innovations(lambda name, ndim: read_array(group, name, every, ndim))
     if every == 1:
         return thinned
     start, whole = float(read_rows(group, "time", 0, 1)[0]), None
     for first in range(0, rows, _MOST_ROWS):
-        rows_read = partial(read_rows, group, first=first, last=first + _MOST_ROWS)
+        rows_read = partial(_rows_of, group, first)
         tally = innovations(rows_read).tally(start)
         whole = tally if whole is None else whole.plus(tally)
     return replace(thinned, whole=whole)
+
+
+def _rows_of(group: h5py.Group, first: int, name: str, ndim: int) -> NDArray[np.float64]:
+    return read_rows(group, name, first, first + _MOST_ROWS, ndim)

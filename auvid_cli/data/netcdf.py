@@ -1,9 +1,9 @@
-"""HDF5 files by the netCDF-4 conventions, so that xarray opens every group as it is."""
+"""Writing HDF5 files by the netCDF-4 conventions, so that xarray opens every group as it is."""
 
 import hashlib
 import platform
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from functools import cache
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from auvid_cli import __version__
 from auvid_cli.data.files import replacing
-from auvid_cli.errors import FileError
+from auvid_cli.data.screening import trust
 
 SCHEMA_VERSION = 1
 _CHUNK_ROWS = 8192
@@ -59,6 +59,7 @@ def new_file(path: Path, kind: str, settings: str, seed: int, **attributes: Any)
             )
             yield file
         disk.raise_failure()
+    trust(path)
 
 
 @cache
@@ -101,35 +102,6 @@ class _Disk:
     def raise_failure(self) -> None:
         if self._failure is not None:
             raise self._failure
-
-
-@contextmanager
-def open_file(path: Path, kind: str) -> Iterator[h5py.File]:
-    """An existing file, checked to be auvid's, of this kind and of a schema that is understood.
-
-    Raises
-    ------
-    FileError
-        If it is missing, truncated, not HDF5, of another kind, newer, or lacks what it must have.
-    """
-    if not path.is_file():
-        raise FileError(f"{path}: no such {kind} file")
-    try:
-        with h5py.File(path, "r") as file:
-            found = file.attrs.get("kind")
-            if found != f"auvid {kind}":
-                raise FileError(f"{path}: not an auvid {kind} file" + (f" but an {found} file" if found else ""))
-            schema = int(read_attribute(file, "schema_version"))
-            if schema > SCHEMA_VERSION:
-                raise FileError(
-                    f"{path}: written by a newer auvid (schema {schema}, this one reads up to {SCHEMA_VERSION}); "
-                    "upgrade with pip install --upgrade auvid"
-                )
-            yield file
-    except FileError:
-        raise
-    except (OSError, KeyError, ValueError, TypeError, IndexError) as error:
-        raise FileError(f"{path}: damaged or not an auvid {kind} file: {_one_line(error)}") from error
 
 
 def write_dimension(group: h5py.Group, name: str, values: NDArray, long_name: str, unit: str = "") -> None:
@@ -178,81 +150,14 @@ def write_growing(
 
 def append(group: h5py.Group, name: str, rows: NDArray[np.float64]) -> None:
     """More rows of a growing variable."""
-    data = _variable(group, name)
+    data = group[name]
+    assert isinstance(data, h5py.Dataset)
     before = data.shape[0]
     data.resize(before + len(rows), axis=0)
     data[before:] = rows
-
-
-def read_array(group: h5py.Group, name: str, every: int = 1) -> NDArray[np.float64]:
-    """A numeric variable as doubles; of its rows every so many, and the last."""
-    data = _variable(group, name)
-    rows = data[(data.shape[0] - 1) % every :: every] if every > 1 else data[...]
-    return np.asarray(rows, dtype=np.float64)
-
-
-def read_table(group: h5py.Group, names: Sequence[str], every: int = 1) -> NDArray[np.float64]:
-    """Variables of one length side by side, as `read_array`."""
-    first = read_array(group, names[0], every)
-    table = np.empty((len(first), len(names)))
-    table[:, 0] = first
-    for column, name in enumerate(names[1:], 1):
-        table[:, column] = read_array(group, name, every)
-    return table
-
-
-def mark_missing(group: h5py.Group, name: str, values: NDArray[np.float64]) -> None:
-    """NaN in place of values where a variable of flags is zero."""
-    values[_variable(group, name)[...] == 0] = np.nan
-
-
-def read_rows(group: h5py.Group, name: str, first: int, last: int) -> NDArray[np.float64]:
-    """Consecutive rows of a numeric variable as doubles."""
-    return np.asarray(_variable(group, name)[first:last], dtype=np.float64)
-
-
-def count_rows(group: h5py.Group, name: str) -> int:
-    """How many rows a variable has."""
-    return _variable(group, name).shape[0]
-
-
-def read_names(group: h5py.Group, name: str) -> tuple[str, ...]:
-    """A variable of strings."""
-    return tuple(str(text) for text in _variable(group, name).asstr()[...])
-
-
-def read_attribute(file: h5py.File, name: str) -> str:
-    """A root attribute as text; KeyError if there is none."""
-    return str(file.attrs[name])
-
-
-def subgroups(group: h5py.Group, name: str) -> dict[str, h5py.Group]:
-    """The groups in a group, by name; none if that does not exist."""
-    if name not in group:
-        return {}
-    return {key: item for key, item in subgroup(group, name).items() if isinstance(item, h5py.Group)}
-
-
-def subgroup(group: h5py.Group, name: str) -> h5py.Group:
-    """A group that must be there."""
-    item = group[name]
-    if not isinstance(item, h5py.Group):
-        raise KeyError(f"{name} is not a group")
-    return item
-
-
-def _variable(group: h5py.Group, name: str) -> h5py.Dataset:
-    item = group[name]
-    if not isinstance(item, h5py.Dataset):
-        raise KeyError(f"{name} is not a variable")
-    return item
 
 
 def digest(path: Path) -> str:
     """SHA-256 of a file, in hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())

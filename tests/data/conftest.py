@@ -5,9 +5,11 @@ import shutil
 import pytest
 
 from auvid_cli.config.experiment import FilterName
+from auvid_cli.data import screening
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import write_dataset
 from auvid_cli.data.estimate_file import new_estimate
+from auvid_cli.data.walk import flaw_of
 from auvid_cli.identification.identify import identify
 
 
@@ -22,7 +24,7 @@ def estimate(dataset):
     """By the TUKF, of three coefficients with the others held."""
     chosen = dataset.experiment.identification.model_copy(update={"coefficients": ("X_u|u|", "Z_uude", "N_uudr")})
     experiment = dataset.experiment.model_copy(update={"identification": chosen})
-    return identify(Dataset(dataset.inputs, dataset.sensors, experiment, sha256="0123abcd"), FilterName.TUKF)
+    return identify(Dataset(dataset.inputs, dataset.sensors, experiment, sha256="0123abcd" * 8), FilterName.TUKF)
 
 
 @pytest.fixture(scope="session")
@@ -56,3 +58,9 @@ def kind(request):
 def copy(kind, written, tmp_path):
     """A file of that kind to do harm to."""
     return shutil.copy(written[kind], tmp_path / f"{kind}.h5")
+
+
+@pytest.fixture
+def walked_here(monkeypatch):
+    """Files are gone through in this process, which takes less time than a process of its own."""
+    monkeypatch.setattr(screening, "_flaws", lambda paths: [flaw_of(path) for path in paths])

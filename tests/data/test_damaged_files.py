@@ -16,6 +16,7 @@ from auvid_cli.data.netcdf import SCHEMA_VERSION
 from auvid_cli.errors import FileError
 
 READ = {"dataset": read_dataset, "estimate": read_estimate}
+pytestmark = pytest.mark.usefixtures("walked_here")
 
 
 def refused(kind, path):

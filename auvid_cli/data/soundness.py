@@ -1,0 +1,160 @@
+"""What a dataset and an estimate must be, whoever wrote their files: shapes that fit, and numbers that can be."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.dataset import SENSORS, Array, Dataset, SensorRecord, TruthRecord
+from auvid_cli.data.estimate import STATES, Estimate, Innovations
+from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.vehicle.parameters import INPUTS, MOTION_SYMBOLS
+
+# s, from the beginning of the data: three years.
+LONGEST = 1e8
+# Of the standard deviations, what a covariance may lack in symmetry.
+_ASYMMETRY = 1e-6
+
+
+def check_dataset(dataset: Dataset) -> None:
+    """Look at inputs, sensors and truth.
+
+    Raises
+    ------
+    ValueError
+        Where something cannot be.
+    """
+    inputs = dataset.inputs
+    _check_times("/inputs", inputs.time, increasing=True)
+    if not inputs.time.size:
+        raise ValueError("/inputs is empty")
+    _check_shapes("/inputs", (inputs.values, (inputs.time.size, len(INPUTS))))
+    _check_finite("/inputs", inputs.values)
+    for name, record in dataset.sensors.items():
+        _check_sensor(name, record)
+    if dataset.truth is not None:
+        _check_truth(dataset.truth)
+
+
+def _check_sensor(name: str, record: SensorRecord) -> None:
+    where, n, width = f"/sensors/{name}", record.time.size, len(SENSORS[name])
+    _check_times(where, record.time, increasing=True)
+    _check_shapes(where, (record.values, (n, width)), (record.standard_deviation, (width,)))
+    _check_not_infinite(where, record.values)
+    _check_deviations(where, record.standard_deviation)
+
+
+def _check_truth(truth: TruthRecord) -> None:
+    n = truth.time.size
+    _check_times("/truth", truth.time, increasing=True)
+    _check_shapes("/truth", (truth.motion, (n, 9)), (truth.position, (n, 3)))
+    _check_finite("/truth", truth.motion, truth.position, np.array(list(truth.coefficients.values())))
+    if not n or set(truth.coefficients) != set(SYMBOLS):
+        raise ValueError("/truth needs a motion and all of the 22 coefficients")
+
+
+def check_estimate(estimate: Estimate) -> None:
+    """Look at the augmented state over time, its covariance and what was held; not at innovations.
+
+    Raises
+    ------
+    ValueError
+        Where something cannot be.
+    """
+    n, k = estimate.time.size, len(estimate.state)
+    _check_state(estimate.state, estimate.unit, estimate.held)
+    _check_times("/time", estimate.time)
+    if not n:
+        raise ValueError("/time is empty")
+    _check_shapes(
+        "the estimate", (estimate.mean, (n, k)), (estimate.standard_deviation, (n, k)), (estimate.covariance, (k, k))
+    )
+    _check_finite("/mean", estimate.mean)
+    _check_finite("/held_value", np.array(list(estimate.held.values())))
+    blind = _may_be_infinite(estimate.filter)
+    _check_deviations("/standard_deviation", estimate.standard_deviation, blind)
+    _check_covariance(estimate.covariance, blind)
+
+
+def check_innovations(sensor: str, found: Innovations, filter_name: str) -> None:
+    """Look at innovations, or some of them; NaN stands for what was missing or rejected.
+
+    Raises
+    ------
+    ValueError
+        Where something cannot be.
+    """
+    where = f"/innovations/{sensor}"
+    if sensor not in SENSORS:
+        raise ValueError(f"unknown sensor {sensor!r} among the innovations; auvid knows {', '.join(SENSORS)}")
+    n, width = found.time.size, len(SENSORS[sensor])
+    _check_times(where, found.time)
+    _check_shapes(
+        where,
+        (found.innovation, (n, width)),
+        (found.variance, (n, width)),
+        (found.nis, (n,)),
+        (found.standard_deviation, (width,)),
+    )
+    _check_deviations(where, found.standard_deviation)
+    _check_not_infinite(where, found.innovation, found.nis)
+    if not _may_be_infinite(filter_name):
+        _check_not_infinite(where, found.variance)
+    if (found.variance < 0.0).any() or (found.nis < 0.0).any():
+        raise ValueError(f"{where} has negative squares")
+
+
+def _may_be_infinite(filter_name: str) -> bool:
+    """Whether a standard deviation may be: the output-error method says so of what the data do not determine at all."""
+    return filter_name == FilterName.OUTPUT_ERROR
+
+
+def _check_state(state: Sequence[str], unit: Sequence[str], held: dict[str, float]) -> None:
+    for symbol, stated in zip(state, unit, strict=True):
+        if symbol not in STATES:
+            raise ValueError(f"unknown component {symbol!r} of the state")
+        if stated != STATES[symbol]:
+            raise ValueError(f"{symbol} is in {stated!r} and should be in {STATES[symbol]}")
+    if len(set(state)) < len(state) or not set(MOTION_SYMBOLS) <= set(state):
+        raise ValueError("the state does not have each component once")
+    if sorted([*held, *(symbol for symbol in state if symbol in SYMBOLS)]) != sorted(SYMBOLS):
+        raise ValueError("each of the 22 coefficients must be either estimated or held")
+
+
+def _check_times(where: str, time: Array, increasing: bool = False) -> None:
+    if not (np.abs(time) <= LONGEST).all():
+        raise ValueError(f"times of {where} are not finite, or beyond {LONGEST:.0e} s")
+    steps = np.diff(time)
+    if (steps <= 0.0 if increasing else steps < 0.0).any():
+        raise ValueError(f"times of {where} are not {'strictly increasing' if increasing else 'in order'}")
+
+
+def _check_shapes(where: str, *expected: tuple[Array, tuple[int, ...]]) -> None:
+    if any(array.shape != shape for array, shape in expected):
+        raise ValueError(f"variables of {where} do not fit each other in length")
+
+
+def _check_finite(where: str, *arrays: Array) -> None:
+    if not all(np.isfinite(array).all() for array in arrays):
+        raise ValueError(f"{where} has values that are not finite")
+
+
+def _check_not_infinite(where: str, *arrays: Array) -> None:
+    if any(np.isinf(array).any() for array in arrays):
+        raise ValueError(f"{where} has infinite values")
+
+
+def _check_deviations(where: str, deviations: Array, may_be_infinite: bool = False) -> None:
+    if not (deviations >= 0.0).all() or not (may_be_infinite or np.isfinite(deviations).all()):
+        raise ValueError(f"standard deviations of {where} are negative or not finite")
+
+
+def _check_covariance(covariance: Array, may_be_infinite: bool) -> None:
+    variance = np.diagonal(covariance)
+    known = variance < np.inf
+    scale = np.sqrt(np.abs(variance[known]))
+    part = covariance[np.ix_(known, known)]
+    if np.isnan(covariance).any() or not (may_be_infinite or known.all()) or (variance < 0.0).any():
+        raise ValueError("/covariance has values that cannot be")
+    if not np.isfinite(part).all() or (np.abs(part - part.T) > _ASYMMETRY * np.outer(scale, scale)).any():
+        raise ValueError("/covariance is not symmetric")

@@ -1,0 +1,187 @@
+"""Whatever is in a file, reading it ends, and ends in a dataset, an estimate, or one line."""
+
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from auvid_cli.data import screening
+from auvid_cli.data.dataset_file import read_dataset, write_dataset
+from auvid_cli.data.estimate_file import read_estimate
+from auvid_cli.data.walk import flaw_of
+from auvid_cli.errors import AuvidError, FileError
+
+READ = {"dataset": read_dataset, "estimate": read_estimate}
+
+
+def endless(path, dataset):
+    """A dataset in which one attribute claims to be longer than it is, after which libhdf5 does not come back."""
+    write_dataset(path, dataset)
+    content = bytearray(path.read_bytes())
+    # Behind the name stand its type and its dimensions: of the number of entries the second byte.
+    content[content.index(b"DIMENSION_LIST") + 31] = 0xFF
+    path.write_bytes(content)
+    return path
+
+
+def refused(kind, path):
+    with pytest.raises(FileError) as caught:
+        READ[kind](path)
+    message = str(caught.value)
+    assert message.isprintable()
+    assert str(path) in message
+    return message
+
+
+def test_a_file_that_libhdf5_never_finishes_is_refused(dataset, tmp_path, monkeypatch):
+    monkeypatch.setattr(screening, "_SECONDS", 1)
+    assert "does not end" in refused("dataset", endless(tmp_path / "dataset.h5", dataset))
+
+
+def test_the_others_are_told_from_the_one_that_does_not_end(dataset, written, tmp_path, monkeypatch):
+    monkeypatch.setattr(screening, "_SECONDS", 1)
+    sound = shutil.copy(written["dataset"], tmp_path / "sound.h5")
+    bad = endless(tmp_path / "endless.h5", dataset)
+    with pytest.raises(FileError, match=r"endless\.h5"):
+        screening.screen([sound, bad, written["estimate"]])
+
+
+def test_a_file_that_crashes_libhdf5_is_refused(written, tmp_path, monkeypatch):
+    crashing = tmp_path / "walk.py"
+    crashing.write_text("import os\nos.abort()\n")
+    monkeypatch.setattr(screening, "_WALK", crashing)
+    assert "crash" in refused("dataset", shutil.copy(written["dataset"], tmp_path / "dataset.h5"))
+
+
+def test_an_interrupt_ends_the_wait_at_once_and_the_process_with_it(dataset, tmp_path, monkeypatch):
+    path, started = endless(tmp_path / "dataset.h5", dataset), []
+    popen = subprocess.Popen
+
+    def start(*arguments, **options):
+        started.append(popen(*arguments, **options))
+        threading.Timer(0.3, os.kill, [os.getpid(), signal.SIGINT]).start()
+        return started[0]
+
+    monkeypatch.setattr(subprocess, "Popen", start)
+    with pytest.raises(KeyboardInterrupt):
+        read_dataset(path)
+    assert started[0].wait() == -signal.SIGKILL
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends after its time, not at once")
+def test_the_process_ends_with_the_one_that_started_it(dataset, tmp_path):
+    path = endless(tmp_path / "dataset.h5", dataset)
+    code = f"from auvid_cli.data.screening import screen; from pathlib import Path; screen([Path({str(path)!r})])"
+    with subprocess.Popen([sys.executable, "-c", code]) as parent:
+        children = []
+        while not children:
+            time.sleep(0.05)
+            running = [int(each.name) for each in Path("/proc").iterdir() if each.name.isdigit()]
+            children = [each for each in running if parent_of(each) == parent.pid]
+        # Until it has said with whom it ends, it looks for itself.
+        parent.kill()
+    for _ in range(200):
+        if all(parent_of(child) is None for child in children):
+            break
+        time.sleep(0.05)
+    assert all(parent_of(child) is None for child in children)
+
+
+def parent_of(pid):
+    """None of a process that has ended."""
+    try:
+        state, parent = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[:2]
+    except OSError:
+        return None
+    return None if state == "Z" else int(parent)
+
+
+def test_what_was_written_here_is_not_gone_through_and_what_changed_is(dataset, tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(screening, "_flaws", lambda paths: asked.extend(paths) or [""] * len(paths))
+    path = tmp_path / "dataset.h5"
+    write_dataset(path, dataset)
+    read_dataset(path)
+    assert asked == []
+    with h5py.File(path, "a") as file:
+        file["remark"] = np.zeros(10)
+    for _ in range(2):
+        read_dataset(path)
+    assert asked == [path]
+
+
+# Benchmarks do the same thousands of times.
+@pytest.mark.parametrize(("kind", "files"), [("dataset", 40), ("estimate", 10)])
+def test_flipped_bytes_end_in_data_or_in_one_line(kind, files, written, tmp_path, monkeypatch):
+    monkeypatch.setattr(screening, "_SECONDS", 1)
+    content, rng, paths = written[kind].read_bytes(), random.Random(1), []
+    # Where names stand there is more to harm than among numbers.
+    marks = [found.start() for found in re.finditer(rb"[A-Za-z_]{4,}", content)]
+    for number in range(files):
+        harmed = bytearray(content)
+        for _ in range(3):
+            place = min(rng.choice(marks) + rng.randrange(100), len(content) - 1)
+            harmed[place] = rng.choice((0, 255, rng.randrange(256)))
+        paths.append(tmp_path / f"{number}.h5")
+        paths[-1].write_bytes(harmed)
+    rest = list(paths)
+    while rest:
+        flaws = screening._flaws(rest)
+        for path, flaw in zip(rest, flaws, strict=False):
+            if not flaw:
+                screening.trust(path)
+                with suppress(AuvidError):
+                    READ[kind](path)
+        rest = rest[len(flaws) :]
+
+
+def tampered(kind, written, folder, change):
+    path = shutil.copy(written[kind], folder / f"{kind}.h5")
+    with h5py.File(path, "a") as file:
+        change(file)
+    return path
+
+
+def put(name, values):
+    def change(file):
+        del file[name]
+        file[name] = values
+
+    return change
+
+
+STRUCTURE = {
+    "a soft link": lambda file: file.__setitem__("inputs/more", h5py.SoftLink("/inputs")),
+    "a loop of soft links": lambda file: file.__setitem__("inputs/more", h5py.SoftLink("/inputs/more")),
+    "a link to another file": lambda file: file.__setitem__("more", h5py.ExternalLink("/etc/passwd", "/")),
+    "values in another file": lambda file: file.create_dataset("v", (4,), "f8", external=[("/etc/passwd", 0, 32)]),
+    "values of another variable": lambda file: file.create_virtual_dataset("v", h5py.VirtualLayout((4,), "f8")),
+    "complex numbers": put("inputs/time", np.arange(5) + 1j),
+    "compounds": put("inputs/time", np.zeros(5, "f8,i4")),
+    "references": lambda file: file.create_dataset("v", data=file["inputs"].ref, dtype=h5py.ref_dtype),
+    "more than there can be": lambda file: file.create_dataset("v", (10**12,), "f8", chunks=(1000,)),
+    "wide rows": lambda file: file.create_dataset("v", (2, 10**6), "f8", chunks=(1, 1000)),
+    "a great chunk": lambda file: file.create_dataset("v", (1,), "f8", chunks=(10**8,), maxshape=(None,)),
+}
+
+
+@pytest.mark.usefixtures("walked_here")
+@pytest.mark.parametrize("what", STRUCTURE)
+def test_structure_that_auvid_does_not_write_is_refused(what, written, tmp_path):
+    refused("dataset", tampered("dataset", written, tmp_path, STRUCTURE[what]))
+
+
+def test_groups_within_themselves_are_gone_through_once(written, tmp_path):
+    path = tampered("dataset", written, tmp_path, lambda file: file.__setitem__("inputs/again", file["/"]))
+    assert flaw_of(path) == ""

@@ -1,0 +1,179 @@
+"""What is read from a file is as a filter or a vehicle can have made it."""
+
+import re
+import shutil
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from auvid_cli.config.biases import BiasName
+from auvid_cli.config.biases import Estimate as EstimateSettings
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.dataset_file import read_dataset
+from auvid_cli.data.estimate import STATES
+from auvid_cli.data.estimate_file import read_estimate
+from auvid_cli.errors import AuvidError, FileError
+from auvid_cli.identification.biases import sensor_errors
+from auvid_cli.identification.identify import identify
+
+pytestmark = pytest.mark.usefixtures("walked_here")
+
+
+def refused(read, path):
+    with pytest.raises(AuvidError) as caught:
+        read(path)
+    message = str(caught.value)
+    # Of settings the place is shown, in lines of its own.
+    assert message.isprintable() or "(settings)" in message
+    assert str(path) in message
+
+
+@pytest.fixture
+def estimate_with(written, tmp_path):
+    """Function: an estimate file with an attribute, or with an array changed."""
+
+    def change(name, value):
+        path = shutil.copy(written["estimate"], tmp_path / "estimate.h5")
+        with h5py.File(path, "a") as file:
+            if callable(value):
+                values = value(file[name][...])
+                del file[name]
+                file[name] = values
+            else:
+                file.attrs[name] = value
+        return path
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("filter", value) for value in ("../../../x", "EKF", "", np.arange(3.0), b"\xff", 3)),
+        *(
+            ("status", value)
+            for value in ("done", "completed\x1b[2J", "diverged at t = 1 s: a\nb", "unconverged: é", 1)
+        ),
+        *(("steps", value) for value in (-1, np.nan, "many", np.zeros(3))),
+        *((f"{clock}_time_s", value) for clock in ("cpu", "wall") for value in (-1.0, np.nan, np.inf, "long", 1j)),
+        *(("dataset_sha256", value) for value in ("abc", "../x", "g" * 64, 7)),
+        *(("schema_version", value) for value in (-1, 0, np.nan, "new", np.ones(2))),
+        *(("settings", value) for value in (b"\xff\xfe", np.zeros(3), 5, "", "[", "a: &a [*a]")),
+    ],
+)
+def test_attributes_of_an_estimate_are_as_they_must_be(name, value, estimate_with):
+    refused(read_estimate, estimate_with(name, value))
+
+
+def with_(place, value):
+    def change(values):
+        values[place] = value
+        return values
+
+    return change
+
+
+TIME, TABLE = "time", ("mean", "standard_deviation")
+WRONG = [
+    *((TIME, change) for change in (np.negative, lambda time: time[::-1], lambda time: time[:, None], np.sum)),
+    *((TIME, change) for change in (with_(3, np.nan), with_(-1, 1e300), lambda time: time + 1j, lambda time: time[:0])),
+    *((name, with_((3, 1), value)) for name in TABLE for value in (np.nan, np.inf, -np.inf)),
+    *((name, change) for name in TABLE for change in (lambda table: table[:-1], lambda table: table[:, 1:], np.ravel)),
+    ("standard_deviation", np.negative),
+    *(("covariance", change) for change in (np.negative, np.triu, np.diagonal, lambda c: c[1:], lambda c: c[1:, 1:])),
+    *(("covariance", with_((0, 0), value)) for value in (np.nan, np.inf, -1.0)),
+    *(("state", change) for change in (with_(0, b"p"), with_(0, b""), with_(0, b"$\\frac$"), lambda names: names[1:])),
+    ("state", lambda names: np.arange(names.size)),
+    ("unit", with_(0, b"furlong")),
+    ("held", with_(0, b"X_u|u|")),
+    ("held", lambda names: names[1:]),
+    ("held_value", with_(0, np.nan)),
+    *((f"innovations/dvl/{name}", with_(1, np.inf)) for name in ("innovation", "variance", "nis")),
+    *((f"innovations/dvl/{name}", with_(1, -1.0)) for name in ("variance", "nis")),
+    *((f"innovations/dvl/{name}", lambda rows: rows[1:]) for name in ("innovation", "nis", "standard_deviation")),
+    ("innovations/dvl/time", np.negative),
+    ("innovations/dvl/standard_deviation", np.negative),
+]
+
+
+@pytest.mark.parametrize(("name", "change"), WRONG, ids=[f"{name}-{i}" for i, (name, _) in enumerate(WRONG)])
+def test_arrays_of_an_estimate_are_as_they_must_be(name, change, estimate_with):
+    refused(read_estimate, estimate_with(name, change))
+
+
+def test_innovations_of_a_sensor_that_is_not_known(written, tmp_path):
+    path = shutil.copy(written["estimate"], tmp_path / "estimate.h5")
+    with h5py.File(path, "a") as file:
+        file.move("innovations/dvl", "innovations/$x$")
+    refused(read_estimate, path)
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("inputs/time", lambda time: time[:, None]),
+        ("inputs/time", np.sum),
+        ("inputs/time", with_(-1, 1e300)),
+        ("inputs/time", lambda time: time + 1j),
+        ("inputs/rudder", lambda values: values[:, None]),
+        ("sensors/dvl/u", with_(1, np.inf)),
+        ("sensors/dvl/valid", np.ravel),
+        ("sensors/dvl/valid", lambda flags: flags[:, 0]),
+        *(("sensors/dvl/standard_deviation", with_(0, value)) for value in (-1.0, np.nan, np.inf)),
+        *((f"truth/{name}", with_(1, np.nan)) for name in ("time", "u", "down", "true_coefficient")),
+        ("truth/time", np.negative),
+        ("truth/u", lambda values: values[:-1]),
+        ("truth/coefficient", with_(0, b"X_q")),
+    ],
+)
+def test_arrays_of_a_dataset_are_as_they_must_be(name, change, written, tmp_path):
+    path = shutil.copy(written["dataset"], tmp_path / "dataset.h5")
+    with h5py.File(path, "a") as file:
+        # A sensor may well have said that a reading is void.
+        if name == "sensors/dvl/u":
+            file["sensors/dvl/valid"][...] = 1
+        values = change(file[name][...])
+        del file[name]
+        file[name] = values
+    refused(read_dataset, path)
+
+
+def test_what_a_filter_may_leave_behind_is_read(dataset, filter_name, write_estimate, with_settings, tmp_path):
+    settings = (
+        "identification.coefficients=[X_u|u|]",
+        "identification.keep_every=7",
+        "identification.estimate.biases=[gyro, attitude, dvl, current, thrust]",
+        "identification.use.spans=[[0, 0.9], [0.9, 2]]",
+        "identification.use.shortest=0.1 s",
+        "identification.output_error.max_evaluations=2",
+    )
+    estimate = identify(with_settings(dataset, *settings), filter_name)
+    write_estimate(tmp_path / "estimate.h5", estimate)
+    assert read_estimate(tmp_path / "estimate.h5").status == estimate.status
+
+
+def test_a_filter_that_diverged_is_read(dataset, kalman_filter, write_estimate, with_settings, tmp_path):
+    wild = replace(dataset, sensors=dataset.sensors | {"dvl": replace(dataset.sensors["dvl"])})
+    wild.sensors["dvl"] = replace(wild.sensors["dvl"], values=wild.sensors["dvl"].values * 1e160)
+    estimate = identify(wild, kalman_filter)
+    assert not estimate.completed
+    write_estimate(tmp_path / "estimate.h5", estimate)
+    assert read_estimate(tmp_path / "estimate.h5").status == estimate.status
+
+
+def test_infinite_deviations_are_for_the_output_error_method_alone(dataset, estimate, write_estimate, tmp_path):
+    deviation, covariance = estimate.standard_deviation.copy(), estimate.covariance.copy()
+    deviation[:, 0], covariance[0, 0], covariance[0, 1], covariance[1, 0] = np.inf, np.inf, -np.inf, -np.inf
+    blind = replace(estimate, standard_deviation=deviation, covariance=covariance)
+    write_estimate(tmp_path / "fit.h5", replace(blind, filter=FilterName.OUTPUT_ERROR.value))
+    assert np.isinf(read_estimate(tmp_path / "fit.h5").standard_deviation[:, 0]).all()
+    write_estimate(tmp_path / "filter.h5", blind)
+    with pytest.raises(FileError, match=re.escape("/standard_deviation")):
+        read_estimate(tmp_path / "filter.h5")
+
+
+def test_every_state_that_can_be_estimated_may_be_read():
+    errors = sensor_errors(EstimateSettings(biases=tuple(BiasName)))
+    assert {error.symbol: error.unit for error in errors}.items() <= STATES.items()
