@@ -18,7 +18,7 @@ from auvid_cli.campaign.axes import Label
 from auvid_cli.campaign.measures import Measure
 from auvid_cli.campaign.perform import Performed
 from auvid_cli.campaign.plan import Run
-from auvid_cli.data.csv_text import csv_text
+from auvid_cli.data.csv_text import csv_text, csv_value
 from auvid_cli.data.files import replacing, write_text
 from auvid_cli.errors import FileError
 
@@ -224,7 +224,10 @@ class Store:
         rows = csv.DictReader(StringIO(self._failures_file.read_text(encoding="utf-8")))
         try:
             return [
-                Failure(row["run"], row["filter"], int(row["seed"]), row["settings"], row["reason"]) for row in rows
+                Failure(
+                    row["run"], row["filter"], int(row["seed"]), csv_value(row["settings"]), csv_value(row["reason"])
+                )
+                for row in rows
             ]
         except (TypeError, ValueError, KeyError):
             raise FileError(f"{self._failures_file}: is no list of failed runs; take it away") from None

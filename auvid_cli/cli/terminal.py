@@ -13,6 +13,7 @@ from typing import Protocol
 import typer
 
 from auvid_cli.cli.exit_codes import DONE, INTERRUPTED, WRONG_INPUT
+from auvid_cli.printable import printable_lines
 
 
 @contextmanager
@@ -25,7 +26,7 @@ def reporting_errors() -> Iterator[None]:
     try:
         yield
     except AuvidError as error:
-        print(f"auvid: {error}", file=sys.stderr)
+        print(f"auvid: {printable_lines(str(error))}", file=sys.stderr)
         raise typer.Exit(WRONG_INPUT) from None
     except MemoryError as error:
         print(f"auvid: not enough memory for this duration and these rates: {error}", file=sys.stderr)
@@ -38,7 +39,8 @@ def reporting_errors() -> Iterator[None]:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise typer.Exit(DONE) from None
     except OSError as error:
-        print(f"auvid: {error.filename or 'output'}: {error.strerror or error}", file=sys.stderr)
+        where = printable_lines(str(error.filename or "output"))
+        print(f"auvid: {where}: {error.strerror or error}", file=sys.stderr)
         raise typer.Exit(WRONG_INPUT) from None
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -66,13 +68,13 @@ class Terminal:
     """
 
     def __init__(self, quiet: bool, verbose: bool) -> None:
-        from rich.console import Console
+        from auvid_cli.report.console import PlainConsole
 
         self.quiet = quiet
         self.verbose = verbose and not quiet
-        self.out = Console(quiet=quiet, highlight=False)
+        self.out = PlainConsole(quiet=quiet, highlight=False)
         # Progress goes to the error stream, so that output can be piped.
-        self._err = Console(stderr=True, quiet=quiet)
+        self._err = PlainConsole(stderr=True, quiet=quiet)
         self._partner: subprocess.Popen | None = None
         # Whether compiling has begun in the present block, and whether that stands on a screen that keeps its lines.
         self._compiles = self._printed = False

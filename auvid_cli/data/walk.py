@@ -43,15 +43,14 @@ def _items(file: h5py.File) -> Iterator[h5py.HLObject]:
     seen, ahead = set(), [file["/"]]
     while ahead:
         item = ahead.pop()
-        address = h5py.h5o.get_info(item.id).addr
-        if address in seen:
+        if item in seen:
             continue
-        seen.add(address)
+        seen.add(item)
         yield item
         if isinstance(item, h5py.Group):
             for name in item:
                 if not isinstance(item.get(name, getlink=True), h5py.HardLink):
-                    raise ValueError(f"{item.name.rstrip('/')}/{name} is a link, not a part of the file")
+                    raise ValueError(f"{name} in {item.name} is a link, not a part of the file")
                 ahead.append(item[name])
 
 

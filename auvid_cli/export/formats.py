@@ -41,10 +41,13 @@ FORMATS = {
     FormatName.SDF: Format(".sdf", gazebo_losses, gazebo_text),
 }
 
+# Letters of a vehicle's name in that of a file: with the filter's, fewer than a function of MATLAB may have.
+_LONGEST = 40
+
 
 def default_stem(model: IdentifiedModel) -> str:
     """File name without suffix, from vehicle and filter; also a name for Python and MATLAB."""
-    words = re.sub(r"[^a-z0-9]+", "_", model.experiment.vehicle.name.lower()).strip("_")
+    words = re.sub(r"[^a-z0-9]+", "_", model.experiment.vehicle.name.lower())[:_LONGEST].strip("_")
     return f"{words if words[:1].isalpha() else f'vehicle_{words}'}_{model.filter}"
 
 

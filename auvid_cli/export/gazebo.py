@@ -7,16 +7,18 @@ forces from. The system's own, ``<xDotU>``, differences velocities and blows up 
 its Coriolis forces lack the cross terms; so both are switched off.
 """
 
-import re
+from textwrap import indent
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.export.comment import xml_comment
 from auvid_cli.export.heading import certainty, heading_lines
 from auvid_cli.export.losses import Losses, losses_of
 from auvid_cli.export.model import IdentifiedModel
 from auvid_cli.export.terms import ROWS
+from auvid_cli.printable import printable
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, Coefficient
 
 _LINK = "base_link"
@@ -46,7 +48,7 @@ def gazebo_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
     size, known = model.experiment.vehicle.size, model.experiment.vehicle.known_parameters()
     gravity = known["W"] / known["m"]
     root = ElementTree.Element("sdf", version="1.10")
-    body = _child(root, "model", name=name)
+    body = _child(root, "model", name=printable(name))
     link = _child(body, "link", name=_LINK)
     _add_inertial(link, known)
     width = float(np.sqrt(known["B"] / (gravity * size.density * size.length)))
@@ -64,12 +66,10 @@ def gazebo_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
     # one signal, and else none or two.
     for coefficient, each in zip(COEFFICIENTS, model.coefficients, strict=True):
         if coefficient.symbol not in _FIN_TERMS:
-            system.append(ElementTree.Comment(_comment(f" {each.symbol}: {certainty(each)} ")))
+            system.append(ElementTree.Comment(f" {xml_comment([f'{each.symbol}: {certainty(each)}'])} "))
             _child(system, _element(coefficient), _numbers(each.value))
     ElementTree.indent(root)
-    heading = "\n".join(
-        f"  {_comment(line)}" for line in [*heading_lines(model, losses), *_advice(gravity, size.density)]
-    )
+    heading = indent(xml_comment([*heading_lines(model, losses), *_advice(gravity, size.density)]), "  ")
     return f'<?xml version="1.0"?>\n<!--\n{heading}\n-->\n{ElementTree.tostring(root, encoding="unicode")}\n'
 
 
@@ -136,8 +136,3 @@ def _child(parent: ElementTree.Element, tag: str, text: str | None = None, **att
 def _numbers(*values: float) -> str:
     # Adding zero takes the sign off a zero.
     return " ".join(repr(float(value) + 0.0) for value in values)
-
-
-def _comment(text: str) -> str:
-    """Text that may stand in an XML comment, where two hyphens may not."""
-    return re.sub("-(?=-)", "- ", text)

@@ -6,9 +6,9 @@ from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
 
 
 def heading_lines(model: IdentifiedModel, losses: Losses) -> list[str]:
-    """Vehicle, filter, origin, doubts and losses; a line each, with nothing in it that could end a comment line."""
+    """Vehicle, filter, origin, doubts and losses, a line each; for `auvid_cli.export.comment`."""
     experiment, origin = model.experiment, model.origin
-    lines = [
+    return [
         f"{experiment.vehicle.name}: coefficients identified by {model.filter}",
         f"Exported by auvid {origin.auvid_version} at {origin.created}",
         f"from the estimate with SHA-256 {origin.estimate_sha256},",
@@ -17,7 +17,6 @@ def heading_lines(model: IdentifiedModel, losses: Losses) -> list[str]:
         *doubts(model),
         *loss_lines(losses),
     ]
-    return [" ".join(line.split()) if not line.startswith("  ") else line for line in lines]
 
 
 def doubts(model: IdentifiedModel) -> list[str]:

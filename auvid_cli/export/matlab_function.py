@@ -1,5 +1,6 @@
 """An identified model as a MATLAB function without toolboxes."""
 
+from auvid_cli.export.comment import line_comments
 from auvid_cli.export.equations import constants, mass_rows, statements
 from auvid_cli.export.heading import heading_lines
 from auvid_cli.export.losses import Losses
@@ -29,7 +30,7 @@ def matlab_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
     ]
     lines = [
         f"function derivative = {name}(motion, inputs)\n",
-        *(f"% {line}\n" for line in [*_HELP.format(name=name).splitlines(), *heading_lines(model, losses)]),
+        line_comments("%", [*_HELP.format(name=name).splitlines(), *heading_lines(model, losses)]),
         f"\n% Rigid-body and added mass, kg, kg m, kg m^2.\nMASS = [ ...\n{rows}];\n",
         *(f"{c.name} = {c.value:.17g}; % {c.remark}\n" for c in constants(model)),
         "\n",

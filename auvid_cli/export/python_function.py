@@ -1,5 +1,6 @@
 """An identified model as a Python module that needs only NumPy."""
 
+from auvid_cli.export.comment import line_comments
 from auvid_cli.export.equations import constants, mass_rows, statements
 from auvid_cli.export.heading import heading_lines
 from auvid_cli.export.losses import Losses
@@ -35,7 +36,9 @@ def python_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
         if each.standard_deviation is not None
     ]
     lines = [
-        *(f"# {line}\n" for line in heading_lines(model, losses)),
+        # Else a vehicle's name could state an encoding, in which the module would be another one.
+        "# coding: utf-8\n",
+        line_comments("#", heading_lines(model, losses)),
         "\nfrom math import cos, sin\n\nimport numpy as np\n\n",
         f"# Rigid-body and added mass, kg, kg m, kg m^2.\nMASS = np.array(\n    [\n{rows},\n    ]\n)\n",
         *(f"{c.name} = {c.value!r}  # {c.remark}\n" for c in constants(model)),

@@ -4,6 +4,7 @@ from typing import Any
 
 import yaml
 
+from auvid_cli.export.comment import line_comments
 from auvid_cli.export.heading import heading_lines
 from auvid_cli.export.losses import Losses
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
@@ -23,9 +24,8 @@ def yaml_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
     }
     notes = [*before["notes"], _provenance(model)]
     vehicle = before | {"notes": notes, "parameters": parameters, "coefficients": coefficients}
-    lines = [f"# {line}\n" for line in heading_lines(model, losses)]
     text = yaml.safe_dump(vehicle, sort_keys=False, width=160, default_flow_style=None, allow_unicode=True)
-    return "".join(lines) + text
+    return line_comments("#", heading_lines(model, losses)) + text
 
 
 def _estimated(coefficient: IdentifiedCoefficient, model: IdentifiedModel) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from rich.table import Table as ScreenTable
 from rich.text import Text
 
 from auvid_cli.campaign.findings import Findings
+from auvid_cli.data.csv_text import csv_cell
 from auvid_cli.data.files import write_text
 from auvid_cli.report.markdown import render_markdown
 from auvid_cli.report.notation import setting_text
@@ -33,7 +34,7 @@ def write_findings(found: Findings, folder: Path) -> list[Path]:
     tables = {"filters": found.filters, "coefficients": found.coefficients, "comparisons": found.comparisons}
     paths = [folder / f"{name}.csv" for name in tables]
     for path, table in zip(paths, tables.values(), strict=True):
-        write_text(path, table.to_csv(index=False))
+        write_text(path, table.map(csv_cell).rename(columns=csv_cell).to_csv(index=False))
     markdown = folder / "campaign.md"
     write_text(markdown, render_markdown([_filters_table(found), *_comparison_table(found)]))
     return [*paths, markdown]
@@ -148,7 +149,7 @@ def _ever_narrower(table: Table) -> Iterator[ScreenTable]:
         screen = screen_table()
         for column in table.columns:
             if column.header in shown:
-                screen.add_column(column.header, justify="right" if column.numeric else "left")
+                screen.add_column(Text(column.header), justify="right" if column.numeric else "left")
         for row in table.rows:
             cells = zip(row, table.columns, strict=True)
             screen.add_row(*(Text(_printed(cell)) for cell, column in cells if column.header in shown))

@@ -2,6 +2,7 @@
 
 from itertools import groupby
 
+from auvid_cli.printable import one_line
 from auvid_cli.report.notation import symbol_math, unit_latex
 from auvid_cli.report.table import DEVIATION_DIGITS, Cell, PlusMinus, Symbol, Table, Unidentified, Unit, number
 
@@ -21,7 +22,9 @@ _ESCAPES = str.maketrans(
         "†": r"$\dagger$",
         "é": r"\'{e}",
         "—": "---",
-        "\n": " ",
+        # At the beginning of a row they would belong to the end of the row before.
+        "[": "{[}",
+        "*": "{*}",
     }
 )
 
@@ -97,4 +100,4 @@ def _number(text: str | None) -> str:
 
 def escape(text: str) -> str:
     """Plain text for LaTeX."""
-    return text.translate(_ESCAPES)
+    return one_line(text).translate(_ESCAPES)

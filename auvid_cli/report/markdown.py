@@ -1,9 +1,15 @@
 """Printed tables as Markdown."""
 
+import re
+
+from auvid_cli.printable import one_line
 from auvid_cli.report.notation import unit_text
 from auvid_cli.report.table import DEVIATION_DIGITS, Cell, PlusMinus, Symbol, Table, Unidentified, Unit, number
 
 MISSING = "—"
+
+# What begins something in Markdown or HTML. An underscore within a word begins nothing.
+_MARKS = str.maketrans({"&": "&amp;", "<": "&lt;", **{mark: f"\\{mark}" for mark in "\\`*[]|$~#"}})
 
 
 def render_markdown(tables: list[Table]) -> str:
@@ -15,8 +21,8 @@ def _table(table: Table) -> str:
     headers = [f"{column.group}, {column.header}" if column.group else column.header for column in table.columns]
     marks = ["---:" if column.numeric else "---" for column in table.columns]
     body = [[_cell(cell) for cell in row] for row in [*table.rows, *table.totals]]
-    lines = ["| " + " | ".join(row) + " |" for row in [[_escape(h) for h in headers], marks, *body]]
-    return "\n\n".join([f"## {table.title}", "\n".join(lines), *(_escape(note) for note in table.notes)])
+    lines = ["| " + " | ".join(row) + " |" for row in [[_in_a_cell(h) for h in headers], marks, *body]]
+    return "\n\n".join([f"## {table.title}", "\n".join(lines), *(_in_a_cell(note) for note in table.notes)])
 
 
 def _cell(cell: Cell) -> str:
@@ -24,7 +30,7 @@ def _cell(cell: Cell) -> str:
         case None:
             return MISSING
         case Symbol(name):
-            return _escape(name)
+            return _in_a_cell(name)
         case Unit(name):
             return unit_text(name)
         case PlusMinus(value, deviation):
@@ -32,9 +38,15 @@ def _cell(cell: Cell) -> str:
         case Unidentified(marked):
             return f"{_cell(marked)} †"
         case str():
-            return _escape(cell)
+            return escape(cell)
     return number(cell) or MISSING
 
 
-def _escape(text: str) -> str:
-    return text.replace("|", r"\|").replace("\n", " ")
+def _in_a_cell(text: str) -> str:
+    """Auvid's own words, which may have marks in them."""
+    return one_line(text).replace("|", r"\|")
+
+
+def escape(text: str) -> str:
+    """Plain text for Markdown."""
+    return re.sub(r"(?<!\w)_|_(?!\w)", r"\\_", one_line(text).translate(_MARKS))

@@ -8,7 +8,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter
 
 from auvid_cli.campaign.status import ended
-from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure
+from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure, plain
 from auvid_cli.report.notation import setting_text
 
 if TYPE_CHECKING:
@@ -80,9 +80,9 @@ def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, s
         axes.tick_params(labelsize=8)
         axes.set_ylabel("error (%)", fontsize=9)
         head(axes, title)
-    axes_list[-1].set_xticks(range(len(levels)), [setting_text(level) for level in levels])
-    axes_list[-1].set_xlabel(along or "", fontsize=9)
-    handles = [Patch(label=name, **looks[name]) for name in filters]
+    axes_list[-1].set_xticks(range(len(levels)), [plain(setting_text(level)) for level in levels])
+    axes_list[-1].set_xlabel(plain(along or ""), fontsize=9)
+    handles = [Patch(label=plain(name), **looks[name]) for name in filters]
     words = ["box: quartiles, whiskers: 5 to 95 %"]
     words += ["red: share that did not end"] * (not ended(runs).all())
     words += [f"{len(cells) - _MOST_PANELS} more combinations: see the tables"] * (len(cells) > _MOST_PANELS)
@@ -132,13 +132,13 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
             text += f"\n{belied[i, j]:.0%} incons." if belied[i, j] > 0.0 else ""
             is_dark = decades[i, j] > 0.5 * (lowest + highest)
             axes.text(j, i, text, ha="center", va="center", fontsize=6, color="white" if is_dark else "black")
-        axes.set_xticks(range(len(cols)), [setting_text(value) for value in cols], fontsize=8)
-        axes.set_yticks(range(len(rows)), [setting_text(value) for value in rows], fontsize=8)
-        head(axes, name)
+        axes.set_xticks(range(len(cols)), [plain(setting_text(value)) for value in cols], fontsize=8)
+        axes.set_yticks(range(len(rows)), [plain(setting_text(value)) for value in rows], fontsize=8)
+        head(axes, plain(name))
     for axes in panels[n:]:
         axes.set_visible(False)
-    figure.supxlabel(across, fontsize=9)
-    figure.supylabel(down, fontsize=9)
+    figure.supxlabel(plain(across), fontsize=9)
+    figure.supylabel(plain(down), fontsize=9)
     if image is not None:
         bar = figure.colorbar(image, ax=panels.tolist(), shrink=0.8)
         bar.set_label("median error (%),\ndarker is larger", fontsize=8)
@@ -158,4 +158,4 @@ def _looks(filters: dict[str, str]) -> dict[str, dict[str, Any]]:
 
 def _title(names: list[str], values: object) -> str:
     stated = values if isinstance(values, tuple) else (values,)
-    return ", ".join(f"{name} {setting_text(value)}" for name, value in zip(names, stated, strict=True))
+    return plain(", ".join(f"{name} {setting_text(value)}" for name, value in zip(names, stated, strict=True)))

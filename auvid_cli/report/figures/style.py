@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from auvid_cli.printable import printable
 from auvid_cli.report.notation import filter_label
 
 DPI = 150
@@ -87,6 +88,11 @@ def tidy(axes: Axes) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(5))
     axes.ticklabel_format(axis="y", useOffset=False)
     axes.spines[["top", "right"]].set_visible(False)
+
+
+def plain(text: str) -> str:
+    """Text of a user's as it is, whose dollars are no mathematics."""
+    return printable(text).replace("$", r"\$")
 
 
 def head(axes: Axes, text: str) -> None:

@@ -1,0 +1,111 @@
+"""Whatever a vehicle is called, and whatever its file says, nothing but data comes through."""
+
+import ast
+import io
+import json
+import re
+import tokenize
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from auvid_cli.config.vehicle import VehicleSettings
+from auvid_cli.export.as_json import json_losses, json_text
+from auvid_cli.export.formats import FORMATS, check_stem, default_stem
+from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
+from auvid_cli.export.losses import losses_of
+from auvid_cli.export.matlab_function import matlab_text
+from auvid_cli.export.python_function import python_text
+from auvid_cli.export.vehicle_yaml import yaml_text
+
+HOSTILE = (
+    "  x\nimport os; os.system('true')\n#",
+    "coding: utf-7 +AAo-import os",
+    "-*- coding: latin-1 -*-",
+    "a\rb\x0bc\x0cd\x85e\u2028f\u2029g",
+    "%{\nsystem('true')\n%}",
+    "x ...\n!true",
+    "--><model name='other'/><!-- --- --",
+    "]]> <b>&amp;&#0; \x00\x08\ufffe",
+    "\u202eright to left\u202c \u200b\ufeff\x1b[2J\x9b2J",
+    "--- !!python/object/apply:os.system ['true']\n...",
+    '\'"""\\ {x} %s $x$ `id`',
+)
+# As YAML has them, without halves of pairs.
+texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=60) | st.sampled_from(HOSTILE)
+
+
+def hostile(test):
+    """Run a test with each of the names above, and with others."""
+    for text in HOSTILE:
+        test = example(text=text)(test)
+    return settings(max_examples=25)(given(text=texts)(test))
+
+
+def named(model, text):
+    """The same model of a vehicle of that name, source and notes, and with such a source of an entry."""
+    vehicle = model.experiment.vehicle
+    parameters = vehicle.parameters.model_copy(
+        update={"m": vehicle.parameters.m.model_copy(update={"source": text, "status": text})}
+    )
+    changed = {"name": text, "source": text, "notes": (text,), "parameters": parameters}
+    experiment = model.experiment.model_copy(update={"vehicle": vehicle.model_copy(update=changed)})
+    return type(model)(**vars(model) | {"experiment": experiment})
+
+
+@pytest.fixture(scope="module")
+def tame(model_with):
+    return model_with(held=("X_u|u|",))
+
+
+@hostile
+def test_a_python_module_is_the_same_but_for_its_comments(text, tame):
+    code, as_it_was = (python_text(model, losses_of(model), "m").encode() for model in (named(tame, text), tame))
+    assert tokenize.detect_encoding(io.BytesIO(code).readline)[0] == "utf-8"
+    assert ast.dump(ast.parse(code)) == ast.dump(ast.parse(as_it_was))
+    exec(compile(code, "model.py", "exec"), {})
+
+
+@hostile
+def test_a_matlab_function_is_the_same_but_for_its_comments(text, tame):
+    code, as_it_was = (
+        [line for line in re.split(r"[\n\r\x0b\x0c\x85\u2028\u2029]", matlab) if not line.startswith("% ")]
+        for model in (named(tame, text), tame)
+        for matlab in [matlab_text(model, losses_of(model), "m")]
+    )
+    assert code == as_it_was
+
+
+@hostile
+def test_a_vehicle_file_holds_the_text_as_it_is(text, tame):
+    held = yaml.safe_load(yaml_text(named(tame, text), losses_of(tame), "m"))
+    assert (held["name"], held["source"], held["notes"][0]) == (text, text, text)
+    assert held.keys() == VehicleSettings.model_fields.keys()
+    assert held["parameters"]["m"]["source"] == text
+
+
+@hostile
+def test_a_gazebo_model_has_the_same_elements(text, tame):
+    model = named(tame, text)
+    written = gazebo_text(model, gazebo_losses(model), text)
+    root, as_it_was = (ElementTree.fromstring(each) for each in (written, gazebo_text(tame, gazebo_losses(tame), "m")))
+    assert [(each.tag, each.text) for each in root.iter()] == [(each.tag, each.text) for each in as_it_was.iter()]
+    assert written.isascii() or written.replace("\n", "").isprintable()
+
+
+@hostile
+def test_json_holds_the_text_as_it_is(text, tame):
+    model = named(tame, text)
+    held = json.loads(json_text(model, json_losses(model), "m"))
+    assert (held["vehicle"], held["provenance"]["settings"]["vehicle"]["notes"]) == (text, [text])
+
+
+@hostile
+def test_the_name_of_a_file_is_one_for_every_form(text, tame):
+    stem = default_stem(named(tame, text * 9))
+    assert re.fullmatch("[a-z][a-z0-9_]*", stem)
+    for form in FORMATS:
+        check_stem(form, stem)
