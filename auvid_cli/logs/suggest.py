@@ -23,6 +23,7 @@ from auvid_cli.logs.names import (
 from auvid_cli.logs.noise import estimate_noise
 from auvid_cli.logs.suggest_inputs import input_lines
 from auvid_cli.logs.suggest_rows import quoted, row_lines
+from auvid_cli.printable import printable
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 Array = NDArray[np.float64]
@@ -78,7 +79,7 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
             lines += _sensor(sensor, names, *place)
     if not any(sensors.values()):
         lines.append("  # required: no column looks like a sensor; see the guide for what may stand here")
-    return "\n".join([*lines, "inputs:", *input_lines(names)]) + "\n"
+    return "".join(f"{printable(line)}\n" for line in [*lines, "inputs:", *input_lines(names)])
 
 
 def _log_names(logs: Sequence[Log]) -> dict[str, Log]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from auvid_cli.logs.log import HEADER_STAMP, LOG_TIME, Log
 from auvid_cli.logs.names import find_time
+from auvid_cli.printable import printable
 
 _WORDS_OF_YAML = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
 _PLAIN = re.compile(r"[A-Za-z_/][\w./-]*", re.ASCII)
@@ -16,6 +17,9 @@ def quoted(name: str) -> str:
     """A name as YAML needs it."""
     if _PLAIN.fullmatch(name) and name.lower() not in _WORDS_OF_YAML:
         return name
+    if not name.isprintable():
+        escaped = name.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{printable(escaped)}"'
     return "'" + name.replace("'", "''") + "'"
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from auvid_cli.config.log_map import load_map
@@ -14,6 +14,7 @@ from auvid_cli.errors import ConfigError
 from auvid_cli.logs.log import Column, Log
 from auvid_cli.logs.open import open_log
 from auvid_cli.logs.suggest import suggest
+from auvid_cli.logs.suggest_rows import quoted
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 TIME = np.arange(200) * 0.1
@@ -264,3 +265,11 @@ def test_import_refuses_what_is_not_filled_in(suggested, tmp_path):
     for missing in ("vehicle.parameters.m: ", "vehicle.size.length: ", "sensors.dvl.standard_deviation: "):
         assert missing in str(caught.value)
     assert str(caught.value).count("got nothing") == text.count(": null # required") == len(PARAMETERS) + 2 + 1
+
+
+@given(st.text(st.characters(exclude_categories=["Cs"])))
+@example('\n" a: b\x1b\\\u202e')
+def test_any_name_of_a_column_comes_back_from_a_map(name):
+    written = quoted(name)
+    assert written.isprintable()
+    assert yaml.safe_load(f"column: {written} # check\n") == {"column": name}

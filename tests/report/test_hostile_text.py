@@ -3,6 +3,7 @@
 import csv
 import re
 from io import StringIO
+from xml.etree import ElementTree
 
 import pytest
 from hypothesis import example, given
@@ -14,6 +15,7 @@ from rich.text import Text
 from auvid_cli.data.csv_text import csv_text, csv_value
 from auvid_cli.printable import printable
 from auvid_cli.report.console import PlainConsole
+from auvid_cli.report.figures.canvas import save
 from auvid_cli.report.figures.style import head, new_figure, plain
 from auvid_cli.report.latex import render_latex
 from auvid_cli.report.markdown import render_markdown
@@ -78,6 +80,13 @@ def test_a_name_in_a_figure_is_no_mathematics(text):
     head(axes, plain(text))
     FigureCanvasAgg(figure).draw()
     assert axes.title._preprocess_math(axes.title.get_text()) == (printable(text), False)
+
+
+def test_a_name_in_other_letters_is_drawn_without_a_warning(tmp_path):
+    figure = new_figure(1.0, 1.0)
+    head(figure.subplots(), plain("水 <b> & --> \x00"))
+    _, svg = save(figure, tmp_path, "figure")
+    ElementTree.parse(svg)
 
 
 @pytest.mark.parametrize("text", ["\x1b[2J", "[red]x[/red]", "\x9b2J", "\x07\x08", "\u202ex", "\x1b]0;title\x07"])
