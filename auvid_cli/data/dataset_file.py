@@ -112,6 +112,7 @@ def _read_sensor(group: h5py.Group, name: str) -> SensorRecord:
         raise ValueError(f"unknown sensor {name!r}; auvid knows {', '.join(SENSORS)}")
     values = read_table(group, [quantity.symbol for quantity in SENSORS[name]])
     mark_missing(group, "valid", values)
+    values[~np.isfinite(values)] = np.nan
     return SensorRecord(read_array(group, "time"), values, read_array(group, "standard_deviation"))
 
 

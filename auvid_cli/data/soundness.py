@@ -40,7 +40,6 @@ def _check_sensor(name: str, record: SensorRecord) -> None:
     where, n, width = f"/sensors/{name}", record.time.size, len(SENSORS[name])
     _check_times(where, record.time, increasing=True)
     _check_shapes(where, (record.values, (n, width)), (record.standard_deviation, (width,)))
-    _check_not_infinite(where, record.values)
     _check_deviations(where, record.standard_deviation)
 
 

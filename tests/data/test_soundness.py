@@ -118,7 +118,6 @@ def test_innovations_of_a_sensor_that_is_not_known(written, tmp_path):
         ("inputs/time", with_(-1, 1e300)),
         ("inputs/time", lambda time: time + 1j),
         ("inputs/rudder", lambda values: values[:, None]),
-        ("sensors/dvl/u", with_(1, np.inf)),
         ("sensors/dvl/valid", np.ravel),
         ("sensors/dvl/valid", lambda flags: flags[:, 0]),
         *(("sensors/dvl/standard_deviation", with_(0, value)) for value in (-1.0, np.nan, np.inf)),
@@ -131,13 +130,17 @@ def test_innovations_of_a_sensor_that_is_not_known(written, tmp_path):
 def test_arrays_of_a_dataset_are_as_they_must_be(name, change, written, tmp_path):
     path = shutil.copy(written["dataset"], tmp_path / "dataset.h5")
     with h5py.File(path, "a") as file:
-        # A sensor may well have said that a reading is void.
-        if name == "sensors/dvl/u":
-            file["sensors/dvl/valid"][...] = 1
         values = change(file[name][...])
         del file[name]
         file[name] = values
     refused(read_dataset, path)
+
+
+def test_an_infinite_reading_is_missing(written, tmp_path):
+    path = shutil.copy(written["dataset"], tmp_path / "dataset.h5")
+    with h5py.File(path, "a") as file:
+        file["sensors/gyroscope/p"][3] = np.inf
+    assert np.isnan(read_dataset(path).sensors["gyroscope"].values[3]).tolist() == [True, False, False]
 
 
 def test_what_a_filter_may_leave_behind_is_read(dataset, filter_name, write_estimate, with_settings, tmp_path):

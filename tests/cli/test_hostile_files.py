@@ -1,0 +1,69 @@
+"""Every command that reads data files answers what cannot be with one line, and writes nothing."""
+
+import shutil
+
+import h5py
+import pytest
+from typer.testing import CliRunner
+
+from auvid_cli.cli.app import app
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.dataset_file import read_dataset, write_dataset
+from auvid_cli.data.estimate_file import new_estimate
+from auvid_cli.identification.identify import identify
+
+
+@pytest.fixture(scope="module")
+def results(simulated_with, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results")
+    write_dataset(folder / "dataset.h5", simulated_with("manoeuvre.duration=2 s"))
+    estimate = identify(read_dataset(folder / "dataset.h5"), FilterName.TUKF)
+    with new_estimate(folder / "estimates/tukf.h5", estimate) as writer:
+        writer.append(estimate)
+        writer.finish(estimate)
+    return folder
+
+
+def elsewhere(file):
+    file.attrs["filter"] = "../../../x"
+
+
+def complex_times(file):
+    times = file["inputs/time"][...]
+    del file["inputs/time"]
+    file["inputs/time"] = times + 1j
+
+
+def looped(file):
+    del file["inputs"]
+    file["inputs"] = h5py.SoftLink("/inputs")
+
+
+ESTIMATE, DATASET = "estimates/tukf.h5", "dataset.h5"
+
+
+@pytest.mark.parametrize(
+    ("command", "harmed", "harm"),
+    [
+        *((["identify", DATASET], DATASET, harm) for harm in (complex_times, looped)),
+        (["inspect", DATASET], DATASET, complex_times),
+        (["identifiability", DATASET, "--at", ESTIMATE], ESTIMATE, elsewhere),
+        (["report", "."], ESTIMATE, elsewhere),
+        (["report", "."], DATASET, looped),
+        (["check", "."], ESTIMATE, elsewhere),
+        (["validate", ESTIMATE, DATASET], ESTIMATE, elsewhere),
+        (["export", ESTIMATE, "--to", "python"], ESTIMATE, elsewhere),
+    ],
+)
+def test_a_file_that_cannot_be_is_one_line(command, harmed, harm, results, tmp_path, monkeypatch):
+    folder = shutil.copytree(results, tmp_path / "a/b/c/results")
+    with h5py.File(folder / harmed, "a") as file:
+        harm(file)
+    before = sorted(tmp_path.rglob("*"))
+    monkeypatch.chdir(folder)
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == 2
+    assert result.stderr.startswith("auvid: ")
+    assert result.stderr.count("\n") == 1
+    assert harmed in result.stderr
+    assert sorted(tmp_path.rglob("*")) == before
