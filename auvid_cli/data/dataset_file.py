@@ -5,6 +5,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from auvid_cli.config.load import dump_experiment, parse_run
 from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord, TruthRecord
