@@ -16,7 +16,8 @@ from auvid_cli.config.load import dump_experiment, parse_run
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import holds_data, write_dataset
 from auvid_cli.data.files import keep_apart, replacing
-from auvid_cli.data.netcdf import digest, open_file, read_attribute
+from auvid_cli.data.netcdf import digest
+from auvid_cli.data.netcdf_reading import open_file, read_attribute
 from auvid_cli.data.results_folder import dataset_in, estimates_in, products, remove, tables_and_figures
 from auvid_cli.errors import AuvidError, FileError
 
