@@ -72,6 +72,8 @@ def _read(
     settings: InputsMap, key: tuple[str, ...], request: Request, columns: ColumnReader, origin: float
 ) -> tuple[Channel, Account]:
     reading = settings.channels()[key]
+    if reading.si == "turn/s" and not request.values[key[-1]].has_unit:
+        raise RefusedError(request.path, "has no unit: state the `unit` of the log's numbers, `unit: rpm` or `turn/s`")
     rows = read_rows(request, {key[-1]: reading}, None, columns)
     values = rows.values[key[-1]]
     known = np.isfinite(values)

@@ -41,7 +41,7 @@ INPUT_NAMES: dict[str, str] = {
     "fins.right": r"fins?_(pitch_r|right|starboard|stbd)(_(deg|rad))?|(right|starboard|stbd)_fins?",
     "fins.left": r"fins?_(pitch_l|left|port)(_(deg|rad))?|(left|port)_fins?",
     "surge_force": r"surge_force|thrust(_n)?|thrust_force",
-    "thrust.revolutions": r"(prop\w*_|motor_|thruster_)?(rpm|rps)",
+    "thrust.revolutions": r"((prop|screw|shaft|motor|thrust|throttle)\w*)?(rpm|rps|rev/s|turn/s)|(rpm|rps)_\w+",
     "thrust.share": r"thruster(_(pct|percent|cmd|command))?|motor_speed_cmd|throttle",
     "roll_moment": r"roll_moment",
 }
@@ -53,6 +53,7 @@ NAMED_UNITS: dict[str, dict[str, str]] = {
     "m/s^2": {"m_s2": "m/s^2", "ms2": "m/s^2", "mps2": "m/s^2", "g": "g", "mg": "mg"},
     "m": {"m": "m", "cm": "cm", "ft": "ft"},
     "percent": {"pct": "percent", "percent": "percent"},
+    "turn/s": {"rpm": "rpm", "rps": "turn/s"},
 }
 _SOME_TIME = r"(t|time|timestamp|stamp)_\w+|\w+_(t|time|timestamp|stamp)"
 _TIMES = r"(t|time|timestamp|stamp|unix_?(s|time)?|t_s|seconds|secs?|time_?(s|us|ms|ns)|epoch\w*|utc\w*|date_?time)"
@@ -97,7 +98,7 @@ def find_columns(
         found = {}
         for component, pattern in wanted.items():
             called = rf"({pattern}){ending}"
-            matching = [c for c in numbers if any(_is_called(name, called) for name in _spoken(table, c.name))]
+            matching = [c for c in numbers if any(_is_called(name, called) for name in _spoken(table, c))]
             if matching:
                 # Of "velocity.x" and "target.velocity.x" the shorter.
                 found[component] = min(matching, key=lambda column: len(column.name))
@@ -109,7 +110,8 @@ def find_columns(
 def named_unit(name: str, unit: str) -> str:
     """Unit that the end of a column's name states, of those that may stand for an SI unit; empty if it states none."""
     ends = NAMED_UNITS.get(unit, {})
-    return next((ends[end] for end in sorted(ends, key=len, reverse=True) if _plain(name).endswith(f"_{end}")), "")
+    called = f"_{_plain(name)}"
+    return next((ends[end] for end in sorted(ends, key=len, reverse=True) if called.endswith(f"_{end}")), "")
 
 
 def find_in_logs(
@@ -145,11 +147,11 @@ def find_time(columns: Iterable[Column]) -> Column | None:
     return None
 
 
-def _spoken(table: str, name: str) -> tuple[str, ...]:
-    """What a column is called; where a message is nothing but a number or a list of them, by its topic."""
-    field = _BARE_FIELD.fullmatch(name)
+def _spoken(table: str, column: Column) -> tuple[str, ...]:
+    """What a column is called, with its unit too; where a message is nothing but numbers, by its topic."""
+    field = _BARE_FIELD.fullmatch(column.name)
     if not table or field is None:
-        return (name,)
+        return (column.name, f"{column.name}_{column.unit}")
     parts = table.strip("/").split("/")
     axis = f"_{'xyz'[int(field['index'])]}" if field["index"] else ""
     return tuple(f"{stem}{axis}" for stem in (".".join(parts), "_".join(parts[-2:])))

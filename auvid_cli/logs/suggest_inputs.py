@@ -114,7 +114,7 @@ def _thrust(found: Mapping[str, _Input]) -> Iterator[str]:
         return
     if "thrust.revolutions" in found:
         yield "  thrust:"
-        yield f"    revolutions: {found['thrust.revolutions'].reading('unit: rpm')} # check: rpm, or turn/s"
+        yield f"    revolutions: {_revolutions(found['thrust.revolutions'])}"
         yield "    a: null # required: force = a n|n|, such as 0.05 N*s^2"
     elif "thrust.share" in found:
         own = found["thrust.share"]
@@ -124,6 +124,13 @@ def _thrust(found: Mapping[str, _Input]) -> Iterator[str]:
         yield "    full: null # required: force at 100 percent, such as 20 N"
     else:
         yield "  # check: no column looks like thrust: it will be zero"
+
+
+def _revolutions(own: _Input) -> str:
+    if own.column.unit:
+        return f"{own.reading()} # {own.column.unit} as the log says"
+    unit = named_unit(own.column.name, "turn/s") or "rpm"
+    return f"{own.reading(f'unit: {unit}')} # check: rpm, or turn/s"
 
 
 def _share_unit(own: _Input) -> tuple[str, ...]:

@@ -404,6 +404,22 @@ def test_gap_of_a_sensor_is_said(converted):
     assert remarks["dvl"] == []
 
 
+@pytest.mark.parametrize(
+    ("column", "unit", "refused"),
+    [("n", "", True), ("n", ", unit: rpm", False), ("stated", "", False), ("n", ", scale: 1 rpm", False)],
+)
+def test_revolutions_of_a_propeller_need_a_unit(converted, column, unit, refused):
+    velocity, _, _ = motion()
+    turns = np.full(TIME.size, 600.0)
+    log = MemoryLog(**{"dvl": dvl(velocity), "in": {"t": TIME, "n": turns, "stated": (turns, "rpm")}})
+    law = f"{{table: in, thrust: {{revolutions: {{column: {column}{unit}}}, a: 0.05 N*s^2}}}}"
+    if refused:
+        with pytest.raises(ConfigError, match=r":\d+:\d+: inputs\.thrust\.revolutions: has no unit.*`unit: rpm`"):
+            converted(log, DVL % "", inputs=law)
+    else:
+        assert converted(log, DVL % "", inputs=law).inputs.values[:, 2] == pytest.approx(np.full(TIME.size, 5.0))
+
+
 def test_propeller_that_loses_thrust_with_speed(converted):
     velocity, _, _ = motion()
     log = MemoryLog(**{"dvl": dvl(velocity), "in": {"t": TIME, "n": np.full(TIME.size, 600.0)}})
@@ -460,7 +476,11 @@ def test_propeller_that_loses_thrust_with_speed(converted):
             "{rudder: dr}",
             "inputs.rudder: missing key 'table': one of those in memory: imu, dvl, depth, in",
         ),
-        ([GYROSCOPE % ""], "{table: in, thrust: {revolutions: dr, a: 1, b: -1}}", "needs the speed, but no `dvl`"),
+        (
+            [GYROSCOPE % ""],
+            "{table: in, thrust: {revolutions: {column: dr, unit: rpm}, a: 1, b: -1}}",
+            "needs the speed, but no `dvl`",
+        ),
     ],
 )
 def test_map_that_does_not_fit_the_log(converted, sensors, inputs, message):

@@ -116,6 +116,22 @@ def test_numbers_tell_the_unit_of_a_thruster(suggested, thruster, reading):
     assert found["inputs"]["thrust"]["share"] == {"column": "thruster", **reading}
 
 
+@pytest.mark.parametrize(
+    ("heading", "reading"),
+    [
+        ("Thruster (rpm)", {"column": "Thruster"}),
+        ("Throttle [rev/s]", {"column": "Throttle"}),
+        ("prop_rpm", {"column": "prop_rpm", "unit": "rpm"}),
+        ("PropRPM", {"column": "PropRPM", "unit": "rpm"}),
+        ("motor_rps", {"column": "motor_rps", "unit": "turn/s"}),
+        ("rps", {"column": "rps", "unit": "turn/s"}),
+    ],
+)
+def test_revolutions_are_known_by_name_or_unit(suggested, heading, reading):
+    _, found = suggested(**{"t": TIME, "u": WAVE, heading: 600 + 100 * WAVE})
+    assert found["inputs"]["thrust"] == {"revolutions": reading, "a": None}
+
+
 def test_ends_of_names_are_units_of_inputs_too(suggested):
     _, found = suggested(t=TIME, u=WAVE, rudder_deg=0.5 * WAVE, thruster_pct=0.5 + 0.5 * WAVE)
     assert found["inputs"]["rudder"] == {"column": "rudder_deg", "unit": "deg"}
