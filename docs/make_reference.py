@@ -10,7 +10,8 @@ from pydantic_core import PydanticUndefined
 from auvid_cli.config.campaign import Campaign
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.log_map import LogMap
-from auvid_cli.config.quantity import Unit
+from auvid_cli.config.magnitudes import magnitude_of
+from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.config.sensors import SensorSettings
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import INPUTS, MOTION, PARAMETERS, POSITION
@@ -34,7 +35,14 @@ def reference() -> str:
         ("Inputs", INPUTS),
     ):
         page += f"\n## {title}\n\n" + table(("symbol", "unit", "meaning", "where"), quantities)
-    page += "\n## Settings\n\nA bare number is in the unit given here; any unit of the same dimension may be written.\n"
+    page += "\n## Settings\n\nA bare number is in the unit given here; any unit of the same dimension may be written. "
+    page += "Lists of components have the limits of their unit, and so have the numbers of a vehicle:\n\n"
+    units = dict.fromkeys(q.unit for q in (*PARAMETERS, *COEFFICIENTS)) | dict.fromkeys(
+        q.unit for q in (*MOTION, *INPUTS)
+    )
+    page += table(
+        ("unit", "least amount that is not 0", "largest size"), [(u, *map(plain, magnitude_of(u))) for u in units]
+    )
     found: dict[type[BaseModel], str] = {}
     collect("", Experiment, found)
     page += "".join(section(path, model) for model, path in found.items())
@@ -78,12 +86,12 @@ def section(path: str, model: type[BaseModel]) -> str:
     kind = typing.get_args(model.model_fields["type"].annotation)[0] if "type" in model.model_fields else ""
     heading += f" with `type: {kind}`" if kind else ""
     rows = [
-        (f"`{field.alias or name}`", unit(model, name, field), default(field), field.description or "")
+        (f"`{field.alias or name}`", unit(model, name, field), limits(field), default(field), field.description or "")
         for name, field in model.model_fields.items()
         if name != "type"
     ]
     summary = (model.__doc__ or "").split("\n\n")[0].strip()
-    return f"{heading}\n\n{summary}\n\n" + table(("key", "unit or choices", "default", "meaning"), rows)
+    return f"{heading}\n\n{summary}\n\n" + table(("key", "unit or choices", "from ... to", "default", "meaning"), rows)
 
 
 def unit(model: type[BaseModel], name: str, field) -> str:
@@ -100,6 +108,33 @@ def unit(model: type[BaseModel], name: str, field) -> str:
     if classes(field.annotation):
         return "see below"
     return "list" if "tuple" in str(field.annotation) and typing.get_origin(field.annotation) is not dict else ""
+
+
+def limits(field) -> str:
+    """Between what a number may be; what is written as an amount may also be 0 where that means none."""
+    low, high = "", ""
+    for item in field.metadata:
+        if isinstance(item, Unit):
+            size = magnitude_of(item.unit)
+            low, high = plain(size.least if isinstance(item, Amount) else -size.most), plain(size.most)
+    for item in field.metadata:
+        least = next(
+            (limit for limit in (getattr(item, "ge", None), getattr(item, "gt", None)) if limit is not None), None
+        )
+        most = next(
+            (limit for limit in (getattr(item, "le", None), getattr(item, "lt", None)) if limit is not None), None
+        )
+        if getattr(item, "ge", None) == 0 and low:
+            low = f"0, {low}"
+        elif least is not None and not (least == 0 and low):
+            low = plain(least)
+        high = plain(most) if most is not None else high
+    return f"{low} ... {high}".strip() if low or high else ""
+
+
+def plain(number: float) -> str:
+    """A limit, short."""
+    return f"{number:g}"
 
 
 def default(field) -> str:

@@ -6,7 +6,7 @@ from typing import Annotated
 from pydantic import Field
 
 from auvid_cli.config.model import Settings
-from auvid_cli.config.quantity import Unit
+from auvid_cli.config.quantity import Amount
 
 
 class BiasName(StrEnum):
@@ -22,44 +22,44 @@ class BiasName(StrEnum):
 class GyroBias(Settings):
     """Bias of the gyroscope, three components."""
 
-    spread: Annotated[float, Unit("rad/s"), Field(gt=0, description="standard deviation before any data")] = 0.01
+    spread: Annotated[float, Amount("rad/s"), Field(gt=0, description="standard deviation before any data")] = 0.01
     walk: Annotated[
-        float, Unit("rad/s/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
+        float, Amount("rad/s/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
     ] = 0.0
 
 
 class AttitudeBias(Settings):
     """Offsets of roll, pitch and heading."""
 
-    spread: Annotated[float, Unit("rad"), Field(gt=0, description="standard deviation before any data")] = 0.05
+    spread: Annotated[float, Amount("rad"), Field(gt=0, description="standard deviation before any data")] = 0.05
     walk: Annotated[
-        float, Unit("rad/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
+        float, Amount("rad/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
     ] = 0.0
 
 
 class DvlError(Settings):
     """Scale error and mounting yaw of the DVL."""
 
-    scale_spread: Annotated[float, Field(gt=0, description="standard deviation before any data")] = 0.05
-    scale_walk: Annotated[float, Unit("1/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
-    yaw_spread: Annotated[float, Unit("rad"), Field(gt=0, description="standard deviation before any data")] = 0.05
-    yaw_walk: Annotated[float, Unit("rad/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
+    scale_spread: Annotated[float, Field(ge=1e-9, le=1e3, description="standard deviation before any data")] = 0.05
+    scale_walk: Annotated[float, Amount("1/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
+    yaw_spread: Annotated[float, Amount("rad"), Field(gt=0, description="standard deviation before any data")] = 0.05
+    yaw_walk: Annotated[float, Amount("rad/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
 
 
 class Current(Settings):
     """Horizontal current, north and east: what a DVL sees over ground beyond the motion through the water."""
 
-    spread: Annotated[float, Unit("m/s"), Field(gt=0, description="standard deviation before any data")] = 0.3
+    spread: Annotated[float, Amount("m/s"), Field(gt=0, description="standard deviation before any data")] = 0.3
     walk: Annotated[
-        float, Unit("m/s/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
+        float, Amount("m/s/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
     ] = 1e-3
 
 
 class ThrustScale(Settings):
     """Scale error of the stated surge force: that of a propeller whose gain is a guess."""
 
-    spread: Annotated[float, Field(gt=0, description="standard deviation before any data")] = 0.3
-    walk: Annotated[float, Unit("1/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
+    spread: Annotated[float, Field(ge=1e-9, le=1e3, description="standard deviation before any data")] = 0.3
+    walk: Annotated[float, Amount("1/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
 
 
 class Estimate(Settings):

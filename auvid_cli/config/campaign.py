@@ -16,15 +16,16 @@ from auvid_cli.config.tree import Tree
 
 # A value of any setting, as YAML gives it; the experiment judges it.
 AnyValue: TypeAlias = Any
+_Finite = Annotated[float, Field(ge=-1e20, le=1e20)]
 _NAME = r"^[A-Za-z][A-Za-z0-9_.-]*$"
 
 
 class Distribution(Settings):
     """From which a setting is drawn, for each seed anew and for all filters alike."""
 
-    uniform: Annotated[tuple[float, float] | None, Field(description="[lowest, highest]")] = None
-    log_uniform: Annotated[tuple[float, float] | None, Field(description="[lowest, highest], both above 0")] = None
-    normal: Annotated[tuple[float, float] | None, Field(description="[mean, standard deviation]")] = None
+    uniform: Annotated[tuple[_Finite, _Finite] | None, Field(description="[lowest, highest]")] = None
+    log_uniform: Annotated[tuple[_Finite, _Finite] | None, Field(description="[lowest, highest], both above 0")] = None
+    normal: Annotated[tuple[_Finite, _Finite] | None, Field(description="[mean, standard deviation]")] = None
 
     @model_validator(mode="after")
     def _is_one(self) -> "Distribution":

@@ -8,9 +8,10 @@ from pydantic import Field, field_validator, model_validator
 
 from auvid_cli.config.biases import Estimate
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.magnitudes import check_amount, check_size
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
 from auvid_cli.config.model import Settings
-from auvid_cli.config.quantity import Unit, parse_quantity
+from auvid_cli.config.quantity import Amount, Unit, parse_quantity
 from auvid_cli.config.sensors import SensorSuite
 from auvid_cli.config.spans import SeparateSpans
 from auvid_cli.config.vehicle import VehicleSettings
@@ -21,7 +22,7 @@ from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 class Prior(Settings):
     """Zero-mean prior of the coefficients: natural magnitude from the vehicle's size times `factor`."""
 
-    factor: Annotated[float, Field(gt=0, description="times the natural magnitude")] = 3.0
+    factor: Annotated[float, Field(ge=1e-6, le=1e6, description="times the natural magnitude")] = 3.0
     standard_deviation: dict[str, float] = Field(
         default_factory=dict, description="by coefficient, instead of the natural magnitude times factor"
     )
@@ -38,7 +39,10 @@ class Prior(Settings):
         units = {c.symbol: c.unit for c in COEFFICIENTS}
         for symbol in value:
             check_symbol(symbol)
-        parsed = {symbol: parse_quantity(stated, units[symbol]) for symbol, stated in value.items()}
+        parsed = {
+            symbol: check_amount(parse_quantity(stated, units[symbol]), units[symbol])
+            for symbol, stated in value.items()
+        }
         for symbol, deviation in parsed.items():
             if not deviation > 0.0:
                 raise ValueError(f"the standard deviation of {symbol} must be greater than 0")
@@ -48,19 +52,19 @@ class Prior(Settings):
 class ProcessNoise(Settings):
     """White-noise densities that drive the nine motion states: what the model leaves out."""
 
-    velocity: Annotated[float, Unit("m/s^2/Hz^0.5"), Field(gt=0, description="of u, v, w")] = 1e-4
-    rate: Annotated[float, Unit("rad/s^2/Hz^0.5"), Field(gt=0, description="of p, q, r")] = 1e-4
-    attitude: Annotated[float, Unit("rad/s/Hz^0.5"), Field(gt=0, description="of phi, theta, psi")] = 1e-5
-    depth: Annotated[float, Unit("m/s/Hz^0.5"), Field(gt=0, description="of the depth, where it is measured")] = 1e-3
+    velocity: Annotated[float, Amount("m/s^2/Hz^0.5"), Field(gt=0, description="of u, v, w")] = 1e-4
+    rate: Annotated[float, Amount("rad/s^2/Hz^0.5"), Field(gt=0, description="of p, q, r")] = 1e-4
+    attitude: Annotated[float, Amount("rad/s/Hz^0.5"), Field(gt=0, description="of phi, theta, psi")] = 1e-5
+    depth: Annotated[float, Amount("m/s/Hz^0.5"), Field(gt=0, description="of the depth, where it is measured")] = 1e-3
 
 
 class InitialMotion(Settings):
     """Standard deviations about the first sample of each sensor, from which a filter starts."""
 
-    velocity: Annotated[float, Unit("m/s"), Field(gt=0)] = 0.1
-    rate: Annotated[float, Unit("rad/s"), Field(gt=0)] = 0.05
-    attitude: Annotated[float, Unit("rad"), Field(gt=0)] = 0.05
-    depth: Annotated[float, Unit("m"), Field(gt=0)] = 0.5
+    velocity: Annotated[float, Amount("m/s"), Field(gt=0)] = 0.1
+    rate: Annotated[float, Amount("rad/s"), Field(gt=0)] = 0.05
+    attitude: Annotated[float, Amount("rad"), Field(gt=0)] = 0.05
+    depth: Annotated[float, Amount("m"), Field(gt=0)] = 0.5
 
 
 class Use(Settings):
@@ -70,12 +74,12 @@ class Use(Settings):
         SeparateSpans, Field(description="[begin, end], s, each; null: as far as there are data; empty: all")
     ] = ()
     least_speed: Annotated[
-        float | None, Unit("m/s"), Field(gt=0, description="leave out what is slower by the DVL")
+        float | None, Amount("m/s"), Field(gt=0, description="leave out what is slower by the DVL")
     ] = None
     longest_gap: Annotated[
-        float | None, Unit("s"), Field(gt=0, description="a sensor that is silent for longer ends a stretch")
+        float | None, Amount("s"), Field(gt=0, description="a sensor that is silent for longer ends a stretch")
     ] = None
-    shortest: Annotated[float, Unit("s"), Field(ge=0, description="leave out stretches that last less")] = 2.0
+    shortest: Annotated[float, Amount("s"), Field(ge=0, description="leave out stretches that last less")] = 2.0
 
 
 class EkfSettings(Settings):
@@ -90,9 +94,9 @@ class EkfSettings(Settings):
 class UkfSettings(Settings):
     """Scaled unscented transformation."""
 
-    alpha: Annotated[float, Field(gt=0, description="spread of the points")] = 0.1
-    beta: Annotated[float, Field(ge=0, description="2 is best for a Gaussian")] = 2.0
-    kappa: Annotated[float, Field(ge=0, description="secondary scaling")] = 0.0
+    alpha: Annotated[float, Field(ge=1e-4, le=10, description="spread of the points")] = 0.1
+    beta: Annotated[float, Field(ge=0, le=100, description="2 is best for a Gaussian")] = 2.0
+    kappa: Annotated[float, Field(ge=0, le=1000, description="secondary scaling")] = 0.0
 
     @model_validator(mode="after")
     def _no_negative_covariance_term(self) -> "UkfSettings":
@@ -125,7 +129,7 @@ class OutputErrorSettings(Settings):
             check_symbol(symbol)
             if not isinstance(stated, list | tuple) or len(stated) != 2:
                 raise ValueError(f"the bounds of {symbol}: expected [lowest, highest]")
-            low, high = (parse_quantity(bound, units[symbol]) for bound in stated)
+            low, high = (check_size(parse_quantity(bound, units[symbol]), units[symbol]) for bound in stated)
             if not low < high:
                 raise ValueError(f"the bounds of {symbol}: the lowest must be less than the highest")
             parsed[symbol] = low, high
@@ -146,21 +150,25 @@ class Identification(Settings):
     ] = "all"
     use: Use = Use()
     fin_time_constant: Annotated[
-        float, Unit("s"), Field(ge=0, description="of fins that follow the recorded command with a first-order lag")
+        float,
+        Amount("s"),
+        Field(ge=0, le=1e3, description="of fins that follow the recorded command with a first-order lag"),
     ] = 0.0
     estimate: Estimate = Estimate()
     prior: Prior = Prior()
     process_noise: ProcessNoise = ProcessNoise()
     initial_motion: InitialMotion = InitialMotion()
     integration_step: Annotated[
-        float, Unit("s"), Field(gt=0, description="longest step of the filter's integration")
+        float, Unit("s"), Field(ge=1e-5, le=1e3, description="longest step of the filter's integration")
     ] = 0.02
     keep_every: Annotated[
         int, Field(ge=1, strict=True, description="of the states, every so many is written; innovations all are")
     ] = 1
     gate: Annotated[
         float | None,
-        Field(gt=0, description="reject a component whose innovation is more standard deviations; null: none"),
+        Field(
+            ge=1e-3, le=1e6, description="reject a component whose innovation is more standard deviations; null: none"
+        ),
     ] = None
     ekf: EkfSettings = EkfSettings()
     ukf: UkfSettings = UkfSettings()

@@ -168,7 +168,8 @@ def _expectation(detail: ErrorDetails, place: _Place) -> str:
     if place.in_union and place.field and place.field.description:
         return f"expected {place.field.description}"
     if kind in LIMITS:
-        return LIMITS[kind].format(**context)
+        unit = _unit(place.field) if any(isinstance(limit, float) and limit for limit in context.values()) else ""
+        return f"{LIMITS[kind].format(**context)} {unit}".strip()
     models = _models(place.annotation)
     if models and kind in ("model_type", "model_attributes_type", "dict_type"):
         return f"expected {_mapping_like(models[0]) if len(models) == 1 else 'a mapping'}"
@@ -180,14 +181,19 @@ def _meaning(field: FieldInfo | None) -> str:
     """What a key is for and what it looks like, as far as its field says so."""
     if field is None:
         return ""
-    units = [item.unit for item in _metadata(field) if isinstance(item, Unit)]
+    unit = _unit(field)
     models = _models(field.annotation)
     description = f" ({field.description})" if field.description else ""
-    if units:
-        return f"{description}: {expected(units[0])}"
+    if unit:
+        return f"{description}: {expected(unit)}"
     if len(models) == 1:
         return f"{description}: {_mapping_like(models[0])}"
     return description
+
+
+def _unit(field: FieldInfo | None) -> str:
+    """SI unit of a field; empty if it has none."""
+    return next((item.unit for item in _metadata(field) if isinstance(item, Unit)), "") if field is not None else ""
 
 
 def _metadata(field: FieldInfo) -> Sequence[Any]:

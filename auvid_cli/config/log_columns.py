@@ -5,6 +5,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from auvid_cli.config.magnitudes import check_size
 from auvid_cli.config.model import Settings
 from auvid_cli.config.quantity import EXAMPLES, Unit, describe, parse_quantity
 
@@ -79,7 +80,7 @@ class Reading(Settings):
     unit: Annotated[str | None, Field(description="of the log's numbers; else as the log's header states it, else SI")]
     unit = None
     sign: Annotated[Literal[1, -1], Field(description="-1 where the log counts the other way")] = 1
-    centre: Annotated[float, Field(description="the log's number that means zero")] = 0.0
+    centre: Annotated[float, Field(ge=-1e12, le=1e12, description="the log's number that means zero")] = 0.0
     scale: Annotated[float | None, Field(description="one unit of the log's number, such as 0.35 deg; for counts")]
     scale = None
     offset: Annotated[float, Field(description="added at the end")] = 0.0
@@ -105,7 +106,7 @@ class Reading(Settings):
     @field_validator("scale", "offset", mode="before")
     @classmethod
     def _quantity(cls, value: Any) -> Any:
-        return value if value is None else parse_quantity(value, cls.si)
+        return value if value is None else check_size(parse_quantity(value, cls.si), cls.si)
 
     @field_validator("limits", mode="before")
     @classmethod

@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from auvid_cli.config.log_columns import Reading, Rows
 from auvid_cli.config.model import Settings
-from auvid_cli.config.quantity import Unit
+from auvid_cli.config.quantity import Amount, Unit
 
 
 class InputReading(Reading, Rows):
@@ -79,10 +79,10 @@ class Thrust(Settings):
     """Thrust by F = a n|n| + b |n| u of a propeller, or F = full x|x| of a command x from -100 to 100 percent."""
 
     revolutions: Annotated[Revolutions | None, Field(description="n, in turn/s or rpm")] = None
-    a: Annotated[float | None, Unit("N*s^2"), Field(gt=0, description="force at rest per (turn/s)^2")] = None
+    a: Annotated[float | None, Amount("N*s^2"), Field(gt=0, description="force at rest per (turn/s)^2")] = None
     b: Annotated[float, Unit("N*s^2/m"), Field(le=0, description="what speed takes off")] = 0.0
     share: Annotated[Share | None, Field(description="x, in percent, or with unit '1' where 1 is full")] = None
-    full: Annotated[float | None, Unit("N"), Field(gt=0, description="force at 100 percent")] = None
+    full: Annotated[float | None, Amount("N"), Field(gt=0, description="force at 100 percent")] = None
 
     @model_validator(mode="after")
     def _one_law(self) -> "Thrust":

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, create_model, field_validator, model_validator
 
 from auvid_cli.config.log_columns import READINGS, Number, Reading, Rows, Validity, check_unit
+from auvid_cli.config.magnitudes import check_amount
 from auvid_cli.config.model import Settings
 from auvid_cli.config.quantity import Unit, parse_components
 from auvid_cli.config.spans import Spans
@@ -122,7 +123,7 @@ class SensorMap(Rows):
             return value
         quantities = SENSORS[cls.sensor]
         try:
-            deviations = parse_components(value, quantities[0].unit, len(quantities))
+            deviations = parse_components(value, quantities[0].unit, len(quantities), check_amount)
         except ValueError as error:
             raise ValueError(f"{error}; 'estimate' takes it from the signal") from None
         if any(deviation <= 0.0 for deviation in deviations):

@@ -5,27 +5,30 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from auvid_cli.config.model import Settings
-from auvid_cli.config.quantity import Unit
+from auvid_cli.config.quantity import Amount, Unit
 
-Seconds = Annotated[float, Unit("s"), Field(gt=0, le=1e6)]
+Seconds = Annotated[float, Amount("s"), Field(gt=0, le=1e6)]
+Pause = Annotated[float, Amount("s"), Field(ge=0, le=1e6)]
 Radians = Annotated[float, Unit("rad")]
-PositiveRadians = Annotated[float, Unit("rad"), Field(gt=0)]
+# Short of straight up and down, where heading and roll mean nothing.
+Pitch = Annotated[float, Unit("rad"), Field(gt=-1.57, lt=1.57)]
+PositiveRadians = Annotated[float, Amount("rad"), Field(gt=0)]
 
 
 class Limits(Settings):
     """What the actuators can do."""
 
     fin_angle: Annotated[PositiveRadians, Field(lt=1.6, description="largest fin deflection")] = 0.35
-    fin_rate: Annotated[float, Unit("rad/s"), Field(gt=0, description="largest fin rate")] = 1.0
-    surge_force: Annotated[float, Unit("N"), Field(gt=0, description="largest thrust, either way")] = 1e4
+    fin_rate: Annotated[float, Amount("rad/s"), Field(gt=0, description="largest fin rate")] = 1.0
+    surge_force: Annotated[float, Amount("N"), Field(gt=0, description="largest thrust, either way")] = 1e4
 
 
 class Multisine(Settings):
     """Sum of equal sines at evenly spaced frequencies with Schroeder phases, scaled to its peak."""
 
     amplitude: Annotated[float, Field(ge=0, description="peak: rad, N or N m by channel")]
-    lowest: Annotated[float, Unit("Hz"), Field(gt=0, description="lowest frequency")] = 0.02
-    highest: Annotated[float, Unit("Hz"), Field(gt=0, description="highest frequency")] = 0.5
+    lowest: Annotated[float, Amount("Hz"), Field(gt=0, description="lowest frequency")] = 0.02
+    highest: Annotated[float, Amount("Hz"), Field(gt=0, description="highest frequency")] = 0.5
     lines: Annotated[int, Field(ge=1, le=1000, description="number of sines")] = 8
     phase: Annotated[Radians, Field(description="added to every phase, to tell channels apart")] = 0.0
 
@@ -39,27 +42,27 @@ class Multisine(Settings):
 class FinMultisine(Multisine):
     """Multisine of a fin."""
 
-    amplitude: Annotated[float, Unit("rad"), Field(ge=0, description="peak deflection")]
+    amplitude: Annotated[float, Amount("rad"), Field(ge=0, description="peak deflection")]
 
 
 class ForceMultisine(Multisine):
     """Multisine of the thrust."""
 
-    amplitude: Annotated[float, Unit("N"), Field(ge=0, description="peak force")]
+    amplitude: Annotated[float, Amount("N"), Field(ge=0, description="peak force")]
 
 
 class MomentMultisine(Multisine):
     """Multisine of the roll moment."""
 
-    amplitude: Annotated[float, Unit("N*m"), Field(ge=0, description="peak moment")]
+    amplitude: Annotated[float, Amount("N*m"), Field(ge=0, description="peak moment")]
 
 
 class Excitation(Settings):
     """What is added to the autopilot's commands, channel by channel."""
 
-    fade_in: Annotated[
-        float, Unit("s"), Field(ge=0, description="time in which excitation, turn rate and speed grow to full size")
-    ] = 0.0
+    fade_in: Annotated[Pause, Field(description="time in which excitation, turn rate and speed grow to full size")] = (
+        0.0
+    )
     rudder: FinMultisine | None = None
     elevator: FinMultisine | None = None
     surge_force: ForceMultisine | None = None
@@ -72,7 +75,9 @@ class Autopilot(Settings):
     speed: Annotated[bool, Field(description="hold the speed with thrust, else constant thrust")] = True
     vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="what the elevator holds")] = "pitch"
     horizontal: Annotated[Literal["turn_rate", "none"], Field(description="what the rudder holds")] = "turn_rate"
-    bandwidth: Annotated[float, Field(gt=0, description="stiffness of the loops; 1 suits a torpedo shape")] = 1.0
+    bandwidth: Annotated[
+        float, Field(ge=1e-3, le=1e3, description="stiffness of the loops; 1 suits a torpedo shape")
+    ] = 1.0
 
 
 class LevelAutopilot(Autopilot):
@@ -95,14 +100,16 @@ class ManoeuvreSettings(Settings):
 
     name: str = ""
     duration: Annotated[Seconds, Field(description="length of the run")]
-    speed: Annotated[float, Unit("m/s"), Field(gt=0, description="speed that is held")]
+    speed: Annotated[float, Amount("m/s"), Field(gt=0, le=100, description="speed that is held")]
     initial_speed: Annotated[
-        float | None, Unit("m/s"), Field(ge=0, description="speed at the start, if another one")
+        float | None, Amount("m/s"), Field(ge=0, le=100, description="speed at the start, if another one")
     ] = None
-    current_north: Annotated[float, Unit("m/s"), Field(description="velocity of the water, north")] = 0.0
-    current_east: Annotated[float, Unit("m/s"), Field(description="velocity of the water, east")] = 0.0
-    initial_pitch: Annotated[Radians, Field(description="pitch at the start")] = 0.0
-    input_rate: Annotated[float, Unit("Hz"), Field(gt=0, le=1e4, description="inputs change this often")] = 100.0
+    current_north: Annotated[float, Unit("m/s"), Field(ge=-100, le=100, description="velocity of the water, north")] = (
+        0.0
+    )
+    current_east: Annotated[float, Unit("m/s"), Field(ge=-100, le=100, description="velocity of the water, east")] = 0.0
+    initial_pitch: Annotated[Pitch, Field(description="pitch at the start")] = 0.0
+    input_rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="inputs change this often")] = 100.0
     limits: Limits = Limits()
     excitation: Excitation = Excitation()
 
@@ -118,7 +125,7 @@ class Spiral(ManoeuvreSettings):
 
     type: Literal["spiral"]
     turn_rate: Annotated[float, Unit("rad/s"), Field(description="mean yaw rate, positive to starboard")]
-    pitch: Annotated[Radians, Field(description="mean pitch, negative is nose down")]
+    pitch: Annotated[Pitch, Field(description="mean pitch, negative is nose down")]
     autopilot: Autopilot = Autopilot()
 
 
@@ -128,7 +135,7 @@ class Zigzag(ManoeuvreSettings):
     type: Literal["zigzag"]
     rudder: Annotated[PositiveRadians, Field(description="rudder deflection")]
     heading: Annotated[PositiveRadians, Field(description="change of heading at which the rudder is reversed")]
-    approach: Annotated[float, Unit("s"), Field(ge=0, description="straight run before the first rudder")] = 10.0
+    approach: Annotated[Pause, Field(description="straight run before the first rudder")] = 10.0
     autopilot: LevelAutopilot = LevelAutopilot()
 
 
@@ -137,7 +144,7 @@ class TurningCircle(ManoeuvreSettings):
 
     type: Literal["turning_circle"]
     rudder: Annotated[Radians, Field(description="rudder deflection")]
-    approach: Annotated[float, Unit("s"), Field(ge=0, description="straight run before the rudder")] = 10.0
+    approach: Annotated[Pause, Field(description="straight run before the rudder")] = 10.0
     autopilot: LevelAutopilot = LevelAutopilot()
 
 
@@ -152,10 +159,10 @@ class Doublets(ManoeuvreSettings):
     """3-2-1-1 steps, first of the rudder, then of the elevator, repeated to the end."""
 
     type: Literal["doublets"]
-    rudder: Annotated[float, Unit("rad"), Field(ge=0, description="rudder step")]
-    elevator: Annotated[float, Unit("rad"), Field(ge=0, description="elevator step")]
+    rudder: Annotated[float, Amount("rad"), Field(ge=0, description="rudder step")]
+    elevator: Annotated[float, Amount("rad"), Field(ge=0, description="elevator step")]
     unit_time: Annotated[Seconds, Field(description="length of the '1'")]
-    pause: Annotated[float, Unit("s"), Field(ge=0, description="rest between two sequences")] = 5.0
+    pause: Annotated[Pause, Field(description="rest between two sequences")] = 5.0
     autopilot: Autopilot = Autopilot()
 
 

@@ -2,16 +2,21 @@
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
+from auvid_cli.config.magnitudes import check_amount, check_size
+
 if TYPE_CHECKING:
     from pint import UnitRegistry
+
+Check: TypeAlias = Callable[[float, str], float]
 
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 UNIT_TOKEN = re.compile(r"[^\W\d]\w*(?:(?:\^|\*\*)-?\d(?:\.\d+)?|[²³])?|°|1(?=\s*/)|[\s*/()·]")
@@ -69,8 +74,8 @@ def parse_quantity(value: Any, unit: str) -> float:
     return result
 
 
-def parse_components(value: Any, unit: str, n: int) -> tuple[float, ...]:
-    """Read one quantity for all components, or a list of 1 or `n` of them.
+def parse_components(value: Any, unit: str, n: int, check: Check = check_size) -> tuple[float, ...]:
+    """Read one quantity for all components, or a list of 1 or `n` of them, each of a size that passes a check.
 
     Returns
     -------
@@ -83,11 +88,11 @@ def parse_components(value: Any, unit: str, n: int) -> tuple[float, ...]:
         If the list is of another length or one of the quantities is wrong.
     """
     if not isinstance(value, list | tuple):
-        return (parse_quantity(value, unit),)
+        return (check(parse_quantity(value, unit), unit),)
     if len(value) not in (1, n):
         counts = "1" if n == 1 else f"1 or {n}"
         raise ValueError(f"expected one quantity or a list of {counts}, got a list of {len(value)}")
-    return tuple(_component(item, unit, index) for index, item in enumerate(value, start=1))
+    return tuple(_component(item, unit, index, check) for index, item in enumerate(value, start=1))
 
 
 @dataclass(frozen=True)
@@ -95,11 +100,21 @@ class Unit:
     """SI unit of a field, ``Annotated[float, Unit("m/s")]``: the field takes any unit of that dimension."""
 
     unit: str
+    check: ClassVar[Check] = staticmethod(check_size)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Parse the quantity before the field's own validation."""
-        parse = partial(parse_quantity, unit=self.unit)
+        """Parse the quantity before the field's own validation, and see whether it can be of that size."""
+
+        def parse(value: Any) -> float:
+            return type(self).check(parse_quantity(value, self.unit), self.unit)
+
         return core_schema.no_info_before_validator_function(parse, handler(source))
+
+
+class Amount(Unit):
+    """SI unit of a field that is no less than 0: what is too small to be computed with is refused unless it is 0."""
+
+    check = staticmethod(check_amount)
 
 
 def expected(unit: str) -> str:
@@ -125,9 +140,9 @@ def describe(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:56]} ..."
 
 
-def _component(item: Any, unit: str, index: int) -> float:
+def _component(item: Any, unit: str, index: int, check: Check) -> float:
     try:
-        return parse_quantity(item, unit)
+        return check(parse_quantity(item, unit), unit)
     except ValueError as error:
         raise ValueError(f"component {index}: {error}") from None
 

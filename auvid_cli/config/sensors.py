@@ -4,8 +4,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from auvid_cli.config.magnitudes import check_amount
 from auvid_cli.config.model import Settings
-from auvid_cli.config.quantity import Unit, parse_components
+from auvid_cli.config.quantity import Amount, Unit, parse_components
 
 PerComponent = tuple[float, ...]
 Probability = Annotated[float, Field(ge=0, lt=1)]
@@ -17,8 +18,8 @@ class SensorSettings(Settings):
     unit: ClassVar[str]
     components: ClassVar[tuple[str, ...]]
 
-    rate: Annotated[float, Unit("Hz"), Field(gt=0, le=1e4, description="samples per second")]
-    start: Annotated[float, Unit("s"), Field(ge=0, description="time of the first sample")] = 0.0
+    rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="samples per second")]
+    start: Annotated[float, Amount("s"), Field(ge=0, le=1e6, description="time of the first sample")] = 0.0
     noise: Annotated[PerComponent, Field(description="standard deviation of the white noise")] = ()
     range: Annotated[
         PerComponent, Field(description="catalogue accuracy +-range, read as three sigma of white noise")
@@ -37,9 +38,13 @@ class SensorSettings(Settings):
     ] = ()
 
     @field_validator(
-        *("noise", "range", "bias", "bias_spread", "quantisation", "outlier_size", "standard_deviation"),
-        mode="before",
+        *("noise", "range", "bias_spread", "quantisation", "outlier_size", "standard_deviation"), mode="before"
     )
+    @classmethod
+    def _amount_per_component(cls, value: Any) -> PerComponent:
+        return () if value is None else parse_components(value, cls.unit, len(cls.components), check_amount)
+
+    @field_validator("bias", mode="before")
     @classmethod
     def _per_component(cls, value: Any) -> PerComponent:
         return () if value is None else parse_components(value, cls.unit, len(cls.components))
@@ -47,7 +52,7 @@ class SensorSettings(Settings):
     @field_validator("drift", mode="before")
     @classmethod
     def _per_component_and_root_second(cls, value: Any) -> PerComponent:
-        return parse_components(value, f"{cls.unit}/s^0.5", len(cls.components))
+        return parse_components(value, f"{cls.unit}/s^0.5", len(cls.components), check_amount)
 
     @field_validator("noise", "range", "bias_spread", "drift", "quantisation", "outlier_size", mode="after")
     @classmethod
@@ -111,7 +116,7 @@ class Dvl(SensorSettings):
     components = ("u", "v", "w")
 
     scale_error: Annotated[
-        float, Field(gt=-1, description="of all components, from a wrong speed of sound: 0.01 is 1 % too fast")
+        float, Field(gt=-1, le=10, description="of all components, from a wrong speed of sound: 0.01 is 1 % too fast")
     ] = 0.0
     mounting_yaw: Annotated[float, Unit("rad"), Field(description="how far it is turned to starboard")] = 0.0
 
@@ -128,16 +133,16 @@ class AhrsSettings(Settings):
 
     standard_deviation: Annotated[
         float,
-        Unit("rad"),
+        Amount("rad"),
         Field(gt=0, description="what a filter is told: more than the scatter, for the errors last for long"),
     ] = 0.017453292519943295
     manoeuvre_acceleration: Annotated[
         float,
-        Unit("m/s^2/Hz^0.5"),
+        Amount("m/s^2/Hz^0.5"),
         Field(gt=0, description="density of the vehicle's own acceleration, which the AHRS takes for tilt"),
     ] = 0.1
     gyro_bias: Annotated[
-        float, Unit("rad/s"), Field(ge=0, description="initial standard deviation of the AHRS's gyro bias")
+        float, Amount("rad/s"), Field(ge=0, description="initial standard deviation of the AHRS's gyro bias")
     ] = 0.0
 
 
@@ -151,7 +156,7 @@ class Attitude(SensorSettings):
     components = ("phi", "theta", "psi")
 
     source: Annotated[Literal["ahrs", "direct"], Field(description="AHRS, or angles plus white noise")] = "ahrs"
-    rate: Annotated[float, Unit("Hz"), Field(gt=0, le=1e4, description="samples per second")] = 100.0
+    rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="samples per second")] = 100.0
     ahrs: AhrsSettings = AhrsSettings()
 
     @model_validator(mode="before")

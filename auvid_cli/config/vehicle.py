@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field, create_model, model_validator
 
 from auvid_cli.config.model import Settings
-from auvid_cli.config.quantity import Unit
+from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import PARAMETERS
@@ -30,12 +30,12 @@ _POSITIVE = ("m", "W", "B", "Ixx", "Iyy", "Izz")
 
 
 def _entry(unit: str, positive: bool = False) -> type[Entry]:
-    limits = Field(gt=0) if positive else Field()
+    limits = (Amount(unit), Field(gt=0)) if positive else (Unit(unit),)
     return create_model(
         "Entry",
         __base__=Entry,
-        value=(Annotated[float, Unit(unit), limits], ...),
-        standard_deviation=(Annotated[float | None, Unit(unit), Field(gt=0)], None),
+        value=(Annotated[float, *limits], ...),
+        standard_deviation=(Annotated[float | None, Amount(unit), Field(gt=0)], None),
     )
 
 
@@ -74,9 +74,9 @@ else:
 class Size(Settings):
     """What the natural magnitude of a coefficient follows from."""
 
-    length: Annotated[float, Unit("m"), Field(gt=0, description="hull length")]
-    diameter: Annotated[float, Unit("m"), Field(gt=0, description="hull diameter")]
-    density: Annotated[float, Unit("kg/m^3"), Field(gt=0, description="density of the water")] = 1025.0
+    length: Annotated[float, Unit("m"), Field(ge=1e-2, le=1e3, description="hull length")]
+    diameter: Annotated[float, Unit("m"), Field(ge=1e-3, le=1e3, description="hull diameter")]
+    density: Annotated[float, Unit("kg/m^3"), Field(ge=1, le=2e4, description="density of the water")] = 1025.0
 
 
 class VehicleSettings(Settings):
