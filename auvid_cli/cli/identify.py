@@ -54,6 +54,7 @@ def identify(
         dataset = dataset or pipeline.dataset_of(experiment, folder)
         chosen = tuple(filters or experiment.identification.filters)
         terminal = Terminal(quiet, verbose)
+        pipeline.say_doubts(dataset.experiment.vehicle, terminal)
         estimates = pipeline.identify_to(folder, dataset, chosen, terminal, overwrite)
         code = pipeline.exit_code(estimates)
         terminal.say(f"next: auvid report {folder}")

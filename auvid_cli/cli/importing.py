@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from auvid_cli.cli.pipeline import say_doubts
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.config.experiment import ImportedRun, RecordedFile, Recording
 from auvid_cli.config.log_map import LogMap, load_map
@@ -36,6 +37,7 @@ def import_logs(map_file: Path, given: Sequence[str], output: Path | None, overw
     recorded = [part for paths in files.values() for file in paths for part in _parts(file)]
     inputs = [*tree.files(), *recorded]
     keep_apart([path], inputs)
+    say_doubts(settings.vehicle, terminal)
     with terminal.stage("read the logs"):
         logs = {name: _opened(paths, _layout(settings, name)) for name, paths in files.items()}
         found = convert(settings, tree, logs)

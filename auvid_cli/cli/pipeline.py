@@ -13,6 +13,7 @@ from auvid_cli.cli.terminal import Terminal
 from auvid_cli.config.experiment import Experiment, RunSettings
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import dump_experiment
+from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import read_dataset
 from auvid_cli.data.estimate import Estimate, EstimatePart
@@ -69,6 +70,7 @@ def simulate_to(
     if not objection and filters and path.exists():
         objection = next(iter(other_estimates(folder, experiment, digest(path), filters).values()), "")
     refuse_unless(overwrite, objection)
+    say_doubts(experiment.vehicle, terminal)
     # Nothing holds on to what was simulated: hours of it fill a good part of a machine's memory.
     put_dataset(path, simulated(experiment, terminal), inputs, overwrite, objection)
     with terminal.stage("read the dataset"):
@@ -76,6 +78,12 @@ def simulate_to(
     sensors = ", ".join(f"{name} {record.time.size}" for name, record in dataset.sensors.items())
     terminal.say(f"{path}: {dataset.inputs.time[-1]:g} s of {experiment.manoeuvre.type}; samples: {sensors}")
     return dataset
+
+
+def say_doubts(vehicle: VehicleSettings, terminal: Terminal) -> None:
+    """Say what of a vehicle's numbers can hardly be, a line each."""
+    for doubt in vehicle.doubts():
+        terminal.say(f"note: vehicle {vehicle.name}: {doubt}")
 
 
 def assess_to(folder: Path, dataset: Dataset, at: Path | None, terminal: Terminal) -> None:

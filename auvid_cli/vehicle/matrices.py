@@ -15,6 +15,38 @@ def skew(a: Array) -> Array:
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
 
+def rigid_body_matrix(parameters: Mapping[str, float]) -> Array:
+    """Mass matrix of the body without the water, ``M_RB``, shape (6, 6).
+
+    Parameters
+    ----------
+    parameters : mapping
+        Known parameters by symbol, SI.
+
+    Raises
+    ------
+    ConfigError
+        If it is not positive definite: a mass so far from the origin has more inertia about it.
+    """
+    k = parameters
+    lever = k["m"] * skew(np.array([k["xG"], k["yG"], k["zG"]]))
+    inertia = np.diag([k["Ixx"], k["Iyy"], k["Izz"]])
+    rigid = np.block([[k["m"] * np.eye(3), -lever], [lever, inertia]])
+    smallest = float(np.linalg.eigvalsh(rigid)[0])
+    if not smallest > 0.0:
+        raise ConfigError(
+            "the inertia of this vehicle cannot be: without added mass its mass matrix is not positive definite "
+            f"(smallest eigenvalue {smallest:.4g}); check m, xG, yG, zG, and Ixx, Iyy, Izz, which are about the origin"
+        )
+    return rigid
+
+
+def central_inertia(parameters: Mapping[str, float]) -> Array:
+    """Inertia of the body about its centre of gravity, shape (3, 3)."""
+    rigid = rigid_body_matrix(parameters)
+    return rigid[3:, 3:] - rigid[3:, :3] @ rigid[:3, 3:] / parameters["m"]
+
+
 def mass_matrix(parameters: Mapping[str, float]) -> Array:
     """Rigid-body and added mass, ``M = M_RB + M_A``.
 
@@ -36,16 +68,10 @@ def mass_matrix(parameters: Mapping[str, float]) -> Array:
         If the matrix is not positive definite: no real vehicle has such parameters.
     """
     k = parameters
-    centre = np.array([k["xG"], k["yG"], k["zG"]])
-    rigid = np.zeros((6, 6))
-    rigid[:3, :3] = k["m"] * np.eye(3)
-    rigid[:3, 3:] = -k["m"] * skew(centre)
-    rigid[3:, :3] = k["m"] * skew(centre)
-    rigid[3:, 3:] = np.diag([k["Ixx"], k["Iyy"], k["Izz"]])
     added = -np.diag([k["X_udot"], k["Y_vdot"], k["Z_wdot"], k["K_pdot"], k["M_qdot"], k["N_rdot"]])
     added[1, 5] = added[5, 1] = -0.5 * (k["Y_rdot"] + k["N_vdot"])
     added[2, 4] = added[4, 2] = -0.5 * (k["Z_qdot"] + k["M_wdot"])
-    mass = rigid + added
+    mass = rigid_body_matrix(k) + added
     smallest = float(np.linalg.eigvalsh(mass)[0])
     if not smallest > 0.0:
         raise ConfigError(

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import ImportedRun, RunSettings
+from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.data_checks import data_checks
@@ -43,7 +44,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     """
     sensors = {name: record for name, record in dataset.sensors.items() if np.isfinite(record.values).any()}
     checks = [_silent(name) for name in dataset.sensors if name not in sensors]
-    checks += _said_at_import(dataset.experiment)
+    checks += [*_said_at_import(dataset.experiment), *_vehicle(dataset.experiment.vehicle)]
     marks, sound = [], {}
     for name, record in sensors.items():
         found = screened(name, record)
@@ -101,6 +102,12 @@ def _said_at_import(run: RunSettings) -> list[Check]:
         judged(name, "import", "a remark", "none", None, f"At import: {'; '.join(said)}.")
         for name, said in remarks.items()
     ]
+
+
+def _vehicle(vehicle: VehicleSettings) -> list[Check]:
+    """What of the vehicle's numbers can hardly be."""
+    advice = "Look at the sign and the unit of that number in the vehicle file, and at what it is compared with."
+    return [judged("vehicle", doubt.subject, doubt.stated, doubt.expected, None, advice) for doubt in vehicle.doubts()]
 
 
 def _span(inputs: InputRecord, sensors: dict[str, SensorRecord]) -> tuple[float, float]:

@@ -1,0 +1,108 @@
+"""Whether the numbers of a vehicle can be those of one body in water: what is doubtful, and what would be expected."""
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from auvid_cli.vehicle.matrices import central_inertia
+
+_GRAVITY = 9.81
+_ADDED_MASS = ("X_udot", "Y_vdot", "Z_wdot", "K_pdot", "M_qdot", "N_rdot")
+_UNITS = {"K_pdot": "kg m^2/rad", "M_qdot": "kg m^2/rad", "N_rdot": "kg m^2/rad"}
+# Of weight from mass times gravity, and of buoyancy from weight.
+_LARGEST_WEIGHT_ERROR, _LARGEST_TRIM = 0.03, 0.15
+# Of what a full cylinder of that size displaces: hulls taper or are flooded, or carry more than their hull.
+_LEAST_SHARE, _LARGEST_SHARE = 0.3, 1.5
+# Of the inertia that the mass has in a full cylinder of that size.
+_LEAST_INERTIA, _LARGEST_INERTIA = 0.1, 5.0
+
+
+class Doubt(NamedTuple):
+    """A number of a vehicle that can hardly be.
+
+    Attributes
+    ----------
+    subject : str
+        What it is of, such as ``W``.
+    stated, expected : str
+        Its value, and what it would be in a vehicle like that.
+    """
+
+    subject: str
+    stated: str
+    expected: str
+
+    def __str__(self) -> str:
+        """One line."""
+        return f"{self.subject} is {self.stated}; expected {self.expected}"
+
+
+def doubts(parameters: Mapping[str, float], length: float, diameter: float, density: float) -> list[Doubt]:
+    """What is doubtful about a vehicle.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Known parameters by symbol, SI.
+    length, diameter : float
+        Of the hull, m.
+    density : float
+        Of the water, kg/m^3.
+
+    Raises
+    ------
+    ConfigError
+        If the inertia is none that a body can have.
+    """
+    k = parameters
+    return [
+        *_added_mass(k),
+        *_weight(k),
+        *_displacement(k, density * _GRAVITY * 0.25 * np.pi * diameter**2 * length),
+        *_inertia(k, length, diameter),
+        *_centres(k, length, diameter),
+    ]
+
+
+def _added_mass(k: Mapping[str, float]) -> Iterator[Doubt]:
+    for symbol in _ADDED_MASS:
+        if k[symbol] > 0.0:
+            yield Doubt(symbol, f"{k[symbol]:+.4g} {_UNITS.get(symbol, 'kg')}", "0 or less: added mass counts as minus")
+
+
+def _weight(k: Mapping[str, float]) -> Iterator[Doubt]:
+    weight = k["m"] * _GRAVITY
+    if abs(k["W"] / weight - 1.0) > _LARGEST_WEIGHT_ERROR:
+        yield Doubt("W", f"{k['W']:.4g} N", f"m g = {weight:.4g} N of a mass m of {k['m']:.4g} kg")
+    if abs(k["B"] / k["W"] - 1.0) > _LARGEST_TRIM:
+        yield Doubt("B", f"{k['B']:.4g} N", f"about the weight W of {k['W']:.4g} N")
+
+
+def _displacement(k: Mapping[str, float], full: float) -> Iterator[Doubt]:
+    if not _LEAST_SHARE * full <= k["B"] <= _LARGEST_SHARE * full:
+        limits = f"{_LEAST_SHARE * full:.3g} to {_LARGEST_SHARE * full:.3g} N"
+        yield Doubt("B", f"{k['B']:.4g} N", f"{limits} of a hull of that length and diameter")
+
+
+def _inertia(k: Mapping[str, float], length: float, diameter: float) -> Iterator[Doubt]:
+    across, along = k["m"] * diameter**2 / 8.0, k["m"] * (length**2 / 12.0 + diameter**2 / 16.0)
+    central = central_inertia(k)
+    for i, (symbol, full) in enumerate({"Ixx": across, "Iyy": along, "Izz": along}.items()):
+        if not _LEAST_INERTIA * full <= central[i, i] <= _LARGEST_INERTIA * full:
+            limits = f"{_LEAST_INERTIA * full:.2g} to {_LARGEST_INERTIA * full:.2g} kg m^2"
+            yield Doubt(symbol, f"{k[symbol]:.4g} kg m^2", f"{limits} of that mass, length and diameter")
+    small, middle, large = np.linalg.eigvalsh(central)
+    # As exactly as vehicle files state them.
+    if large > 1.001 * (small + middle):
+        moments = ", ".join(f"{moment:.4g}" for moment in (small, middle, large))
+        yield Doubt("the inertia", f"{moments} kg m^2 about the centre of gravity", "none larger than the others' sum")
+
+
+def _centres(k: Mapping[str, float], length: float, diameter: float) -> Iterator[Doubt]:
+    if k["zG"] <= k["zB"]:
+        yield Doubt("zG", f"{k['zG']:.4g} m", f"below the centre of buoyancy, more than zB = {k['zB']:.4g} m")
+    for axis, reach in {"x": length, "y": diameter, "z": diameter}.items():
+        for centre in "GB":
+            if abs(lever := k[f"{axis}{centre}"]) > reach:
+                yield Doubt(f"{axis}{centre}", f"{lever:.4g} m", f"within the hull, {reach:.4g} m")

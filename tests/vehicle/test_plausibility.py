@@ -1,0 +1,51 @@
+import pytest
+
+from auvid_cli.errors import ConfigError
+
+
+@pytest.fixture
+def doubts(experiment_with):
+    """Function: what is doubtful about the vehicle of the paper with other numbers, by what it is of."""
+
+    def of(*changes):
+        vehicle = experiment_with(*(f"vehicle.{change}" for change in changes)).vehicle
+        return {doubt.subject: str(doubt) for doubt in vehicle.doubts()}
+
+    return of
+
+
+def test_nothing_is_doubtful_about_a_vehicle_that_ships(vehicle_file, experiment_with):
+    assert experiment_with(f"vehicle=vehicles/{vehicle_file}").vehicle.doubts() == []
+
+
+@pytest.mark.parametrize(
+    ("change", "subjects"),
+    [
+        ("parameters.X_udot=+1.5 kg", {"X_udot"}),
+        ("parameters.K_pdot=0.1", {"K_pdot"}),
+        ("parameters.m=47.556 lb", {"W"}),
+        ("parameters.W=47.556", {"W", "B"}),
+        ("parameters.B=600", {"B"}),
+        ("size.diameter=1.753", {"B", "Ixx"}),
+        ("size.length=21.94", {"B", "Iyy", "Izz"}),
+        ("parameters.Ixx=187.1", {"Ixx", "the inertia"}),
+        ("parameters.Iyy=0.0151", {"Iyy", "the inertia"}),
+        ("parameters.Izz=30", {"the inertia"}),
+        ("parameters.zG=-0.0083 m", {"zG"}),
+        ("parameters.xB=219.4", {"xB"}),
+    ],
+)
+def test_a_wrong_sign_or_unit_is_doubtful(doubts, change, subjects):
+    assert set(doubts(change)) == subjects
+
+
+def test_a_doubt_says_what_is_stated_and_what_is_expected(doubts):
+    assert doubts("parameters.m=60 lb", "parameters.W=588 N", "parameters.B=588 N")["W"] == (
+        "W is 588 N; expected m g = 267 N of a mass m of 27.22 kg"
+    )
+    assert doubts("parameters.X_udot=1.5")["X_udot"].startswith("X_udot is +1.5 kg; expected 0 or less")
+
+
+def test_an_inertia_that_no_body_has_is_refused_though_added_mass_hides_it(doubts):
+    with pytest.raises(ConfigError, match="the inertia of this vehicle cannot be"):
+        doubts("parameters.zG=1 m", "parameters.K_pdot=-1e4", "parameters.M_qdot=-1e4")
