@@ -29,6 +29,8 @@ _KEPT = 5
 # An interrupt at the terminal ends it at once; the process that started it says so.
 _IMPORT_ALL = """
 import importlib, signal, sys
+from auvid_cli.children import end_with_parent
+end_with_parent()
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 for module in sys.argv[1:]:
     importlib.import_module(module)

@@ -52,15 +52,7 @@ def cluster_client(scheduler: str | None, workers: int | None) -> Iterator[Clien
     with ExitStack() as stack:
         if scheduler is None:
             stack.enter_context(dask.config.set(_UNDISTURBED))
-            with deaf_to_interrupts():
-                cluster = LocalCluster(
-                    n_workers=workers or os.cpu_count(),
-                    threads_per_worker=1,
-                    # Any port, and only for this machine.
-                    dashboard_address="127.0.0.1:0",
-                    silence_logs=logging.CRITICAL,
-                )
-            target = stack.enter_context(cluster)
+            target = stack.enter_context(_local_cluster(workers))
         else:
             target = scheduler
         try:
@@ -77,6 +69,23 @@ def cluster_client(scheduler: str | None, workers: int | None) -> Iterator[Clien
             theirs = ", ".join(sorted(versions))
             raise ClusterError(f"--scheduler {scheduler}: its workers have auvid {theirs}, this is {__version__}")
         yield client
+
+
+def _local_cluster(workers: int | None) -> LocalCluster:
+    try:
+        with deaf_to_interrupts():
+            return LocalCluster(
+                n_workers=workers or os.cpu_count(),
+                threads_per_worker=1,
+                # Any port, and only for this machine.
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )
+    # What Dask makes of a process that ends before it has said that it is there.
+    except (RuntimeError, OSError) as error:
+        raise ClusterError(
+            f"the workers on this machine do not start, perhaps for want of memory ({error}); fewer may: --workers 1"
+        ) from error
 
 
 def n_threads(client: Client) -> int:

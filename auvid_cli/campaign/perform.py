@@ -1,5 +1,6 @@
 """What a worker does: simulate data once, run filters on them, measure."""
 
+import json
 import traceback
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,7 +13,8 @@ from threadpoolctl import threadpool_limits
 from auvid_cli import __version__
 from auvid_cli.campaign.measures import Measure, measures
 from auvid_cli.campaign.plan import Group, Run
-from auvid_cli.config.experiment import Experiment, Identification
+from auvid_cli.config.experiment import Experiment, Identification, Use
+from auvid_cli.config.load import given_settings
 from auvid_cli.data.dataset import Dataset, TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import AuvidError, ConfigError, DataError
@@ -57,6 +59,21 @@ def perform(group: Group, with_estimates: bool = False) -> list[Performed]:
     with threadpool_limits(1):
         pairs = zip(group.runs, group.told, strict=True)
         return [_perform(group.simulated, run, told, with_estimates) for run, told in pairs]
+
+
+def shortened(group: Group, duration: float) -> tuple[Group, float]:
+    """A group on the beginning of its data, s, all of which counts, and what share of its data that is."""
+    whole = Experiment.model_validate_json(group.simulated).manoeuvre.duration
+    part = min(duration, whole)
+
+    def cut(text: str) -> str:
+        experiment = Experiment.model_validate_json(text)
+        manoeuvre = experiment.manoeuvre.model_copy(update={"duration": part})
+        identification = experiment.identification.model_copy(update={"use": Use()})
+        changes = {"manoeuvre": manoeuvre, "identification": identification}
+        return json.dumps(given_settings(experiment.model_copy(update=changes)))
+
+    return group._replace(simulated=cut(group.simulated), told=[cut(text) for text in group.told]), part / whole
 
 
 def _perform(simulated: str, run: Run, belief: str, with_estimates: bool) -> Performed:

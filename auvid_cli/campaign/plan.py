@@ -2,10 +2,10 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from itertools import groupby, product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from auvid_cli import __version__
 from auvid_cli.campaign.axes import Change, Label, Option, changes_in, options
@@ -19,6 +19,8 @@ from auvid_cli.config.tree import Tree
 from auvid_cli.data.netcdf import digest
 from auvid_cli.errors import ConfigError
 
+# Each combination holds its settings in memory, and each run its name.
+MOST_COMBINATIONS, MOST_RUNS = 10_000, 1_000_000
 # Runs on the same data go to a worker together, which simulates only once; what is lost with it stays small.
 LARGEST_GROUP = 6
 # Of an identity, in hexadecimal digits: 96 bits.
@@ -79,6 +81,10 @@ class _Resolved(NamedTuple):
     told: list[tuple[dict[str, Any], str]]
 
 
+_Chosen: TypeAlias = Callable[[int], Option]
+_Triple: TypeAlias = tuple[_Resolved, dict[str, Any], Run]
+
+
 class Plan:
     """All runs of a campaign.
 
@@ -93,12 +99,13 @@ class Plan:
     Raises
     ------
     ConfigError
-        With the mistakes in the settings of every combination, each at its place.
+        With the mistakes in the settings of each option of each axis, each at its place, or if there are too many runs.
     """
 
     def __init__(self, campaign: Campaign, tree: Tree, path: Path) -> None:
         self.campaign = campaign
         self._tree = tree
+        self._path = path
         beside = path.parent / campaign.experiment
         try:
             source = open_source(beside if beside.is_file() else find_experiment(campaign.experiment))
@@ -120,11 +127,12 @@ class Plan:
         ]
         if taken:
             raise ConfigError(report(taken))
-        self._cells = list(product(*(options(*pair, settings) for pair in zip(campaign.vary, written, strict=True))))
-        # Without draws a combination is the same for all seeds.
-        first = _all_or_errors(self._resolve, self._cells)
-        self._fixed = [] if any(axis.draw for axis in campaign.vary) else first
-        _refuse_twins(path, [run for *_, run in self._of_seed(campaign.seed_list[0])])
+        self._refuse_too_many()
+        axes = [options(*pair, settings) for pair in zip(campaign.vary, written, strict=True)]
+        self._cells = list(product(*axes))
+        self._fixed: list[_Resolved] = []
+        seed = campaign.seed_list[0]
+        _refuse_twins(path, self._runs(_all_or_errors(self._resolve, _one_at_a_time(axes)), seed))
 
     @property
     def columns(self) -> dict[str, bool]:
@@ -139,7 +147,13 @@ class Plan:
     @property
     def n_runs(self) -> int:
         """How many there are."""
-        return len(self._cells) * len(self.filters) * len(self.campaign.seed_list)
+        return self.campaign.n_cells * len(self.filters) * self.campaign.n_seeds
+
+    def examples(self, most: int) -> Iterator[Group]:
+        """Of some combinations, far apart, what is done for the first seed."""
+        seed = self.campaign.seed_list[0]
+        for cell in self._cells[:: -(-len(self._cells) // most)]:
+            yield _group(list(self._runs([self._resolve(cell)], seed)), seed)
 
     def groups(self, done: Collection[str] = ()) -> Iterator[Group]:
         """What is not done yet, all combinations of a seed before the next one."""
@@ -149,25 +163,49 @@ class Plan:
             for _, same in groupby(pending, key=lambda triple: triple[0].data):
                 triples = list(same)
                 for k in range(0, len(triples), LARGEST_GROUP):
-                    cells, beliefs, runs = zip(*triples[k : k + LARGEST_GROUP], strict=True)
-                    yield Group(_text(cells[0].simulated, seed), list(runs), [_text(told, seed) for told in beliefs])
+                    yield _group(triples[k : k + LARGEST_GROUP], seed)
 
     def labels(self) -> dict[str, dict[str, Label]]:
-        """Filter and axes of each run, by its identity."""
+        """Filter and axes of each run, by its identity.
+
+        Raises
+        ------
+        ConfigError
+            If a combination of settings cannot be, or if two of the runs are the same.
+        """
         found: dict[str, dict[str, Label]] = {}
         for seed in self.campaign.seed_list:
-            for *_, run in self._of_seed(seed):
-                found[run.identity] = {"filter": run.filter, **run.labels}
+            triples = list(self._of_seed(seed))
+            _refuse_twins(self._path, triples)
+            found |= {run.identity: {"filter": run.filter, **run.labels} for *_, run in triples}
         return found
 
-    def _of_seed(self, seed: int) -> Iterator[tuple[_Resolved, dict[str, Any], Run]]:
-        for cell in self._fixed or (self._resolve(cell, seed) for cell in self._cells):
+    def _refuse_too_many(self) -> None:
+        """Raise ConfigError before a list is made of more runs than there is room for."""
+        cells, runs = self.campaign.n_cells, self.n_runs
+        if cells > MOST_COMBINATIONS or runs > MOST_RUNS:
+            message = (
+                f"{runs:,} runs, of {cells:,} combinations of settings, {len(self.filters)} filters and "
+                f"{self.campaign.n_seeds:,} seeds, are too many: a campaign has at most {MOST_RUNS:,} runs and "
+                f"{MOST_COMBINATIONS:,} combinations; make several of it"
+            )
+            raise ConfigError(report([Mistake(self._tree.at, (), message)]))
+
+    def _of_seed(self, seed: int) -> Iterator[_Triple]:
+        if any(axis.draw for axis in self.campaign.vary):
+            return self._runs((self._resolve(cell, seed) for cell in self._cells), seed)
+        # Without draws a combination is the same for all seeds.
+        self._fixed = self._fixed or _all_or_errors(self._resolve, self._cells)
+        return self._runs(self._fixed, seed)
+
+    def _runs(self, cells: Iterable[_Resolved], seed: int) -> Iterator[_Triple]:
+        for cell in cells:
             for variant, (told, key) in zip(self.filters, cell.told, strict=True):
                 # Under whatever name: the same settings are the same run.
                 identity = _hash(__version__, cell.data, key, seed)
                 yield cell, told, Run(identity, cell.labels, variant.name, seed)
 
-    def _resolve(self, cell: tuple[Callable[[int], Option], ...], seed: int | None = None) -> _Resolved:
+    def _resolve(self, cell: tuple[_Chosen, ...], seed: int | None = None) -> _Resolved:
         chosen = [option(self.campaign.seed_list[0] if seed is None else seed) for option in cell]
         every = [change for option in chosen for change in option.changes]
         known = [change for option in chosen if option.known for change in option.changes]
@@ -204,10 +242,21 @@ def _are_numbers(values: Sequence[Any] | None) -> bool:
     return values is not None and all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
 
 
-def _refuse_twins(path: Path, runs: list[Run]) -> None:
+def _one_at_a_time(axes: Sequence[Sequence[_Chosen]]) -> list[tuple[_Chosen, ...]]:
+    """Combinations in which each option of each axis stands once: their sum, and not their product."""
+    first = tuple(axis[0] for axis in axes)
+    return [first, *((*first[:k], other, *first[k + 1 :]) for k, axis in enumerate(axes) for other in axis[1:])]
+
+
+def _group(triples: Sequence[_Triple], seed: int) -> Group:
+    cells, beliefs, runs = zip(*triples, strict=True)
+    return Group(_text(cells[0].simulated, seed), list(runs), [_text(told, seed) for told in beliefs])
+
+
+def _refuse_twins(path: Path, triples: Iterable[_Triple]) -> None:
     """Raise ConfigError if two runs of a seed are one and the same, and would be counted as two."""
     seen: dict[str, Run] = {}
-    for run in runs:
+    for *_, run in triples:
         twin = seen.setdefault(run.identity, run)
         if twin is not run:
             which, other = (f"{one.filter} with {one.settings() or 'the same settings'}" for one in (twin, run))
@@ -236,8 +285,8 @@ def _text(experiment: dict[str, Any], seed: int) -> str:
 
 
 def _all_or_errors(
-    resolve: Callable[[tuple[Callable[[int], Option], ...]], _Resolved],
-    cells: list[tuple[Callable[[int], Option], ...]],
+    resolve: Callable[[tuple[_Chosen, ...]], _Resolved],
+    cells: list[tuple[_Chosen, ...]],
 ) -> list[_Resolved]:
     """Every combination, or one error that says what is wrong with any of them."""
     found, wrong = [], {}

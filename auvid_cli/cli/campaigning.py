@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from itertools import islice
 from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
@@ -10,7 +9,7 @@ from typing import NamedTuple
 from auvid_cli.campaign.axes import Label
 from auvid_cli.campaign.engine import cluster_client, n_threads, perform_groups
 from auvid_cli.campaign.findings import find, in_order
-from auvid_cli.campaign.perform import perform
+from auvid_cli.campaign.perform import perform, shortened
 from auvid_cli.campaign.plan import Plan
 from auvid_cli.campaign.store import Store, locked
 from auvid_cli.cli import pipeline
@@ -24,8 +23,8 @@ from auvid_cli.data.results_folder import dataset_in
 from auvid_cli.errors import FileError
 from auvid_cli.report.campaign import print_findings, write_findings
 
-# Groups of which a dry run takes the time.
-_PROBES = 6
+# A dry run takes the time of some groups on so many seconds of data, until it has taken so many seconds itself.
+_PROBES, _PROBED, _PATIENCE = 6, 5.0, 2.0
 
 
 class Where(NamedTuple):
@@ -58,15 +57,13 @@ def set_up(name: str, overrides: Sequence[str], output: Path | None) -> tuple[Pl
 
 def forecast(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: Terminal) -> None:
     """Say how many runs there are, and about how long those take that are to be done."""
-    labels = plan.labels()
-    done, failed = _done_and_failed(Store(folder, plan.columns), labels)
-    skipped = _skipped(done, failed, choice)
-    n_seeds = len(plan.campaign.seed_list)
+    store = Store(folder, plan.columns)
+    done, failed = _done_and_failed(store, plan.labels()) if store.finished() or store.failures else (set(), set())
     terminal.say(
-        f"{plan.campaign.name}: {len(labels)} runs: combinations of settings {plan.campaign.n_cells}, filters "
-        f"{len(plan.filters)}, seeds {n_seeds}; {len(done)} finished, {len(failed)} failed"
+        f"{plan.campaign.name}: {plan.n_runs} runs: combinations of settings {plan.campaign.n_cells}, filters "
+        f"{len(plan.filters)}, seeds {plan.campaign.n_seeds}; {len(done)} finished, {len(failed)} failed"
     )
-    left = len(labels) - len(skipped)
+    left = plan.n_runs - len(_skipped(done, failed, choice))
     if not left:
         terminal.say("0 left to do; --retry tries again what failed, --again does all anew")
         return
@@ -74,22 +71,33 @@ def forecast(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: T
     if where.scheduler is not None:
         with cluster_client(where.scheduler, None) as client:
             threads = n_threads(client)
-    first = list(islice(plan.groups(skipped), -(-plan.n_runs // n_seeds)))
-    probes = first[:: -(-len(first) // _PROBES)]
     with terminal.stage("try some runs"):
-        if len(probes) > 1:
-            # The first takes what is loaded once.
-            perform(probes.pop(0))
-        start = perf_counter()
-        tried = [performed for group in probes for performed in perform(group)]
-        seconds = (perf_counter() - start) / len(tried) * left / threads
-    failures = [performed.failure for performed in tried if performed.failure]
+        seconds, failure = _seconds_of_a_run(plan)
+    if seconds is None:
+        terminal.say(f"how long {left} runs take is not known: tried on {_PROBED:g} s of data they fail: {failure}")
+        return
     terminal.say(
-        f"{left} runs take about {_duration(seconds)} on {threads} workers like this machine, after some seconds to "
-        f"start; by {len(tried)} of them, tried here"
+        f"{left} runs take about {_duration(seconds * left / threads)} on {threads} workers like this machine, after "
+        f"some seconds to start; by a few of them on {_PROBED:g} s of data, tried here"
     )
-    if failures:
-        terminal.say(f"{len(failures)} of those {len(tried)} failed, the first because: {failures[0]}")
+
+
+def _seconds_of_a_run(plan: Plan) -> tuple[float | None, str]:
+    """What a run takes, by some that are cut short; if those fail None, and why."""
+    taken, failure, begin = [], "", perf_counter()
+    for example in plan.examples(_PROBES):
+        group, share = shortened(example, _PROBED)
+        if not taken:
+            # What is loaded once is no part of it.
+            perform(group)
+        start = perf_counter()
+        performed = perform(group)
+        failure = next((one.failure for one in performed if one.failure), "")
+        if not failure:
+            taken.append((perf_counter() - start) / len(performed) / share)
+        if perf_counter() - begin > _PATIENCE:
+            break
+    return (sum(taken) / len(taken) if taken else None), failure
 
 
 def conduct(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: Terminal) -> int:

@@ -117,6 +117,8 @@ class FilterVariant(Settings):
     @classmethod
     def _concerns_the_filter(cls, settings: dict[str, AnyValue]) -> dict[str, AnyValue]:
         for key in settings:
+            if key == "identification.filters":
+                raise ValueError(f"{key!r} has no effect here: each filter runs alone")
             if not key.startswith(("identification.", "vehicle.")):
                 raise ValueError(f"{key!r} concerns the data, which all filters share: vary it instead")
         return settings
@@ -140,6 +142,14 @@ class Campaign(Settings):
     filters: Annotated[tuple[FilterVariant, ...], Field(min_length=1, description="names, or names with settings")] = ()
     vary: Annotated[tuple[Axis, ...], Field(description="every combination is run")] = ()
 
+    @field_validator("settings")
+    @classmethod
+    def _have_an_effect(cls, settings: dict[str, AnyValue]) -> dict[str, AnyValue]:
+        for key, instead in (("seed", "`seeds`"), ("name", "the campaign's own `name`")):
+            if key in settings:
+                raise ValueError(f"`{key}` has no effect in a campaign: say {instead}, outside of `settings`")
+        return settings
+
     @field_validator("seeds")
     @classmethod
     def _each_once(cls, seeds: int | tuple[int, ...]) -> int | tuple[int, ...]:
@@ -160,8 +170,13 @@ class Campaign(Settings):
 
     @property
     def seed_list(self) -> Sequence[int]:
-        """All seeds."""
+        """All seeds; of more than 2^63 Python cannot say how many there are, `n_seeds` can."""
         return range(1, self.seeds + 1) if isinstance(self.seeds, int) else self.seeds
+
+    @property
+    def n_seeds(self) -> int:
+        """How many seeds there are."""
+        return self.seeds if isinstance(self.seeds, int) else len(self.seeds)
 
     @property
     def n_cells(self) -> int:

@@ -27,7 +27,7 @@ _MOST = 4
 def load_ahead() -> None:
     """Begin to load what draws, on a core that has nothing else to do yet; harmless where that has been done."""
     context = _context()
-    context.set_forkserver_preload(["auvid_cli.report.figures.patience", "auvid_cli.report.figures.kinds"])
+    context.set_forkserver_preload([f"auvid_cli.report.figures.{name}" for name in ("server", "patience", "kinds")])
     if context.get_start_method() == "forkserver":
         with deaf_to_interrupts(), _without_the_current_folder():
             forkserver.ensure_running()
