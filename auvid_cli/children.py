@@ -1,10 +1,17 @@
 """Processes that end with the command that started them, however it ends."""
 
 import ctypes
+import os
 import signal
 import sys
 
+_PARENT = "AUVID_PARENT"
 _PR_SET_PDEATHSIG = 1
+
+
+def parentage() -> dict[str, str]:
+    """What a child needs in its environment to know who started it."""
+    return {_PARENT: str(os.getpid())}
 
 
 def end_with_parent() -> None:
@@ -14,3 +21,6 @@ def end_with_parent() -> None:
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        # The parent may have ended before this was said.
+        if os.environ[_PARENT] != str(os.getppid()):
+            os._exit(1)

@@ -24,6 +24,8 @@ from numba import njit
 from numba.core import config
 from numba.core.event import Event, Listener, install_listener
 
+from auvid_cli.children import parentage
+
 CORE = "vehicle", "simulation", "filters", "identification", "blocks.py", "compilation.py"
 _KEPT = 5
 # An interrupt at the terminal ends it at once; the process that started it says so.
@@ -116,7 +118,8 @@ def compile_elsewhere(*modules: str) -> subprocess.Popen:
     command = [sys.executable, "-P", "-c", _IMPORT_ALL, *modules]
     # This very package, wherever it was found.
     path = os.pathsep.join(filter(None, [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH")]))
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(_cache_folder().parent), "PYTHONPATH": path}
+    cache = str(_cache_folder().parent)
+    environment = os.environ | {"NUMBA_CACHE_DIR": cache, "PYTHONPATH": path} | parentage()
     quiet = subprocess.DEVNULL
     return subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, env=environment)
 

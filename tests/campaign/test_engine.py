@@ -33,6 +33,15 @@ def test_all_runs_come_back_from_a_scheduler_that_was_there_before(planned):
     assert {done.failure for done in runs} == {""}
 
 
+def test_a_worker_that_dies_while_it_starts_is_one_line(monkeypatch):
+    def cluster(**options):
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr("auvid_cli.campaign.engine.LocalCluster", cluster)
+    with pytest.raises(ClusterError, match=r"^the workers on this machine do not start, .*; fewer may: --workers 1$"):
+        cluster_client(None, 1).__enter__()
+
+
 def test_two_of_eight_workers_that_are_killed_lose_and_repeat_nothing(planned):
     plan = planned(MANY)
     killed = []

@@ -1,9 +1,11 @@
 """What a worker makes of a group: the same as the commands do, one step after the other."""
 
+import json
+
 import numpy as np
 import pytest
 
-from auvid_cli.campaign.perform import perform
+from auvid_cli.campaign.perform import perform, shortened
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.bounds import BoundsOf
@@ -23,6 +25,14 @@ filters: [ckf, {name: wide, filter: ckf, settings: {identification.prior.factor:
 def performed(planned):
     (group,) = planned(TEXT).groups()
     return group, perform(group, with_estimates=True)
+
+
+def test_a_shortened_group_is_the_beginning_of_its_data(planned):
+    (group,) = planned(TEXT).groups()
+    short, share = shortened(group, 5.0)
+    assert share == 0.25
+    assert [done.failure for done in perform(short)] == ["", ""]
+    assert json.loads(short.simulated)["manoeuvre"]["duration"] == 5.0
 
 
 def test_runs_are_measured_as_the_report_does(performed):

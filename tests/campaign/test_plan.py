@@ -5,7 +5,7 @@ from statistics import mean, stdev
 
 import pytest
 
-from auvid_cli.campaign.plan import LARGEST_GROUP
+from auvid_cli.campaign.plan import LARGEST_GROUP, Plan
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.errors import ConfigError
 
@@ -122,6 +122,27 @@ def test_another_version_of_auvid_is_another_run(planned, monkeypatch):
     assert not before & set(planned(GRID).labels())
 
 
+def test_a_mistake_is_found_without_resolving_every_combination(planned, monkeypatch):
+    resolved = []
+    resolve = Plan._resolve
+    monkeypatch.setattr(Plan, "_resolve", lambda *some: resolved.append(0) or resolve(*some))
+    text = "name: big\nseeds: 2\nfilters: [ckf]\nvary:\n"
+    text += "".join(
+        f"  - {{setting: sensors.{one}.rate, values: [1, 2, 3]}}\n" for one in ("dvl", "gyroscope", "attitude")
+    )
+    plan = planned(text)
+    assert (plan.n_runs, len(resolved)) == (54, 7)
+    (group,) = plan.examples(1)
+    assert len(group.runs) == 1
+    assert len(resolved) == 8
+
+
+def test_two_axes_that_set_the_same_are_found_before_any_run(planned):
+    axes = "[{setting: sensors.dvl.rate, values: [1, 2]}, {name: other, levels: {a: {}, b: {sensors.dvl.rate: 5 Hz}}}]"
+    with pytest.raises(ConfigError, match="two runs of the campaign are the same"):
+        planned(f"name: twins\nseeds: 2\nfilters: [ckf]\nvary: {axes}\n").labels()
+
+
 def test_draws_are_the_same_for_all_filters_and_follow_their_distribution(planned):
     text = (
         "name: drawn\nsettings: {manoeuvre.duration: 5 s}\nseeds: 200\nfilters: [ckf, tukf]\n"
@@ -179,7 +200,7 @@ def test_settings_travel_as_text_that_means_the_same(planned):
     [
         (
             ("[1, 10]", "[1, -3]"),
-            r"campaign\.yaml:8:\d+: identification\.prior\.factor: must be greater than 0, got -3",
+            r"campaign\.yaml:8:\d+: identification\.prior\.factor: must be at least 1e-06, got -3",
         ),
         (("gyroscope.rate: 10 Hz", "gyroscop.rate: 10 Hz"), r"campaign\.yaml:11:\d+: .*gyroscop.*did you mean"),
         (("rate: 100 Hz", "rate: 100 kg"), r"campaign\.yaml:12:\d+: sensors\.gyroscope\.rate: expected a frequency"),
@@ -197,6 +218,17 @@ def test_settings_travel_as_text_that_means_the_same(planned):
         (("values: [1, 10]", "values: [1, 10], known: false"), "`known: false` is for settings of vehicle or sensors"),
         (("setting: identification.prior.factor", "setting: seed"), "seeds and filters have lists of their own"),
         (("name: rate", "name: identification.prior.factor"), "stands twice"),
+        (
+            ("settings: {manoeuvre.duration: 5 s}", "settings: {manoeuvre.duration: 5 s, seed: 3}"),
+            r"campaign\.yaml:2:1: settings: `seed` has no effect in a campaign: say `seeds`",
+        ),
+        (("settings: {", "settings: {name: x, "), r"campaign\.yaml:2:1: settings: `name` has no effect"),
+        (("ekf.transition: first_order", "filters: [ukf]"), r"campaign\.yaml:6:.*has no effect here"),
+        (
+            ("seeds: [3, 5]", "seeds: 1000000000000000000"),
+            r"campaign\.yaml:1:1: 8,0.* are too many: .* at most 1,000,000",
+        ),
+        (("values: [1, 10]", f"values: {[*range(1, 6000)]}"), r"11,998 combinations of settings, .* are too many"),
         (("name: rate", "name: status"), "results have a column .status. already"),
         (("settings: {manoeuvre", "settings: {manouvre"), r"campaign\.yaml:2:\d+: manouvre"),
         (

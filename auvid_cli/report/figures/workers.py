@@ -15,6 +15,7 @@ from multiprocessing.context import BaseContext
 from pathlib import Path
 from typing import Any
 
+from auvid_cli.children import parentage
 from auvid_cli.errors import FileError
 from auvid_cli.interrupts import deaf_to_interrupts
 
@@ -29,7 +30,7 @@ def load_ahead() -> None:
     context = _context()
     context.set_forkserver_preload([f"auvid_cli.report.figures.{name}" for name in ("server", "patience", "kinds")])
     if context.get_start_method() == "forkserver":
-        with deaf_to_interrupts(), _without_the_current_folder():
+        with deaf_to_interrupts(), _environment_of_the_server():
             forkserver.ensure_running()
 
 
@@ -100,17 +101,18 @@ class _Pool:
 
 
 @contextmanager
-def _without_the_current_folder() -> Iterator[None]:
-    """Keep a new Python from importing what lies in the current folder before what is installed."""
-    before = os.environ.get("PYTHONSAFEPATH")
-    os.environ["PYTHONSAFEPATH"] = "1"
+def _environment_of_the_server() -> Iterator[None]:
+    """Keep a new Python from importing what lies in the current folder before what is installed; say who starts it."""
+    told = {"PYTHONSAFEPATH": "1"} | parentage()
+    before = {name: os.environ.get(name) for name in told}
+    os.environ.update(told)
     try:
         yield
     finally:
-        if before is None:
-            del os.environ["PYTHONSAFEPATH"]
-        else:
-            os.environ["PYTHONSAFEPATH"] = before
+        for name, value in before.items():
+            del os.environ[name]
+            if value is not None:
+                os.environ[name] = value
 
 
 def _prepare() -> None:

@@ -1,0 +1,77 @@
+"""Nothing outlives a command, however it ends."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from uuid import uuid4
+
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks in /proc")
+
+_ENOUGH = 2.0
+
+
+@pytest.fixture
+def begun(tmp_path):
+    """Function: a Python process with a mark in its environment, and a function that finds all that have it."""
+    mark = f"AUVID_TEST={uuid4().hex}"
+    environment = os.environ | dict([mark.split("=")])
+
+    def marked() -> list[str]:
+        found = []
+        for process in Path("/proc").glob("[0-9]*"):
+            try:
+                if mark.encode() in (process / "environ").read_bytes():
+                    found.append((process / "cmdline").read_text().replace("\0", " "))
+            except OSError:
+                continue
+        return found
+
+    def begin(*arguments: str, **more: str):
+        command = [sys.executable, *arguments]
+        quiet = subprocess.DEVNULL
+        return subprocess.Popen(command, cwd=tmp_path, env=environment | more, stdout=quiet, stderr=quiet), marked
+
+    return begin
+
+
+def left_of(marked) -> list[str]:
+    """What is still there after a moment."""
+    end = time.monotonic() + _ENOUGH
+    while marked() and time.monotonic() < end:
+        time.sleep(0.02)
+    return marked()
+
+
+def test_a_command_that_ends_at_once_leaves_no_process_that_draws(begun):
+    process, marked = begun("-m", "auvid_cli", "run", "--set", "nope=3")
+    assert process.wait(60) == 2
+    assert left_of(marked) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_a_command_that_is_killed_leaves_no_process_that_draws(begun, number):
+    process, marked = begun("-m", "auvid_cli", "run")
+    while not any("forkserver" in command for command in marked()):
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.send_signal(number)
+    assert process.wait(60) != 0
+    assert left_of(marked) == []
+
+
+def test_who_compiles_for_a_command_that_is_killed_ends_with_it(begun, tmp_path):
+    code = """
+import os, signal, time
+from auvid_cli.compilation import compile_elsewhere
+compile_elsewhere("auvid_cli.filters.square_root")
+time.sleep(0.5)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    process, marked = begun("-c", code, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+    assert process.wait(60) == -signal.SIGKILL
+    assert left_of(marked) == []
