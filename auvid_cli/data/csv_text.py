@@ -4,6 +4,7 @@ import csv
 import re
 from collections.abc import Iterable, Sequence
 from io import StringIO
+from math import isnan
 from typing import Any
 
 from auvid_cli.printable import printable
@@ -14,7 +15,7 @@ _FORMULA = re.compile("'*[=+@-]")
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
-    """A header and rows as CSV; None is an empty cell, a float keeps all its digits, for text see `csv_cell`."""
+    """A header and rows as CSV; None and NaN are empty cells, a float keeps all its digits, for text see `csv_cell`."""
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(map(csv_cell, header))
@@ -24,6 +25,8 @@ def csv_text(header: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
 
 def csv_cell(value: Any) -> Any:
     """Text in a line and behind an apostrophe if it would be a formula, which `csv_value` takes away; else the same."""
+    if isinstance(value, float) and isnan(value):
+        return None
     if not isinstance(value, str) or _NUMBER.fullmatch(value):
         return value
     return f"'{printable(value)}" if _FORMULA.match(value) else printable(value)

@@ -1,5 +1,8 @@
 import csv
 
+import numpy as np
+
+from auvid_cli.data.csv_text import csv_text
 from auvid_cli.report.csv_tables import write_csv_tables
 
 COLUMNS = {
@@ -44,3 +47,7 @@ def test_a_status_with_commas_stays_one_cell(tmp_path, evaluation):
     status = "diverged at t = 1.000 s: this, that"
     changed = evaluation._replace(summary=[row._replace(status=status) for row in evaluation.summary])
     assert {row["status"] for row in read(write_csv_tables(changed, tmp_path)[1])} == {status}
+
+
+def test_what_is_no_number_is_an_empty_cell():
+    assert csv_text(("a", "b", "c"), [(float("nan"), np.float64("nan"), float("inf"))]) == "a,b,c\n,,inf\n"

@@ -15,6 +15,7 @@ from auvid_cli.evaluation.inspection.alignment import aligned, alignment_checks,
 from auvid_cli.evaluation.inspection.allan import bias_instability
 from auvid_cli.evaluation.inspection.excitation import excitation_checks, fitness_checks
 from auvid_cli.evaluation.inspection.excursions import excursion_checks
+from auvid_cli.evaluation.inspection.forces import force_checks
 from auvid_cli.evaluation.inspection.grid import Signals, signals_of
 from auvid_cli.evaluation.inspection.inspection import Inspection, Mark, judged
 from auvid_cli.evaluation.inspection.kinematics import attitude_rates
@@ -67,6 +68,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     alignment = input_alignment(signals, time_constant)
     checks += [*input_timing_checks(dataset.inputs, time_constant), *alignment_checks(alignment)]
     in_place = aligned(signals, alignment)
+    checks += force_checks(signals, dataset.experiment.vehicle)
     rotations = rotation_checks(in_place, time_constant)
     checks += [*rotations, *velocity_checks(in_place, time_constant), *_stability(signals)]
     # Of sensors that contradict each other none is a witness.
