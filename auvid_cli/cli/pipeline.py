@@ -24,6 +24,7 @@ from auvid_cli.data.results_folder import dataset_in, estimates_in, products, re
 from auvid_cli.data.screening import screen
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.report.remedies import remedies
+from auvid_cli.vehicle.plausibility import doubts
 
 if TYPE_CHECKING:
     from auvid_cli.evaluation.bounds import BoundsOf
@@ -82,7 +83,7 @@ def simulate_to(
 
 def say_doubts(vehicle: VehicleSettings, terminal: Terminal) -> None:
     """Say what of a vehicle's numbers can hardly be, a line each."""
-    for doubt in vehicle.doubts():
+    for doubt in doubts(vehicle):
         terminal.say(f"note: vehicle {vehicle.name}: {doubt}")
 
 

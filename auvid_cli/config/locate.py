@@ -168,7 +168,7 @@ def _expectation(detail: ErrorDetails, place: _Place) -> str:
     if place.in_union and place.field and place.field.description:
         return f"expected {place.field.description}"
     if kind in LIMITS:
-        unit = _unit(place.field) if any(isinstance(limit, float) and limit for limit in context.values()) else ""
+        unit = _unit(place.field) if any(isinstance(limit, int | float) and limit for limit in context.values()) else ""
         return f"{LIMITS[kind].format(**context)} {unit}".strip()
     models = _models(place.annotation)
     if models and kind in ("model_type", "model_attributes_type", "dict_type"):

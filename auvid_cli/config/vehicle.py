@@ -9,7 +9,6 @@ from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import PARAMETERS
-from auvid_cli.vehicle.plausibility import Doubt, doubts
 
 
 class Entry(Settings):
@@ -96,10 +95,6 @@ class VehicleSettings(Settings):
     def known_parameters(self) -> dict[str, float]:
         """Known parameters by symbol, SI."""
         return self.parameters.by_symbol()
-
-    def doubts(self) -> list[Doubt]:
-        """What of the known parameters can hardly be, see `auvid_cli.vehicle.plausibility`."""
-        return doubts(self.known_parameters(), self.size.length, self.size.diameter, self.size.density)
 
     def all_coefficients(self) -> dict[str, float]:
         """The 22 coefficients by symbol, SI, for a simulation.

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.vehicle.matrices import central_inertia
 
 _GRAVITY = 9.81
@@ -38,30 +39,22 @@ class Doubt(NamedTuple):
         return f"{self.subject} is {self.stated}; expected {self.expected}"
 
 
-def doubts(parameters: Mapping[str, float], length: float, diameter: float, density: float) -> list[Doubt]:
+def doubts(vehicle: VehicleSettings) -> list[Doubt]:
     """What is doubtful about a vehicle.
-
-    Parameters
-    ----------
-    parameters : mapping
-        Known parameters by symbol, SI.
-    length, diameter : float
-        Of the hull, m.
-    density : float
-        Of the water, kg/m^3.
 
     Raises
     ------
     ConfigError
         If the inertia is none that a body can have.
     """
-    k = parameters
+    k, size = vehicle.known_parameters(), vehicle.size
+    full = size.density * _GRAVITY * 0.25 * np.pi * size.diameter**2 * size.length
     return [
         *_added_mass(k),
         *_weight(k),
-        *_displacement(k, density * _GRAVITY * 0.25 * np.pi * diameter**2 * length),
-        *_inertia(k, length, diameter),
-        *_centres(k, length, diameter),
+        *_displacement(k, full),
+        *_inertia(k, size.length, size.diameter),
+        *_centres(k, size.length, size.diameter),
     ]
 
 

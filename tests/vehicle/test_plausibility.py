@@ -1,6 +1,7 @@
 import pytest
 
 from auvid_cli.errors import ConfigError
+from auvid_cli.vehicle import plausibility
 
 
 @pytest.fixture
@@ -9,13 +10,13 @@ def doubts(experiment_with):
 
     def of(*changes):
         vehicle = experiment_with(*(f"vehicle.{change}" for change in changes)).vehicle
-        return {doubt.subject: str(doubt) for doubt in vehicle.doubts()}
+        return {doubt.subject: str(doubt) for doubt in plausibility.doubts(vehicle)}
 
     return of
 
 
 def test_nothing_is_doubtful_about_a_vehicle_that_ships(vehicle_file, experiment_with):
-    assert experiment_with(f"vehicle=vehicles/{vehicle_file}").vehicle.doubts() == []
+    assert plausibility.doubts(experiment_with(f"vehicle=vehicles/{vehicle_file}").vehicle) == []
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ from auvid_cli.evaluation.inspection.screening import Screened, screened
 from auvid_cli.evaluation.inspection.steps import angle_steps, gimbal_check, step_check
 from auvid_cli.evaluation.inspection.timing import input_timing_checks, timing_checks
 from auvid_cli.evaluation.inspection.velocity import mean_speed, velocity_checks
+from auvid_cli.vehicle.plausibility import doubts
 
 Array = NDArray[np.float64]
 
@@ -109,7 +110,7 @@ def _said_at_import(run: RunSettings) -> list[Check]:
 def _vehicle(vehicle: VehicleSettings) -> list[Check]:
     """What of the vehicle's numbers can hardly be."""
     advice = "Look at the sign and the unit of that number in the vehicle file, and at what it is compared with."
-    return [judged("vehicle", doubt.subject, doubt.stated, doubt.expected, None, advice) for doubt in vehicle.doubts()]
+    return [judged("vehicle", doubt.subject, doubt.stated, doubt.expected, None, advice) for doubt in doubts(vehicle)]
 
 
 def _span(inputs: InputRecord, sensors: dict[str, SensorRecord]) -> tuple[float, float]:
