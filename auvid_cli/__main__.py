@@ -3,21 +3,31 @@
 import gc
 import sys
 
-from auvid_cli.cli.exit_codes import INTERRUPTED
+from auvid_cli.cli.exit_codes import INTERRUPTED, WRONG_INPUT
+from auvid_cli.cli.streams import complain_of, finish, prepare
 
 
 def main() -> None:
     """Run the command line."""
+    prepare()
+    code: int | str | None
     try:
         # Here, because loading the commands takes a moment in which one may be interrupted as well.
         from auvid_cli.cli.app import app
 
-        app()
+        code = app()
+    except SystemExit as end:
+        code = end.code
     except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
+        code = INTERRUPTED
+    except OSError as error:
+        # Of the help, for example: no command has begun that would say so itself.
+        complain_of(error)
+        code = WRONG_INPUT
     finally:
         # Going through all that lives once more before the process ends would take half a second.
         gc.freeze()
+    sys.exit(finish(code))
 
 
 if __name__ == "__main__":

@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 
 import auvid_cli
-from auvid_cli.compilation import CORE
+from auvid_cli.code_cache import CORE
 
 ELSEWHERE = """
 from auvid_cli.compilation import compile_elsewhere, is_compiled, told_of_compilation
 before = is_compiled("auvid_cli.filters.factor")
 code = compile_elsewhere("auvid_cli.filters.factor").wait()
 told = []
-with told_of_compilation(lambda: told.append(1)):
+with told_of_compilation(lambda: told.append(1), list):
     import auvid_cli.filters.factor
     after_one = len(told)
     import auvid_cli.vehicle.dynamics

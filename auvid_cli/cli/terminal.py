@@ -13,7 +13,7 @@ from typing import Protocol
 import typer
 
 from auvid_cli.cli.exit_codes import DONE, INTERRUPTED, WRONG_INPUT
-from auvid_cli.printable import printable_lines
+from auvid_cli.cli.streams import complain, complain_of, discard
 
 
 @contextmanager
@@ -26,21 +26,20 @@ def reporting_errors() -> Iterator[None]:
     try:
         yield
     except AuvidError as error:
-        print(f"auvid: {printable_lines(str(error))}", file=sys.stderr)
+        complain(str(error))
         raise typer.Exit(WRONG_INPUT) from None
     except MemoryError as error:
-        print(f"auvid: not enough memory for this duration and these rates: {error}", file=sys.stderr)
+        complain(f"not enough memory for this duration and these rates: {error}")
         raise typer.Exit(WRONG_INPUT) from None
     except KeyboardInterrupt:
-        print("auvid: interrupted; files already written are complete", file=sys.stderr)
+        complain("interrupted; files already written are complete")
         raise typer.Exit(INTERRUPTED) from None
     except BrokenPipeError:
         # The reader of our output has gone (`auvid ... | head`); there is nobody left to tell.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        discard(sys.stdout)
         raise typer.Exit(DONE) from None
     except OSError as error:
-        where = printable_lines(str(error.filename or "output"))
-        print(f"auvid: {where}: {error.strerror or error}", file=sys.stderr)
+        complain_of(error)
         raise typer.Exit(WRONG_INPUT) from None
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -78,7 +77,7 @@ class Terminal:
         self._partner: subprocess.Popen | None = None
         # Whether compiling has begun in the present block, and whether that stands on a screen that keeps its lines.
         self._compiles = self._printed = False
-        self._interrupted = False
+        self._interrupted = self._damaged = False
 
     def say(self, message: str) -> None:
         """Print a line, as it is."""
@@ -118,18 +117,23 @@ class Terminal:
                     label = "compiling the numerical core, once: some 10 to 20 s"
                     change(label)
                     if not self._err.is_terminal and not self.quiet and not self._printed:
-                        print(f"auvid: {label}", file=sys.stderr)
+                        complain(label)
                     self._compiles = self._printed = True
                     if self._interrupted:
                         self._leave_at_once()
 
-                with told_of_compilation(say_so):
+                with told_of_compilation(say_so, self._say_what_is_damaged):
                     yield say_so
                 if self._interrupted:
                     raise KeyboardInterrupt
         finally:
             self._compiles = False
             signal.signal(signal.SIGINT, before)
+
+    def _say_what_is_damaged(self) -> None:
+        if not self._damaged:
+            self._err.print("auvid: what was compiled before is damaged; compiling that again", soft_wrap=True)
+        self._damaged = True
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
         self._interrupted = True
