@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from io import BytesIO
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import platformdirs
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, UserProvidedCacheLocator
@@ -40,7 +40,9 @@ class CodeCache(FunctionCache):
     def __init__(self, function: Callable) -> None:
         self._impl_class = _Named
         super().__init__(function)
-        self._cache_file = _SealedFiles(self.cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
+        self._cache_file = _SealedFiles(
+            self.cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp()
+        )
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep machine code, where there is room and leave to: else this session works with what it has compiled."""
@@ -59,9 +61,9 @@ class _Locator(UserProvidedCacheLocator):
     def from_function(cls, py_func: Callable, py_file: str) -> "_Locator":
         return cls(py_func, py_file)
 
-    def get_source_stamp(self) -> str:
+    def get_source_stamp(self) -> bytes:
         # The name of the folder says it all.
-        return ""
+        return b""
 
 
 class _Named(CompileResultCacheImpl):
@@ -72,7 +74,7 @@ class _SealedFiles(IndexDataCacheFile):
     """Index and machine code of a function, each file with the digest of its content at its end."""
 
     @contextmanager
-    def _open_for_write(self, filepath: str) -> Iterator[IO[bytes]]:
+    def _open_for_write(self, filepath: str) -> Iterator[Any]:
         content = BytesIO()
         yield content
         with super()._open_for_write(filepath) as file:

@@ -61,7 +61,7 @@ def compiled(
     }
 
     def decorate(function: Callable) -> Any:
-        dispatcher = njit(**options)(function)
+        dispatcher: Any = njit(**options)(function)
         if dispatcher is function:
             # numba is told to compile nothing.
             return function

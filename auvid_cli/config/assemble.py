@@ -6,10 +6,12 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 
 from auvid_cli.config.position import Mistake, Path, Position, Source
-from auvid_cli.config.tree import Tree, read_tree
+from auvid_cli.config.tree import DEEPEST, Tree, read_tree
+from auvid_cli.regular import read_bytes
 
 SECTIONS = ("vehicle", "sensors", "manoeuvre")
 SUFFIXES = (".yaml", ".yml")
+MOST_BYTES = 1_000_000
 
 
 def read_source(path: FilePath, name: str | None = None) -> Source:
@@ -20,15 +22,7 @@ def read_source(path: FilePath, name: str | None = None) -> Source:
     ValueError
         If it cannot be read; the message says why, without the path.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig", errors="surrogateescape")
-    except FileNotFoundError:
-        raise ValueError("no such file") from None
-    except IsADirectoryError:
-        raise ValueError("is a folder, not a settings file") from None
-    except (OSError, ValueError) as error:
-        reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        raise ValueError(f"cannot be read: {reason}") from None
+    text = read_bytes(path, MOST_BYTES).decode("utf-8-sig", errors="surrogateescape")
     return Source(name or str(path), path.parent, text, path)
 
 
@@ -107,6 +101,8 @@ def parse_override(override: str) -> tuple[Path, Tree]:
     path = tuple(part.strip() for part in key.split("."))
     if not equals or not all(path):
         raise ValueError("expected key.key=value, for example sensors.dvl.rate=7 Hz")
+    if len(path) > DEEPEST:
+        raise ValueError(f"has {len(path)} keys, one within the other, where there may be {DEEPEST}")
     tree, mistakes = read_tree(Source(at.file, at.source.folder, value))
     if mistakes:
         raise ValueError(mistakes[0].message)

@@ -9,6 +9,8 @@ Path = tuple[str | int, ...]
 """Keys and list indices from the top of the settings down to one of them."""
 
 WIDTH = 100
+MOST_SHOWN = 20
+LONGEST_SHOWN = 2000
 
 
 @dataclass(frozen=True)
@@ -87,10 +89,18 @@ def dotted(path: Path) -> str:
 
 
 def report(mistakes: Iterable[Mistake]) -> str:
-    """All mistakes as text, file by file: a line each, then the line of the file for those at one place."""
+    """The first mistakes as text, file by file: a line each, then the line of the file for those at one place."""
     found = list(mistakes)
-    files = list(dict.fromkeys(mistake.at.file for mistake in found))
-    found.sort(key=lambda mistake: (files.index(mistake.at.file), mistake.at.line, mistake.at.column))
-    groups = ((at, list(group)) for at, group in groupby(found, key=lambda mistake: mistake.at))
-    text = "\n".join("\n".join(map(str, group)) + at.excerpt() for at, group in groups)
+    ranks = {file: rank for rank, file in enumerate(dict.fromkeys(mistake.at.file for mistake in found))}
+    found.sort(key=lambda mistake: (ranks[mistake.at.file], mistake.at.line, mistake.at.column))
+    groups = ((at, list(group)) for at, group in groupby(found[:MOST_SHOWN], key=lambda mistake: mistake.at))
+    text = "\n".join("\n".join(map(_shortened, group)) + at.excerpt() for at, group in groups)
+    if len(found) > MOST_SHOWN:
+        text += f"\nand {len(found) - MOST_SHOWN} more mistakes"
     return "".join(c if c.isprintable() or c in "\n\t" else "?" for c in text)
+
+
+def _shortened(mistake: Mistake) -> str:
+    text = str(mistake)
+    half = LONGEST_SHOWN // 2
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:half]} ... {text[-half:]}"

@@ -1,5 +1,6 @@
 """YAML text to a tree of plain values that know where they are written."""
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
@@ -9,9 +10,14 @@ import yaml
 
 from auvid_cli.config.position import Mistake, Path, Position, Source
 
-MERGE_TAG = "tag:yaml.org,2002:merge"
-CONTAINER_TAGS = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
-MOST_NODES = 100_000
+_TAGS = "tag:yaml.org,2002:"
+_MERGE_TAG = f"{_TAGS}merge"
+_PLAIN_TAGS = (f"{_TAGS}null", f"{_TAGS}bool", _MERGE_TAG)
+# What Python, and so the validation of settings, would take for a number.
+_GROUPED = re.compile(r"[-+]?\.?[0-9][0-9.]*_[0-9._]*(?:[eE][-+]?[0-9_]+)?")
+# No settings hold or nest so many values; far more take long to read.
+MOST_NODES = 30_000
+DEEPEST = 50
 
 
 @dataclass(frozen=True)
@@ -125,7 +131,7 @@ def read_tree(source: Source) -> tuple[Tree, list[Mistake]]:
     start = Position(source, 1, 1)
     mistakes: list[Mistake] = []
     try:
-        loader = yaml.SafeLoader(source.text)
+        loader = _Loader(source.text)
         root = loader.get_single_node()
         tree = _Builder(source, loader, mistakes).tree(root) if root else Tree(None, start)
     except yaml.MarkedYAMLError as error:
@@ -142,10 +148,45 @@ def read_tree(source: Source) -> tuple[Tree, list[Mistake]]:
     return Tree(None, start, readable=False), mistakes
 
 
+class _Loader(yaml.SafeLoader):
+    """PyYAML's, for values that are what they look like.
+
+    It knows none of the kinds of YAML 1.1 that surprise: 010 is no 8, 1:30 is no 90, and a date is text.
+    """
+
+    yaml_implicit_resolvers = {  # noqa: RUF012
+        first: [(tag, pattern) for tag, pattern in kinds if tag in _PLAIN_TAGS]
+        for first, kinds in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._composed = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """The next node; while they come, since the whole may be long or do harm, they are counted and judged."""
+        event: Any = self.peek_event()
+        tag = getattr(event, "tag", None)
+        if tag is not None:
+            raise _error(event, f"the tag {tag.replace(_TAGS, '!!')!r} is not allowed")
+        self._composed += 1
+        if self._composed > MOST_NODES:
+            raise _error(event, "too many values")
+        return super().compose_node(parent, index)
+
+
+_Loader.add_implicit_resolver(f"{_TAGS}int", re.compile(r"[-+]?(?:0|[1-9][0-9]*)$"), list("-+0123456789"))
+_Loader.add_implicit_resolver(
+    f"{_TAGS}float",
+    re.compile(r"[-+]?(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][-+][0-9]+)?$|[-+]?\.(?:inf|Inf|INF)$|\.(?:nan|NaN|NAN)$"),
+    list("-+0123456789."),
+)
+
+
 class _Builder:
     """Turns composed YAML nodes into trees."""
 
-    def __init__(self, source: Source, loader: yaml.SafeLoader, mistakes: list[Mistake]) -> None:
+    def __init__(self, source: Source, loader: _Loader, mistakes: list[Mistake]) -> None:
         self.source = source
         self.construct: Callable[[yaml.Node], Any] = loader.construct_object
         self.mistakes = mistakes
@@ -158,12 +199,12 @@ class _Builder:
             raise _error(node, "too many values")
         if node in above:
             raise _error(node, "an alias to a value that contains it")
+        if len(above) > DEEPEST:
+            raise _error(node, "nested too deeply")
         above = (*above, node)
         match node:
             case yaml.ScalarNode():
                 content = self.scalar(node)
-            case _ if node.tag not in CONTAINER_TAGS:
-                raise _error(node, f"the tag {node.tag!r} is not allowed")
             case yaml.MappingNode():
                 content = self.mapping(node, path, above)
             case _:
@@ -171,18 +212,20 @@ class _Builder:
         return Tree(content, self.position(node))
 
     def scalar(self, node: yaml.ScalarNode) -> Any:
-        """Value of a scalar; a date that is none, for example, is an error."""
+        """Value of a scalar; a number with underscores or thousands of digits is an error."""
+        if node.style is None and _GROUPED.fullmatch(node.value):
+            raise _error(node, f"{node.value!r} is no number with an underscore in it; text like this stands in quotes")
         try:
             return self.construct(node)
-        except (ValueError, OverflowError) as error:
-            raise _error(node, f"{node.value!r} is not a value: {error}") from None
+        except ValueError as error:
+            raise _error(node, f"not a value: {error}") from None
 
     def mapping(self, node: yaml.MappingNode, path: Path, above: tuple[yaml.Node, ...]) -> dict[str, Tree]:
         """Children of a mapping: its own keys, then those of merged mappings that it has not."""
         content: dict[str, Tree] = {}
         merged: list[yaml.Node] = []
         for key, value in node.value:
-            if key.tag == MERGE_TAG:
+            if key.tag == _MERGE_TAG:
                 merged += value.value if isinstance(value, yaml.SequenceNode) else [value]
                 continue
             if not isinstance(key, yaml.ScalarNode):
@@ -205,7 +248,7 @@ class _Builder:
         return Position(self.source, node.start_mark.line + 1, node.start_mark.column + 1)
 
 
-def _error(node: yaml.Node, problem: str) -> yaml.MarkedYAMLError:
+def _error(node: yaml.Node | yaml.Event, problem: str) -> yaml.MarkedYAMLError:
     return yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
 
 

@@ -1,3 +1,4 @@
+import os
 from pathlib import Path
 
 import pytest
@@ -105,13 +106,31 @@ def test_recorded_file_is_relative_to_where_it_is_written(folder, tmp_path_facto
 
 @pytest.mark.parametrize(
     ("reference", "reason"),
-    [("nope.yaml", "no such file"), ("folder.yaml", "is a folder, not a settings file")],
+    [("nope.yaml", "no such file"), ("folder.yaml", "is a folder, not a file")],
 )
 def test_unreadable_reference_is_an_error_where_it_stands(folder, reference, reason):
     (folder / "folder.yaml").mkdir()
     (folder / "e.yaml").write_text(f"name: e\nvehicle: {reference}\n")
     _, mistakes = assembled(folder)
     assert mistakes == [f"{folder / 'e.yaml'}:2:10: vehicle: {folder / reference}: {reason}"]
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")])
+def test_what_never_ends_is_no_settings_file(tmp_path, make):
+    make(tmp_path / "e.yaml")
+    with pytest.raises(ValueError, match="is a pipe or a device, not a regular file"):
+        read_source(tmp_path / "e.yaml")
+
+
+def test_a_file_of_megabytes_is_no_settings_file(tmp_path):
+    (tmp_path / "e.yaml").write_text("#" * 1_000_001)
+    with pytest.raises(ValueError, match="is larger than 1 MB"):
+        read_source(tmp_path / "e.yaml")
+
+
+def test_an_override_of_thousands_of_keys_is_refused(folder):
+    _, (mistake,) = assembled(folder, f"{'a.' * 2000}a=1")
+    assert mistake.endswith("has 2001 keys, one within the other, where there may be 50")
 
 
 def test_broken_reference_points_into_the_file(folder):

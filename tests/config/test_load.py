@@ -135,7 +135,7 @@ def test_byte_order_mark_is_ignored(text, tmp_path):
 def test_missing_file_and_folder(tmp_path):
     with pytest.raises(ConfigError, match=r"none\.yaml: no such file$"):
         load_experiment(tmp_path / "none.yaml")
-    with pytest.raises(ConfigError, match=r"is a folder, not a settings file$"):
+    with pytest.raises(ConfigError, match=r"is a folder, not a file$"):
         load_experiment(tmp_path)
 
 

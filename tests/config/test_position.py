@@ -34,3 +34,10 @@ def test_control_characters_do_not_reach_the_terminal():
 
 def test_source_without_lines():
     assert report([Mistake(Position(Source("--set a=b", Path())), ("a",), "wrong")]) == "--set a=b: a: wrong"
+
+
+def test_many_and_long_mistakes_are_told_shortly():
+    source = Source("a.yaml", Path(), "x: 1\n" * 90_000)
+    text = report(Mistake(Position(source, k, 1), ("x" * 100_000,), "wrong") for k in range(1, 1001))
+    assert text.endswith("\nand 980 more mistakes")
+    assert len(text) < 50_000

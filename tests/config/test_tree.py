@@ -89,14 +89,22 @@ def test_first_of_duplicate_keys_counts():
         ("a: 'x\n", "f.yaml:2:1: not valid YAML: while scanning a quoted scalar"),
         ("a: 1\n---\nb: 2\n", "f.yaml:2:1: not valid YAML: expected a single document"),
         ("a: !!python/object/apply:os.system [ls]\n", "f.yaml:1:4: not valid YAML: the tag"),
-        ("a: !!python/name:os.system x\n", "f.yaml:1:4: not valid YAML: could not determine a constructor"),
-        ("a: 2020-13-45\n", "f.yaml:1:4: not valid YAML: '2020-13-45' is not a value"),
+        ("a: !!python/name:os.system x\n", "f.yaml:1:4: not valid YAML: the tag"),
+        ("a: !!bool foo\n", "f.yaml:1:4: not valid YAML: the tag '!!bool' is not allowed"),
+        ("a: !!int ''\n", "f.yaml:1:4: not valid YAML: the tag '!!int' is not allowed"),
+        ("a: !!float ''\n", "f.yaml:1:4: not valid YAML: the tag '!!float' is not allowed"),
+        ("a: !!timestamp x\n", "f.yaml:1:4: not valid YAML: the tag '!!timestamp' is not allowed"),
+        ("!!int x: 1\n", "f.yaml:1:1: not valid YAML: the tag '!!int' is not allowed"),
+        ("a: 5_0\n", "f.yaml:1:4: not valid YAML: '5_0' is no number with an underscore in it"),
+        ("a: -1_0.5e-1_0\n", "f.yaml:1:4: not valid YAML: '-1_0.5e-1_0' is no number"),
+        (f"a: {'9' * 5000}\n", "f.yaml:1:4: not valid YAML: not a value: Exceeds the limit"),
         ("a: &x [*x]\n", "f.yaml:1:4: not valid YAML: an alias to a value that contains it"),
         ("a: {[1]: 2}\n", "f.yaml:1:5: not valid YAML: a key must be a plain word"),
         ("a: {<<: 2}\n", "f.yaml:1:9: not valid YAML: only a mapping can be merged"),
         ("a: \udcff\n", "f.yaml:1:4: not UTF-8 text: byte 0xff"),
         ("a: 1\nb: \x07\n", "f.yaml:2:4: character U+0007 is not allowed"),
         ("[" * 5000, "f.yaml:1:1: nested too deeply"),
+        ("[" * 60 + "]" * 60, "f.yaml:1:52: not valid YAML: nested too deeply"),
     ],
 )
 def test_text_that_is_no_yaml(text, start):
@@ -107,6 +115,20 @@ def test_aliases_cannot_blow_up():
     levels = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
     levels += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 9)]
     assert "too many values" in only_mistake("\n".join(levels))
+
+
+def test_reading_ends_where_there_are_too_many_values():
+    assert "too many values" in only_mistake("\n".join(f"key{i}: 1" for i in range(90_000)))
+
+
+@pytest.mark.parametrize("written", ["010", "1:30", "0x10", "0b1", "2020-01-01", "2020-13-45", "5_kg", "'5_0'", "="])
+def test_what_only_looks_like_another_number_is_text(written):
+    assert read(f"a: {written}\n").data == {"a": written.strip("'")}
+
+
+@given(st.text(st.characters(max_codepoint=126), max_size=60))
+def test_any_text_is_read_or_refused(text):
+    read_tree(Source("f.yaml", Path(), text))
 
 
 def test_put_leaves_the_original_alone():
