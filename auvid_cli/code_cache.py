@@ -97,7 +97,7 @@ def _digest(content: bytes) -> bytes:
 
 
 def _is_sound(path: Path) -> bool:
-    """Whether a file of the cache is there and as it was written; if it is there and is not, whoever listens is told."""
+    """Whether a file of the cache is there as it was written; whoever listens is told of one that is not."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:

@@ -16,7 +16,7 @@ _PLAIN_TAGS = (f"{_TAGS}null", f"{_TAGS}bool", _MERGE_TAG)
 # What Python, and so the validation of settings, would take for a number.
 _GROUPED = re.compile(r"[-+]?\.?[0-9][0-9.]*_[0-9._]*(?:[eE][-+]?[0-9_]+)?")
 # No settings hold or nest so many values; far more take long to read.
-MOST_NODES = 30_000
+MOST_NODES = 10_000
 DEEPEST = 50
 
 
@@ -141,8 +141,6 @@ def read_tree(source: Source) -> tuple[Tree, list[Mistake]]:
         mistakes.append(Mistake(at, (), _plain_words(message)))
     except yaml.reader.ReaderError as error:
         mistakes.append(_unreadable_character(source, error.position))
-    except RecursionError:
-        mistakes.append(Mistake(start, (), "nested too deeply"))
     else:
         return tree, mistakes
     return Tree(None, start, readable=False), mistakes
@@ -161,7 +159,7 @@ class _Loader(yaml.SafeLoader):
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
-        self._composed = 0
+        self._composed = self._depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         """The next node; while they come, since the whole may be long or do harm, they are counted and judged."""
@@ -172,7 +170,12 @@ class _Loader(yaml.SafeLoader):
         self._composed += 1
         if self._composed > MOST_NODES:
             raise _error(event, "too many values")
-        return super().compose_node(parent, index)
+        if self._depth > DEEPEST:
+            raise _error(event, "nested too deeply")
+        self._depth += 1
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
 
 
 _Loader.add_implicit_resolver(f"{_TAGS}int", re.compile(r"[-+]?(?:0|[1-9][0-9]*)$"), list("-+0123456789"))
