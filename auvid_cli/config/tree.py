@@ -11,10 +11,10 @@ import yaml
 from auvid_cli.config.position import Mistake, Path, Position, Source
 
 _TAGS = "tag:yaml.org,2002:"
+_INT_TAG, _FLOAT_TAG = f"{_TAGS}int", f"{_TAGS}float"
 _MERGE_TAG = f"{_TAGS}merge"
 _PLAIN_TAGS = (f"{_TAGS}null", f"{_TAGS}bool", _MERGE_TAG)
-# What Python, and so the validation of settings, would take for a number.
-_GROUPED = re.compile(r"[-+]?\.?[0-9][0-9.]*_[0-9._]*(?:[eE][-+]?[0-9_]+)?")
+_NUMBER_TAGS = (_INT_TAG, _FLOAT_TAG)
 # No settings hold or nest so many values; far more take long to read.
 MOST_NODES = 10_000
 DEEPEST = 50
@@ -178,9 +178,9 @@ class _Loader(yaml.SafeLoader):
         return node
 
 
-_Loader.add_implicit_resolver(f"{_TAGS}int", re.compile(r"[-+]?(?:0|[1-9][0-9]*)$"), list("-+0123456789"))
+_Loader.add_implicit_resolver(_INT_TAG, re.compile(r"[-+]?(?:0|[1-9][0-9]*)$"), list("-+0123456789"))
 _Loader.add_implicit_resolver(
-    f"{_TAGS}float",
+    _FLOAT_TAG,
     re.compile(r"[-+]?(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][-+][0-9]+)?$|[-+]?\.(?:inf|Inf|INF)$|\.(?:nan|NaN|NAN)$"),
     list("-+0123456789."),
 )
@@ -216,7 +216,7 @@ class _Builder:
 
     def scalar(self, node: yaml.ScalarNode) -> Any:
         """Value of a scalar; a number with underscores or thousands of digits is an error."""
-        if node.style is None and _GROUPED.fullmatch(node.value):
+        if node.style is None and _is_grouped(node.value):
             raise _error(node, f"{node.value!r} is no number with an underscore in it; text like this stands in quotes")
         try:
             return self.construct(node)
@@ -249,6 +249,12 @@ class _Builder:
     def position(self, node: yaml.Node) -> Position:
         """Where a node starts."""
         return Position(self.source, node.start_mark.line + 1, node.start_mark.column + 1)
+
+
+def _is_grouped(text: str) -> bool:
+    """Whether a text is a number with underscores to YAML 1.1; the validation would take it for one as well."""
+    kinds = yaml.SafeLoader.yaml_implicit_resolvers.get(text[:1], [])
+    return "_" in text and any(tag in _NUMBER_TAGS and pattern.match(text) for tag, pattern in kinds)
 
 
 def _error(node: yaml.Node | yaml.Event, problem: str) -> yaml.MarkedYAMLError:
