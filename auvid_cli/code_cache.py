@@ -97,7 +97,7 @@ def _digest(content: bytes) -> bytes:
 
 
 def _is_sound(path: Path) -> bool:
-    """Whether a file of the cache is there as it was written; whoever listens is told of one that is not."""
+    """Whether a file of the cache is there as it was written; if not it is taken away, and whoever listens told."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:
@@ -107,6 +107,8 @@ def _is_sound(path: Path) -> bool:
     size = hashlib.sha256().digest_size
     if len(content) > size and content[-size:] == _digest(content[:-size]):
         return True
+    with suppress(OSError):
+        path.unlink()
     broadcast(Event(DAMAGED, EventStatus.START, data={"path": path}))
     return False
 

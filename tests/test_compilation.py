@@ -9,9 +9,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from numba import types
 
 import auvid_cli
+from auvid_cli import code_cache
 from auvid_cli.code_cache import CORE
+from auvid_cli.compilation import compiled, told_of_compilation
 
 ELSEWHERE = """
 from auvid_cli.compilation import compile_elsewhere, is_compiled, told_of_compilation
@@ -33,6 +36,59 @@ def test_what_another_process_has_compiled_is_found(tmp_path, place):
     command = [sys.executable, "-c", ELSEWHERE]
     output = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
     assert output.split() == ["False", "0", "True", "0", "True"]
+
+
+@pytest.fixture
+def compiled_again(tmp_path, monkeypatch):
+    """Function: what is said of damage and of compiling while a function is compiled, or taken from the cache."""
+    monkeypatch.setattr(code_cache, "cache_folder", lambda: tmp_path)
+
+    def again():
+        told = []
+        with told_of_compilation(lambda: told.append("compiled"), lambda: told.append("damaged")):
+            double = compiled(types.int64(types.int64))(_double)
+        assert double(21) == 42
+        return told
+
+    assert again() == ["compiled"]
+    assert again() == []
+    return again
+
+
+def _double(number):
+    return 2 * number
+
+
+def flip(path):
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+DAMAGES = {
+    "cut short": lambda path: path.write_bytes(path.read_bytes()[:-100]),
+    "emptied": lambda path: path.write_bytes(b""),
+    "garbled": flip,
+    "of zeros": lambda path: path.write_bytes(bytes(path.stat().st_size)),
+    "of text": lambda path: path.write_text("no machine code\n" * 100),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+def test_damaged_machine_code_is_not_run_but_compiled_again_and_kept(compiled_again, tmp_path, kind, damage):
+    (path,) = tmp_path.rglob(f"*.{kind}")
+    damage(path)
+    assert compiled_again() == ["damaged", "compiled"]
+    assert compiled_again() == []
+
+
+def test_what_cannot_be_kept_is_compiled_each_time(compiled_again, tmp_path):
+    (path,) = tmp_path.rglob("*.nbi")
+    path.unlink()
+    path.mkdir()
+    assert "compiled" in compiled_again()
+    assert "compiled" in compiled_again()
 
 
 PACKAGE = Path(auvid_cli.__file__).parent
