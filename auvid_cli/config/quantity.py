@@ -74,6 +74,19 @@ def parse_quantity(value: Any, unit: str) -> float:
     return result
 
 
+def parse_number(text: str) -> float:
+    """Read a bare number as programs write it: ASCII digits, perhaps a sign, a decimal point, an exponent.
+
+    Raises
+    ------
+    ValueError
+        If it is none, or too large: what Python itself takes for one besides, such as ``5_0``, nobody means.
+    """
+    if not NUMBER.fullmatch(text.strip()) or not math.isfinite(number := float(text)):
+        raise ValueError(f"{describe(text)} is not a finite number")
+    return number
+
+
 def parse_components(value: Any, unit: str, n: int, check: Check = check_size) -> tuple[float, ...]:
     """Read one quantity for all components, or a list of 1 or `n` of them, each of a size that passes a check.
 

@@ -41,8 +41,12 @@ class DelimitedLog(Log):
         with self._opened() as file:
             head = file.read(_HEAD_BYTES)
         if len(head) == _HEAD_BYTES:
-            head = head[: head.rfind(b"\n") + 1] or head
-        self._header: Header = read_header(path, _decode(head).splitlines(), layout)
+            head, feed, _ = head.rpartition(b"\n")
+            if not feed:
+                raise FileError(f"{path}:1: a line of more than {_HEAD_BYTES >> 10} kB where names should be")
+        # As the rows are counted: at nothing but a line feed.
+        lines = _decode(head).removesuffix("\n").split("\n")
+        self._header: Header = read_header(path, lines, layout)
 
     def tables(self) -> dict[str, tuple[Column, ...]]:
         """Columns by their headings."""

@@ -71,10 +71,14 @@ class Header(NamedTuple):
 
 
 def split_row(line: str, delimiter: str) -> list[str]:
-    """Fields of a row without the blanks around them."""
+    """Fields of a row without the blanks around them; a row that cannot be split is one field."""
     if delimiter == BLANKS:
         return line.split()
-    fields = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    try:
+        fields = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:
+        # A carriage return within, or a field of megabytes.
+        return [line]
     return [field.strip() for field in fields]
 
 

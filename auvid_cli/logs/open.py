@@ -3,12 +3,14 @@
 import gzip
 import re
 import zipfile
+import zlib
 from pathlib import Path
 from typing import NamedTuple
 
 from auvid_cli.errors import FileError
 from auvid_cli.logs.layout import TextLayout
 from auvid_cli.logs.log import Log
+from auvid_cli.regular import check_regular
 
 _HEAD_BYTES = 4096
 _READABLE = "CSV text, .npz, .mat, ROS bags (.bag, .mcap, .db3, folder), ArduPilot logs (.BIN, .tlog)"
@@ -71,9 +73,10 @@ def open_log(path: Path, layout: TextLayout | None = None) -> Log:
     if path.is_dir():
         if not (path / "metadata.yaml").is_file():
             raise FileError(f"{path}: is a folder without metadata.yaml, so no ROS 2 bag: give a file in it")
+        for part in path.iterdir():
+            _check_regular(part)
         return _open_bag(path)
-    if not path.is_file():
-        raise FileError(f"{path}: no such log file")
+    _check_regular(path)
     kind = _kind_of(path)
     if kind is None:
         from auvid_cli.logs.delimited import DelimitedLog
@@ -90,6 +93,13 @@ def open_log(path: Path, layout: TextLayout | None = None) -> Log:
     from auvid_cli.logs.arrays import MatlabHdf5Log, MatlabLog, NumpyLog
 
     return {_NPZ: NumpyLog, _MAT: MatlabLog, _MAT_HDF5: MatlabHdf5Log}[kind](path)
+
+
+def _check_regular(path: Path) -> None:
+    try:
+        check_regular(path)
+    except ValueError as error:
+        raise FileError(f"{path}: {error}") from None
 
 
 def _open_bag(path: Path) -> Log:
@@ -111,7 +121,7 @@ def _kind_of(path: Path) -> _Kind | None:
             if _is_text(head):
                 return None
             raise FileError(f"{path}: is compressed, and no text inside: unpack it with gunzip first")
-    except (OSError, EOFError) as error:
+    except (OSError, EOFError, zlib.error) as error:
         raise FileError(f"{path}: cannot be read: {error}") from error
     for magic, kind in _BY_MAGIC.items():
         if head.startswith(magic):

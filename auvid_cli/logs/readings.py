@@ -91,10 +91,12 @@ def read_rows(
     for component, (_, factor, _) in request.values.items():
         reading = readings[component]
         numbers = to_si(raw.pop(component)[order.rows], reading, factor)
+        # What is infinite was not measured, and stands for that.
+        outside = np.isinf(numbers)
         if reading.limits is not None:
-            outside = (numbers < reading.limits[0]) | (numbers > reading.limits[1])
-            invalid += int(np.count_nonzero(outside))
-            numbers[outside] = np.nan
+            outside |= (numbers < reading.limits[0]) | (numbers > reading.limits[1])
+        invalid += int(np.count_nonzero(outside))
+        numbers[outside] = np.nan
         values[component] = numbers
     if flags is not None and validity is not None:
         wrong = ~is_valid(flags[order.rows], validity)

@@ -12,6 +12,7 @@ from auvid_cli.errors import FileError
 from auvid_cli.logs.layout import BLANKS, COMMENT_MARKS, Header, is_filler, split_row
 
 _BLOCK_BYTES = 1 << 24
+_LONGEST_LINE = 1 << 26
 _WHITE = np.frombuffer(b" \t\r\n", np.uint8)
 
 
@@ -56,7 +57,7 @@ def survey(path: Path, file: IO[bytes], header: Header) -> Rows:
     filler: set[int] = set()
     utf8 = codecs.getincrementaldecoder("utf-8")()
     encoding = "utf-8"
-    for block in _whole_lines(file):
+    for block in _whole_lines(path, file):
         encoding = encoding if encoding == "latin-1" or _decodes(utf8, block) else "latin-1"
         data = np.frombuffer(block, np.uint8)
         ends = np.flatnonzero(data == ord("\n"))
@@ -79,13 +80,15 @@ def survey(path: Path, file: IO[bytes], header: Header) -> Rows:
     return Rows(lines, frozenset(filler), encoding)
 
 
-def _whole_lines(file: IO[bytes]) -> Iterator[bytes]:
+def _whole_lines(path: Path, file: IO[bytes]) -> Iterator[bytes]:
     """Blocks of whole lines, each ended by a line feed."""
     rest = b""
     while block := file.read(_BLOCK_BYTES):
         whole, feed, rest = (rest + block).rpartition(b"\n")
         if feed:
             yield whole + feed
+        elif len(rest) > _LONGEST_LINE:
+            raise FileError(f"{path}: has a line of more than {_LONGEST_LINE >> 20} MB, and is no table")
     if rest:
         yield rest + b"\n"
 

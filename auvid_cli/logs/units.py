@@ -5,10 +5,11 @@ from collections.abc import Sequence
 from functools import cache
 
 from auvid_cli.config.log_columns import unit_factor
-from auvid_cli.config.quantity import EXAMPLES
+from auvid_cli.config.quantity import EXAMPLES, NUMBER
 from auvid_cli.errors import FileError
 
 MISSING = ("", "nan", "NaN", "NAN", "-nan", "null", "NULL", "None", "N/A", "n/a", "NA", "-", "--")
+_NO_FINITE = re.compile(r"[-+]?(?:inf(?:inity)?|nan)", re.IGNORECASE)
 # A letter right behind a number is rather a name, as of a 3D fix.
 _WITH_UNIT = re.compile(
     r"(?P<number>[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?|nan|NaN)(?:\s+|(?=..|[sm%°]))"
@@ -23,12 +24,9 @@ def is_number(field: str, decimal: str = ".", missing: Sequence[str] = ()) -> bo
     """Whether a field holds a number, or what stands for a missing one."""
     if field in MISSING or field in missing:
         return True
-    try:
-        float(field.replace(decimal, "."))
-    except ValueError:
-        return False
-    # Python reads 1_000 as a number, but no program writes one so.
-    return "_" not in field
+    number = field.replace(decimal, ".")
+    # Not whatever Python takes for a number: no program writes 1_000 or digits of other scripts.
+    return bool(NUMBER.fullmatch(number) or _NO_FINITE.fullmatch(number))
 
 
 def split_unit(field: str) -> tuple[str, str]:

@@ -1,6 +1,7 @@
 """A manoeuvre as arrays: what is fed forward and what is held, tick by tick."""
 
 import csv
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +18,9 @@ from auvid_cli.config.manoeuvre import (
     TurningCircle,
     Zigzag,
 )
+from auvid_cli.config.quantity import parse_number
 from auvid_cli.errors import ConfigError
+from auvid_cli.regular import check_regular
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
@@ -122,29 +125,33 @@ def _doublets(manoeuvre: Doublets, time: Array) -> Array:
 
 def _recorded(path: Path, time: Array) -> Array:
     """Inputs of a CSV file, held between its rows."""
-    wanted = ("time", *INPUT_SYMBOLS)
-    line = 0
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            reader = csv.DictReader(file)
-            missing = [name for name in wanted if name not in (reader.fieldnames or ())]
-            if missing:
-                raise ConfigError(
-                    f"{path}: no column {', '.join(missing)}; a recorded manoeuvre needs {', '.join(wanted)}"
-                )
-            rows = []
-            for row in reader:
-                line = reader.line_num
-                rows.append([float(row[name]) for name in wanted])
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read as a recorded manoeuvre: {error}") from error
-    except (TypeError, ValueError) as error:
-        raise ConfigError(f"{path}: line {line}: {error}; every cell must be a number") from error
-    table = np.array(rows).reshape(-1, len(wanted))
-    if table.shape[0] == 0 or not np.isfinite(table).all() or np.any(np.diff(table[:, 0]) <= 0.0):
-        raise ConfigError(f"{path}: needs finite numbers and strictly increasing times, at least one row")
+        table = np.array(list(_rows(path))).reshape(-1, 1 + len(INPUT_SYMBOLS))
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: cannot be read as a recorded manoeuvre: {error}") from None
+    if table.shape[0] == 0 or np.any(np.diff(table[:, 0]) <= 0.0):
+        raise ConfigError(f"{path}: needs strictly increasing times, at least one row")
     if table[0, 0] > time[0] or table[-1, 0] < time[-1] - 1.0:
         raise ConfigError(
             f"{path}: covers {table[0, 0]:g} to {table[-1, 0]:g} s, the manoeuvre lasts from 0 to {time[-1]:g} s"
         )
     return table[np.searchsorted(table[:, 0], time, side="right") - 1, 1:]
+
+
+def _rows(path: Path) -> Iterator[list[float]]:
+    """Times and inputs of each row; ValueError where it is no table of numbers."""
+    wanted = ("time", *INPUT_SYMBOLS)
+    check_regular(path)
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        reader = csv.reader(file)
+        try:
+            header = next(reader, [])
+            if odd := [name for name in wanted if header.count(name) != 1]:
+                raise ValueError(f"no column {', '.join(odd)}, or several; it needs one each for {', '.join(wanted)}")
+            places = [header.index(name) for name in wanted]
+            for row in filter(None, reader):
+                if len(row) != len(header):
+                    raise ValueError(f"{len(row)} cells where the header has {len(header)}")
+                yield [parse_number(row[place]) for place in places]
+        except (csv.Error, ValueError) as error:
+            raise ValueError(f"line {reader.line_num}: {error}") from None

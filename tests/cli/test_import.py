@@ -84,7 +84,7 @@ def test_import_goes_to_the_results_folder_unless_told(exported, tmp_path, monke
 def test_log_of_the_command_line_takes_the_place_of_the_maps(exported, tmp_path):
     result = auvid_import("velocity=none.csv", "--map", exported / "map.yaml", "-o", tmp_path / "d.h5")
     assert result.exit_code == 2
-    assert "none.csv: no such log file" in result.output
+    assert "none.csv: no such file" in result.output
     assert not (tmp_path / "d.h5").exists()
 
 

@@ -176,6 +176,11 @@ def test_numbers_come_back_to_the_last_digit(tmp_path_factory, values, delimiter
         ("t,u\ns,knot\n1,2 m/s\n", r"log\.csv:2: 'u' has more than one unit: m/s, knot"),
         ("t,u\ns,m/s\n1,oops\n2,3\n4\n", r"log\.csv:5: a row of 1 fields where the others have 2"),
         ("t,u\n1,2\n3,4\n\0\0\0\0", r"log\.csv:4: zero bytes"),
+        ("t,u\n" + "1,2\n" * 50_000 + "3,5_0\n", r"log\.csv:50002: 'u' is '5_0', which is not a number"),
+        ("t,u\n" + "1,2\n" * 50_000 + "3,\u0665\n", r"log\.csv:50002: 'u' is '\u0665', which is not a number"),
+        ("t,u\n1,2\n3," + "5" * 200_000 + ",6\n", r"log\.csv:3: a row of 1 fields where"),
+        ("t,u\n1,2\n3,4\r5,6\n7,8\n", r"log\.csv:3: a row of 1 fields where"),
+        ("t," + "u" * 200_000 + "\n1,2\n3,4\n", r"log\.csv:1: a line of more than 128 kB where names should be"),
         ("1,2\n3,4\n", r"log\.csv:1: a row of 2 fields, but no names above it"),
         ("just\nwords\n", r"log\.csv: looks like text, but not like a table"),
     ],
@@ -207,6 +212,16 @@ def test_a_compressed_log_cut_short_is_an_error(tmp_path):
 
 def test_a_first_row_of_ones_is_no_row_of_units(opened):
     assert read(opened("time,u,v\n1,1,1\n2,1,1\n"), "time", "u") == [[1.0, 2.0], [1.0, 1.0]]
+
+
+def test_digits_of_other_scripts_are_text(opened):
+    assert opened("t,u\n1,\u0665\n2,5_0\n").tables()[""][1] == Column("u", is_text=True)
+
+
+def test_a_line_without_end_is_no_table(tmp_path):
+    (tmp_path / "log.csv.gz").write_bytes(gzip.compress(b"t,u\n1,2\n" + b"5" * (1 << 27), compresslevel=1))
+    with pytest.raises(FileError, match="a line of more than 64 MB"):
+        open_log(tmp_path / "log.csv.gz").read("", ["t"])
 
 
 def test_a_header_row_of_numbers_is_refused(opened):

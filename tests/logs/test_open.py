@@ -2,9 +2,11 @@
 
 import gzip
 import io
+import os
 import re
 import sys
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -43,6 +45,7 @@ def zipped(*names):
             "looks like a NumPy archive .* that is cut short: copy it again",
         ),
         ("log.bag.gz", gzip.compress(b"#ROSBAG V2.0\nE\0\0\0\x0a\0\0\0conn", mtime=0), "unpack it with gunzip first"),
+        ("log.csv.gz", gzip.compress(b"t,u\n1,2\n", mtime=0)[:10] + bytes(range(255, 0, -1)), "cannot be read"),
         ("log.dat", bytes(range(256)), "is of no kind that can be read"),
     ],
 )
@@ -60,10 +63,17 @@ def test_text_may_have_any_name(tmp_path):
 
 
 def test_what_is_not_there_is_said(tmp_path):
-    with pytest.raises(FileError, match="no such log file"):
+    with pytest.raises(FileError, match="no such file"):
         open_log(tmp_path / "log.csv")
     with pytest.raises(FileError, match=r"folder without metadata\.yaml"):
         open_log(tmp_path)
+
+
+def test_a_pipe_or_a_device_is_no_log(tmp_path):
+    os.mkfifo(tmp_path / "pipe.csv")
+    for path in (tmp_path / "pipe.csv", Path("/dev/zero")):
+        with pytest.raises(FileError, match="is a pipe or a device, not a regular file"):
+            open_log(path)
 
 
 @pytest.mark.parametrize(

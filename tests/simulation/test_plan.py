@@ -1,5 +1,7 @@
 """Manoeuvres as arrays."""
 
+import os
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -103,13 +105,33 @@ GOOD = [(0, 0, 0, 0, 0), (4, 0, 0, 0, 0)]
         ([], None, "at least one row"),
         ([(0, 0, 0, 0, 0), (1, 0, "left", 0, 0)], None, "line 3"),
         ([(0, 0, 0, 0, 0), (1, 0, 0)], None, "line 3"),
+        ([(0, 0, 0, 0, 0), (4, 0, 5, 0, 0, 0)], None, "line 3: 6 cells where the header has 5"),
+        ([(0, 0, 0, 0, 0), (4, 0, "5_0", 0, 0)], None, "line 3: '5_0' is not a finite number"),
+        ([(0, 0, 0, 0, 0), (4, 0, "\u0665", 0, 0)], None, "line 3: '\u0665' is not a finite number"),
+        ([(0, 0, 0, 0, 0), (4, 0, "9" * 200_000, 0, 0)], None, "line 3: field larger than field limit"),
+        (GOOD, "time,rudder,elevator,surge_force,roll_moment,rudder", "no column rudder, or several"),
         ([(0, 0, 0, 0, 0), (4, "nan", 0, 0, 0)], None, "finite"),
         ([(0, 0, 0, 0, 0), (2, 0, 0, 0, 0), (1, 0, 0, 0, 0)], None, "increasing"),
         ([(0, 0, 0, 0, 0), (0, 0, 0, 0, 0)], None, "increasing"),
         ([(1, 0, 0, 0, 0), (4, 0, 0, 0, 0)], None, "covers"),
         ([(0, 0, 0, 0, 0), (2, 0, 0, 0, 0)], None, "covers"),
     ],
-    ids=["column", "empty", "word", "short row", "nan", "backwards", "twice", "starts late", "ends early"],
+    ids=[
+        "column",
+        "empty",
+        "word",
+        "short row",
+        "decimal comma",
+        "underscore",
+        "other digit",
+        "long cell",
+        "twice a column",
+        "nan",
+        "backwards",
+        "twice",
+        "starts late",
+        "ends early",
+    ],
 )
 def test_a_bad_recording_is_refused_in_one_line(rows, header, message, plan_of, tmp_path):
     path = tmp_path / "inputs.csv"
@@ -118,6 +140,16 @@ def test_a_bad_recording_is_refused_in_one_line(rows, header, message, plan_of, 
         plan_of(manoeuvre)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_byte_order_mark_is_no_part_of_the_first_name(plan_of, tmp_path):
+    assert plan_of(write_inputs(tmp_path / "inputs.csv", GOOD, "\ufefftime,rudder,elevator,surge_force,roll_moment"))
+
+
+def test_a_pipe_is_no_recording(plan_of, tmp_path):
+    os.mkfifo(tmp_path / "inputs.csv")
+    with pytest.raises(ConfigError, match="is a pipe or a device"):
+        plan_of(f"{{type: recorded, duration: 4 s, speed: 1 m/s, file: {tmp_path / 'inputs.csv'}}}")
 
 
 @pytest.mark.parametrize("content", [None, b"", b"\xff\xfe\x00time", b"time\x00,rudder\n"])
