@@ -3,7 +3,7 @@
 import csv
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +19,7 @@ from auvid_cli.campaign.measures import Measure
 from auvid_cli.campaign.perform import Performed
 from auvid_cli.campaign.plan import Run
 from auvid_cli.data.csv_text import csv_text, csv_value
+from auvid_cli.data.damage import refusing_damage
 from auvid_cli.data.files import replacing, write_text
 from auvid_cli.errors import FileError
 
@@ -174,16 +175,15 @@ class Store:
 
     def rows(self, labels: Mapping[str, Mapping[str, Label]]) -> pa.Table:
         """All rows of the campaign, with one for each of its runs that failed; `labels` as of `conform`."""
-        files = _files(self._results)
-        done = ds.dataset(files, schema=self._schema).to_table() if files else self._schema.empty_table()
+        done = [self._conformed(_read(path)) for path in _files(self._results)]
         own = [failure for failure in self.failures if failure.run in labels]
         failed = self._table(_failure_row(failure)._asdict() | dict(labels[failure.run]) for failure in own)
-        return pa.concat_tables([done, failed])
+        return pa.concat_tables([*done, failed])
 
     def _forget_what_was_merged(self) -> None:
         """Take away what a campaign that was killed had merged, but not yet taken away."""
         for path in _files(self._results):
-            for name in json.loads(_metadata(path).get(_MERGED, b"[]")):
+            for name in _merged_into(path):
                 (self._incoming / name).unlink(missing_ok=True)
 
     def _conformed(self, table: pa.Table) -> pa.Table:
@@ -221,16 +221,15 @@ class Store:
     def _read_failures(self) -> list[Failure]:
         if not self._failures_file.is_file():
             return []
-        rows = csv.DictReader(StringIO(self._failures_file.read_text(encoding="utf-8")))
+        refusal = FileError(f"{self._failures_file}: is no list of failed runs; move it away, and they are tried again")
         try:
-            return [
-                Failure(
-                    row["run"], row["filter"], int(row["seed"]), csv_value(row["settings"]), csv_value(row["reason"])
-                )
-                for row in rows
-            ]
-        except (TypeError, ValueError, KeyError):
-            raise FileError(f"{self._failures_file}: is no list of failed runs; take it away") from None
+            header, *rows = csv.reader(StringIO(self._failures_file.read_text(encoding="utf-8")))
+            if tuple(header) != Failure._fields:
+                raise refusal
+            texts = ([csv_value(cell) for cell in row] for row in rows)
+            return [Failure(run, name, int(seed), settings, reason) for run, name, seed, settings, reason in texts]
+        except (ValueError, csv.Error):
+            raise refusal from None
 
     def _write_failures(self) -> None:
         write_text(self._failures_file, csv_text(Failure._fields, self._failures.values()))
@@ -275,25 +274,29 @@ def _keep(path: Path, table: pa.Table, kept: pa.Table) -> bool:
     return kept.num_rows > 0
 
 
-def _metadata(path: Path) -> Mapping[bytes, bytes]:
+def _merged_into(path: Path) -> list[str]:
     with _refusing_damage(path):
-        return pq.read_schema(path).metadata or {}
+        names = json.loads((pq.read_schema(path).metadata or {}).get(_MERGED, b"[]"))
+        # Whatever wrote it, what is taken away lies in one folder.
+        return [Path(name).name for name in names]
 
 
 def _read(path: Path, columns: list[str] | None = None) -> pa.Table:
     with _refusing_damage(path):
         # By itself, so that a folder's name is no column.
-        return pq.ParquetFile(path).read(columns)
+        table = pq.ParquetFile(path, page_checksum_verification=True).read(columns)
+    for name in ("run",) if columns else Measure._fields[:3]:
+        kind = _type_of(Measure.__annotations__[name])
+        if name not in table.schema.names or table.schema.field(name).type != kind:
+            raise FileError(f"{path}: is no file of this campaign: it has no column {name!r} of {kind}; move it away")
+    return table
 
 
-@contextmanager
-def _refusing_damage(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except (pa.ArrowInvalid, OSError) as error:
-        raise FileError(f"{path}: is no Parquet file, or damaged; take it away: {error}") from None
+def _refusing_damage(path: Path) -> AbstractContextManager[None]:
+    advice = "move it away, and the runs in it are done again"
+    return refusing_damage(lambda reason: f"{path}: is no Parquet file, or damaged; {advice}: {reason}")
 
 
 def _write(table: pa.Table, path: Path) -> None:
     with replacing(path) as temporary:
-        pq.write_table(table, temporary, compression="zstd")
+        pq.write_table(table, temporary, compression="zstd", write_page_checksum=True)

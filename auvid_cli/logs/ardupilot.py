@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.data.damage import refusing_damage
 from auvid_cli.errors import FileError
 from auvid_cli.logs.log import LOG_TIME, Column, ColumnValues, Log
 from auvid_cli.logs.lookup import look_up
@@ -72,13 +73,11 @@ class DataFlashLog(Log):
     def _index(self) -> dict[str, tuple[DFFormat, list[int]]]:
         """How each kind of message is written, and where."""
         complaints = StringIO()
-        try:
-            # The library prints a line for each byte that it does not understand, and goes on.
-            with redirect_stdout(complaints), redirect_stderr(complaints), closing(_Reader(str(self.path))) as reader:
-                index = {name: (reader.formats[k], reader.offsets[k]) for name, k in reader.name_to_id.items()}
-        # It lets whatever it meets pass, or raises Exception itself.
-        except Exception as error:
-            raise FileError(f"{self.path}: is damaged: {error}") from error
+        refusing = refusing_damage(lambda reason: f"{self.path}: is damaged: {reason}")
+        # The library prints a line for each byte that it does not understand, and goes on.
+        out, err = redirect_stdout(complaints), redirect_stderr(complaints)
+        with refusing, out, err, closing(_Reader(str(self.path))) as reader:
+            index = {name: (reader.formats[k], reader.offsets[k]) for name, k in reader.name_to_id.items()}
         if complaints.getvalue():
             raise FileError(f"{self.path}: is damaged: {complaints.getvalue().splitlines()[0]}")
         return index

@@ -6,17 +6,19 @@ that is called as the struct is; where lengths differ, each length is a table ca
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import AbstractContextManager
 from functools import cached_property
-from pathlib import Path
+from multiprocessing import get_context
 from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
-from scipy.io import loadmat, whosmat
+from scipy.io import loadmat
 from scipy.io.matlab import mat_struct
 
+from auvid_cli.data.damage import refusing_damage
 from auvid_cli.errors import FileError
 from auvid_cli.logs.log import Column, ColumnValues, Log
 from auvid_cli.logs.lookup import look_up
@@ -57,8 +59,7 @@ class ArrayLog(Log):
         places = {column.name: self._places[table][column.name] for column in look_up(self, table, columns)}
         values: dict[str, ColumnValues] = {}
         for variable in dict.fromkeys(place.path[0] for place in places.values()):
-            with _reading(self.path):
-                arrays = dict(self._arrays(variable))
+            arrays = dict(self._arrays(variable))
             for name, place in places.items():
                 if place.path[0] == variable:
                     array = arrays[place.path]
@@ -69,16 +70,18 @@ class ArrayLog(Log):
 
     @cached_property
     def _places(self) -> dict[str, dict[str, _Place]]:
-        with _reading(self.path):
-            shapes = {
-                path: _Shape(array.shape, array.dtype.kind in _TEXT)
-                for variable in self._variables()
-                for path, array in self._arrays(variable)
-            }
+        shapes = {
+            path: _Shape(array.shape, array.dtype.kind in _TEXT)
+            for variable in self._variables()
+            for path, array in self._arrays(variable)
+        }
         places = _tabulate(shapes)
         if not places:
             raise FileError(f"{self.path}: holds no arrays of numbers")
         return places
+
+    def _refusing_damage(self) -> AbstractContextManager[None]:
+        return refusing_damage(lambda reason: f"{self.path}: is damaged or not what it is called: {reason}")
 
     @abstractmethod
     def _variables(self) -> Sequence[str]:
@@ -93,12 +96,13 @@ class NumpyLog(ArrayLog):
     """A NumPy archive."""
 
     def _variables(self) -> Sequence[str]:
-        with np.load(self.path) as archive:
+        with self._refusing_damage(), np.load(self.path) as archive:
             return archive.files
 
     def _arrays(self, variable: str) -> Iterator[tuple[_Path, NDArray[Any]]]:
-        with np.load(self.path) as archive:
-            array = archive[variable]
+        with self._refusing_damage(), np.load(self.path) as archive:
+            # What is no array in it comes as bytes.
+            array = np.asarray(archive[variable])
         if array.dtype.names is None:
             yield from _if_usable((variable,), np.squeeze(array))
         for field in array.dtype.names or ():
@@ -109,46 +113,42 @@ class MatlabLog(ArrayLog):
     """A MATLAB file up to version 7."""
 
     def _variables(self) -> Sequence[str]:
-        return [name for name, _, _ in whosmat(self.path)]
+        return [name for name in self._content if not name.startswith("__")]
 
     def _arrays(self, variable: str) -> Iterator[tuple[_Path, NDArray[Any]]]:
-        content = loadmat(self.path, variable_names=[variable], struct_as_record=False, squeeze_me=True)
-        yield from _flatten((variable,), content[variable])
+        yield from _flatten((variable,), self._content[variable])
+
+    @cached_property
+    def _content(self) -> dict[str, Any]:
+        # A damaged file may bring down the process that reads it.
+        with self._refusing_damage(), ProcessPoolExecutor(1, get_context("spawn")) as apart:
+            return apart.submit(loadmat, self.path, struct_as_record=False, squeeze_me=True).result()
 
 
 class MatlabHdf5Log(ArrayLog):
     """A MATLAB file of version 7.3: its arrays of numbers and structs of such."""
 
     def _variables(self) -> Sequence[str]:
-        with h5py.File(self.path, "r") as file:
+        with self._refusing_damage(), h5py.File(self.path, "r") as file:
             return [str(name) for name in file if not str(name).startswith("#")]
 
     def _arrays(self, variable: str) -> Iterator[tuple[_Path, NDArray[Any]]]:
-        with h5py.File(self.path, "r") as file:
+        with self._refusing_damage(), h5py.File(self.path, "r") as file:
             item = file[variable]
-            if isinstance(item, h5py.Dataset):
-                yield from _if_usable((variable,), _values(item))
-            elif isinstance(item, h5py.Group):
+            found = {(variable,): item}
+            if isinstance(item, h5py.Group):
                 names: list[str] = []
                 item.visit(names.append)
-                for name in names:
-                    if isinstance(inner := item[name], h5py.Dataset):
-                        yield from _if_usable((variable, *name.split("/")), _values(inner))
+                found = {(variable, *name.split("/")): item[name] for name in names}
+            arrays = {path: _values(one) for path, one in found.items() if isinstance(one, h5py.Dataset)}
+        for path, array in arrays.items():
+            yield from _if_usable(path, array)
 
 
 def _values(dataset: h5py.Dataset) -> NDArray[Any]:
     """Values of a dataset as MATLAB shows them; empty if they are text or cells, which are stored elsewhere."""
     kind = dataset.attrs.get("MATLAB_class", b"double")
     return np.empty(0) if kind in (b"char", b"cell") else np.squeeze(dataset[()].T)
-
-
-@contextmanager
-def _reading(path: Path) -> Iterator[None]:
-    try:
-        yield
-    # The libraries let whatever they meet pass: of unpacking, of parsing, of their own.
-    except Exception as error:
-        raise FileError(f"{path}: is damaged or not what it is called: {error}") from error
 
 
 def _flatten(path: _Path, content: Any) -> Iterator[tuple[_Path, NDArray[Any]]]:

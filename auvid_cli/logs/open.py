@@ -7,6 +7,7 @@ import zlib
 from pathlib import Path
 from typing import NamedTuple
 
+from auvid_cli.data.damage import refusing_damage
 from auvid_cli.errors import FileError
 from auvid_cli.logs.layout import TextLayout
 from auvid_cli.logs.log import Log
@@ -141,11 +142,8 @@ def _kind_of(path: Path) -> _Kind | None:
 
 
 def _kind_of_zip(path: Path) -> _Kind:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            names = archive.namelist()
-    except zipfile.BadZipFile as error:
-        raise FileError(f"{path}: is a damaged archive: {error}") from error
+    with refusing_damage(lambda reason: f"{path}: is a damaged archive: {reason}"), zipfile.ZipFile(path) as archive:
+        names = archive.namelist()
     if any(name.endswith(".npy") for name in names):
         return _NPZ
     if any(name.startswith("xl/") for name in names):

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from auvid_cli.data.damage import refusing_damage
 from auvid_cli.errors import FileError
 from auvid_cli.logs.log import HEADER_STAMP, LOG_TIME, Column, ColumnValues, Log
 from auvid_cli.logs.lookup import missing
@@ -85,11 +86,9 @@ class BagLog(Log):
 
     @contextmanager
     def _opened(self) -> Iterator[AnyReader]:
-        try:
+        with refusing_damage(lambda reason: self._damaged("it cannot be opened", reason)):
             reader = AnyReader([self.path], default_typestore=get_typestore(Stores.LATEST))
             reader.open()
-        except Exception as error:
-            raise self._damaged("it cannot be opened", error) from error
         try:
             yield reader
         finally:
@@ -99,19 +98,15 @@ class BagLog(Log):
         """Messages of a topic with the time of the log in ns; if their type is not known, None for each."""
         connections = [connection for connection in reader.connections if connection.topic == topic]
         count = 0
-        try:
+        with refusing_damage(lambda reason: self._damaged(f"after {count} messages of {topic}", reason)):
             for connection, stamp, raw in reader.messages(connections):
                 known = connection.msgtype in reader.typestore.fielddefs
                 yield stamp, reader.deserialize(raw, connection.msgtype) if known else None
                 count += 1
-        except Exception as error:
-            raise self._damaged(f"after {count} messages of {topic}", error) from error
 
-    def _damaged(self, where: str, error: Exception) -> FileError:
-        """What to say of an error of the library, which lets whatever it meets pass: of unpacking, of SQLite."""
-        reason = str(error).rstrip(".") or type(error).__name__
+    def _damaged(self, where: str, reason: str) -> str:
         repair = _REPAIR.get(self.path.suffix, "ros2 bag reindex")
-        return FileError(f"{self.path}: {where}: {reason}; a bag that was cut short may be mended with {repair}")
+        return f"{self.path}: {where}: {reason}; a bag that was cut short may be mended with {repair}"
 
 
 def _leaves(prefix: str, value: Any) -> Iterator[Column]:

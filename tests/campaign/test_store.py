@@ -1,5 +1,7 @@
 """Results on disk: nothing twice, nothing lost, one table for whoever reads it."""
 
+import json
+
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 from auvid_cli.campaign.measures import Measure
 from auvid_cli.campaign.perform import Performed
 from auvid_cli.campaign.plan import Run
-from auvid_cli.campaign.store import Store, locked
+from auvid_cli.campaign.store import Store, _read, locked
 from auvid_cli.errors import FileError
 
 COLUMNS = {"factor": True, "rate": False}
@@ -262,8 +264,62 @@ def test_a_damaged_file_is_named(tmp_path, place):
     Store(tmp_path, COLUMNS).add([finished("a"), failed("b")])
     (path,) = tmp_path.glob(place)
     path.write_bytes(b"run,nonsense\n1,2\n")
-    with pytest.raises(FileError, match=f"{path.name}.*take it away"):
+    with pytest.raises(FileError, match=f"{path.name}.*move it away"):
         Store(tmp_path, COLUMNS)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"\xff\xfe",
+        b"",
+        b"run,filter,seed,settings,reason\na,ckf,one,,\n",
+        b"run,filter,seed,settings,reason\na,ckf,1\n",
+        b"run,filter,seed,settings\na,ckf,1,x\n",
+        b"run,filter,seed,settings,reason\na,ckf,1,x," + b"y" * 200_000 + b"\n",
+    ],
+    ids=["not UTF-8", "empty", "a seed that is none", "a short row", "a column less", "a long cell"],
+)
+def test_a_list_of_failures_that_is_none_is_named_and_kept(tmp_path, content):
+    (tmp_path / "failures.csv").write_bytes(content)
+    with pytest.raises(FileError, match=r"failures\.csv: is no list of failed runs; move it away"):
+        Store(tmp_path, COLUMNS)
+    assert (tmp_path / "failures.csv").read_bytes() == content
+
+
+def test_every_flipped_byte_of_the_numbers_is_noticed(tmp_path):
+    store = Store(tmp_path, COLUMNS)
+    store.add([finished("a"), finished("b")])
+    (path,) = (tmp_path / "incoming").glob("*.parquet")
+    whole, table = path.read_bytes(), pq.read_table(path)
+    pages = len(whole) - 8 - int.from_bytes(whole[-8:-4], "little")
+    noticed = []
+    for place in range(4, pages, 7):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1 :])
+        try:
+            assert _read(path).equals(table), place
+        except FileError:
+            noticed.append(place)
+    assert len(noticed) > pages // 14
+
+
+def test_a_parquet_file_of_something_else_is_named(tmp_path):
+    (tmp_path / "results").mkdir()
+    pd.DataFrame({"time": [1.0], "u": [2.0]}).to_parquet(tmp_path / "results/mission.parquet")
+    with pytest.raises(FileError, match=r"mission\.parquet: is no file of this campaign: .* 'run'.*; move it away"):
+        Store(tmp_path, COLUMNS)
+
+
+def test_what_a_file_says_of_itself_takes_nothing_away_elsewhere(tmp_path):
+    store = Store(tmp_path, COLUMNS)
+    store.add([finished("a")])
+    store.merge()
+    (path,) = (tmp_path / "results").glob("*.parquet")
+    (tmp_path / "precious").write_text("kept")
+    names = json.dumps(["../precious"]).encode()
+    pq.write_table(pq.read_table(path).replace_schema_metadata({b"auvid.merged": names}), path)
+    Store(tmp_path, COLUMNS).set_aside()
+    assert (tmp_path / "precious").is_file()
 
 
 @given(

@@ -1,11 +1,14 @@
 """Files of named arrays, written by NumPy, SciPy and h5py themselves."""
 
+import os
+
 import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
 
 from auvid_cli.errors import FileError
+from auvid_cli.logs import arrays
 from auvid_cli.logs.log import Column
 from auvid_cli.logs.open import open_log
 
@@ -137,3 +140,15 @@ def test_what_is_not_there_is_answered_with_what_is(tmp_path):
     np.savez(path, time=TIME, depth=TIME)
     with pytest.raises(FileError, match="no column named 'dept'; there is 'depth'"):
         open_log(path).read("", ["dept"])
+
+
+def test_a_matlab_file_that_brings_down_its_reader_is_refused(tmp_path, monkeypatch):
+    savemat(tmp_path / "log.mat", {"t": TIME})
+    # In place of what SciPy does on some damaged files.
+    monkeypatch.setattr(arrays, "loadmat", _abort)
+    with pytest.raises(FileError, match=r"log\.mat: is damaged or not what it is called"):
+        open_log(tmp_path / "log.mat").tables()
+
+
+def _abort(path, **options):
+    os.abort()

@@ -1,0 +1,47 @@
+"""Standard streams that are full, closed, or know few signs."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+COMPLAINT = "auvid: output: No space left on device\n"
+
+
+def shell(command, **environment):
+    line = f"{sys.executable} -m auvid_cli {command}"
+    return subprocess.run(line, shell=True, capture_output=True, text=True, env=os.environ | environment, timeout=60)
+
+
+@pytest.mark.parametrize("command", ["--version", "--help", "simulate --dry-run"])
+def test_a_full_device_is_one_line(command):
+    result = shell(f"{command} > /dev/full")
+    assert (result.returncode, result.stderr) == (2, COMPLAINT)
+
+
+@pytest.mark.parametrize(
+    ("redirection", "code"),
+    [
+        ("--version >&-", 0),
+        ("--version >&- 2>&- <&-", 0),
+        ("inspect none.h5 >/dev/full 2>&1", 2),
+        ("--help >/dev/full 2>&1", 2),
+    ],
+)
+def test_where_nothing_can_be_said_the_exit_code_tells(redirection, code):
+    result = shell(redirection)
+    assert (result.returncode, result.stdout, result.stderr) == (code, "", "")
+
+
+def test_signs_that_a_terminal_lacks_are_written_as_codes():
+    result = shell("run --set é=1", PYTHONIOENCODING="ascii")
+    assert result.returncode == 2
+    assert r"unknown key '\xe9'" in result.stderr
+
+
+def test_a_name_that_is_no_text_is_said_on_any_stream():
+    line = "from auvid_cli.cli.streams import prepare; prepare(); print('\\udcff é')"
+    command = [sys.executable, "-c", line]
+    result = subprocess.run(command, capture_output=True, env=os.environ | {"PYTHONIOENCODING": "ascii"}, timeout=60)
+    assert result.stdout == b"\\udcff \\xe9\n"
