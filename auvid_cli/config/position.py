@@ -9,7 +9,7 @@ Path = tuple[str | int, ...]
 """Keys and list indices from the top of the settings down to one of them."""
 
 WIDTH = 100
-MOST_SHOWN = 20
+MOST_SHOWN = 50
 LONGEST_SHOWN = 2000
 
 
