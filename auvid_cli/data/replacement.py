@@ -17,12 +17,19 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import holds_data, write_dataset
 from auvid_cli.data.files import keep_apart, replacing
 from auvid_cli.data.netcdf import digest
-from auvid_cli.data.netcdf_reading import open_file, read_attribute
+from auvid_cli.data.netcdf_reading import FileAttributes, open_file, read_attributes
 from auvid_cli.data.results_folder import dataset_in, estimates_in, products, remove, tables_and_figures
 from auvid_cli.errors import AuvidError, FileError
 
 # Settings that concern one filter alone, by its name.
 _OWN = {"ekf": EkfSettings(), "ukf": UkfSettings(), "output_error": OutputErrorSettings()}
+
+
+class _Made(FileAttributes):
+    """By which settings a file was made, and an estimate from which data."""
+
+    settings: str
+    dataset_sha256: str = ""
 
 
 def refuse_unless(overwrite: bool, objection: str) -> None:
@@ -146,12 +153,12 @@ def _difference(path: Path, kind: str, experiment: RunSettings, own: str, sha256
         return f"{path}: is no file"
     try:
         with open_file(path, kind) as file:
-            text = read_attribute(file, "settings")
-            if sha256 and read_attribute(file, "dataset_sha256") != sha256:
+            made = read_attributes(file, _Made)
+            if sha256 and made.dataset_sha256 != sha256:
                 return f"{path}: was made from other data"
-        if text == dump_experiment(experiment):
+        if made.settings == dump_experiment(experiment):
             return ""
-        there = parse_run(text, f"{path} (settings)")
+        there = parse_run(made.settings, f"{path} (settings)")
     except AuvidError as error:
         # Whatever it is, it is not what would be written.
         return " ".join(str(error).splitlines()[0].split())
