@@ -1,0 +1,115 @@
+"""Workers that attack, each in a process of its own, and whoever watches them."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Timer
+
+from attacks.material import Material
+from attacks.outcome import Outcome
+
+_SERVE = "from attacks.worker import serve; serve()"
+# A worker watches its own cases; one that does not answer at all is ended after this, s.
+_SILENCE = 600.0
+
+
+class Worker:
+    """A process that answers for one case after the other."""
+
+    def __init__(self, home: Path, material: Material, limit: float, seed: int) -> None:
+        self.home = home
+        self._arguments = str(home), str(material.folder), str(limit), str(seed)
+        self._process: subprocess.Popen[str] | None = None
+
+    def attack(self, kind: str, index: int) -> Outcome:
+        """What a case comes to."""
+        process = self._process or self._start()
+        self._process = process
+        assert process.stdin is not None
+        assert process.stdout is not None
+        timer = Timer(_SILENCE, process.kill)
+        timer.start()
+        try:
+            print(kind, index, file=process.stdin, flush=True)
+            line = process.stdout.readline()
+        except BrokenPipeError:
+            line = ""
+        finally:
+            timer.cancel()
+        if line:
+            return Outcome(**json.loads(line))
+        self.close()
+        return Outcome(kind, index, "", [], faults={"hang": "the process that ran it had to be ended"})
+
+    def _start(self) -> subprocess.Popen[str]:
+        path = os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), str(Path(__file__).parents[1])]))
+        one = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        return subprocess.Popen(
+            [sys.executable, "-P", "-c", _SERVE, *self._arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=os.environ | one | {"PYTHONPATH": path},
+            # Ctrl-C is for who watches.
+            start_new_session=True,
+        )
+
+    def close(self) -> None:
+        """End the process and all that it started."""
+        if self._process is not None:
+            os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.communicate()
+        self._process = None
+
+
+def attack(
+    cases: list[tuple[str, int]],
+    material: Material,
+    home: Path,
+    seed: int,
+    limit: float,
+    processes: int,
+    keep: Callable[[Outcome, Path], None],
+) -> Iterator[Outcome]:
+    """Outcomes of cases, as they come; `keep` sees those that failed with the folder they left."""
+    waiting: SimpleQueue[tuple[str, int]] = SimpleQueue()
+    for case in cases:
+        waiting.put(case)
+    done: SimpleQueue[Outcome | None] = SimpleQueue()
+
+    def work(number: int) -> None:
+        worker = Worker(home / f"worker-{number}", material, limit, seed)
+        try:
+            while True:
+                outcome = worker.attack(*waiting.get_nowait())
+                if outcome.faults:
+                    keep(outcome, worker.home)
+                done.put(outcome)
+        except Empty:
+            pass
+        finally:
+            worker.close()
+            shutil.rmtree(worker.home, ignore_errors=True)
+            done.put(None)
+
+    with ThreadPoolExecutor(processes) as threads:
+        futures = [threads.submit(work, number) for number in range(processes)]
+        ended = 0
+        try:
+            while ended < processes:
+                if (outcome := done.get()) is None:
+                    ended += 1
+                else:
+                    yield outcome
+        finally:
+            while not waiting.empty():
+                waiting.get()
+        for future in futures:
+            future.result()
