@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 from attacks.kinds import KINDS
-from attacks.material import make
+from attacks.material import Material
 from attacks.outcome import Outcome
 from attacks.pool import attack
 from attacks.running import LIMIT
@@ -73,7 +73,7 @@ def main() -> int:
     outcomes: list[Outcome] = []
     with tempfile.TemporaryDirectory(prefix="auvid-attack-") as name:
         start = time.perf_counter()
-        material = make(Path(name) / "material")
+        material = Material(Path(name) / "material")
         cases = chosen(options.kind or list(KINDS), options.share, options.only)
         keeper = Keeper(options.keep, repeat)
         settings = Path(name), options.seed, options.limit, options.processes

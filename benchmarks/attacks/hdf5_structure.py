@@ -8,7 +8,6 @@ from typing import Any
 
 import h5py
 import numpy as np
-
 from attacks.cases import Case
 from attacks.hdf5_commands import on_dataset, on_estimate
 from attacks.material import Material
@@ -35,7 +34,16 @@ _HOSTILE: tuple[Any, ...] = (
     True,
 )
 # Settings are YAML.
-_SETTINGS = "!!python/object/apply:os.system ['true']", "{", "[]", "a: &a [*a]", "!!bool foo", "name: [", "seed: 1\n" * 3, "\t"
+_SETTINGS = (
+    "!!python/object/apply:os.system ['true']",
+    "{",
+    "[]",
+    "a: &a [*a]",
+    "!!bool foo",
+    "name: [",
+    "seed: 1\n" * 3,
+    "\t",
+)
 
 
 def _variables(file: h5py.File) -> list[str]:
@@ -93,7 +101,9 @@ def _reshaped(rng: random.Random, values: np.ndarray) -> tuple[Any, str]:
 
 
 def _revalued(rng: random.Random, values: np.ndarray) -> tuple[Any, str]:
-    kind = rng.choice(("nan", "one nan", "inf", "negated", "reversed", "shuffled", "zero", "1e300", "1e-300", "repeated"))
+    kind = rng.choice(
+        ("nan", "one nan", "inf", "negated", "reversed", "shuffled", "zero", "1e300", "1e-300", "repeated")
+    )
     changed = values.astype(float).copy()
     one = rng.randrange(changed.size) if changed.size else 0
     if kind == "nan":
@@ -137,7 +147,9 @@ def _change_link(rng: random.Random, file: h5py.File) -> tuple[str, bool]:
     names: list[str] = []
     file.visit(names.append)
     name = rng.choice(names)
-    kind = rng.choice(("group", "soft", "loop", "ring", "external", "own external", "hard loop", "named type", "dangling"))
+    kind = rng.choice(
+        ("group", "soft", "loop", "ring", "external", "own external", "hard loop", "named type", "dangling")
+    )
     del file[name]
     if kind == "group":
         file.create_group(name)

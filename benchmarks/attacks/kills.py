@@ -14,7 +14,6 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pandas
-
 from attacks.cases import numbers
 from attacks.material import Material
 from attacks.outcome import Outcome, faults_of, unsound_files
@@ -51,15 +50,18 @@ def perform(home: Path, material: Material, seed: int, index: int) -> Outcome:
     faults: dict[str, str] = {}
     said = []
     for _ in range(rng.choice((1, 1, 2))):
-        number, moment = rng.choice((signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)), rng.uniform(0.0, _SPAN)
+        number, moment = (
+            rng.choice((signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)),
+            rng.uniform(0.0, _SPAN),
+        )
         said.append(f"{number.name} at {moment:.2f} s")
         faults |= _killed(home, command, number, moment)
     outcome = Outcome("kills", index, f"{command[0]}: {', '.join(said)}", [list(command)], 0.0, faults)
     ended, living = _run(home, command, None, 0.0)
     again = faults_of(ended, False, True)
     if living:
-        again["file"] = f"lives on after the end: {living}"
-    elif (home / "out").is_dir() and (unsound := unsound_files(_files(home / "out"))):
+        again["process"] = f"lives on after the end: {living}"
+    if (home / "out").is_dir() and (unsound := unsound_files(_files(home / "out"))):
         again["file"] = f"after it was done again: {unsound}"
     elif ended.code in (0, 1) and not _same(home / "out", whole, campaign):
         again["file"] = "results differ from those of a run that was not killed"
@@ -92,7 +94,7 @@ def _killed(home: Path, command: tuple[str, ...], number: signal.Signals, moment
     if ended.killed:
         faults["hang"] = f"no end after {number.name}"
     if living:
-        faults["file"] = f"lives on after {number.name}: {living}"
+        faults["process"] = f"lives on after {number.name}: {living}"
     # What is under a temporary name after SIGKILL is for the next command to take away.
     named = [path for path in _files(home) if not path.name.startswith(".") or number is not signal.SIGKILL]
     if unsound := unsound_files(named):

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from attacks import hdf5_bytes, hdf5_structure, kills, logs, plans, settings
+from attacks import hdf5_bytes, hdf5_structure, logs, plans, settings
 from attacks.cases import Maker
 
 

@@ -72,7 +72,7 @@ def write_logs(folder: Path, vehicle: Path) -> None:
     (folder / "bin.yaml").write_text(_map("bin", "bin.bin", vehicle, "'@log_time'", tables, {}))
     _write_telemetry(folder / "tlog.tlog", columns)
     tables = {"gyroscope": "ATTITUDE", "attitude": "ATTITUDE", "dvl": "LOCAL_POSITION_NED", "inputs": _FINS_MESSAGE}
-    names = "rollspeed pitchspeed yawspeed roll pitch yaw vx vy vz x y z".split()
+    names = ["rollspeed", "pitchspeed", "yawspeed", "roll", "pitch", "yaw", "vx", "vy", "vz", "x", "y", "z"]
     pick = dict(zip(_NAMES, names, strict=True))
     (folder / "tlog.yaml").write_text(_map("tlog", "tlog.tlog", vehicle, "'@log_time'", tables, pick))
 
@@ -148,10 +148,10 @@ def _write_telemetry(path: Path, columns: dict[str, NDArray[np.float64]]) -> Non
         now = {name: float(values[k]) for name, values in columns.items()}
         turning, angles, moving, fins = ([now[name] for name in g] for g in (_TURNING, _ANGLES, _MOVING, _FINS))
         micro = EPOCH * 10**6 + tick // 1000
-        for sent in (
+        sent = (
             ardupilotmega.MAVLink_attitude_message(tick // 10**6, *angles, *turning),
             ardupilotmega.MAVLink_local_position_ned_message(tick // 10**6, 0.0, 0.0, 0.0, *moving),
             ardupilotmega.MAVLink_local_position_ned_system_global_offset_message(tick // 10**6, *fins, 0.0, 0.0, 0.0),
-        ):
-            parts.append(struct.pack(">Q", micro) + sent.pack(sender))
+        )
+        parts += [struct.pack(">Q", micro) + message.pack(sender) for message in sent]
     path.write_bytes(b"".join(parts))

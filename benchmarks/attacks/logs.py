@@ -7,7 +7,6 @@ import shutil
 from pathlib import Path
 
 import numpy as np
-
 from attacks.cases import Case
 from attacks.hdf5_bytes import damage
 from attacks.material import Material
@@ -17,7 +16,20 @@ _FILES = {"csv": "csv.csv", "gz": "gz.csv.gz", "npz": "npz.npz", "mat": "mat.mat
 _FILES |= {"bag1": "bag1.bag", "mcap": "mcap", "db3": "db3", "bin": "bin.bin", "tlog": "tlog.tlog"}
 _CELLS = (
     *("", "nan", "inf", "-1e400", "1e300", "5_0", "1,5", "1.5 deg", '"', '"1.0', "x" * 200_000, "٣", "=cmd()", "0x1F"),
-    *("12:30:45", "2001-02-30T00:00:00Z", "1e", "--1", "true", "\x00", "\x1b[31m", "1 000", "\xa05", "9" * 400, "null", "#"),
+    *(
+        "12:30:45",
+        "2001-02-30T00:00:00Z",
+        "1e",
+        "--1",
+        "true",
+        "\x00",
+        "\x1b[31m",
+        "1 000",
+        "\xa05",
+        "9" * 400,
+        "null",
+        "#",
+    ),
 )
 _ENCODINGS = "utf-16", "utf-8-sig", "latin-1", "utf-32", "cp1252"
 # Where SQLite and MCAP keep what says how the rest is to be read.
@@ -28,8 +40,33 @@ def _damage_text(rng: random.Random, text: str) -> tuple[bytes, str]:
     """A CSV file changed as text."""
     rows = [line.split(",") for line in text.splitlines()]
     kind = rng.choice(
-        (*("cell", "cell", "cell", "header", "extra", "short", "comma", "semicolon", "quote", "encoding", "back", "repeat"),
-         *("huge header", "no header", "header twice", "ends", "empty", "blank", "columns", "units row", "underscores"))
+        (
+            *(
+                "cell",
+                "cell",
+                "cell",
+                "header",
+                "extra",
+                "short",
+                "comma",
+                "semicolon",
+                "quote",
+                "encoding",
+                "back",
+                "repeat",
+            ),
+            *(
+                "huge header",
+                "no header",
+                "header twice",
+                "ends",
+                "empty",
+                "blank",
+                "columns",
+                "units row",
+                "underscores",
+            ),
+        )
     )
     row, column = rng.randrange(1, len(rows)), rng.randrange(len(rows[0]))
     delimiter = ","
@@ -86,7 +123,9 @@ def _damage_arrays(rng: random.Random, path: Path) -> str:
     with np.load(path) as archive:
         arrays: dict[str, np.ndarray] = dict(archive)
     name = rng.choice(list(arrays))
-    kind = rng.choice(("pickle", "complex", "text", "empty", "two", "shorter", "scalar", "nan", "structured", "dates", "name"))
+    kind = rng.choice(
+        ("pickle", "complex", "text", "empty", "two", "shorter", "scalar", "nan", "structured", "dates", "name")
+    )
     values = arrays.pop(name)
     changed = {
         "pickle": np.array([_Planted()] * values.size, dtype=object),

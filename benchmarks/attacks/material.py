@@ -1,16 +1,15 @@
 """The sound files that are damaged: settings, a short run, logs of every kind."""
 
-import os
 import shutil
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 from attacks.log_files import write_logs
+from attacks.running import perform
 
 _CONFIGS = Path(__file__).parents[2] / "configs"
 EXPERIMENTS = "spiral", "remus100", "lauv", "lrauv", "dive"
+_LONGEST = 120.0
 # All keys of the settings appear in the resolved ones only if they are said.
 _RICH = (
     "manoeuvre.duration=2 s",
@@ -34,7 +33,7 @@ class Material:
 
     @property
     def results(self) -> Path:
-        """Results folder of a short run: dataset.h5 and estimates of two filters."""
+        """Results folder of a short run: dataset.h5 and an estimate."""
         return self.folder / "run"
 
     @property
@@ -52,25 +51,19 @@ class Material:
         return (self.folder / "resolved" / f"{experiment}.yaml").read_text(encoding="utf-8")
 
 
-def auvid(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """A command in a process of its own."""
-    command = [sys.executable, "-P", "-m", "auvid_cli", *arguments]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, env=dict(os.environ))
-
-
 def make(folder: Path) -> Material:
     """Write everything; takes some seconds."""
 
     def done(*arguments: str) -> str:
-        result = auvid(*arguments, cwd=folder)
-        if result.returncode == 2:
-            raise SystemExit(f"auvid {' '.join(arguments)}: {result.stderr}")
-        return result.stdout
+        ended = perform(arguments, folder, _LONGEST)
+        if ended.code not in (0, 1):
+            raise SystemExit(f"auvid {' '.join(arguments)}: {ended.err}")
+        return ended.out
 
     folder.mkdir(parents=True)
     shutil.copytree(_CONFIGS, folder / "configs")
     done("simulate", "--quiet", "--set", "manoeuvre.duration=6 s", "--output", "run")
-    done("identify", "--quiet", "run/dataset.h5", "-f", "ckf", "-f", "tukf", "--output", "run")
+    done("identify", "--quiet", "run/dataset.h5", "-f", "tukf", "--output", "run")
     done("simulate", "--quiet", "--set", "manoeuvre.duration=5 s", "--seed", "2", "--output", "other")
     (folder / "other" / "dataset.h5").rename(folder / "other.h5")
     (folder / "resolved").mkdir()

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-
 from attacks.running import Ended
 
 COLUMNS = {
@@ -17,6 +16,7 @@ COLUMNS = {
     "raw": "raw warnings",
     "file": "files lost or half written",
     "number": "numbers that are none",
+    "process": "processes left",
 }
 _TRACEBACK = "Traceback (most recent call last)"
 _RAW = re.compile(r"\b\w*Warning: |HDF5-DIAG|Exception ignored|Fatal Python error|^\s*warnings\.warn", re.MULTILINE)
@@ -80,14 +80,16 @@ def _place(said: str) -> str:
     last = said[said.rfind(_TRACEBACK) :]
     errors = _ERROR.findall(last)
     frames = [f for f in _FRAME.findall(last) if "/auvid_cli/" in f[0]]
-    place = "{}:{} {}".format("auvid_cli/" + frames[-1][0].rpartition("/auvid_cli/")[2], *frames[-1][1:]) if frames else ""
+    place = (
+        "{}:{} {}".format("auvid_cli/" + frames[-1][0].rpartition("/auvid_cli/")[2], *frames[-1][1:]) if frames else ""
+    )
     return f"{errors[0][:120] if errors else last.strip().splitlines()[-1][:120]} at {place}"
 
 
 def unsound_files(paths: Iterable[Path]) -> str | None:
     """The first file that is half written, or a temporary that was left."""
     for path in paths:
-        if path.name.startswith("."):
+        if path.name.startswith(".") and path.name != ".lock":
             return f"left behind: {re.sub(r'-[a-z0-9_]{8}', '-xxxx', path.name)}"
         if not opens(path):
             return f"half written: {path.name}"

@@ -5,17 +5,30 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-
 from attacks.cases import Case
 from attacks.material import Material
 
 # More runs than anybody can do.
 _TOO_MANY = 1e8
 _AXES: tuple[Any, ...] = (
-    *({"setting": "seed", "values": [1, 2]}, {"setting": "name", "values": ["a", "b"]}, {"setting": "nowhere", "values": [1]}),
-    *({"setting": "identification.prior.factor", "values": []}, {"setting": "identification.prior.factor", "values": [1, 1]}),
-    *({"setting": "identification.prior.factor", "values": [float("nan")]}, {"setting": "sensors.dvl.rate", "values": ["x"]}),
-    *({"name": "../x", "levels": {"a": {"sensors.dvl.rate": "5 Hz"}}}, {"name": "run", "levels": {"/": {}}}, {"name": "", "levels": {}}),
+    *(
+        {"setting": "seed", "values": [1, 2]},
+        {"setting": "name", "values": ["a", "b"]},
+        {"setting": "nowhere", "values": [1]},
+    ),
+    *(
+        {"setting": "identification.prior.factor", "values": []},
+        {"setting": "identification.prior.factor", "values": [1, 1]},
+    ),
+    *(
+        {"setting": "identification.prior.factor", "values": [float("nan")]},
+        {"setting": "sensors.dvl.rate", "values": ["x"]},
+    ),
+    *(
+        {"name": "../x", "levels": {"a": {"sensors.dvl.rate": "5 Hz"}}},
+        {"name": "run", "levels": {"/": {}}},
+        {"name": "", "levels": {}},
+    ),
     {"setting": "vehicle.parameters.m", "draw": {"normal": [1, -1]}, "relative": True},
     {"setting": "vehicle.parameters.m", "draw": {"uniform": [2, 1]}},
     {"setting": "vehicle.parameters.m", "draw": {"log_uniform": [0, 1]}},
@@ -26,7 +39,22 @@ _AXES: tuple[Any, ...] = (
     [],
     None,
 )
-_SEEDS: tuple[Any, ...] = (0, -1, 1.5, "many", [], [1, 1], [-1], [[1]], True, float("nan"), 10**30, "1e18", [2**63], None)
+_SEEDS: tuple[Any, ...] = (
+    0,
+    -1,
+    1.5,
+    "many",
+    [],
+    [1, 1],
+    [-1],
+    [[1]],
+    True,
+    float("nan"),
+    10**30,
+    "1e18",
+    [2**63],
+    None,
+)
 
 
 def make(rng: random.Random, material: Material, folder: Path) -> Case:

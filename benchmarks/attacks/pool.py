@@ -30,28 +30,36 @@ class Worker:
 
     def attack(self, kind: str, index: int) -> Outcome:
         """What a case comes to."""
-        process = self._process or self._start()
-        self._process = process
+        self.start()
+        if answer := self._answer(f"{kind} {index}"):
+            return Outcome(**json.loads(answer))
+        self.close()
+        return Outcome(kind, index, "", [], faults={"hang": "the process that ran it had to be ended"})
+
+    def _answer(self, question: str = "") -> str:
+        """The next line that the process says; empty if it ends, or says nothing for too long."""
+        process = self._process
+        assert process is not None
         assert process.stdin is not None
         assert process.stdout is not None
         timer = Timer(_SILENCE, process.kill)
         timer.start()
         try:
-            print(kind, index, file=process.stdin, flush=True)
-            line = process.stdout.readline()
+            if question:
+                print(question, file=process.stdin, flush=True)
+            return process.stdout.readline()
         except BrokenPipeError:
-            line = ""
+            return ""
         finally:
             timer.cancel()
-        if line:
-            return Outcome(**json.loads(line))
-        self.close()
-        return Outcome(kind, index, "", [], faults={"hang": "the process that ran it had to be ended"})
 
-    def _start(self) -> subprocess.Popen[str]:
+    def start(self) -> None:
+        """Start the process, unless there is one; the first makes the material as well."""
+        if self._process is not None:
+            return
         path = os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), str(Path(__file__).parents[1])]))
         one = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-        return subprocess.Popen(
+        self._process = subprocess.Popen(
             [sys.executable, "-P", "-c", _SERVE, *self._arguments],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -60,6 +68,9 @@ class Worker:
             # Ctrl-C is for who watches.
             start_new_session=True,
         )
+        if not self._answer():
+            self.close()
+            raise SystemExit("the process that attacks does not start")
 
     def close(self) -> None:
         """End the process and all that it started."""
@@ -84,8 +95,10 @@ def attack(
         waiting.put(case)
     done: SimpleQueue[Outcome | None] = SimpleQueue()
 
-    def work(number: int) -> None:
-        worker = Worker(home / f"worker-{number}", material, limit, seed)
+    workers = [Worker(home / f"worker-{number}", material, limit, seed) for number in range(processes)]
+    workers[0].start()
+
+    def work(worker: Worker) -> None:
         try:
             while True:
                 outcome = worker.attack(*waiting.get_nowait())
@@ -100,7 +113,7 @@ def attack(
             done.put(None)
 
     with ThreadPoolExecutor(processes) as threads:
-        futures = [threads.submit(work, number) for number in range(processes)]
+        futures = [threads.submit(work, worker) for worker in workers]
         ended = 0
         try:
             while ended < processes:

@@ -13,12 +13,12 @@ import traceback
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
-# A command that must end by itself, or by Ctrl-C, s.
-LIMIT = 15.0
-AFTER_INTERRUPT = 5.0
+# In which a command must end by itself, or else by Ctrl-C; and how long that may take, as a part of it, s.
+LIMIT = 30.0
+_AFTER_INTERRUPT = 0.5
 _MEMORY = 8 << 30
 _FILE_SIZE = 1 << 30
-# The reaper looks for what a command left behind no longer than this, s.
+# Until what has ended is no process any more, s.
 _MOMENT = 0.001
 
 
@@ -47,7 +47,7 @@ def perform(arguments: tuple[str, ...], folder: Path, limit: float) -> Ended:
         if not _ends(watch, limit):
             interrupted = True
             os.kill(pid, signal.SIGINT)
-            killed = not _ends(watch, AFTER_INTERRUPT)
+            killed = not _ends(watch, _AFTER_INTERRUPT * limit)
     finally:
         os.close(watch)
         # Whatever it has left behind goes with it.

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-
 from attacks.cases import Case
 from attacks.material import EXPERIMENTS, Material
 
@@ -22,16 +21,82 @@ _ABSURD = "1e-300", "-1e-300", "1e300", "-1e300", "1e-30", "1e-200", "1e155", "1
 _HOSTILE: tuple[Any, ...] = (
     *(None, True, [], {}, [[]], [1, 2, 3], {"a": 1}, "", " ", "~", "null", "yes", "x" * 5000, "é\u202e\U0001f40d"),
     *(float("nan"), float("inf"), 10**400, 2**64, -1, 0, 1.5, "1,5 m", "1_0 m", "5_0", "٣ m", "1e5000 m", "12:30:45"),
-    *("2001-01-01", "../../../outside", "/dev/zero", "/dev/null", "/etc/passwd", "=cmd()", "\x1b[31m", "a\nb", "${HOME}"),
+    *(
+        "2001-01-01",
+        "../../../outside",
+        "/dev/zero",
+        "/dev/null",
+        "/etc/passwd",
+        "=cmd()",
+        "\x1b[31m",
+        "a\nb",
+        "${HOME}",
+    ),
     *("[" * 50, "%s%n", "{{1}}", "__class__", "'); import os", [0.0] * 1000, {"value": {"value": {"value": 1}}}),
 )
 _TEXTS = (
-    *("!!bool foo", "!!int ''", "!!float ''", "!!timestamp x", "!!python/object:os.system {}", "!!binary '!'", "!!set {a}"),
+    *(
+        "!!bool foo",
+        "!!int ''",
+        "!!float ''",
+        "!!timestamp x",
+        "!!python/object:os.system {}",
+        "!!binary '!'",
+        "!!set {a}",
+    ),
     *("!!python/object/apply:os.system ['touch ../../../outside']", "!!omap [a]", "!!null x", "!foo bar", "!!merge x"),
-    *("*nowhere", "&a [*a]", "&a {b: *a}", "<<", "{<<: 1}", "{<<: [1, 2]}", "{? [a, b] : c}", "? ", "- -", "|+5", ">", "@x"),
-    *("{a: 1, a: 2}", "\t", "%YAML 9.9", "---", "...", "'", '"\\x', '"\\ud800"', "[" * 2000, "{a: " * 300, "0o9", "1:99:99"),
-    *("0b", "0x", "!!int 0b", "!!int 0x", "!!int _", "!!float .", "!!float _", "2001-99-99", "!!timestamp 2001-99-99", "+", "!!int +"),
-    *("1__0", "!!int 1:2:x", "!!str", "!!map x", "!!seq x", "!<tag:yaml.org,2002:int> q", "=", "!!value =", "!!int 9" + "9" * 5000),
+    *(
+        "*nowhere",
+        "&a [*a]",
+        "&a {b: *a}",
+        "<<",
+        "{<<: 1}",
+        "{<<: [1, 2]}",
+        "{? [a, b] : c}",
+        "? ",
+        "- -",
+        "|+5",
+        ">",
+        "@x",
+    ),
+    *(
+        "{a: 1, a: 2}",
+        "\t",
+        "%YAML 9.9",
+        "---",
+        "...",
+        "'",
+        '"\\x',
+        '"\\ud800"',
+        "[" * 2000,
+        "{a: " * 300,
+        "0o9",
+        "1:99:99",
+    ),
+    *(
+        "0b",
+        "0x",
+        "!!int 0b",
+        "!!int 0x",
+        "!!int _",
+        "!!float .",
+        "!!float _",
+        "2001-99-99",
+        "!!timestamp 2001-99-99",
+        "+",
+        "!!int +",
+    ),
+    *(
+        "1__0",
+        "!!int 1:2:x",
+        "!!str",
+        "!!map x",
+        "!!seq x",
+        "!<tag:yaml.org,2002:int> q",
+        "=",
+        "!!value =",
+        "!!int 9" + "9" * 5000,
+    ),
 )
 _TAGS_REFUSED = {text for text in _TEXTS if text.startswith(("!!python", "!foo", "!!bool", "!!int", "!!float"))}
 # One case in so many that the dry run accepts is simulated and identified.
@@ -75,7 +140,9 @@ def _mutate(rng: random.Random, tree: Any) -> tuple[str, bool]:
     parent, key = _parent(tree, path), path[-1]
     where = ".".join(map(str, path))
     quantities = [(at, found) for at, found in places if _is_quantity(at, found)]
-    kind = rng.choice(("remove", "rename", "move", "type", "type", "absurd", "absurd", "unit", "unit", "unknown", "wrap", "swap"))
+    kind = rng.choice(
+        ("remove", "rename", "move", "type", "type", "absurd", "absurd", "unit", "unit", "unknown", "wrap", "swap")
+    )
     if kind == "remove":
         del parent[key]
     elif kind == "rename" and isinstance(parent, dict):
@@ -109,8 +176,12 @@ def _mutate(rng: random.Random, tree: Any) -> tuple[str, bool]:
 def _mutate_text(rng: random.Random, text: str) -> tuple[bytes, str, bool]:
     """Change the text of a file: what a tree cannot hold."""
     lines = text.splitlines()
-    kind = rng.choice(("value", "value", "value", "byte", "double", "indent", "huge", "deep", "many", "cut", "encoding", "laughs"))
-    number = rng.choice([n for n, line in enumerate(lines) if ": " in line and not line.lstrip().startswith(("#", "-"))] or [0])
+    kind = rng.choice(
+        ("value", "value", "value", "byte", "double", "indent", "huge", "deep", "many", "cut", "encoding", "laughs")
+    )
+    number = rng.choice(
+        [n for n, line in enumerate(lines) if ": " in line and not line.lstrip().startswith(("#", "-"))] or [0]
+    )
     if kind == "value":
         value = rng.choice(_TEXTS)
         lines[number] = f"{lines[number].partition(':')[0]}: {value}"
@@ -126,7 +197,10 @@ def _mutate_text(rng: random.Random, text: str) -> tuple[bytes, str, bool]:
     elif kind == "many":
         lines += [f"key{n}: 1" for n in range(rng.choice((100, 5000)))]
     elif kind == "laughs":
-        lines += ["l0: &l0 [a, a]", *(f"l{n}: &l{n} [{', '.join([f'*l{n - 1}'] * 9)}]" for n in range(1, rng.choice((3, 12))))]
+        lines += [
+            "l0: &l0 [a, a]",
+            *(f"l{n}: &l{n} [{', '.join([f'*l{n - 1}'] * 9)}]" for n in range(1, rng.choice((3, 12)))),
+        ]
     content = "\n".join(lines).encode()
     if kind == "byte":
         at = rng.randrange(len(content))
@@ -144,12 +218,16 @@ _Place = tuple[str, str, tuple[str, ...]]
 
 def _campaign(rng: random.Random, material: Material, folder: Path) -> _Place:
     text = (material.configs / "campaigns" / "regimes.yaml").read_text("utf-8")
-    text = text.replace("experiment: spiral", f"experiment: spiral\nsettings: {{manoeuvre.duration: 2 s}}\n")
+    text = text.replace("experiment: spiral", "experiment: spiral\nsettings: {manoeuvre.duration: 2 s}\n")
     return "campaign.yaml", text.replace("seeds: 50", "seeds: 1"), ("campaign", "campaign.yaml", "--dry-run")
 
 
 def _map(rng: random.Random, material: Material, folder: Path) -> _Place:
-    return "map.yaml", (material.logs / "csv.yaml").read_text("utf-8"), ("import", "-m", "map.yaml", "-o", "out/made.h5")
+    return (
+        "map.yaml",
+        (material.logs / "csv.yaml").read_text("utf-8"),
+        ("import", "-m", "map.yaml", "-o", "out/made.h5"),
+    )
 
 
 def _resolved(rng: random.Random, material: Material, folder: Path) -> _Place:
@@ -226,6 +304,19 @@ def make_override(rng: random.Random, material: Material, folder: Path) -> Case:
     elif kind == "unknown":
         said, refused = f"{rng.choice(('', 'sensors.', 'manoeuvre.', 'identification.'))}zzz_unknown=1", True
     else:
-        said = rng.choice(("a." * 2000 + "a=1", f"{key}.deeper=1", f".{key}=1", f"{key}..=1", "=1", key, "", f"{key}=", f"{key}.0=1", f"{key}.-1=1"))
+        said = rng.choice(
+            (
+                "a." * 2000 + "a=1",
+                f"{key}.deeper=1",
+                f".{key}=1",
+                f"{key}..=1",
+                "=1",
+                key,
+                "",
+                f"{key}=",
+                f"{key}.0=1",
+                f"{key}.-1=1",
+            )
+        )
     command = ("run", experiment, "--dry-run", "--set", said)
     return Case(f"{experiment} {said[:80]}", (command, *_further(rng, command)), refused)

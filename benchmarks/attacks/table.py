@@ -11,7 +11,7 @@ from attacks.outcome import COLUMNS, Outcome
 def markdown(outcomes: Sequence[Outcome], seed: int, limit: float) -> str:
     """Cases of each kind, and how many failed in which way."""
     lines = [
-        f"Seed {seed}; a command hangs if it does not end within {limit:g} s, nor by Ctrl-C where it has something to do.",
+        f"Seed {seed}. A command hangs if it does not end within {limit:g} s; one that works, by Ctrl-C then.",
         "",
         f"| cases | number | {' | '.join(COLUMNS.values())} |",
         f"| --- {'| ---: ' * (1 + len(COLUMNS))}|",

@@ -1,7 +1,7 @@
 """A process that has auvid loaded, prepares one case after the other, runs it, and judges it.
 
-Started as `python -P -c "from attacks.worker import serve; serve()" HOME MATERIAL LIMIT SEED`; reads `KIND INDEX` from
-its input, and answers each with a line of JSON.
+Started as `python -P -c "from attacks.worker import serve; serve()" HOME MATERIAL LIMIT SEED`; makes the material if it
+is not there, and says so; then reads `KIND INDEX` from its input, and answers each with a line of JSON.
 """
 
 import contextlib
@@ -19,9 +19,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from attacks import kills
-from attacks.cases import Case, numbers
+from attacks.cases import numbers
 from attacks.kinds import KINDS
-from attacks.material import Material
+from attacks.material import Material, make
 from attacks.outcome import Outcome, faults_of, unsound_files, unsound_numbers
 from attacks.running import perform
 
@@ -35,6 +35,9 @@ def serve() -> None:
     # Forking is why this process is there; the libraries' threads are idle.
     warnings.simplefilter("ignore", DeprecationWarning)
     _load()
+    if not material.folder.exists():
+        make(material.folder)
+    print(json.dumps("ready"), file=answers, flush=True)
     for line in sys.stdin:
         kind, index = line.split()
         if KINDS[kind].make is None:
@@ -68,9 +71,9 @@ def _attack(home: Path, material: Material, kind: str, index: int, seed: int, li
     folder = home / "a" / "b" / "case"
     folder.mkdir(parents=True)
     (home / "sentinel").write_text("stays as it is")
-    make = KINDS[kind].make
-    assert make is not None
-    case = make(numbers(seed, kind, index), material, folder)
+    maker = KINDS[kind].make
+    assert maker is not None
+    case = maker(numbers(seed, kind, index), material, folder)
     outcome = Outcome(kind, index, case.what, [list(command) for command in case.commands])
     given = _digests(folder)
     for number, command in enumerate(case.commands):
@@ -93,7 +96,9 @@ def _digests(folder: Path) -> dict[Path, str]:
 def _changed(home: Path, folder: Path, given: dict[Path, str], code: int) -> dict[str, str]:
     """What a command did to files that it must not do."""
     allowed = {home / "sentinel", *(folder.with_name(name) for name in ("out.txt", "err.txt"))}
-    outside = [path for path in home.rglob("*") if path.is_file() and folder not in path.parents and path not in allowed]
+    outside = [
+        path for path in home.rglob("*") if path.is_file() and folder not in path.parents and path not in allowed
+    ]
     now = _digests(folder)
     written = [path for path in now if path not in given]
     found = {}

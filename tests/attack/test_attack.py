@@ -1,0 +1,36 @@
+"""The first cases of `benchmarks/attack.py`: whatever is damaged is answered in words, in time, and nothing is lost."""
+
+import os
+
+import pytest
+from attacks.kinds import KINDS
+from attacks.material import Material
+from attacks.pool import Worker
+from attacks.running import LIMIT
+from attacks.table import failures
+
+COUNTS = {"settings": 80, "overrides": 40, "bytes": 50, "structure": 40, "logs": 50, "plans": 6}
+SEED = 1
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="the attack needs Linux")
+
+
+@pytest.fixture(scope="module")
+def worker(tmp_path_factory):
+    home = tmp_path_factory.mktemp("attack")
+    worker = Worker(home / "worker", Material(home / "material"), LIMIT, SEED)
+    yield worker
+    worker.close()
+
+
+@pytest.mark.parametrize("kind", COUNTS)
+def test_damaged_input_is_answered_in_words_in_time_and_nothing_is_lost(kind, worker):
+    outcomes = [worker.attack(kind, index) for index in range(COUNTS[kind])]
+    failed = [outcome for outcome in outcomes if outcome.faults]
+    assert not failed, failures(failed, f"python benchmarks/attack.py --seed {SEED}")
+
+
+def test_the_same_seed_gives_the_same_case(worker):
+    one, other, another = (worker.attack("settings", index) for index in (0, 0, 1))
+    assert one.what == other.what != another.what
+    assert set(COUNTS) < set(KINDS)
