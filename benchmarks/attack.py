@@ -41,12 +41,17 @@ class Keeper:
         folder = self._folder / outcome.kind / str(outcome.index)
         shutil.rmtree(folder, ignore_errors=True)
         if home.is_dir():
-            shutil.copytree(home, folder, symlinks=True)
+            shutil.copytree(home, folder, symlinks=True, ignore=_pipes)
         folder.mkdir(parents=True, exist_ok=True)
         commands = "\n".join(" ".join(["auvid", *map(repr, command)]) for command in outcome.commands)
         faults = "\n".join(f"{column}: {text}" for column, text in outcome.faults.items())
         text = f"{outcome.what}\n\n{faults}\n\n{commands}\n\n{self._repeat} --only {outcome.kind}:{outcome.index}\n"
         (folder / "failure.txt").write_text(text, encoding="utf-8", errors="replace")
+
+
+def _pipes(folder: str, names: list[str]) -> list[str]:
+    """What cannot be copied."""
+    return [name for name in names if (Path(folder) / name).is_fifo()]
 
 
 def chosen(kinds: list[str], share: float, only: list[str]) -> list[tuple[str, int]]:

@@ -20,11 +20,14 @@ class Case:
         Arguments of auvid; each follows only if those before it were accepted.
     refused : bool
         Whether the first command must refuse the input.
+    rewritten : bool
+        Whether the command may write what it has read, as a campaign adds to its results.
     """
 
     what: str
     commands: tuple[tuple[str, ...], ...]
     refused: bool = False
+    rewritten: bool = False
 
 
 # Writes the input of a case into a folder, by the numbers that are drawn.

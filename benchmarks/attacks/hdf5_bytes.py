@@ -5,6 +5,7 @@ import re
 from functools import cache
 from pathlib import Path
 
+from attacks import odd_files
 from attacks.cases import Case
 from attacks.hdf5_commands import on_dataset, on_estimate
 from attacks.material import Material
@@ -12,6 +13,8 @@ from attacks.material import Material
 # What HDF5 begins its own records with: damage there is rarer than in the numbers, and worse.
 _RECORDS = re.compile(rb"TREE|SNOD|HEAP|OHDR|OCHK|FRHP|FHDB|FHIB|BTHD|BTIN|BTLF|GCOL|FSHD|FSSE|FADB|FAHD|EAHD|\x89HDF")
 _REACH = 400
+# How often something odd stands in place of a file.
+_ODD = 0.01
 
 
 @cache
@@ -60,5 +63,7 @@ def make(rng: random.Random, material: Material, folder: Path) -> Case:
         on = on_estimate
     damaged, what = damage(rng, content, records)
     (folder / "damaged.h5").write_bytes(damaged)
+    if rng.random() < _ODD:
+        what = odd_files.put(rng, folder / "damaged.h5")
     name, commands = on(rng, material, folder)
     return Case(f"{name}: {what}", commands)

@@ -46,6 +46,11 @@ _SETTINGS = (
 )
 
 
+_READ = "mean", "time", "covariance", "inputs/rudder", "inputs/time", "sensors/dvl/u", "sensors/gyroscope/time"
+# Of an estimate; what says which versions wrote it hardly matters.
+_ATTRIBUTES = "filter", "status", "steps", "cpu_time_s", "wall_time_s", "dataset_sha256", "kind", "schema_version"
+
+
 def _variables(file: h5py.File) -> list[str]:
     names: list[str] = []
     file.visititems(lambda name, item: names.append(name) if isinstance(item, h5py.Dataset) else None)
@@ -126,7 +131,10 @@ def _revalued(rng: random.Random, values: np.ndarray) -> tuple[Any, str]:
 
 
 def _change_variable(rng: random.Random, file: h5py.File) -> tuple[str, bool]:
-    name = rng.choice(_variables(file))
+    names = _variables(file)
+    # Most are of the truth, of raw sensors or of innovations, which not every command needs.
+    read = [name for name in names if name in _READ]
+    name = rng.choice(read if read and rng.random() < 0.5 else names)
     how = rng.choice(("type", "type", "shape", "shape", "value", "value", "value", "remove"))
     values = file[name][()]
     if how == "remove":
@@ -134,8 +142,7 @@ def _change_variable(rng: random.Random, file: h5py.File) -> tuple[str, bool]:
         return f"{name} removed", False
     if how == "type":
         made, kind, refused = _retyped(rng, values)
-        # Raw sensors, the truth and units are not needed by every command.
-        needed = name in ("mean", "time", "inputs/rudder", "inputs/time", "sensors/dvl/u", "sensors/gyroscope/time")
+        needed = name in _READ
         _put(file, name, made)
         return f"{name} as {kind}", refused and needed
     made, kind = _reshaped(rng, values) if how == "shape" or values.dtype.kind == "O" else _revalued(rng, values)
@@ -174,7 +181,8 @@ def _change_link(rng: random.Random, file: h5py.File) -> tuple[str, bool]:
 
 
 def _change_attribute(rng: random.Random, file: h5py.File) -> tuple[str, bool]:
-    name = rng.choice(list(file.attrs))
+    names = list(file.attrs)
+    name = rng.choice([name for name in names if name in _ATTRIBUTES] if rng.random() < 0.7 else names)
     if rng.random() < 0.15:
         del file.attrs[name]
         return f"attribute {name} removed", False

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from attacks import hdf5_bytes, hdf5_structure, logs, plans, settings
+from attacks import hdf5_bytes, hdf5_structure, logs, plans, settings, stores
 from attacks.cases import Maker
 
 
@@ -23,5 +23,6 @@ KINDS: Mapping[str, Kind] = {
     "structure": Kind("HDF5: structure", 1200, hdf5_structure.make),
     "logs": Kind("logs of ten kinds", 2400, logs.make),
     "plans": Kind("plans of campaigns", 200, plans.make),
+    "stores": Kind("results of campaigns", 100, stores.make),
     "kills": Kind("kills", 40, None),
 }

@@ -16,7 +16,7 @@ from scipy.io import savemat
 EPOCH = 1_743_805_382
 _TICKS = np.arange(80) * 50_000_000
 _SECONDS = _TICKS * 1e-9
-_NAMES = "p", "q", "r", "phi", "theta", "psi", "u", "v", "w", "rudder", "elevator", "force"
+_NAMES = "p", "q", "r", "phi", "theta", "psi", "u", "v", "w", "rudder", "elevator", "surge_force"
 _TURNING, _ANGLES, _MOVING, _FINS = _NAMES[:3], _NAMES[3:6], _NAMES[6:9], _NAMES[9:]
 _FINS_MESSAGE = "LOCAL_POSITION_NED_SYSTEM_GLOBAL_OFFSET"
 
@@ -25,7 +25,7 @@ def _columns() -> dict[str, NDArray[np.float64]]:
     wave = 0.2 * np.sin(_SECONDS[:, None] * np.linspace(0.5, 2.0, len(_NAMES)) + np.arange(len(_NAMES)))
     columns = dict(zip(_NAMES, wave.T, strict=True))
     columns["u"] = columns["u"] + 2.0
-    columns["force"] = 20.0 + 50.0 * columns["force"]
+    columns["surge_force"] = 20.0 + 50.0 * columns["surge_force"]
     return columns
 
 
@@ -47,7 +47,7 @@ def _map(name: str, log: str, vehicle: Path, time: str, tables: dict[str, str], 
         f"  dvl:\n{table('dvl')}    columns: {{{columns(_MOVING)}}}\n    unit: m/s\n    standard_deviation: 1 cm/s\n"
         f"inputs:\n{table('inputs')[2:]}  rudder: {{column: '{pick.get('rudder', 'rudder')}', unit: rad}}\n"
         f"  elevator: {{column: '{pick.get('elevator', 'elevator')}', unit: rad}}\n"
-        f"  surge_force: {{column: '{pick.get('force', 'force')}', unit: N}}\n"
+        f"  surge_force: {{column: '{pick.get('surge_force', 'surge_force')}', unit: N}}\n"
     )
 
 
@@ -55,7 +55,8 @@ def write_logs(folder: Path, vehicle: Path) -> None:
     """Write them all: `NAME.*` or a folder, and `NAME.yaml`."""
     folder.mkdir()
     columns = _columns()
-    timed = {"time": _SECONDS, **columns}
+    # With all that a recorded manoeuvre needs.
+    timed = {"time": _SECONDS, **columns, "roll_moment": 0.0 * _SECONDS}
     plain = np.column_stack(list(timed.values()))
     header = ",".join(timed)
     np.savetxt(folder / "csv.csv", plain, delimiter=",", header=header, comments="", fmt="%.9g")

@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+from attacks import odd_files
 from attacks.cases import Case
 from attacks.hdf5_bytes import damage
 from attacks.material import Material
@@ -31,6 +32,10 @@ _CELLS = (
         "#",
     ),
 )
+# How often the output is a file that is read, or something odd stands in place of a log.
+_OVER = 0.03
+# How often a CSV file is taken as the inputs of a simulation.
+_RECORDED = 0.3
 _ENCODINGS = "utf-16", "utf-8-sig", "latin-1", "utf-32", "cp1252"
 # Where SQLite and MCAP keep what says how the rest is to be read.
 _RECORDS = re.compile(rb"CREATE TABLE|MCAP|#ROSBAG|PK|conn=|op=|\xa3\x95\x80|MAT-file|TREE|HEAP|SNOD|std_msgs|topic")
@@ -155,7 +160,9 @@ def make(rng: random.Random, material: Material, folder: Path) -> Case:
     else:
         shutil.copyfile(source, copy)
     content = copy.read_bytes()
-    shutil.copyfile(material.logs / f"{kind}.yaml", folder / "map.yaml")
+    shutil.copyfile(material.configs / "vehicles" / "vt690.yaml", folder / "vehicle.yaml")
+    text = (material.logs / f"{kind}.yaml").read_text()
+    (folder / "map.yaml").write_text(text.replace(str(material.configs / "vehicles" / "vt690.yaml"), "vehicle.yaml"))
     if kind in ("csv", "gz") and rng.random() < (0.8 if kind == "csv" else 0.4):
         changed, what = _damage_text(rng, (material.logs / "csv.csv").read_text())
         copy.write_bytes(changed if kind == "csv" else gzip.compress(changed, mtime=0))
@@ -165,9 +172,23 @@ def make(rng: random.Random, material: Material, folder: Path) -> Case:
         records = tuple(found.start() for found in _RECORDS.finditer(content))
         changed, what = damage(rng, content, records)
         copy.write_bytes(changed)
-    command = (
-        ("import", "-m", "map.yaml", "-o", "out/made.h5")
-        if rng.random() < 0.6
-        else ("import", "--suggest", name, "-o", "out/suggested.yaml")
-    )
+    imported = "import", "-m", "map.yaml", "-o", "out/made.h5"
+    suggested = "import", "--suggest", name, "-o", "out/suggested.yaml"
+    command = imported if rng.random() < 0.6 else suggested
+    if rng.random() < _OVER:
+        read = [name, "map.yaml", "vehicle.yaml"] if command is imported else [name]
+        command = (*command[:-1], over := rng.choice(read))
+        copy.write_bytes(content)
+        return Case(f"{kind}: written over {over}", (command,), refused=True)
+    if rng.random() < _OVER:
+        what = odd_files.put(rng, copy)
+    if kind == "csv" and rng.random() < _RECORDED:
+        return _recorded(copy, what)
     return Case(f"{kind}, {copy.name}: {what}", (command,))
+
+
+def _recorded(path: Path, what: str) -> Case:
+    """The damaged file as the inputs of a simulation."""
+    manoeuvre = f"{{name: recorded, type: recorded, duration: 2 s, speed: 2 m/s, file: {path.name}}}"
+    command = "simulate", "--set", f"manoeuvre={manoeuvre}", "-o", "out"
+    return Case(f"recorded manoeuvre, {what}", (command,))

@@ -89,7 +89,9 @@ def _place(said: str) -> str:
 def unsound_files(paths: Iterable[Path]) -> str | None:
     """The first file that is half written, or a temporary that was left."""
     for path in paths:
-        if path.name.startswith(".") and path.name != ".lock":
+        if path.name == ".lock":
+            continue
+        if path.name.startswith("."):
             return f"left behind: {re.sub(r'-[a-z0-9_]{8}', '-xxxx', path.name)}"
         if not opens(path):
             return f"half written: {path.name}"

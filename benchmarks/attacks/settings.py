@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from attacks import odd_files
 from attacks.cases import Case
 from attacks.material import EXPERIMENTS, Material
 
@@ -99,8 +100,10 @@ _TEXTS = (
     ),
 )
 _TAGS_REFUSED = {text for text in _TEXTS if text.startswith(("!!python", "!foo", "!!bool", "!!int", "!!float"))}
-# One case in so many that the dry run accepts is simulated and identified.
-_RUN_ONE_IN = 6
+# How often a case that the dry run accepts is simulated and identified, and how often if a number is absurd.
+_RUNS = 0.1, 0.5
+# How often something odd stands in place of a file.
+_ODD = 0.02
 
 Path_ = tuple[str | int, ...]
 
@@ -268,23 +271,29 @@ def make(rng: random.Random, material: Material, folder: Path) -> Case:
     if name == "map.yaml":
         shutil.copyfile(material.logs / "csv.csv", folder / "csv.csv")
     (folder / name).write_bytes(content)
-    return Case(f"{name}: {what}", (command, *_further(rng, command)), refused)
+    if rng.random() < _ODD:
+        return Case(f"{name}: {odd_files.put(rng, folder / name)}", (command,), refused=True)
+    return Case(f"{name}: {what}", (command, *_further(rng, command, what.partition(": ")[2] in _ABSURD)), refused)
 
 
-def _further(rng: random.Random, command: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+def _further(rng: random.Random, command: tuple[str, ...], absurd: bool) -> tuple[tuple[str, ...], ...]:
     """A short run after the dry run, now and then."""
-    if command[0] != "run" or rng.randrange(_RUN_ONE_IN):
+    if command[0] != "run" or rng.random() > _RUNS[absurd]:
         return ()
     settings = tuple(word for word in command[1:] if word != "--dry-run")
     filters = ("-f", rng.choice(("tukf", "tukf", "ckf", "ukf", "ekf", "output_error")))
     return (("simulate", *settings, *_SHORT, "-o", "out"), ("identify", "out/dataset.h5", *filters, "-o", "out"))
 
 
+@cache
+def _places(material: Material, experiment: str) -> list[tuple[Path_, Any]]:
+    return list(_walk(yaml.safe_load(material.resolved(experiment))))
+
+
 def make_override(rng: random.Random, material: Material, folder: Path) -> Case:
     """A case of `--set`."""
     experiment = rng.choice(EXPERIMENTS)
-    places = list(_walk(yaml.load(material.resolved(experiment), yaml.CSafeLoader)))
-    path, value = rng.choice(places)
+    path, value = rng.choice(_places(material, experiment))
     key = ".".join(map(str, path))
     kind = rng.choice(("absurd", "absurd", "unit", "hostile", "text", "text", "unknown", "path"))
     refused = False
@@ -319,4 +328,4 @@ def make_override(rng: random.Random, material: Material, folder: Path) -> Case:
             )
         )
     command = ("run", experiment, "--dry-run", "--set", said)
-    return Case(f"{experiment} {said[:80]}", (command, *_further(rng, command)), refused)
+    return Case(f"{experiment} {said[:80]}", (command, *_further(rng, command, kind == "absurd")), refused)
