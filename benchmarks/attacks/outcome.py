@@ -18,6 +18,7 @@ COLUMNS = {
     "number": "numbers that are none",
     "process": "processes left",
 }
+_MESSAGES = "auvid: ", "Usage: "
 _TRACEBACK = "Traceback (most recent call last)"
 _RAW = re.compile(r"\b\w*Warning: |HDF5-DIAG|Exception ignored|Fatal Python error|^\s*warnings\.warn", re.MULTILINE)
 _ERROR = re.compile(r"^([A-Za-z_][\w.]*(?:Error|Exception|Interrupt|Exit|Warning)\b[^\n]*)", re.MULTILINE)
@@ -50,6 +51,8 @@ def faults_of(ended: Ended, refused: bool, must_end: bool) -> dict[str, str]:
     if (raw := _RAW.search(said)) is not None and "traceback" not in found:
         line = said[said.rfind("\n", 0, raw.start()) + 1 :].splitlines()[0]
         found["raw"] = re.sub(r"^.*/(?=[^/]+/[^/]+\.py)", "", line)
+    elif ended.code == 2 and not found and not ended.err.lstrip().startswith(_MESSAGES):
+        found["raw"] = f"before the message: {_first(ended.err)}"
     return found
 
 
@@ -59,8 +62,7 @@ def _wrong_code(ended: Ended, refused: bool) -> str | None:
     if ended.code not in (0, 1, 2):
         return f"exit code {ended.code}: {_first(ended.err)}"
     if ended.code == 2:
-        lines = ended.err.lstrip().splitlines() or [""]
-        sound = lines[0].startswith(("auvid: ", "Usage: "))
+        sound = any(line.startswith(_MESSAGES) for line in ended.err.splitlines())
         return None if sound else f"exit code 2 without a message of auvid's: {_first(ended.err)}"
     if "Aborted" in ended.err:
         return f"exit code {ended.code}: Aborted."

@@ -3,7 +3,7 @@
 import random
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -105,10 +105,10 @@ _RUNS = 0.1, 0.5
 # How often something odd stands in place of a file.
 _ODD = 0.02
 
-Path_ = tuple[str | int, ...]
+Keys = tuple[str | int, ...]
 
 
-def _walk(node: Any, path: Path_ = ()) -> Iterator[tuple[Path_, Any]]:
+def _walk(node: Any, path: Keys = ()) -> Iterator[tuple[Keys, Any]]:
     if path:
         yield path, node
     items = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
@@ -116,13 +116,13 @@ def _walk(node: Any, path: Path_ = ()) -> Iterator[tuple[Path_, Any]]:
         yield from _walk(child, (*path, key))
 
 
-def _parent(tree: Any, path: Path_) -> Any:
+def _parent(tree: Any, path: Keys) -> Any:
     for part in path[:-1]:
         tree = tree[part]
     return tree
 
 
-def _is_quantity(path: Path_, value: Any) -> bool:
+def _is_quantity(path: Keys, value: Any) -> bool:
     """Whether a number with or without a unit stands here, and must."""
     named = [part for part in path if isinstance(part, str)]
     free = _FREE.intersection(named[-1:]) or any(part in ("notes", "filters", "seed") for part in path[:1])
@@ -216,7 +216,10 @@ def _mutate_text(rng: random.Random, text: str) -> tuple[bytes, str, bool]:
     return content, kind, kind in ("many", "laughs")
 
 
+# A file that is changed: its name, its text, and what reads it.
 _Place = tuple[str, str, tuple[str, ...]]
+# All settings, a file as it ships, a map, a campaign; the dry run of a campaign takes longer.
+_WEIGHTS = 6, 4, 1.5, 0.15
 
 
 def _campaign(rng: random.Random, material: Material, folder: Path) -> _Place:
@@ -249,17 +252,14 @@ def _shipped(rng: random.Random, material: Material, folder: Path) -> _Place:
     return name, _files(material.configs)[name], ("run", "spiral.yaml", "--dry-run", "--set", f"{part}={name}")
 
 
-def _in_place(rng: random.Random, material: Material) -> Callable[[random.Random, Material, Path], _Place]:
-    return rng.choices((_resolved, _shipped, _map, _campaign), (6, 4, 1.5, 0.15))[0]
-
-
 def _dump(tree: Any) -> bytes:
     return yaml.safe_dump(tree, sort_keys=False, allow_unicode=True).encode("utf-8", "surrogatepass")
 
 
 def make(rng: random.Random, material: Material, folder: Path) -> Case:
     """A case of a file."""
-    name, text, command = _in_place(rng, material)(rng, material, folder)
+    place = rng.choices((_resolved, _shipped, _map, _campaign), _WEIGHTS)[0]
+    name, text, command = place(rng, material, folder)
     if rng.random() < 0.3:
         content, what, refused = _mutate_text(rng, text)
     else:
@@ -286,7 +286,7 @@ def _further(rng: random.Random, command: tuple[str, ...], absurd: bool) -> tupl
 
 
 @cache
-def _places(material: Material, experiment: str) -> list[tuple[Path_, Any]]:
+def _places(material: Material, experiment: str) -> list[tuple[Keys, Any]]:
     return list(_walk(yaml.safe_load(material.resolved(experiment))))
 
 
