@@ -6,6 +6,7 @@ what failed with the command that repeats it. Another version is attacked with `
 """
 
 import argparse
+import contextlib
 import shutil
 import sys
 import tempfile
@@ -82,12 +83,14 @@ def main() -> int:
         cases = chosen(options.kind or list(KINDS), options.share, options.only)
         keeper = Keeper(options.keep, repeat)
         settings = Path(name), options.seed, options.limit, options.processes
-        for outcome in attack(cases, material, *settings, keeper):
-            outcomes.append(outcome)
-            if outcome.faults or len(outcomes) % 500 == 0:
-                said = "; ".join(f"{column}: {text}" for column, text in outcome.faults.items())
-                progress = f"{len(outcomes)}/{len(cases)} {time.perf_counter() - start:.0f} s"
-                print(f"{progress} {outcome.kind}:{outcome.index} {said[:200]}", file=sys.stderr)
+        # Ctrl-C ends it with what has been done by then.
+        with contextlib.suppress(KeyboardInterrupt):
+            for outcome in attack(cases, material, *settings, keeper):
+                outcomes.append(outcome)
+                if outcome.faults or len(outcomes) % 500 == 0:
+                    said = "; ".join(f"{column}: {text}" for column, text in outcome.faults.items())
+                    progress = f"{len(outcomes)}/{len(cases)} {time.perf_counter() - start:.0f} s"
+                    print(f"{progress} {outcome.kind}:{outcome.index} {said[:200]}", file=sys.stderr)
     outcomes.sort(key=lambda outcome: (outcome.kind, outcome.index))
     text = markdown(outcomes, options.seed, options.limit)
     print(text)
