@@ -11,95 +11,13 @@ from typing import Any
 import yaml
 from attacks import odd_files
 from attacks.cases import Case
+from attacks.hostile import ABSURD, HOSTILE, TAGS_REFUSED, TEXTS, WRONG_UNITS
 from attacks.material import EXPERIMENTS, Material
 
 _SHORT = "--set", "manoeuvre.duration=2 s"
 # Text of the user's own, where anything may stand.
 _FREE = {"name", "source", "notes", "status", "type", "title"}
 _QUANTITY = re.compile(r"^[-+]?[\d.]+(e[-+]?\d+)?( \S+)?$")
-_WRONG_UNITS = "5 cd", "5 zorkmid", "5 kg^9*A", "5 m/", "5 **", "nan", ".nan", "inf m", "5 5", "0x10 m", "5 m m/s cd"
-_ABSURD = "1e-300", "-1e-300", "1e300", "-1e300", "1e-30", "1e-200", "1e155", "1e17", "-1", "0", "-0.0", "1e400"
-_HOSTILE: tuple[Any, ...] = (
-    *(None, True, [], {}, [[]], [1, 2, 3], {"a": 1}, "", " ", "~", "null", "yes", "x" * 5000, "é\u202e\U0001f40d"),
-    *(float("nan"), float("inf"), 10**400, 2**64, -1, 0, 1.5, "1,5 m", "1_0 m", "5_0", "٣ m", "1e5000 m", "12:30:45"),
-    *(
-        "2001-01-01",
-        "../../../outside",
-        "/dev/zero",
-        "/dev/null",
-        "/etc/passwd",
-        "=cmd()",
-        "\x1b[31m",
-        "a\nb",
-        "${HOME}",
-    ),
-    *("[" * 50, "%s%n", "{{1}}", "__class__", "'); import os", [0.0] * 1000, {"value": {"value": {"value": 1}}}),
-)
-_TEXTS = (
-    *(
-        "!!bool foo",
-        "!!int ''",
-        "!!float ''",
-        "!!timestamp x",
-        "!!python/object:os.system {}",
-        "!!binary '!'",
-        "!!set {a}",
-    ),
-    *("!!python/object/apply:os.system ['touch ../../../outside']", "!!omap [a]", "!!null x", "!foo bar", "!!merge x"),
-    *(
-        "*nowhere",
-        "&a [*a]",
-        "&a {b: *a}",
-        "<<",
-        "{<<: 1}",
-        "{<<: [1, 2]}",
-        "{? [a, b] : c}",
-        "? ",
-        "- -",
-        "|+5",
-        ">",
-        "@x",
-    ),
-    *(
-        "{a: 1, a: 2}",
-        "\t",
-        "%YAML 9.9",
-        "---",
-        "...",
-        "'",
-        '"\\x',
-        '"\\ud800"',
-        "[" * 2000,
-        "{a: " * 300,
-        "0o9",
-        "1:99:99",
-    ),
-    *(
-        "0b",
-        "0x",
-        "!!int 0b",
-        "!!int 0x",
-        "!!int _",
-        "!!float .",
-        "!!float _",
-        "2001-99-99",
-        "!!timestamp 2001-99-99",
-        "+",
-        "!!int +",
-    ),
-    *(
-        "1__0",
-        "!!int 1:2:x",
-        "!!str",
-        "!!map x",
-        "!!seq x",
-        "!<tag:yaml.org,2002:int> q",
-        "=",
-        "!!value =",
-        "!!int 9" + "9" * 5000,
-    ),
-)
-_TAGS_REFUSED = {text for text in _TEXTS if text.startswith(("!!python", "!foo", "!!bool", "!!int", "!!float"))}
 # How often a case that the dry run accepts is simulated and identified, and how often if a number is absurd.
 _RUNS = 0.1, 0.5
 # How often something odd stands in place of a file.
@@ -168,11 +86,11 @@ def _mutate(rng: random.Random, tree: Any) -> tuple[str, bool]:
     elif kind in ("absurd", "unit") and quantities:
         at, found = rng.choice(quantities)
         unit = str(found).partition(" ")[2]
-        text = rng.choice(_WRONG_UNITS if kind == "unit" else _ABSURD)
+        text = rng.choice(WRONG_UNITS if kind == "unit" else ABSURD)
         _parent(tree, at)[at[-1]] = text if kind == "unit" or not unit else f"{text} {unit}"
         return f"{'.'.join(map(str, at))}: {text}", kind == "unit"
     else:
-        parent[key] = rng.choice(_HOSTILE)
+        parent[key] = rng.choice(HOSTILE)
     return f"{where}: {kind}", False
 
 
@@ -186,9 +104,9 @@ def _mutate_text(rng: random.Random, text: str) -> tuple[bytes, str, bool]:
         [n for n, line in enumerate(lines) if ": " in line and not line.lstrip().startswith(("#", "-"))] or [0]
     )
     if kind == "value":
-        value = rng.choice(_TEXTS)
+        value = rng.choice(TEXTS)
         lines[number] = f"{lines[number].partition(':')[0]}: {value}"
-        return "\n".join(lines).encode(), f"line {number + 1}: {value[:40]}", value in _TAGS_REFUSED
+        return "\n".join(lines).encode(), f"line {number + 1}: {value[:40]}", value in TAGS_REFUSED
     if kind == "double":
         lines.insert(number, lines[number])
     elif kind == "indent":
@@ -273,7 +191,7 @@ def make(rng: random.Random, material: Material, folder: Path) -> Case:
     (folder / name).write_bytes(content)
     if rng.random() < _ODD:
         return Case(f"{name}: {odd_files.put(rng, folder / name)}", (command,), refused=True)
-    return Case(f"{name}: {what}", (command, *_further(rng, command, what.partition(": ")[2] in _ABSURD)), refused)
+    return Case(f"{name}: {what}", (command, *_further(rng, command, what.partition(": ")[2] in ABSURD)), refused)
 
 
 def _further(rng: random.Random, command: tuple[str, ...], absurd: bool) -> tuple[tuple[str, ...], ...]:
@@ -298,17 +216,17 @@ def make_override(rng: random.Random, material: Material, folder: Path) -> Case:
     kind = rng.choice(("absurd", "absurd", "unit", "hostile", "text", "text", "unknown", "path"))
     refused = False
     if kind == "unit":
-        wrong = rng.choice(_WRONG_UNITS)
+        wrong = rng.choice(WRONG_UNITS)
         refused = _is_quantity(path, value)
         said = f"{key}={wrong}"
     elif kind == "absurd":
-        said = f"{key}={rng.choice(_ABSURD)}"
+        said = f"{key}={rng.choice(ABSURD)}"
     elif kind == "hostile":
-        hostile = rng.choice([each for each in _HOSTILE if not isinstance(each, str) or "\0" not in each])
+        hostile = rng.choice([each for each in HOSTILE if not isinstance(each, str) or "\0" not in each])
         said = f"{key}={hostile}"
     elif kind == "text":
-        text = rng.choice(_TEXTS)
-        refused = text in _TAGS_REFUSED
+        text = rng.choice(TEXTS)
+        refused = text in TAGS_REFUSED
         said = f"{key}={text}"
     elif kind == "unknown":
         said, refused = f"{rng.choice(('', 'sensors.', 'manoeuvre.', 'identification.'))}zzz_unknown=1", True

@@ -75,13 +75,13 @@ def _attack(home: Path, material: Material, kind: str, index: int, seed: int, li
     assert maker is not None
     case = maker(numbers(seed, kind, index), material, folder)
     outcome = Outcome(kind, index, case.what, [list(command) for command in case.commands])
-    given = {} if case.rewritten else _digests(folder)
+    given = _digests(folder)
     for number, command in enumerate(case.commands):
         ended = perform(command, folder, limit)
         outcome.seconds += ended.seconds
         found = faults_of(ended, case.refused and number == 0, "--dry-run" in command)
         if not ended.killed and not ended.interrupted:
-            found |= _changed(home, folder, given, ended.code)
+            found |= _changed(home, folder, given, case.rewritten, ended.code)
         for column, text in found.items():
             outcome.faults.setdefault(column, f"{command[0]}: {text}")
         if ended.code not in (0, 1) or found:
@@ -93,7 +93,7 @@ def _digests(folder: Path) -> dict[Path, str]:
     return {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.rglob("*") if path.is_file()}
 
 
-def _changed(home: Path, folder: Path, given: dict[Path, str], code: int) -> dict[str, str]:
+def _changed(home: Path, folder: Path, given: dict[Path, str], rewritten: bool, code: int) -> dict[str, str]:
     """What a command did to files that it must not do."""
     allowed = {home / "sentinel", *(folder.with_name(name) for name in ("out.txt", "err.txt"))}
     outside = [
@@ -104,7 +104,7 @@ def _changed(home: Path, folder: Path, given: dict[Path, str], code: int) -> dic
     found = {}
     if outside:
         found["file"] = f"written outside its folders: {outside[0].relative_to(home)}"
-    elif lost := [path for path, digest in given.items() if now.get(path) != digest]:
+    elif not rewritten and (lost := [path for path, digest in given.items() if now.get(path) != digest]):
         found["file"] = f"was read, and is {'changed' if lost[0] in now else 'gone'}: {lost[0].name}"
     elif unsound := unsound_files(written):
         found["file"] = unsound
