@@ -32,8 +32,33 @@ _CELLS = (
         "#",
     ),
 )
+_TEXT_DAMAGE = [
+    "cell",
+    "cell",
+    "cell",
+    "header",
+    "extra",
+    "extra",
+    "short",
+    "comma",
+    "comma",
+    "semicolon",
+    "quote",
+    "encoding",
+    "back",
+    "repeat",
+    "names",
+    "nameless",
+    "twice",
+    "ends",
+    "empty",
+    "blank",
+    "columns",
+    "units",
+    "underscores",
+]
 # How often the output is a file that is read, or something odd stands in place of a log.
-_OVER = 0.03
+_OVER = 0.06
 # How often a CSV file is taken as the inputs of a simulation.
 _RECORDED = 0.3
 _ENCODINGS = "utf-16", "utf-8-sig", "latin-1", "utf-32", "cp1252"
@@ -41,38 +66,10 @@ _ENCODINGS = "utf-16", "utf-8-sig", "latin-1", "utf-32", "cp1252"
 _RECORDS = re.compile(rb"CREATE TABLE|MCAP|#ROSBAG|PK|conn=|op=|\xa3\x95\x80|MAT-file|TREE|HEAP|SNOD|std_msgs|topic")
 
 
-def _damage_text(rng: random.Random, text: str) -> tuple[bytes, str]:
-    """A CSV file changed as text."""
+def _damage_text(rng: random.Random, text: str) -> tuple[bytes, str, bool]:
+    """A CSV file changed as text; also whether it can be no recorded manoeuvre any more."""
     rows = [line.split(",") for line in text.splitlines()]
-    kind = rng.choice(
-        (
-            *(
-                "cell",
-                "cell",
-                "cell",
-                "header",
-                "extra",
-                "short",
-                "comma",
-                "semicolon",
-                "quote",
-                "encoding",
-                "back",
-                "repeat",
-            ),
-            *(
-                "huge header",
-                "no header",
-                "header twice",
-                "ends",
-                "empty",
-                "blank",
-                "columns",
-                "units row",
-                "underscores",
-            ),
-        )
-    )
+    kind = rng.choice(_TEXT_DAMAGE)
     row, column = rng.randrange(1, len(rows)), rng.randrange(len(rows[0]))
     delimiter = ","
     if kind == "cell":
@@ -95,11 +92,11 @@ def _damage_text(rng: random.Random, text: str) -> tuple[bytes, str]:
         rows[row][0] = rng.choice((rows[1][0], "-5", "1e9", "nan", "-inf"))
     elif kind == "repeat":
         rows[row:row] = [rows[row]] * rng.choice((1, 100))
-    elif kind == "huge header":
+    elif kind == "names":
         rows[0] += [f"column_{n}" for n in range(rng.choice((100, 30_000)))]
-    elif kind == "no header":
+    elif kind == "nameless":
         del rows[0]
-    elif kind == "header twice":
+    elif kind == "twice":
         rows.insert(row, rows[0])
     elif kind == "empty":
         del rows[rng.choice((0, 1, 2)) :]
@@ -107,14 +104,15 @@ def _damage_text(rng: random.Random, text: str) -> tuple[bytes, str]:
         rows[row] = [""]
     elif kind == "columns":
         rows = [line[:column] for line in rows]
-    elif kind == "units row":
+    elif kind == "units":
         rows.insert(1, [rng.choice(("s", "deg", "m/s", "zorkmid", "", "m", "rad/s")) for _ in rows[0]])
     elif kind == "underscores":
         rows[row][column] = rows[row][column].replace(".", "_")
     end = rng.choice(("\n", "\r\n", "\r")) if kind == "ends" else "\n"
     made = end.join(delimiter.join(line) for line in rows) + rng.choice((end, ""))
     encoding = rng.choice(_ENCODINGS) if kind == "encoding" else "utf-8"
-    return made.encode(encoding, "replace"), f"{kind}, row {row}, column {column}"
+    shifted = kind in ("extra", "comma", "nameless")
+    return made.encode(encoding, "replace"), f"{kind}, row {row}, column {column}", shifted
 
 
 class _Planted:
@@ -163,8 +161,9 @@ def make(rng: random.Random, material: Material, folder: Path) -> Case:
     shutil.copyfile(material.configs / "vehicles" / "vt690.yaml", folder / "vehicle.yaml")
     text = (material.logs / f"{kind}.yaml").read_text()
     (folder / "map.yaml").write_text(text.replace(str(material.configs / "vehicles" / "vt690.yaml"), "vehicle.yaml"))
+    shifted = False
     if kind in ("csv", "gz") and rng.random() < (0.8 if kind == "csv" else 0.4):
-        changed, what = _damage_text(rng, (material.logs / "csv.csv").read_text())
+        changed, what, shifted = _damage_text(rng, (material.logs / "csv.csv").read_text())
         copy.write_bytes(changed if kind == "csv" else gzip.compress(changed, mtime=0))
     elif kind == "npz" and rng.random() < 0.4:
         what = _damage_arrays(rng, copy)
@@ -181,14 +180,14 @@ def make(rng: random.Random, material: Material, folder: Path) -> Case:
         copy.write_bytes(content)
         return Case(f"{kind}: written over {over}", (command,), refused=True)
     if rng.random() < _OVER:
-        what = odd_files.put(rng, copy)
+        what, shifted = odd_files.put(rng, copy), True
     if kind == "csv" and rng.random() < _RECORDED:
-        return _recorded(copy, what)
+        return _recorded(copy, what, shifted)
     return Case(f"{kind}, {copy.name}: {what}", (command,))
 
 
-def _recorded(path: Path, what: str) -> Case:
+def _recorded(path: Path, what: str, refused: bool) -> Case:
     """The damaged file as the inputs of a simulation."""
     manoeuvre = f"{{name: recorded, type: recorded, duration: 2 s, speed: 2 m/s, file: {path.name}}}"
     command = "simulate", "--set", f"manoeuvre={manoeuvre}", "-o", "out"
-    return Case(f"recorded manoeuvre, {what}", (command,))
+    return Case(f"recorded manoeuvre, {what}", (command,), refused)

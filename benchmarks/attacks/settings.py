@@ -4,6 +4,7 @@ import random
 import re
 import shutil
 from collections.abc import Iterator
+from copy import deepcopy
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -72,9 +73,9 @@ def _mutate(rng: random.Random, tree: Any) -> tuple[str, bool]:
     elif kind in ("move", "swap"):
         other, found = rng.choice(places)
         if kind == "move" and isinstance(_parent(tree, other), dict):
-            _parent(tree, other)[str(key)] = value
+            _parent(tree, other)[str(key)] = deepcopy(value)
         else:
-            parent[key] = found if len(repr(found)) < 2000 else None
+            parent[key] = deepcopy(found) if len(repr(found)) < 2000 else None
     elif kind == "wrap":
         parent[key] = rng.choice(([value], [value, value], {str(key): value}, {"value": value}))
     elif kind == "unknown":

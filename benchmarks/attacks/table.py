@@ -18,7 +18,7 @@ def markdown(outcomes: Sequence[Outcome], seed: int, limit: float) -> str:
     ]
     rows = [(kind.title, [each for each in outcomes if each.kind == name]) for name, kind in KINDS.items()]
     rows.append(("all", list(outcomes)))
-    for title, of in rows:
+    for title, of in ((title, of) for title, of in rows if of):
         counts = [sum(column in each.faults for each in of) for column in COLUMNS]
         lines.append(f"| {title} | {len(of)} | {' | '.join(map(str, counts))} |")
     return "\n".join(lines) + "\n"
