@@ -18,11 +18,11 @@ _BY_UNIT = {
     # Clocks count from 1970, some of them in nanoseconds.
     "s": Magnitude(1e-9, 1e20),
     "Hz": Magnitude(1e-6, 1e4),
-    "m": Magnitude(1e-9, 1e6),
-    "m/s": Magnitude(1e-9, 1e6),
-    "m/s^2": Magnitude(1e-9, 1e6),
-    "rad": Magnitude(1e-9, 1e6),
-    "rad/s": Magnitude(1e-9, 1e6),
+    "m": Magnitude(1e-12, 1e6),
+    "m/s": Magnitude(1e-12, 1e6),
+    "m/s^2": Magnitude(1e-12, 1e6),
+    "rad": Magnitude(1e-12, 1e6),
+    "rad/s": Magnitude(1e-12, 1e6),
     "N": Magnitude(1e-9, 1e12),
     "N*m": Magnitude(1e-9, 1e15),
 }

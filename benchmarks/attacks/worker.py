@@ -52,7 +52,8 @@ def _load() -> None:
     import auvid_cli
 
     for module in pkgutil.walk_packages(auvid_cli.__path__, "auvid_cli."):
-        if not module.name.endswith("__main__"):
+        # Programs do what they are for as soon as they are loaded.
+        if not module.name.endswith(("__main__", "figures.server")):
             importlib.import_module(module.name)
     from auvid_cli.__main__ import main
 

@@ -63,7 +63,7 @@ def test_a_second_run_on_new_data_knows_more(simulated_with, short_run, short_es
 
 
 def test_the_same_data_twice_are_refused(short_run, written, with_settings):
-    known = replace(short_run, sha256="abc")
+    known = replace(short_run, sha256="abc0" * 16)
     path = written(known)
     with pytest.raises(DataError, match="this very dataset"):
         identify(with_settings(known, f"identification.prior.from_estimate={path}"), FilterName.CKF)
