@@ -21,6 +21,8 @@ Check: TypeAlias = Callable[[float, str], float]
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 UNIT_TOKEN = re.compile(r"[^\W\d]\w*(?:(?:\^|\*\*)-?\d(?:\.\d+)?|[²³])?|°|1(?=\s*/)|[\s*/()·]")
 GRAVITY = re.compile(r"(?<!\w)([mµμu]?)g(?!\w)")
+# Characters; pint takes the square of the length in time.
+_LONGEST_UNIT = 100
 
 EXAMPLES = {
     "Hz": ("a frequency", "7 Hz"),
@@ -183,8 +185,8 @@ def _factor(stated: str, unit: str) -> float:
 @cache
 def _base(unit: str) -> tuple[float, dict[str, float], float]:
     """Size in SI base units, their exponents without the radian, and the exponent of the radian."""
-    if UNIT_TOKEN.sub("", unit):
-        raise ValueError(f"{unit!r} is not a unit")
+    if len(unit) > _LONGEST_UNIT or UNIT_TOKEN.sub("", unit):
+        raise ValueError(f"{describe(unit)} is not a unit")
     registry = _registry()
     try:
         base: Any = registry.Quantity(1.0, unit.replace("·", "*")).to_base_units()

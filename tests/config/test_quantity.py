@@ -70,7 +70,9 @@ def test_only_finite_values(value):
         parse_quantity(value, "m")
 
 
-@pytest.mark.parametrize("unit", ["m^9^9^9^9", "9**9**9**9*m", "(m", "m/", "()", "(" * 5000, "m.real", "__class__"])
+@pytest.mark.parametrize(
+    "unit", ["m^9^9^9^9", "9**9**9**9*m", "(m", "m/", "()", "(" * 5000, "m.real", "__class__", "x" * 200_000]
+)
 def test_hostile_units_are_refused(unit):
     with pytest.raises(ValueError, match="expected a length"):
         parse_quantity(f"1 {unit}", "m")
