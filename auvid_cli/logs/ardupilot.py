@@ -201,7 +201,10 @@ def _number(packet: bytes) -> int:
 
 def _message_columns(kind: Any) -> Iterator[Column]:
     yield Column(LOG_TIME, "s")
-    for name, written, length in zip(kind.fieldnames, kind.fieldtypes, kind.array_lengths, strict=True):
+    # Lengths come in the order in which fields are sent.
+    lengths = dict(zip(kind.ordered_fieldnames, kind.array_lengths, strict=True))
+    for name, written in zip(kind.fieldnames, kind.fieldtypes, strict=True):
+        length = lengths[name]
         unit = kind.fieldunits_by_name.get(name, "")
         if written == "char" or not length:
             yield Column(name, unit, is_text=written == "char")

@@ -145,6 +145,17 @@ def test_telemetry_is_read_with_the_units_of_mavlink(telemetry):
     assert log.read("STATUSTEXT", ["text"])["text"].tolist() == ["dive"]
 
 
+@pytest.mark.parametrize("dialect", [mavlink1, mavlink2], ids=["version 1", "version 2"])
+def test_a_list_beside_numbers_in_telemetry_leaves_them_numbers(dialect, tmp_path):
+    sender = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    vector = dialect.MAVLink_debug_vect_message(b"field", 7, 1.0, 2.0, 3.0)
+    path = tmp_path / "vector.tlog"
+    path.write_bytes(struct.pack(">Q", EPOCH * 10**6) + vector.pack(sender))
+    (columns,) = open_log(path).tables().values()
+    assert [column.name for column in columns] == [LOG_TIME, "name", "time_usec", "x", "y", "z"]
+    assert open_log(path).read("DEBUG_VECT", ["z"])["z"].tolist() == [3.0]
+
+
 def test_telemetry_cut_off_at_the_end_keeps_what_is_whole(telemetry):
     telemetry.write_bytes(telemetry.read_bytes()[:-5])
     log = open_log(telemetry)
