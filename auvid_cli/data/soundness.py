@@ -153,7 +153,7 @@ def _check_covariance(covariance: Array, may_be_infinite: bool) -> None:
     known = variance < np.inf
     scale = np.sqrt(np.abs(variance[known]))
     part = covariance[np.ix_(known, known)]
-    if np.isnan(covariance).any() or not (may_be_infinite or known.all()) or (variance < 0.0).any():
+    if np.isnan(covariance).any() or not (may_be_infinite or known.all()) or not (variance > 0.0).all():
         raise ValueError("/covariance has values that cannot be")
     if not np.isfinite(part).all() or (np.abs(part - part.T) > _ASYMMETRY * np.outer(scale, scale)).any():
         raise ValueError("/covariance is not symmetric")

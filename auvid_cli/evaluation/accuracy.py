@@ -111,13 +111,17 @@ def shares_of_value(estimate: Estimate, truth: TruthRecord | None, bounds: Mappi
 def normalised_estimation_error(estimate: Estimate, truth: TruthRecord) -> float:
     """Normalised estimation error squared (NEES) of all coefficients at the last time.
 
-    Chi-squared with as many degrees of freedom as there are coefficients, if the covariance is honest.
+    Chi-squared with as many degrees of freedom as there are coefficients, if the covariance is honest; infinite if it
+    claims to know a combination of them exactly.
     """
     rows = [i for i, symbol in enumerate(estimate.state) if symbol in SYMBOLS]
     error = estimate.mean[-1, rows] - np.array([truth.coefficients[estimate.state[i]] for i in rows])
     deviation = estimate.standard_deviation[-1, rows]
     correlation = estimate.covariance[np.ix_(rows, rows)] / np.outer(deviation, deviation)
-    return float((error / deviation) @ np.linalg.solve(correlation, error / deviation))
+    try:
+        return float((error / deviation) @ np.linalg.solve(correlation, error / deviation))
+    except np.linalg.LinAlgError:
+        return float("inf")
 
 
 def steady_part(estimate: Estimate) -> slice:

@@ -14,6 +14,8 @@ _HOUR, _DAY = 3600.0, 86400.0
 _CLOCK = re.compile(r"\s*(?:(\d{1,2}):)?(\d{1,2}):(\d{1,2}(?:\.\d*)?)\s*", re.ASCII)
 _DATE = re.compile(r"\s*\d{4}-\d{2}-\d{2}")
 _PART = 100_000
+# No clock counts so far: nanoseconds since 1970 are some 2e18.
+FARTHEST = 1e20
 
 
 class Clock(NamedTuple):
@@ -70,6 +72,8 @@ def to_seconds(values: ColumnValues, factor: float) -> Clock:
     """
     if values.dtype.kind != "U":
         numbers = np.asarray(values, np.float64)
+        if (np.abs(numbers) >= FARTHEST).any():
+            numbers = np.where(np.abs(numbers) < FARTHEST, numbers, np.nan)
         return Clock(numbers if factor == 1.0 else numbers * factor)
     first = str(next((text for text in values if text.strip()), ""))
     if _DATE.match(first):

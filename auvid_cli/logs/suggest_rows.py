@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from auvid_cli.logs.clock import FARTHEST
 from auvid_cli.logs.log import HEADER_STAMP, LOG_TIME, Log
 from auvid_cli.logs.names import find_time
 from auvid_cli.printable import printable
@@ -47,7 +48,8 @@ def time_of(log: Log, table: str) -> tuple[str, str]:
     column = f"column: {quoted(time.name)}"
     if time.is_text or time.unit:
         return f"{{{column}}}", "check: as text, mm:ss.s, HH:MM:SS or dates" if time.is_text else ""
-    steps = np.diff(np.asarray(log.read(table, [time.name])[time.name], np.float64))
+    numbers = np.asarray(log.read(table, [time.name])[time.name], np.float64)
+    steps = np.diff(numbers[np.abs(numbers) < FARTHEST])
     step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
     unit = "s" if step < 50.0 else "ms" if step < 5e3 else "us" if step < 5e6 else "ns"
     return f"{{{column}, unit: {unit}}}", f"check: its median step is {step:.4g}"

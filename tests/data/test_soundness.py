@@ -83,7 +83,7 @@ WRONG = [
     *((name, change) for name in TABLE for change in (lambda table: table[:-1], lambda table: table[:, 1:], np.ravel)),
     ("standard_deviation", np.negative),
     *(("covariance", change) for change in (np.negative, np.triu, np.diagonal, lambda c: c[1:], lambda c: c[1:, 1:])),
-    *(("covariance", with_((0, 0), value)) for value in (np.nan, np.inf, -1.0)),
+    *(("covariance", with_((0, 0), value)) for value in (np.nan, np.inf, -1.0, 0.0)),
     *(("state", change) for change in (with_(0, b"p"), with_(0, b""), with_(0, b"$\\frac$"), lambda names: names[1:])),
     ("state", lambda names: np.arange(names.size)),
     ("unit", with_(0, b"furlong")),

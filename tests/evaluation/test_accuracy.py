@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, steady_part
+from auvid_cli.evaluation.accuracy import (
+    average_steady_state_error,
+    coefficient_results,
+    normalised_estimation_error,
+    steady_part,
+)
 
 
 def test_rmse_counts_the_whole_run_from_zero(hand_made, truth_of):
@@ -100,3 +105,9 @@ def test_without_a_bound_the_standard_deviation_decides(hand_made):
     results = coefficient_results(estimate, None, {})
     assert [result.identified for result in results] == [True, False]
     assert all(result.cramer_rao_bound is result.times_bound is None for result in results)
+
+
+def test_a_covariance_that_claims_to_know_a_combination_exactly_is_infinitely_wrong(hand_made, truth_of):
+    estimate = hand_made([0.0, 1.0], {"Y_url": [0.0, 3.0], "Y_uvl": [0.0, 5.0]})
+    estimate.covariance[:] = 1.0
+    assert normalised_estimation_error(estimate, truth_of(Y_url=4.0, Y_uvl=4.0)) == np.inf

@@ -49,6 +49,11 @@ def test_text_that_is_no_time(texts):
         to_seconds(np.array(texts), 1.0)
 
 
+def test_what_no_clock_shows_is_no_time():
+    seconds = to_seconds(np.array([-1e308, 1e9, 1e308, 2e9]), 1e-9).seconds
+    np.testing.assert_array_equal(seconds, [np.nan, 1.0, np.nan, 2.0])
+
+
 def test_order_counts_what_it_mends():
     order = order_rows(np.array([0.0, 2.0, 1.0, np.nan, 1.0, 3.0]))
     assert np.array([0.0, 2.0, 1.0, np.nan, 1.0, 3.0])[order.rows].tolist() == [0.0, 1.0, 2.0, 3.0]
