@@ -13,6 +13,11 @@ def printable_lines(text: str) -> str:
     return "\n".join(map(printable, text.split("\n")))
 
 
+def shortened(text: str, most: int = 300) -> str:
+    """Text of so many signs at most."""
+    return text if len(text) <= most else f"{text[:most]} ..."
+
+
 def one_line(text: str) -> str:
     """Text as one printable line, with a blank wherever there is room in it."""
     return printable(" ".join(text.split()))

@@ -8,6 +8,7 @@ import typer
 from auvid_cli.cli.options import OverwriteOption, QuietOption, VerboseOption
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.export.format_name import FormatName
+from auvid_cli.printable import printable
 
 if TYPE_CHECKING:
     from auvid_cli.data.dataset import Dataset
@@ -74,7 +75,7 @@ def export(
         if file.exists() and exported_from(file) != data.sha256:
             refuse_unless(overwrite, f"{file}: is there, and was not exported from the same data")
         losses = form.losses(model)
-        write_text(file, form.text(model, losses, file.stem))
+        write_text(file, form.text(model, losses, printable(file.stem)))
         for line in [*doubts(model), *loss_lines(losses), str(file)]:
             terminal.say(line)
 

@@ -304,12 +304,14 @@ def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:
     FileError
         If something is missing or an estimate belongs to another dataset.
     """
-    paths = [dataset_in(folder), *estimates_in(folder).values()]
-    screen(paths)
-    dataset, estimates = read_dataset(paths[0]), [read_estimate(path) for path in paths[1:]]
+    paths = estimates_in(folder)
+    screen([dataset_in(folder), *paths.values()])
+    dataset, estimates = read_dataset(dataset_in(folder)), [read_estimate(path) for path in paths.values()]
     if not estimates:
         raise FileError(f"{folder / 'estimates'}: no estimates; make them with `auvid identify`")
-    for estimate in estimates:
+    for (name, path), estimate in zip(paths.items(), estimates, strict=True):
+        if estimate.filter != name.value:
+            raise FileError(f"{path}: is an estimate of {estimate.filter}; give it the name of its filter")
         if estimate.dataset_sha256 != dataset.sha256:
             raise FileError(
                 f"{folder / 'estimates' / estimate.filter}.h5: was made from another dataset than "

@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 
 from auvid_cli.config.position import Mistake, Path, Position, Source
 from auvid_cli.config.tree import DEEPEST, Tree, read_tree
+from auvid_cli.printable import shortened
 from auvid_cli.regular import read_bytes
 
 SECTIONS = ("vehicle", "sensors", "manoeuvre")
@@ -110,7 +111,7 @@ def parse_override(override: str) -> tuple[Path, Tree]:
 
 
 def _place(override: str) -> Position:
-    return Position(Source(f"--set {override}", FilePath()))
+    return Position(Source(f"--set {shortened(override, 200)}", FilePath()))
 
 
 def _all_at(tree: Tree, at: Position) -> Tree:

@@ -10,7 +10,7 @@ Path = tuple[str | int, ...]
 
 WIDTH = 100
 MOST_SHOWN = 50
-LONGEST_SHOWN = 2000
+LONGEST_SHOWN = 600
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 
 from auvid_cli.config.position import Mistake, Path, Position, Source
+from auvid_cli.printable import shortened
 
 _TAGS = "tag:yaml.org,2002:"
 _INT_TAG, _FLOAT_TAG = f"{_TAGS}int", f"{_TAGS}float"
@@ -169,7 +170,7 @@ class _Loader(yaml.SafeLoader):
             raise _error(event, f"the tag {tag.replace(_TAGS, '!!')!r} is not allowed")
         self._composed += 1
         if self._composed > MOST_NODES:
-            raise _error(event, "too many values")
+            raise _error(event, f"more than {MOST_NODES} values")
         if self._depth > DEEPEST:
             raise _error(event, "nested too deeply")
         self._depth += 1
@@ -199,7 +200,7 @@ class _Builder:
         """Tree of a node; `above` are the nodes that contain it."""
         self.nodes += 1
         if self.nodes > MOST_NODES:
-            raise _error(node, "too many values")
+            raise _error(node, f"more than {MOST_NODES} values")
         if node in above:
             raise _error(node, "an alias to a value that contains it")
         if len(above) > DEEPEST:
@@ -220,8 +221,9 @@ class _Builder:
             raise _error(node, f"{node.value!r} is no number with an underscore in it; text like this stands in quotes")
         try:
             return self.construct(node)
-        except ValueError as error:
-            raise _error(node, f"not a value: {error}") from None
+        except ValueError:
+            # Python reads whole numbers up to some length only.
+            raise _error(node, f"{shortened(node.value, 60)} is not a number that can be") from None
 
     def mapping(self, node: yaml.MappingNode, path: Path, above: tuple[yaml.Node, ...]) -> dict[str, Tree]:
         """Children of a mapping: its own keys, then those of merged mappings that it has not."""

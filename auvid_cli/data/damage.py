@@ -4,8 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from auvid_cli.errors import FileError
-
-_LONGEST_REASON = 300
+from auvid_cli.printable import one_line, shortened
 
 
 @contextmanager
@@ -22,6 +21,5 @@ def refusing_damage(complaint: Callable[[str], str]) -> Iterator[None]:
     # Of damaged files they let pass whatever they meet: errors of unpacking, of attributes that are not there, of
     # memory for lengths that cannot be, of SQLite, of their own; and some raise Exception itself.
     except Exception as error:
-        reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__
-        short = reason if len(reason) <= _LONGEST_REASON else f"{reason[:_LONGEST_REASON]} ..."
-        raise FileError(complaint(short)) from error
+        reason = one_line(str(error)).rstrip(".") or type(error).__name__
+        raise FileError(complaint(shortened(reason))) from error

@@ -12,6 +12,7 @@ from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord, 
 from auvid_cli.data.netcdf import digest, new_file, write_dimension, write_variable
 from auvid_cli.data.netcdf_reading import (
     FileAttributes,
+    check_units,
     count_rows,
     mark_missing,
     open_file,
@@ -97,6 +98,7 @@ def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:
     with open_file(path, "dataset") as file:
         settings = read_attributes(file, _Attributes).settings
         group = subgroup(file, "inputs")
+        check_units(group, INPUTS)
         dataset = Dataset(
             InputRecord(read_array(group, "time"), read_table(group, [quantity.symbol for quantity in INPUTS])),
             {name: _read_sensor(group, name) for name, group in subgroups(file, "sensors").items()},
@@ -113,6 +115,7 @@ def _read_sensor(group: h5py.Group, name: str) -> SensorRecord:
         raise ValueError(f"unknown sensor {name!r}; auvid knows {', '.join(SENSORS)}")
     values = read_table(group, [quantity.symbol for quantity in SENSORS[name]])
     mark_missing(group, "valid", values)
+    check_units(group, SENSORS[name])
     values[~np.isfinite(values)] = np.nan
     return SensorRecord(read_array(group, "time"), values, read_array(group, "standard_deviation"))
 

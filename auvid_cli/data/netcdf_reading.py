@@ -1,6 +1,6 @@
 """Reading what `auvid_cli.data.netcdf` writes, from files that may be anybody's: all that is read is as it must be."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from auvid_cli.config.model import Settings
+from auvid_cli.config.quantity import parse_quantity
 from auvid_cli.data.netcdf import SCHEMA_VERSION
 from auvid_cli.data.screening import screen
 from auvid_cli.data.walk import DAMAGE
 from auvid_cli.errors import FileError
-from auvid_cli.printable import one_line
+from auvid_cli.printable import one_line, shortened
+from auvid_cli.vehicle.parameters import Quantity
 
 _MOST_NAMES = 1000
 
@@ -72,7 +74,11 @@ def read_attributes(file: h5py.File, form: type[Form]) -> Form:
         return form.model_validate(found)
     except ValidationError as error:
         first = error.errors()[0]
-        raise ValueError(f"attribute {first['loc'][0]}: {first['msg']}") from None
+        name, why = str(first["loc"][0]), first["msg"]
+        if first["type"] == "string_pattern_mismatch":
+            # A pattern says nothing to whoever reads it.
+            why = f"{found[name]!r} is not as auvid writes it"
+        raise ValueError(f"attribute {name}: {shortened(one_line(why))}") from None
 
 
 def _plain(value: Any) -> Any:
@@ -85,6 +91,31 @@ def read_array(group: h5py.Group, name: str, every: int = 1, ndim: int = 1) -> N
     data = _variable(group, name, "numbers", ndim)
     rows = data[(data.shape[0] - 1) % every :: every] if every > 1 else data[...]
     return np.asarray(rows, dtype=np.float64)
+
+
+def check_units(group: h5py.Group, quantities: Iterable[Quantity]) -> None:
+    """Refuse values in other units than auvid's, where a file states any.
+
+    Raises
+    ------
+    ValueError
+        With the variable, its unit, and what is expected.
+    """
+    for quantity in quantities:
+        stated = group[quantity.symbol].attrs.get("units")
+        if stated is not None and not _is_unit(stated, quantity.unit):
+            raise ValueError(
+                f"{group.name}/{quantity.symbol} is in {shortened(one_line(str(stated)))}; expected {quantity.unit}"
+            )
+
+
+def _is_unit(stated: Any, unit: str) -> bool:
+    if stated == unit:
+        return True
+    try:
+        return isinstance(stated, str) and bool(stated.strip()) and parse_quantity(f"1 {stated}", unit) == 1.0
+    except ValueError:
+        return False
 
 
 def read_table(group: h5py.Group, names: Sequence[str], every: int = 1) -> NDArray[np.float64]:

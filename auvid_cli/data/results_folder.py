@@ -23,6 +23,8 @@ _TABLES = (
 )
 _EXPORTS = (".yaml", ".json", ".py", ".m", ".sdf")
 # As it stands in the heading of an exported model, or in its JSON.
+# Characters; no exported model comes near.
+_LONGEST_EXPORT = 10_000_000
 _EXPORTED_FROM = re.compile(r'dataset(?: with SHA-256 |_sha256": ")([0-9a-f]{64})\b')
 
 
@@ -54,7 +56,10 @@ def products(folder: Path) -> list[Path]:
 
 def exported_from(path: Path) -> str:
     """SHA-256 of the dataset behind an exported model; empty if the file is no such thing."""
-    found = _EXPORTED_FROM.search(path.read_text(encoding="utf-8", errors="replace")) if path.is_file() else None
+    if not path.is_file():
+        return ""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        found = _EXPORTED_FROM.search(file.read(_LONGEST_EXPORT))
     return found[1] if found else ""
 
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.magnitudes import magnitude_of
 from auvid_cli.data.dataset import SENSORS, Array, Dataset, SensorRecord, TruthRecord
 from auvid_cli.data.estimate import STATES, Estimate, Innovations
 from auvid_cli.vehicle.coefficients import SYMBOLS
@@ -30,6 +31,8 @@ def check_dataset(dataset: Dataset) -> None:
         raise ValueError("/inputs is empty")
     _check_shapes("/inputs", (inputs.values, (inputs.time.size, len(INPUTS))))
     _check_finite("/inputs", inputs.values)
+    for column, quantity in enumerate(INPUTS):
+        _check_sizes(f"/inputs/{quantity.symbol}", inputs.values[:, column], quantity.unit)
     for name, record in dataset.sensors.items():
         _check_sensor(name, record)
     if dataset.truth is not None:
@@ -41,6 +44,16 @@ def _check_sensor(name: str, record: SensorRecord) -> None:
     _check_times(where, record.time, increasing=True)
     _check_shapes(where, (record.values, (n, width)), (record.standard_deviation, (width,)))
     _check_deviations(where, record.standard_deviation)
+    for column, quantity in enumerate(SENSORS[name]):
+        _check_sizes(f"{where}/{quantity.symbol}", record.values[:, column], quantity.unit)
+
+
+def _check_sizes(where: str, values: Array, unit: str) -> None:
+    """Refuse what no sensor reads and no actuator does; NaN stands for what is missing."""
+    most = magnitude_of(unit).most
+    largest = float(np.fmax.reduce(np.abs(values), initial=0.0))
+    if largest > most:
+        raise ValueError(f"{where} has {largest:g} {unit}; {most:g} is beyond anything that can be")
 
 
 def _check_truth(truth: TruthRecord) -> None:

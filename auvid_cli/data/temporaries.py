@@ -1,6 +1,7 @@
 """Temporary files that do not outlive who writes them, or not for long."""
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -12,7 +13,9 @@ except ImportError:
     # Windows: what was killed leaves its temporary file behind.
     fcntl = None
 
-_PREFIX = ".auvid-"
+_PREFIX, _BYTES = ".auvid-", 8
+# A user's own file may begin alike.
+_OURS = re.compile(rf"{re.escape(_PREFIX)}[0-9a-f]{{{2 * _BYTES}}}")
 
 
 @contextmanager
@@ -34,7 +37,7 @@ def temporary_in(folder: Path) -> Iterator[Path]:
 
 def _new(folder: Path) -> tuple[Path, int]:
     while True:
-        path = folder / f"{_PREFIX}{token_hex(8)}"
+        path = folder / f"{_PREFIX}{token_hex(_BYTES)}"
         handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
         if fcntl is None:
             # What is open there cannot be renamed.
@@ -54,7 +57,7 @@ def _remove_abandoned(folder: Path) -> None:
         return
     with os.scandir(folder) as entries:
         found = [
-            entry.path for entry in entries if entry.name.startswith(_PREFIX) and entry.is_file(follow_symlinks=False)
+            entry.path for entry in entries if _OURS.fullmatch(entry.name) and entry.is_file(follow_symlinks=False)
         ]
     for path in found:
         # It may be gone by now, be somebody else's, or be written at this moment: then it is left to its owner.

@@ -1,4 +1,5 @@
 import json
+import os
 import shutil
 import sys
 import typing
@@ -136,3 +137,12 @@ def test_the_estimate_itself_is_not_written_over(own_results):
     result = run(estimate, "--to", "json", "-o", estimate)
     assert_one_clear_complaint(result, "would be written over")
     assert estimate.read_bytes() == before
+
+
+@pytest.mark.parametrize("target", ["yaml", "json", "sdf"])
+@pytest.mark.parametrize("name", ["é", os.fsdecode(b"\xff")], ids=["accent", "no text"])
+def test_a_file_may_be_called_what_is_no_text(target, name, results, tmp_path):
+    path = tmp_path / f"{name}{SUFFIXES[target]}"
+    result = run(results / "estimates/tukf.h5", "--to", target, "-o", path)
+    assert result.exit_code == 0, result.stderr
+    assert path.read_text(encoding="utf-8")

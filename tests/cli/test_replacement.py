@@ -185,6 +185,13 @@ def test_a_report_never_mixes_settings(here):
     assert "ukf.h5: was made with other settings of `identification`" in result.stderr
 
 
+def test_an_estimate_goes_by_the_name_of_its_filter(here):
+    shutil.copy(HOME / "estimates/ckf.h5", HOME / "estimates/ekf.h5")
+    result = auvid("report", HOME)
+    assert result.exit_code == 2
+    assert "ekf.h5: is an estimate of ckf" in result.stderr
+
+
 def test_a_report_leaves_nothing_of_a_filter_that_is_gone(here):
     (HOME / "estimates/ckf.h5").unlink()
     done("report", HOME)

@@ -9,7 +9,7 @@ from auvid_cli.errors import ConfigError
     ("override", "message"),
     [
         ("identification.integration_step=1e-30", "must be at least 1e-05 s"),
-        ("sensors.dvl.noise=1e-200", "must be at least 1e-09 m/s if it is not 0"),
+        ("sensors.dvl.noise=1e-200", "must be at least 1e-12 m/s if it is not 0"),
         ("sensors.dvl.bias=1e155", "must be at most 1e.06 m/s in size"),
         ("sensors.gyroscope.drift=[0, 0, 1e99]", "component 3: must be at most 1e.06 rad/s/s.0.5"),
         ("vehicle.size.length=1e5", "must be at most 1000 m"),
@@ -20,7 +20,7 @@ from auvid_cli.errors import ConfigError
         ("identification.prior.factor=1e9", "must be at most 1e.06"),
         ("manoeuvre.current_north=1e9", "must be at most 1e.06 m/s in size"),
         ("manoeuvre.speed=500", "must be at most 100 m/s"),
-        ("manoeuvre.excitation.rudder.amplitude=1e-100", "must be at least 1e-09 rad"),
+        ("manoeuvre.excitation.rudder.amplitude=1e-100", "must be at least 1e-12 rad"),
         ("vehicle.coefficients.Y_url=1e30", "must be at most 1e.20 kg/rad"),
     ],
 )
@@ -31,5 +31,5 @@ def test_what_cannot_be_computed_with_is_refused_with_its_limit(override, messag
 
 def test_zero_is_no_small_amount():
     assert check_amount(0.0, "m") == 0.0
-    assert check_amount(magnitude_of("m").least, "m") == 1e-9
+    assert check_amount(magnitude_of("m").least, "m") == 1e-12
     assert load_experiment(find_experiment(None), ["sensors.dvl.drift=0"]).sensors.dvl.drift == (0.0,)

@@ -97,7 +97,7 @@ def test_first_of_duplicate_keys_counts():
         ("!!int x: 1\n", "f.yaml:1:1: not valid YAML: the tag '!!int' is not allowed"),
         ("a: 5_0\n", "f.yaml:1:4: not valid YAML: '5_0' is no number with an underscore in it"),
         ("a: -1_0.5e-1\n", "f.yaml:1:4: not valid YAML: '-1_0.5e-1' is no number"),
-        (f"a: {'9' * 5000}\n", "f.yaml:1:4: not valid YAML: not a value: Exceeds the limit"),
+        (f"a: {'9' * 5000}\n", "f.yaml:1:4: not valid YAML: " + "9" * 60 + " ... is not a number that can be"),
         ("a: &x [*x]\n", "f.yaml:1:4: not valid YAML: an alias to a value that contains it"),
         ("a: {[1]: 2}\n", "f.yaml:1:5: not valid YAML: a key must be a plain word"),
         ("a: {<<: 2}\n", "f.yaml:1:9: not valid YAML: only a mapping can be merged"),
@@ -113,7 +113,7 @@ def test_text_that_is_no_yaml(text, start):
 def test_aliases_cannot_blow_up():
     levels = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
     levels += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 9)]
-    assert "too many values" in only_mistake("\n".join(levels))
+    assert "more than 10000 values" in only_mistake("\n".join(levels))
 
 
 def test_aliases_cannot_nest_too_deeply():
@@ -122,7 +122,7 @@ def test_aliases_cannot_nest_too_deeply():
 
 
 def test_reading_ends_where_there_are_too_many_values():
-    assert "too many values" in only_mistake("\n".join(f"key{i}: 1" for i in range(90_000)))
+    assert "more than 10000 values" in only_mistake("\n".join(f"key{i}: 1" for i in range(90_000)))
 
 
 @pytest.mark.parametrize("written", ["010", "1:30", "0x10", "0b1", "2020-01-01", "2020-13-45", "5_kg", "'5_0'", "="])

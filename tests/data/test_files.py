@@ -54,8 +54,9 @@ def test_hidden_files_of_others_stay(tmp_path):
     (tmp_path / ".notes").write_text("mine")
     (tmp_path / ".auvid-link").symlink_to(tmp_path / ".notes")
     os.mkfifo(tmp_path / ".auvid-pipe")
+    (tmp_path / ".auvid-mine").write_text("mine")
     write_text(tmp_path / "a.txt", "a")
-    assert names(tmp_path) == {".notes", ".auvid-link", ".auvid-pipe", "a.txt"}
+    assert names(tmp_path) == {".notes", ".auvid-link", ".auvid-pipe", ".auvid-mine", "a.txt"}
 
 
 def make_socket(path: Path) -> None:

@@ -118,6 +118,8 @@ def test_innovations_of_a_sensor_that_is_not_known(written, tmp_path):
         ("inputs/time", with_(-1, 1e300)),
         ("inputs/time", lambda time: time + 1j),
         ("inputs/rudder", lambda values: values[:, None]),
+        ("inputs/surge_force", with_(3, 1e200)),
+        ("sensors/dvl/u", with_(3, 1e200)),
         ("sensors/dvl/valid", np.ravel),
         ("sensors/dvl/valid", lambda flags: flags[:, 0]),
         *(("sensors/dvl/standard_deviation", with_(0, value)) for value in (-1.0, np.nan, np.inf)),
@@ -180,3 +182,22 @@ def test_infinite_deviations_are_for_the_output_error_method_alone(dataset, esti
 def test_every_state_that_can_be_estimated_may_be_read():
     errors = sensor_errors(EstimateSettings(biases=tuple(BiasName)))
     assert {error.symbol: error.unit for error in errors}.items() <= STATES.items()
+
+
+@pytest.mark.parametrize("unit", ["furlong", "deg/s", "km/s", "", 3.0])
+def test_values_in_units_that_are_not_auvids_are_refused(unit, written, tmp_path):
+    path = shutil.copy(written["dataset"], tmp_path / "dataset.h5")
+    with h5py.File(path, "a") as file:
+        file["sensors/dvl/u"].attrs["units"] = unit
+    with pytest.raises(FileError, match=r"/sensors/dvl/u is in .*; expected m/s"):
+        read_dataset(path)
+
+
+@pytest.mark.parametrize("unit", ["m/s", "m / s", "meter/second", None])
+def test_units_may_be_written_otherwise_or_left_out(unit, written, tmp_path):
+    path = shutil.copy(written["dataset"], tmp_path / "dataset.h5")
+    with h5py.File(path, "a") as file:
+        del file["sensors/dvl/u"].attrs["units"]
+        if unit is not None:
+            file["sensors/dvl/u"].attrs["units"] = unit
+    assert read_dataset(path).sensors["dvl"].time.size

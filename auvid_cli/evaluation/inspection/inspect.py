@@ -45,7 +45,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     Inspection
     """
     sensors = {name: record for name, record in dataset.sensors.items() if np.isfinite(record.values).any()}
-    checks = [_silent(name) for name in dataset.sensors if name not in sensors]
+    checks = [_silent(name) for name in dataset.sensors if name not in sensors] or [_no_sensor()] * (not sensors)
     checks += [*_said_at_import(dataset.experiment), *_vehicle(dataset.experiment.vehicle)]
     marks, sound = [], {}
     for name, record in sensors.items():
@@ -91,6 +91,10 @@ def _alone(dataset: Dataset, name: str, found: Screened) -> list[Check]:
     checks += [*data_checks([dataset], "", [name]), *reading_checks(name, record, found.spikes, found.largest)]
     tells_pitch = name == "attitude" and np.isfinite(record.values[:, 1]).any()
     return [*checks, gimbal_check(record)] if tells_pitch else checks
+
+
+def _no_sensor() -> Check:
+    return judged("dataset", "sensors", "none", "some", False, "There is nothing to judge, nor to identify from.")
 
 
 def _silent(name: str) -> Check:

@@ -32,6 +32,11 @@ def test_any_pair_of_sensors_of_any_length_gets_finite_verdicts(until, sound_run
         assert set(names) <= subjects
 
 
+def test_a_dataset_without_sensors_fails(sound_run):
+    inspection = inspect_dataset(replace(sound_run(), sensors={}))
+    assert [check.subject for check in inspection.checks if check.passed is False] == ["dataset"]
+
+
 def test_a_sensor_without_any_value_fails_and_the_others_are_judged(sound_run, changed):
     def silence(time, values):
         values[:] = np.nan
