@@ -2,6 +2,7 @@
 
 import os
 import random
+from contextlib import suppress
 from pathlib import Path
 
 from attacks.material import Material
@@ -31,7 +32,9 @@ def on_dataset(rng: random.Random, material: Material, folder: Path) -> _Command
     }.get(name, (name, "results"))
     if command[0] in ("check", "report"):
         (folder / "results" / "estimates").mkdir(parents=True)
-        (folder / "damaged.h5").rename(folder / "results" / "dataset.h5")
+        # It may be that nothing is there.
+        with suppress(FileNotFoundError):
+            (folder / "damaged.h5").rename(folder / "results" / "dataset.h5")
         os.link(estimate, folder / "results" / "estimates" / "tukf.h5")
     return f"dataset, {name}", (command,)
 

@@ -95,6 +95,14 @@ def _mutate(rng: random.Random, tree: Any) -> tuple[str, bool]:
     return f"{where}: {kind}", False
 
 
+def _has_tag(text: str) -> bool:
+    """Whether a tag is one, and does not stand within a text of several lines."""
+    try:
+        return any(isinstance(token, yaml.TagToken) for token in yaml.scan(text))
+    except yaml.YAMLError:
+        return True
+
+
 def _mutate_text(rng: random.Random, text: str) -> tuple[bytes, str, bool]:
     """Change the text of a file: what a tree cannot hold."""
     lines = text.splitlines()
@@ -107,7 +115,8 @@ def _mutate_text(rng: random.Random, text: str) -> tuple[bytes, str, bool]:
     if kind == "value":
         value = rng.choice(TEXTS)
         lines[number] = f"{lines[number].partition(':')[0]}: {value}"
-        return "\n".join(lines).encode(), f"line {number + 1}: {value[:40]}", value in TAGS_REFUSED
+        changed = "\n".join(lines)
+        return changed.encode(), f"line {number + 1}: {value[:40]}", value in TAGS_REFUSED and _has_tag(changed)
     if kind == "double":
         lines.insert(number, lines[number])
     elif kind == "indent":
