@@ -13,13 +13,13 @@ from numba import types
 from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import carlson_update, triangularise
-from auvid_cli.filters.problem import OBSERVATION_SIGNATURE, Sensors
-from auvid_cli.filters.sigma_points import BASIS, blocks_and_lanes, collect_points, draw_points
+from auvid_cli.filters.problem import Sensors
+from auvid_cli.filters.sigma_points import blocks_and_lanes, collect_points, draw_points
+from auvid_cli.filters.square_root_state import MODEL, STATE
 from auvid_cli.filters.workspace import WORKSPACE
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-_indices = types.int64[::1]
 SENSORS = types.NamedTuple(
     (types.float64[:, :, ::1], _matrix, types.boolean[:, ::1], types.boolean[::1], types.float64),
     Sensors,
@@ -34,13 +34,14 @@ def wrapped(difference, angular):
     return difference
 
 
-@compiled(types.void(_vector, types.int64, _vector, _matrix, types.int64), reassociate=True, inline=True)
-def see_linearly(row, n, mean, columns, place):
+@compiled(types.void(_vector, STATE, types.int64), reassociate=True, inline=True)
+def predict_linearly(row, state, place):
     """Put a combination of the state's rows at `place` of mean and factor."""
+    mean, columns = state.mean, state.columns
     predicted = 0.0
-    for j in range(n):
+    for j in range(state.n):
         columns[j, place] = 0.0
-    for i in range(n):
+    for i in range(state.n):
         h = row[i]
         if h != 0.0:
             predicted += h * mean[i]
@@ -49,29 +50,22 @@ def see_linearly(row, n, mean, columns, place):
     mean[place] = predicted
 
 
-@compiled(
-    types.void(
-        types.FunctionType(OBSERVATION_SIGNATURE),
-        *(_vector, _indices, types.int64, BASIS, types.int64, types.int64, types.int64),
-        *(_vector, _matrix, WORKSPACE),
-    ),
-    reassociate=True,
-    inline=True,
-)
-def see_nonlinearly(observe, constants, selection, n_moving, basis, sensor, n_components, n, mean, columns, work):
+@compiled(types.void(MODEL, STATE, types.int64, types.int64, WORKSPACE), reassociate=True, inline=True)
+def predict_nonlinearly(model, state, sensor, n_components, work):
     """Put a sensor's components behind the n-th place of mean and factor, and the even part in ``work.spread``."""
-    draw_points(basis, mean, columns, n, n_moving, work.product, work.points)
-    n_blocks, last_lanes = blocks_and_lanes(basis)
+    n, mean, columns, n_moving = state.n, state.mean, state.columns, model.noise_density.size
+    draw_points(model.basis, mean, columns, n, n_moving, work.product, work.points)
+    n_blocks, last_lanes = blocks_and_lanes(model.basis)
     for b in range(n_blocks):
         moving, parameters = work.points[b, : n_moving * LANES], work.points[b, n_moving * LANES :]
         n_lanes = np.uint64(last_lanes if b == n_blocks - 1 else LANES)
-        observe(moving, parameters, sensor, constants, selection, n_lanes, work.images[b])
+        model.observe(moving, parameters, sensor, model.constants, model.selection, n_lanes, work.images[b])
     for i in range(work.spread.shape[0]):
         for k in range(work.spread.shape[1]):
             work.spread[i, k] = 0.0
     collect_points(
         work.images,
-        basis,
+        model.basis,
         n_components,
         0,
         mean[n : n + n_components],
@@ -85,14 +79,61 @@ def see_nonlinearly(observe, constants, selection, n_moving, basis, sensor, n_co
             columns[j, n + c] = work.regression[c, j]
 
 
-@compiled(types.boolean(types.int64, types.int64, _matrix, WORKSPACE), reassociate=True, inline=True)
-def decorrelate(n, n_present, columns, work):
-    """Replace what is seen by combinations of it whose noise is independent; ``work.noise`` gets its variance.
+@compiled(
+    types.int64(MODEL, STATE, SENSORS, types.int64, _vector, _vector, _vector, WORKSPACE),
+    reassociate=True,
+    inline=True,
+)
+def select(model, state, sensors, sensor, reading, innovation, variance, work):
+    """Predict the components of a reading that are present and within the gate, one behind the other.
+
+    ``work.error`` and ``work.noise`` get their innovations and the variances of their noise; returns how many they
+    are. Parameters as of `update`.
+    """
+    n, mean, columns, m = state.n, state.mean, state.columns, model.basis.present.size
+    nonlinear = sensors.nonlinear[sensor]
+    if nonlinear:
+        predict_nonlinearly(model, state, sensor, reading.size, work)
+    n_present = 0
+    for c in range(reading.size):
+        innovation[c] = np.nan
+        variance[c] = np.nan
+        if np.isnan(reading[c]):
+            continue
+        s, noise = n_present, sensors.variance[sensor, c]
+        total = noise
+        if nonlinear:
+            mean[n + s] = mean[n + c]
+            for j in range(n):
+                columns[j, n + s] = columns[j, n + c]
+            for k in range(m + 1):
+                even = work.spread[c, k]
+                work.spread[s, k] = even
+                total += even * even
+            for k in range(reading.size):
+                work.spread[s, m + 1 + k] = np.sqrt(noise) if k == s else 0.0
+        else:
+            predict_linearly(sensors.matrix[sensor, c], state, n + s)
+        for j in range(n):
+            total += columns[j, n + s] * columns[j, n + s]
+        innovation[c] = wrapped(reading[c] - mean[n + s], sensors.angular[sensor, c])
+        if innovation[c] ** 2 > sensors.gate * total:
+            continue
+        n_present += 1
+        variance[c] = total
+        work.error[s] = innovation[c]
+        work.noise[s] = noise
+    return n_present
+
+
+@compiled(types.boolean(STATE, types.int64, WORKSPACE), reassociate=True, inline=True)
+def decorrelate(state, n_present, work):
+    """Replace what is predicted by combinations of it whose noise is independent; ``work.noise`` gets its variance.
 
     With ``L L'`` the covariance of the noise in ``work.spread``, the combinations are the rows of the inverse
     of L scaled to a unit diagonal. False if it has no factor.
     """
-    lower = work.lower
+    n, columns, lower = state.n, state.columns, work.lower
     if not triangularise(work.spread, n_present, lower):
         return False
     for s in range(n_present):
@@ -105,79 +146,10 @@ def decorrelate(n, n_present, columns, work):
     return True
 
 
-@compiled(
-    types.float64(
-        types.FunctionType(OBSERVATION_SIGNATURE),
-        *(_vector, _indices, types.int64, BASIS, SENSORS, types.int64, _vector, types.int64),
-        *(_vector, _matrix, _vector, _vector, WORKSPACE),
-    ),
-    reassociate=True,
-    inline=True,
-)
-def update(
-    observe,
-    constants,
-    selection,
-    n_moving,
-    basis,
-    sensors,
-    sensor,
-    reading,
-    n,
-    mean,
-    columns,
-    innovation,
-    variance,
-    work,
-):
-    """Condition on one reading; components that are missing or beyond the gate are left out.
-
-    Parameters
-    ----------
-    innovation, variance : ndarray, shape (c,)
-        Filled with the joint innovation before the update and the variance of each component; the latter is
-        NaN for one beyond the gate.
-
-    Returns
-    -------
-    float
-        Normalised innovation squared of the whole reading; NaN or negative where the update failed.
-    """
-    nonlinear = sensors.nonlinear[sensor]
-    if nonlinear:
-        see_nonlinearly(observe, constants, selection, n_moving, basis, sensor, reading.size, n, mean, columns, work)
-    n_present = 0
-    for c in range(reading.size):
-        innovation[c] = np.nan
-        variance[c] = np.nan
-        if np.isnan(reading[c]):
-            continue
-        s, noise = n_present, sensors.variance[sensor, c]
-        n_present += 1
-        total = noise
-        if nonlinear:
-            mean[n + s] = mean[n + c]
-            for j in range(n):
-                columns[j, n + s] = columns[j, n + c]
-            for k in range(basis.present.size + 1):
-                even = work.spread[c, k]
-                work.spread[s, k] = even
-                total += even * even
-            for k in range(reading.size):
-                work.spread[s, basis.present.size + 1 + k] = np.sqrt(noise) if k == s else 0.0
-        else:
-            see_linearly(sensors.matrix[sensor, c], n, mean, columns, n + s)
-        for j in range(n):
-            total += columns[j, n + s] * columns[j, n + s]
-        innovation[c] = wrapped(reading[c] - mean[n + s], sensors.angular[sensor, c])
-        if innovation[c] ** 2 > sensors.gate * total:
-            n_present -= 1
-            continue
-        variance[c] = total
-        work.error[s] = innovation[c]
-        work.noise[s] = noise
-    if nonlinear and not decorrelate(n, n_present, columns, work):
-        return np.nan
+@compiled(types.float64(STATE, types.int64, WORKSPACE), reassociate=True, inline=True)
+def condition(state, n_present, work):
+    """Condition on components with independent noise, one after the other; returns the sum of their NIS."""
+    n, mean, columns = state.n, state.mean, state.columns
     width = columns.shape[1]
     for s in range(n_present):
         # The riding mean is minus the innovation, so that the update below carries that on too.
@@ -191,3 +163,38 @@ def update(
         for i in range(width):
             mean[i] += work.gain[i] * step
     return nis
+
+
+@compiled(
+    types.float64(MODEL, STATE, SENSORS, types.int64, _vector, _vector, _vector, WORKSPACE),
+    reassociate=True,
+    inline=True,
+)
+def update(model, state, sensors, sensor, reading, innovation, variance, work):
+    """Condition on one reading; components that are missing or outside the gate are left out.
+
+    Parameters
+    ----------
+    model : Model
+    state : State
+        Conditioned in place.
+    sensors : Sensors
+    sensor : int
+        Its row there.
+    reading : ndarray, shape (c,)
+        NaN where a component is missing.
+    innovation, variance : ndarray, shape (c,)
+        Filled with the joint innovation before the update and the variance of each component; the latter is
+        NaN for one outside the gate.
+    work : Workspace
+        Overwritten.
+
+    Returns
+    -------
+    float
+        Normalised innovation squared of the whole reading; NaN or negative where the update failed.
+    """
+    n_present = select(model, state, sensors, sensor, reading, innovation, variance, work)
+    if sensors.nonlinear[sensor] and not decorrelate(state, n_present, work):
+        return np.nan
+    return condition(state, n_present, work)

@@ -10,8 +10,8 @@ from numba import types
 from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import triangularise
-from auvid_cli.filters.problem import PROCESS_SIGNATURE
-from auvid_cli.filters.sigma_points import BASIS, all_finite, blocks_and_lanes, collect_points, draw_points
+from auvid_cli.filters.sigma_points import all_finite, blocks_and_lanes, collect_points, draw_points
+from auvid_cli.filters.square_root_state import MODEL, STATE
 from auvid_cli.filters.workspace import WORKSPACE
 
 _vector = types.float64[::1]
@@ -19,25 +19,17 @@ _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
 
 
-@compiled(
-    types.boolean(
-        types.FunctionType(PROCESS_SIGNATURE),
-        *(_vector, _indices, _vector, BASIS),
-        *(_matrix, _indices, _vector, types.int64, _vector, _matrix, WORKSPACE),
-    ),
-    reassociate=True,
-    inline=True,
-)
-def predict(
-    advance, constants, selection, noise_density, basis, inputs, piece_input, piece_duration, n, mean, columns, work
-):
-    """Move mean and factor over consecutive pieces of constant input, in place.
+@compiled(types.boolean(MODEL, STATE, _matrix, _indices, _vector, WORKSPACE), reassociate=True, inline=True)
+def predict(model, state, inputs, piece_input, piece_duration, work):
+    """Move a state over consecutive pieces of constant input, in place.
 
     Returns
     -------
     bool
         False if the result is not finite or not positive definite.
     """
+    basis, noise_density = model.basis, model.noise_density
+    n, mean, columns = state.n, state.mean, state.columns
     n_moving = noise_density.size
     n_parameters = n - n_moving
     m = basis.present.size
@@ -50,8 +42,8 @@ def predict(
         moving, parameters = work.points[b, : n_moving * LANES], work.points[b, n_moving * LANES :]
         n_lanes = np.uint64(last_lanes if b == n_blocks - 1 else LANES)
         for piece in range(piece_duration.size):
-            held = inputs[piece_input[piece]]
-            advance(moving, parameters, held, constants, selection, n_lanes, piece_duration[piece], work.process)
+            held, duration = inputs[piece_input[piece]], piece_duration[piece]
+            model.advance(moving, parameters, held, model.constants, model.selection, n_lanes, duration, work.process)
 
     spread = work.spread
     for i in range(spread.shape[0]):

@@ -14,10 +14,8 @@ from auvid_cli.filters.measurement import SENSORS, update
 from auvid_cli.filters.point_sets import PointSet
 from auvid_cli.filters.prediction import predict
 from auvid_cli.filters.problem import (
-    OBSERVATION_SIGNATURE,
     OK,
     PREDICTION,
-    PROCESS_SIGNATURE,
     TIMELINE,
     Belief,
     Ending,
@@ -29,12 +27,12 @@ from auvid_cli.filters.problem import (
     empty_records,
     until,
 )
-from auvid_cli.filters.sigma_points import BASIS, all_finite, basis_of
+from auvid_cli.filters.sigma_points import all_finite, basis_of
+from auvid_cli.filters.square_root_state import MODEL, STATE, Model, State
 from auvid_cli.filters.workspace import WORKSPACE, new_workspace, padded
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-_indices = types.int64[::1]
 _RECORDS = types.NamedTuple((_matrix, _matrix, _matrix, _matrix, _vector), Records)
 
 
@@ -54,10 +52,7 @@ def deviations(columns, n, squares, result):
 
 @compiled(
     types.UniTuple(types.int64, 2)(
-        types.FunctionType(PROCESS_SIGNATURE),
-        types.FunctionType(OBSERVATION_SIGNATURE),
-        *(_vector, _indices, _vector, BASIS, SENSORS, TIMELINE),
-        *(types.int64, types.int64, _vector, _matrix, _RECORDS, WORKSPACE),
+        *(*MODEL.types, SENSORS, TIMELINE, types.int64, STATE, _RECORDS, WORKSPACE),
     ),
     reassociate=True,
 )
@@ -71,48 +66,25 @@ def _run(
     sensors,
     timeline,
     stop,
-    n,
-    mean,
-    columns,
+    state,
     records,
     work,
 ):
-    """Filter the events before `stop`; returns (first event that failed or `stop`, what failed)."""
+    """Filter the events before `stop`; returns (first event that failed or `stop`, what failed).
+
+    A model comes field by field, since numba takes no functions inside a tuple from Python.
+    """
+    model = Model(advance, observe, constants, selection, noise_density, basis)
+    n, mean, columns = state.n, state.mean, state.columns
     for event in range(stop):
         first, last = timeline.piece_offset[event], timeline.piece_offset[event + 1]
-        if last > first and not predict(
-            advance,
-            constants,
-            selection,
-            noise_density,
-            basis,
-            timeline.inputs,
-            timeline.piece_input[first:last],
-            timeline.piece_duration[first:last],
-            n,
-            mean,
-            columns,
-            work,
-        ):
+        pieces = timeline.piece_input[first:last], timeline.piece_duration[first:last]
+        if last > first and not predict(model, state, timeline.inputs, pieces[0], pieces[1], work):
             return event, PREDICTION
         for k in range(timeline.reading_offset[event], timeline.reading_offset[event + 1]):
             sensor = timeline.reading_sensor[k]
-            nis = update(
-                observe,
-                constants,
-                selection,
-                noise_density.size,
-                basis,
-                sensors,
-                sensor,
-                timeline.reading[k],
-                n,
-                mean,
-                columns,
-                records.innovation[k],
-                records.innovation_variance[k],
-                work,
-            )
+            innovation, variance = records.innovation[k], records.innovation_variance[k]
+            nis = update(model, state, sensors, sensor, timeline.reading[k], innovation, variance, work)
             records.nis[k] = nis
             if not (all_finite(n, mean) and nis >= 0.0):
                 return event, sensor
@@ -150,25 +122,18 @@ def run_square_root_filter(
     """
     n, n_components = prior.mean.size, sensors.matrix.shape[1]
     width = padded(n + n_components)
-    basis = basis_of(point_set)
-    work = new_workspace(basis, process, n, n_components, width)
-    mean, columns = np.zeros(width), np.zeros((basis.present.size, width))
-    mean[:n], columns[:n, :n] = prior.mean, prior.factor.T
-
-    def run(timeline: Timeline, stop: int, records: Records) -> tuple[int, int]:
-        model = process.advance, process.observe, process.constants, process.selection, process.noise_density
-        return _run(*model, basis, sensors, timeline, stop, n, mean, columns, records, work)
-
+    model = Model.of(process, basis_of(point_set))
+    work = new_workspace(model.basis, process, n, n_components, width)
+    state = State.of(prior, model.basis.present.size, width)
     n_good, culprit = 0, OK
     for timeline in timelines:
-        before, records = (mean.copy(), columns.copy()), empty_records(timeline, n)
-        done, culprit = run(timeline, timeline.time.size, records)
+        before, records = state.copy(), empty_records(timeline, n)
+        done, culprit = _run(*model, sensors, timeline, timeline.time.size, state, records, work)
         n_good += done
         receive(timeline, until(records, done, timeline.reading_offset[min(done + 1, timeline.time.size)]))
         if culprit != OK:
             # Once more from before the part, to stop at the last good state.
-            mean[:], columns[:] = before
-            run(timeline, done, records)
+            state = before
+            _run(*model, sensors, timeline, done, state, records, work)
             break
-    factor = columns[:n, :n]
-    return Ending(factor.T @ factor, n_good, culprit)
+    return Ending(state.covariance(), n_good, culprit)

@@ -1,0 +1,88 @@
+"""What the compiled square-root filter works on: a model, and a state whose covariance is carried as a factor."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.filters.problem import OBSERVATION_SIGNATURE, PROCESS_SIGNATURE, Belief, Indices, Process
+from auvid_cli.filters.sigma_points import BASIS, Basis
+
+Array = NDArray[np.float64]
+
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+_indices = types.int64[::1]
+
+
+class Model(NamedTuple):
+    """What `auvid_cli.filters.problem.Process` says of the moving states, and the sigma points.
+
+    Attributes
+    ----------
+    advance, observe, constants, selection, noise_density
+        As in `Process`.
+    basis : Basis
+    """
+
+    advance: Any
+    observe: Any
+    constants: Array
+    selection: Indices
+    noise_density: Array
+    basis: Basis
+
+    @classmethod
+    def of(cls, process: Process, basis: Basis) -> "Model":
+        """The model of a process with a set of points."""
+        return cls(process.advance, process.observe, process.constants, process.selection, process.noise_density, basis)
+
+
+MODEL = types.NamedTuple(
+    (
+        types.FunctionType(PROCESS_SIGNATURE),
+        types.FunctionType(OBSERVATION_SIGNATURE),
+        *(_vector, _indices, _vector, BASIS),
+    ),
+    Model,
+)
+
+
+class State(NamedTuple):
+    """A Gaussian in the layout of the compiled loops; updated in place.
+
+    Attributes
+    ----------
+    n : int
+        Dimension.
+    mean : ndarray, shape (width,)
+        Behind the n components of the state there is room for a predicted measurement.
+    columns : ndarray, shape (m, width)
+        Row j holds column j of the lower-triangular factor of the covariance, then entry j of the rows of a predicted
+        measurement. Zero elsewhere.
+    """
+
+    n: int
+    mean: Array
+    columns: Array
+
+    @classmethod
+    def of(cls, belief: Belief, n_columns: int, width: int) -> "State":
+        """A Gaussian laid out."""
+        n = belief.mean.size
+        state = cls(n, np.zeros(width), np.zeros((n_columns, width)))
+        state.mean[:n], state.columns[:n, :n] = belief.mean, belief.factor.T
+        return state
+
+    def copy(self) -> "State":
+        """The same in arrays of its own."""
+        return State(self.n, self.mean.copy(), self.columns.copy())
+
+    def covariance(self) -> Array:
+        """Covariance, shape (n, n)."""
+        factor = self.columns[: self.n, : self.n]
+        return factor.T @ factor
+
+
+STATE = types.NamedTuple((types.int64, _vector, _matrix), State)
