@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.identification.biases import DVL_ERRORS
+from auvid_cli.identification.error_blocks import CURRENT, DVL_SCALE, DVL_YAW
 from auvid_cli.identification.observation import current_in_body_axes, dvl_axes
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
@@ -33,7 +33,7 @@ def found_errors(state: Sequence[str], values: Array) -> ReadingErrors:
     known = dict(zip(state, values, strict=True))
     return ReadingErrors(
         np.array([known.get(f"bias_{symbol}", 0.0) for symbol in MOTION_SYMBOLS]),
-        np.array([known.get(symbol, 0.0) for symbol in DVL_ERRORS]),
+        np.array([known.get(quantity.symbol, 0.0) for quantity in (DVL_SCALE, DVL_YAW, *CURRENT)]),
     )
 
 

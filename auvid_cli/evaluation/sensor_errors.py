@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.identification.biases import sensor_errors
+from auvid_cli.identification.error_blocks import error_blocks
 
 # A standard deviation that is still more than this share of the prior's: what is left is the prior's opinion. A heading
 # offset that only its sum with the heading is known of keeps 0.71 of it.
@@ -37,21 +37,22 @@ class SensorErrorResult(NamedTuple):
 def sensor_error_results(estimate: Estimate) -> list[SensorErrorResult]:
     """Results of one filter, in the order of the settings."""
     results = []
-    for error in sensor_errors(estimate.experiment.identification.estimate):
-        i = estimate.state.index(error.symbol)
-        deviation = float(estimate.standard_deviation[-1, i])
-        results.append(
-            SensorErrorResult(
-                estimate.filter,
-                error.symbol,
-                error.sensor,
-                error.unit,
-                float(estimate.mean[-1, i]),
-                deviation,
-                error.spread,
-                is_observed(deviation, error.spread),
+    for block in error_blocks(estimate.experiment.identification.estimate):
+        for quantity in block.quantities:
+            i = estimate.state.index(quantity.symbol)
+            deviation = float(estimate.standard_deviation[-1, i])
+            results.append(
+                SensorErrorResult(
+                    estimate.filter,
+                    quantity.symbol,
+                    block.sensor or block.name,
+                    quantity.unit,
+                    float(estimate.mean[-1, i]),
+                    deviation,
+                    block.prior_std,
+                    is_observed(deviation, block.prior_std),
+                )
             )
-        )
     return results
 
 

@@ -130,7 +130,7 @@ def run_square_root_filter(
         before, records = state.copy(), empty_records(timeline, n)
         done, culprit = _run(*model, sensors, timeline, timeline.time.size, state, records, work)
         n_good += done
-        receive(timeline, until(records, done, timeline.reading_offset[min(done + 1, timeline.time.size)]))
+        receive(timeline, until(records, done, int(timeline.reading_offset[min(done + 1, timeline.time.size)])))
         if culprit != OK:
             # Once more from before the part, to stop at the last good state.
             state = before

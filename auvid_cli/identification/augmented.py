@@ -4,24 +4,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import ConfigError
 from auvid_cli.filters.problem import Belief, Indices, Process, Sensors
 from auvid_cli.filters.stretches import joint_belief, places
-from auvid_cli.identification.biases import constant_errors, sensor_errors, walking_errors
-from auvid_cli.identification.prior import earlier_belief, prior_standard_deviations
+from auvid_cli.identification.prior import earlier_belief
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.segments import Stretch, stretches
 from auvid_cli.identification.start import starting_belief
-from auvid_cli.identification.timeline import DEPTH, PART, measurement_model, measuring_sensors
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+from auvid_cli.identification.state_layout import StateLayout, state_layout
+from auvid_cli.identification.timeline import PART, measurement_model, measuring_sensors
+from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.dynamics import vehicle_constants
-from auvid_cli.vehicle.parameters import MOTION
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -30,11 +26,7 @@ class AugmentedProblem:
 
     Attributes
     ----------
-    state, unit : tuple of str
-        Symbols of the estimated coefficients, of constant sensor errors, of the nine motion states, of the depth where
-        it is measured, and of walking sensor errors; SI units.
-    scale : ndarray, shape (n,)
-        SI value of one unit of each.
+    layout : StateLayout
     held : dict
         Coefficients that are not estimated, SI.
     process : Process
@@ -48,9 +40,7 @@ class AugmentedProblem:
         About the joint state of the stretches, see `auvid_cli.filters.stretches`.
     """
 
-    state: tuple[str, ...]
-    unit: tuple[str, ...]
-    scale: Array
+    layout: StateLayout
     held: dict[str, float]
     process: Process
     sensors: Sensors
@@ -89,54 +79,33 @@ def augmented_problem(dataset: Dataset, part: int = PART) -> AugmentedProblem:
     """
     experiment = dataset.experiment
     settings = experiment.identification
-    estimated = settings.estimated()
     held = held_coefficients(experiment)
-    errors = sensor_errors(settings.estimate)
-    constant, walking = constant_errors(errors), walking_errors(errors)
     measuring = measuring_sensors(dataset)
-    has_depth = "depth" in measuring
-    units = {c.symbol: c.unit for c in COEFFICIENTS}
-    blocks = [(symbol, units[symbol]) for symbol in estimated]
-    blocks += [(error.symbol, error.unit) for error in constant]
-    blocks += [(quantity.symbol, quantity.unit) for quantity in (*MOTION, *([DEPTH] * has_depth))]
-    blocks += [(error.symbol, error.unit) for error in walking]
-    state, unit = zip(*blocks, strict=True)
-    priors = prior_standard_deviations(
-        experiment.vehicle.size, settings.prior.factor, settings.prior.standard_deviation
-    )
-    scale = np.array([priors[symbol] for symbol in estimated])
-    known, factor = np.zeros(len(estimated)), np.eye(len(estimated))
-    if settings.prior.from_estimate is not None:
-        known, factor = earlier_belief(Path(settings.prior.from_estimate), dataset, estimated, scale)
-    parameters = Belief(
-        np.concatenate([known, np.zeros(len(constant))]),
-        np.diag([*np.zeros(len(estimated)), *(error.spread for error in constant)]),
-    )
-    parameters.factor[: len(estimated), : len(estimated)] = factor
-    process = vehicle_process(
-        vehicle_constants(experiment.vehicle.known_parameters()),
-        np.array([held.get(symbol, 0.0) for symbol in SYMBOLS]),
-        np.array([SYMBOLS.index(symbol) for symbol in estimated], dtype=np.int64),
-        scale,
-        settings.process_noise,
-        errors,
-        has_depth,
-    )
+    layout = state_layout(settings, experiment.vehicle.size, "depth" in measuring)
+    process = vehicle_process(vehicle_constants(experiment.vehicle.known_parameters()), held, layout)
     found = stretches(dataset, part)
-    beliefs = [
-        starting_belief(parameters, stretch.motion, stretch.depth, errors, settings.initial_motion) for stretch in found
-    ]
+    parameters = _prior_of_parameters(layout, dataset)
+    beliefs = [starting_belief(layout, parameters, stretch.measured) for stretch in found]
     return AugmentedProblem(
-        state=state,
-        unit=unit,
-        scale=np.concatenate([scale, np.ones(len(state) - len(estimated))]),
+        layout=layout,
         held=held,
         process=process,
-        sensors=measurement_model(measuring, state, errors, np.inf if settings.gate is None else settings.gate),
+        sensors=measurement_model(measuring, layout, np.inf if settings.gate is None else settings.gate),
         measuring=measuring,
         stretches=found,
         prior=joint_belief(beliefs, process.noise_density.size),
     )
+
+
+def _prior_of_parameters(layout: StateLayout, dataset: Dataset) -> Belief:
+    """Zero mean and the layout's spread; of the coefficients what an earlier estimate says, if one is named."""
+    n, coefficients = layout.n_parameters, layout.rows_of("coefficients")
+    parameters = Belief(np.zeros(n), np.diag(layout.prior_std[:n]))
+    earlier = dataset.experiment.identification.prior.from_estimate
+    if earlier is not None:
+        known = earlier_belief(Path(earlier), dataset, layout.symbols[coefficients], layout.scale[coefficients])
+        parameters.mean[coefficients], parameters.factor[coefficients, coefficients] = known
+    return parameters
 
 
 def held_coefficients(experiment: RunSettings) -> dict[str, float]:

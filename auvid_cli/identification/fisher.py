@@ -14,8 +14,6 @@ from auvid_cli.filters.problem import Belief
 from auvid_cli.filters.sensitivities import responses
 from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
 from auvid_cli.identification.timeline import PART, measuring_sensors
-from auvid_cli.vehicle.coefficients import SYMBOLS
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
 
@@ -98,7 +96,7 @@ def information_at(
     """
     busiest = max(record.time.size for record in measuring_sensors(dataset).values())
     problem = augmented_problem(dataset, min(PART, busiest // _STAGES + 1))
-    start, n = _start(problem, coefficients, motions), len(problem.state)
+    start, n = _start(problem, coefficients, motions), len(problem.layout.symbols)
     n_parameters = n - problem.process.noise_density.size
     of_stretches: list[dict[str, Information]] = []
     growing: list[tuple[float, Information]] = []
@@ -131,8 +129,8 @@ def information_at(
         elapsed, before = growing[-1][0], before.join(together.split(n_parameters)[1])
     reached = n_parameters + len(of_stretches) * (n - n_parameters)
     return DatasetInformation(
-        problem.state,
-        problem.scale,
+        problem.layout.symbols,
+        problem.layout.scale,
         Belief(problem.prior.mean[:reached], problem.prior.factor[:reached, :reached]),
         {name: jointly([own[name] for own in of_stretches], n_parameters) for name in problem.measuring},
         jointly([reduce(Information.join, own.values()) for own in of_stretches], n_parameters),
@@ -144,11 +142,9 @@ def information_at(
 def _start(problem: AugmentedProblem, coefficients: Mapping[str, float], motions: Sequence[Array] | None) -> Array:
     """The joint state in scaled units; of what is not given as the prior has it."""
     start = problem.prior.mean.copy()
-    for i, symbol in enumerate(problem.state):
-        if symbol in SYMBOLS:
-            start[i] = coefficients[symbol] / problem.scale[i]
+    own = problem.layout.rows_of("coefficients")
+    start[own] = [coefficients[symbol] for symbol in problem.layout.symbols[own]] / problem.layout.scale[own]
     if motions is not None:
-        first = problem.state.index(MOTION_SYMBOLS[0])
         for motion, place in zip(motions, problem.places, strict=True):
-            start[place[first : first + N_MOTION]] = motion
+            start[place[problem.layout.rows_of("motion")]] = motion
     return start

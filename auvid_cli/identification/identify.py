@@ -194,15 +194,15 @@ def set_up_filters(
             EstimateHeader(
                 filter=name.value,
                 experiment=dataset.experiment,
-                state=augmented.state,
-                unit=augmented.unit,
+                state=augmented.layout.symbols,
+                unit=augmented.layout.units,
                 held=augmented.held,
                 dataset_sha256=dataset.sha256,
             ),
             augmented.span,
             partial(_chosen_filter(name, augmented, settings), stretches, augmented.prior),
             of_stretch(augmented.prior, augmented.places[0]),
-            augmented.scale,
+            augmented.layout.scale,
             augmented.measuring,
         )
         for name in filter_names
@@ -220,7 +220,7 @@ def _chosen_filter(
     name: FilterName, augmented: AugmentedProblem, settings: Identification
 ) -> Callable[[Sequence[Iterable[Timeline]], Belief, Receiver], Ending]:
     """What takes stretches, a prior about their joint state, and a receiver."""
-    process, n = augmented.process, len(augmented.state)
+    process, n = augmented.process, len(augmented.layout.symbols)
     match name:
         case FilterName.EKF:
             # filterpy is slow to load and large, and no other filter needs it.
@@ -255,6 +255,6 @@ def _bounds(augmented: AugmentedProblem, stated: dict[str, tuple[float, float]])
     """Lower and upper bounds of the scaled joint state, of which coefficients may have some."""
     lower, upper = np.full(augmented.prior.mean.size, -np.inf), np.full(augmented.prior.mean.size, np.inf)
     for symbol, limits in stated.items():
-        place = augmented.state.index(symbol)
-        lower[place], upper[place] = np.array(limits) / augmented.scale[place]
+        place = augmented.layout.row(symbol)
+        lower[place], upper[place] = np.array(limits) / augmented.layout.scale[place]
     return lower, upper

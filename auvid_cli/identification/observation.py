@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import OBSERVATION_SIGNATURE
-from auvid_cli.identification.layout import (
-    CURRENT_EAST,
-    CURRENT_NORTH,
-    DVL_SCALE,
-    DVL_YAW,
-    first_motion_row,
+from auvid_cli.identification.compiled_layout import (
+    ROW_CURRENT_EAST,
+    ROW_CURRENT_NORTH,
+    ROW_DVL_SCALE,
+    ROW_DVL_YAW,
+    first_moving_row,
     row_of,
-    stated,
+    value_of,
 )
 from auvid_cli.logs.frames import earth_to_body
 from auvid_cli.vehicle.dynamics import sine_cosine
@@ -29,8 +29,8 @@ Array = NDArray[np.float64]
 def observe(moving, parameters, sensor, constants, selection, n_lanes, seen):
     """What it sees of a block of states; the DVL is the only nonlinear sensor."""
     for k in range(n_lanes):
-        north = stated(constants, CURRENT_NORTH, parameters, moving, k)
-        east = stated(constants, CURRENT_EAST, parameters, moving, k)
+        north = value_of(constants, ROW_CURRENT_NORTH, parameters, moving, k)
+        east = value_of(constants, ROW_CURRENT_EAST, parameters, moving, k)
         sin_phi, cos_phi = sine_cosine(moving[6 * LANES + k])
         sin_theta, cos_theta = sine_cosine(moving[7 * LANES + k])
         sin_psi, cos_psi = sine_cosine(moving[8 * LANES + k])
@@ -38,8 +38,8 @@ def observe(moving, parameters, sensor, constants, selection, n_lanes, seen):
         u = moving[k] + cos_theta * ahead
         v = moving[LANES + k] + sin_phi * sin_theta * ahead + cos_phi * aside
         w = moving[2 * LANES + k] + cos_phi * sin_theta * ahead - sin_phi * aside
-        sin_yaw, cos_yaw = sine_cosine(stated(constants, DVL_YAW, parameters, moving, k))
-        gain = 1.0 + stated(constants, DVL_SCALE, parameters, moving, k)
+        sin_yaw, cos_yaw = sine_cosine(value_of(constants, ROW_DVL_YAW, parameters, moving, k))
+        gain = 1.0 + value_of(constants, ROW_DVL_SCALE, parameters, moving, k)
         seen[k] = gain * (cos_yaw * u + sin_yaw * v)
         seen[LANES + k] = gain * (cos_yaw * v - sin_yaw * u)
         seen[2 * LANES + k] = gain * w
@@ -47,8 +47,8 @@ def observe(moving, parameters, sensor, constants, selection, n_lanes, seen):
 
 def linearised(constants: Array, mean: Array, sensor: int) -> tuple[Array, Array]:
     """What it sees of one state, shape (3,), and the derivative by the state, shape (3, n)."""
-    first = first_motion_row(constants)
-    rows = [row_of(constants, which) for which in (DVL_SCALE, DVL_YAW, CURRENT_NORTH, CURRENT_EAST)]
+    first = first_moving_row(constants)
+    rows = [row_of(constants, which) for which in (ROW_DVL_SCALE, ROW_DVL_YAW, ROW_CURRENT_NORTH, ROW_CURRENT_EAST)]
     scale, yaw, north, east = (float(mean[row]) if row >= 0 else 0.0 for row in rows)
     velocity, attitude = mean[first : first + 3], mean[first + 6 : first + N_MOTION]
     axes = earth_in_body_axes(attitude)

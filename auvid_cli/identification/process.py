@@ -1,6 +1,6 @@
 """The vehicle as a filter's process: coefficients as parameters, motion as moving states."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -9,21 +9,21 @@ from numpy.typing import NDArray
 
 from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
-from auvid_cli.config.experiment import ProcessNoise
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Process
-from auvid_cli.identification.biases import SensorError, walking_errors
-from auvid_cli.identification.layout import (
+from auvid_cli.identification.compiled_layout import (
     HELD,
+    ROW_DEPTH,
+    ROW_THRUST,
     SCALE,
-    THRUST,
-    all_constants,
     depth_is_state,
-    first_motion_row,
+    first_moving_row,
+    model_constants,
     row_of,
-    stated,
+    value_of,
 )
 from auvid_cli.identification.observation import linearised, observe
-from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
+from auvid_cli.identification.state_layout import StateLayout
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
     N_COEFFICIENT_BLOCK,
@@ -43,14 +43,17 @@ _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
 
 
-@compiled(types.void(_vector, types.uint64, types.float64), internal=True)
-def _sink(moving, n_lanes, duration):
-    """Move the depth on at the present rate: a half step before and one after the motion are the trapezoidal rule."""
+@compiled(types.void(_vector, types.int64, types.uint64, types.float64), internal=True)
+def _sink(moving, place, n_lanes, duration):
+    """Move the depth on at the present rate: a half step before and one after the motion are the trapezoidal rule.
+
+    The depth is the moving state at `place`.
+    """
     for k in range(n_lanes):
         sin_phi, cos_phi = sine_cosine(moving[6 * LANES + k])
         sin_theta, cos_theta = sine_cosine(moving[7 * LANES + k])
         across = sin_phi * moving[LANES + k] + cos_phi * moving[2 * LANES + k]
-        moving[N_MOTION * LANES + k] += duration * (cos_theta * across - sin_theta * moving[k])
+        moving[place * LANES + k] += duration * (cos_theta * across - sin_theta * moving[k])
 
 
 @compiled(PROCESS_SIGNATURE)
@@ -70,14 +73,15 @@ def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration
     thrust = coefficients[N_COEFFICIENTS * LANES :]
     for k in range(LANES):
         thrust[k] = 1.0
-    if row_of(constants, THRUST) >= 0:
+    if row_of(constants, ROW_THRUST) >= 0:
         for k in range(n_lanes):
-            thrust[k] += stated(constants, THRUST, parameters, motion, k)
+            thrust[k] += value_of(constants, ROW_THRUST, parameters, motion, k)
+    depth = row_of(constants, ROW_DEPTH) - first_moving_row(constants)
     if depth_is_state(constants):
-        _sink(motion, n_lanes, 0.5 * duration)
+        _sink(motion, depth, n_lanes, 0.5 * duration)
     runge_kutta_step(motion, coefficients, inputs, constants[:N_CONSTANTS], n_lanes, duration, work)
     if depth_is_state(constants):
-        _sink(motion, n_lanes, 0.5 * duration)
+        _sink(motion, depth, n_lanes, 0.5 * duration)
 
 
 @compiled(types.void(_vector, _vector, _indices, _vector), internal=True)
@@ -86,18 +90,18 @@ def _all_coefficients(mean, constants, selection, coefficients):
         coefficients[m] = constants[HELD + m]
     for j in range(selection.size):
         coefficients[selection[j]] = constants[SCALE + j] * mean[j]
-    row = row_of(constants, THRUST)
+    row = row_of(constants, ROW_THRUST)
     coefficients[N_COEFFICIENTS] = 1.0 + mean[row] if row >= 0 else 1.0
 
 
 @compiled(types.void(_vector, _vector, _indices, _vector), internal=True)
 def _fill_in_row(sensitivity, constants, selection, row):
-    n_coefficients, n_parameters = selection.size, first_motion_row(constants)
+    n_coefficients, n_parameters = selection.size, first_moving_row(constants)
     for j in range(n_coefficients):
         row[j] = sensitivity[N_MOTION + selection[j]] * constants[SCALE + j]
     for j in range(N_MOTION):
         row[n_parameters + j] = sensitivity[j]
-    thrust = row_of(constants, THRUST)
+    thrust = row_of(constants, ROW_THRUST)
     if thrust >= 0:
         row[thrust] = sensitivity[N_MOTION + N_COEFFICIENTS]
 
@@ -106,7 +110,7 @@ def _fill_in_row(sensitivity, constants, selection, row):
 def _fill_in(sensitivity, constants, selection, matrix):
     """Sensitivities to motion and to all factors, to the moving rows of a transition matrix."""
     for i in range(N_MOTION):
-        _fill_in_row(sensitivity[i], constants, selection, matrix[first_motion_row(constants) + i])
+        _fill_in_row(sensitivity[i], constants, selection, matrix[first_moving_row(constants) + i])
 
 
 @compiled(types.void(_matrix, _vector), internal=True)
@@ -145,8 +149,8 @@ _STEP = _BLOCK + N_COEFFICIENT_BLOCK
 @compiled(TRANSITION_SIGNATURE)
 def _exact_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix, scratch):
     """The variational equation along the integration."""
-    first = first_motion_row(constants)
-    depth, motion = first + N_MOTION, mean[first:][:N_MOTION]
+    first = first_moving_row(constants)
+    depth, motion = row_of(constants, ROW_DEPTH), mean[first:][:N_MOTION]
     coefficients, sinking, work = scratch[:N_FACTORS], scratch[_SINKING:_REST], scratch[_REST:]
     sensitivity = scratch[_SENSITIVITY:_SINKING].reshape(N_MOTION, N_COLUMNS)
     _all_coefficients(mean, constants, selection, coefficients)
@@ -167,8 +171,8 @@ def _exact_transition(mean, inputs, piece_input, piece_duration, constants, sele
 @compiled(TRANSITION_SIGNATURE)
 def first_order_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix, scratch):
     """The paper's I + A dt, Table A1: linearised once, where the interval begins."""
-    first = first_motion_row(constants)
-    depth, motion = first + N_MOTION, mean[first:][:N_MOTION]
+    first = first_moving_row(constants)
+    depth, motion = row_of(constants, ROW_DEPTH), mean[first:][:N_MOTION]
     coefficients, sinking, work = scratch[:N_FACTORS], scratch[_SINKING:_REST], scratch[_REST:]
     sensitivity = scratch[_SENSITIVITY:_SINKING].reshape(N_MOTION, N_COLUMNS)
     vehicle, elapsed = constants[:N_CONSTANTS], 0.0
@@ -193,60 +197,39 @@ def first_order_transition(mean, inputs, piece_input, piece_duration, constants,
     for piece in range(piece_duration.size):
         held, duration = inputs[piece_input[piece]], piece_duration[piece]
         if depth_is_state(constants):
-            _sink(block, 1, 0.5 * duration)
+            _sink(block, N_MOTION, 1, 0.5 * duration)
         runge_kutta_step(block, coefficient_block, held, vehicle, 1, duration, work)
         if depth_is_state(constants):
-            _sink(block, 1, 0.5 * duration)
+            _sink(block, N_MOTION, 1, 0.5 * duration)
     for i in range(N_MOTION):
         motion[i] = block[i * LANES]
     if depth_is_state(constants):
         mean[depth] += block[N_MOTION * LANES]
 
 
-def vehicle_process(
-    vehicle: Array,
-    held: Array,
-    selection: NDArray[np.int64],
-    scale: Array,
-    noise: ProcessNoise,
-    errors: Sequence[SensorError] = (),
-    has_depth: bool = False,
-) -> Process:
-    """The augmented model of Sabet et al. 2018, eq. (10), with coefficients in units of `scale`, and sensor errors.
+def vehicle_process(vehicle: Array, held: Mapping[str, float], layout: StateLayout) -> Process:
+    """The augmented model of Sabet et al. 2018, eq. (10), with coefficients in units of their scales, and errors.
 
     Parameters
     ----------
     vehicle : ndarray
         From `vehicle_constants`.
-    held : ndarray, shape (22,)
-        Values of the coefficients that are not estimated.
-    selection : ndarray of int, shape (p,)
-        Which of the 22 are estimated, in ascending order.
-    scale : ndarray, shape (p,)
-        Coefficients span 1e-3 to 1e3: a parameter is a coefficient divided by its scale.
-    noise : ProcessNoise
-    errors : sequence of SensorError
-        The state is: coefficients, constant errors, motion, depth, walking errors.
-    has_depth : bool
-        Whether the depth is a state.
+    held : mapping
+        Values, SI, of the coefficients that are not states.
+    layout : StateLayout
 
     Notes
     -----
     Its transition is exact; `first_order_transition` may take its place.
     """
-    constants = all_constants(vehicle, held, scale, errors, has_depth)
+    constants = model_constants(vehicle, np.array([held.get(symbol, 0.0) for symbol in SYMBOLS]), layout)
+    estimated = layout.symbols[layout.rows_of("coefficients")]
     return Process(
         advance=_advance,
         transition=_exact_transition,
         constants=constants,
-        selection=selection,
-        noise_density=np.concatenate(
-            [
-                np.repeat([noise.velocity, noise.rate, noise.attitude], 3),
-                [noise.depth] * has_depth,
-                [error.walk for error in walking_errors(errors)],
-            ]
-        ),
+        selection=np.array([SYMBOLS.index(symbol) for symbol in estimated], dtype=np.int64),
+        noise_density=layout.noise_density,
         # The larger need of the two: a transition's, which has room for the block and work of `advance` as well.
         scratch_size=_REST + max(N_TRANSITION_WORK, _STEP + N_WORK),
         observe=observe,

@@ -11,7 +11,9 @@ from auvid_cli.config.experiment import Use
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import DataError
 from auvid_cli.identification.actuators import lagged
+from auvid_cli.identification.state_layout import DEPTH
 from auvid_cli.identification.timeline import PART, Timelines, initial_depth, initial_motion, measuring_sensors
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
 Span = tuple[float, float]
@@ -49,15 +51,17 @@ class Stretch(NamedTuple):
     Attributes
     ----------
     timelines : Timelines
-    motion : ndarray, shape (9,)
-        As measured by then.
-    depth : tuple of float
-        The same; empty where no sensor measures it.
+    measured : dict of float
+        Motion and, where a sensor measures it, depth as measured by then, by symbol, SI.
     """
 
     timelines: Timelines
-    motion: Array
-    depth: tuple[float, ...]
+    measured: dict[str, float]
+
+    @property
+    def motion(self) -> Array:
+        """The motion as measured by then, shape (9,)."""
+        return np.array([self.measured[symbol] for symbol in MOTION_SYMBOLS])
 
 
 def stretches(dataset: Dataset, part: int = PART) -> list[Stretch]:
@@ -75,8 +79,10 @@ def stretches(dataset: Dataset, part: int = PART) -> list[Stretch]:
     for data in segments(dataset):
         records = {name: data.sensors[name] for name in measuring}
         start, motion = initial_motion(data, records)
-        depth = (initial_depth(measuring["depth"], start),) if "depth" in measuring else ()
-        found.append(Stretch(Timelines(inputs, records, start, settings.integration_step, part), motion, depth))
+        measured = dict(zip(MOTION_SYMBOLS, motion.tolist(), strict=True))
+        if "depth" in measuring:
+            measured[DEPTH.symbol] = initial_depth(measuring["depth"], start)
+        found.append(Stretch(Timelines(inputs, records, start, settings.integration_step, part), measured))
     return found
 
 

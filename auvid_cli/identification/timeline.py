@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord
 from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Indices, Sensors, Timeline
-from auvid_cli.identification.biases import THRUST_SCALE, SensorError
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, N_MOTION, POSITION
+from auvid_cli.identification.state_layout import DEPTH, StateLayout
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
 # Times in whole nanoseconds.
@@ -19,7 +19,6 @@ Ticks = NDArray[np.int64]
 # Heading is known modulo a turn; roll and pitch are treated alike, which costs nothing.
 _ANGULAR = ("phi", "theta", "psi")
 _NANOSECOND = 1e-9
-DEPTH = POSITION[2]
 # s; over so long a time a model without any reading says nothing any more.
 _LONGEST_SILENCE = 1000.0
 
@@ -47,18 +46,14 @@ def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
     return measuring
 
 
-def measurement_model(
-    measuring: dict[str, SensorRecord], state: Sequence[str], errors: Sequence[SensorError], gate: float
-) -> Sensors:
-    """Rows that select the measured motion states, plus the sensor's own error, from an augmented state.
+def measurement_model(measuring: dict[str, SensorRecord], layout: StateLayout, gate: float) -> Sensors:
+    """Rows that select the measured motion states, plus the sensor's own errors, from an augmented state.
 
     Parameters
     ----------
     measuring : dict of SensorRecord
-    state : sequence of str
-        Symbols of the augmented state.
-    errors : sequence of SensorError
-        Those of a sensor that do not just add to its reading make it nonlinear.
+    layout : StateLayout
+        An error that does not just add to what a sensor measures makes it nonlinear.
     gate : float
         Largest innovation that is used, standard deviations.
 
@@ -68,26 +63,27 @@ def measurement_model(
         If an error belongs to a sensor that is not there.
     """
     width = max(record.values.shape[1] for record in measuring.values())
-    matrix = np.zeros((len(measuring), width, len(state)))
+    matrix = np.zeros((len(measuring), width, len(layout.symbols)))
     variance = np.ones((len(measuring), width))
     angular = np.zeros((len(measuring), width), dtype=np.bool_)
     nonlinear = np.zeros(len(measuring), dtype=np.bool_)
     for sensor, (name, record) in enumerate(measuring.items()):
         for component, quantity in enumerate(SENSORS[name]):
-            matrix[sensor, component, state.index(quantity.symbol)] = 1.0
+            matrix[sensor, component, layout.row(quantity.symbol)] = 1.0
             variance[sensor, component] = record.standard_deviation[component] ** 2
             angular[sensor, component] = quantity.symbol in _ANGULAR
-    for error in errors:
-        if error.symbol == THRUST_SCALE:
+    for block in layout.blocks:
+        if block.error is None or block.error.sensor is None:
             continue
-        if error.sensor not in measuring:
+        if block.error.sensor not in measuring:
             raise DataError(
-                f"identification.estimate.biases asks for {error.symbol}, but the dataset has no valid sample of "
-                f"{error.sensor}"
+                f"identification.estimate.biases asks for {block.quantities[0].symbol}, but the dataset has no valid "
+                f"sample of {block.error.sensor}"
             )
-        sensor = list(measuring).index(error.sensor)
-        if error.component >= 0:
-            matrix[sensor, error.component, state.index(error.symbol)] = 1.0
+        sensor = list(measuring).index(block.error.sensor)
+        if block.error.additive:
+            rows = layout.rows_of(block.name)
+            matrix[sensor, :, rows][: len(block.quantities)] = np.eye(len(block.quantities))
         else:
             nonlinear[sensor] = True
     return Sensors(matrix, variance, angular, nonlinear, gate**2)

@@ -96,7 +96,7 @@ def vehicle_problem(simulated_with):
     )
     problem = augmented_problem(dataset)
     start = problem.prior.mean.copy()
-    start[: len(SYMBOLS)] = [dataset.truth.coefficients[s] for s in SYMBOLS] / problem.scale[: len(SYMBOLS)]
+    start[: len(SYMBOLS)] = [dataset.truth.coefficients[s] for s in SYMBOLS] / problem.layout.scale[: len(SYMBOLS)]
     return problem, start
 
 

@@ -84,19 +84,21 @@ def test_the_information_is_the_sum_of_what_each_says_whatever_its_motion(two_st
     problem = augmented_problem(two_stretches)
     found = information_at(two_stretches, truth.coefficients)
     start = problem.prior.mean.copy()
-    start[:n] = [truth.coefficients[symbol] / scale for symbol, scale in zip(SYMBOLS, problem.scale, strict=False)]
+    start[:n] = [
+        truth.coefficients[symbol] / scale for symbol, scale in zip(SYMBOLS, problem.layout.scale, strict=False)
+    ]
     total = np.zeros((n, n))
     for stretch, place in zip(problem.stretches, problem.places, strict=True):
         parts = responses(problem.process, problem.sensors, stretch.timelines, start[place])
         rows = np.concatenate([part.whitened.reshape(-1, n + N_MOTION + 1) for part in parts])[:, :-1]
         normal = rows.T @ rows
         total += normal[:n, :n] - normal[:n, n:] @ np.linalg.solve(normal[n:, n:], normal[n:, :n])
-    deviation = problem.scale[:n] * np.sqrt(np.diag(np.linalg.inv(total)))
+    deviation = problem.layout.scale[:n] * np.sqrt(np.diag(np.linalg.inv(total)))
     bound = found.bound()
     assert_allclose([bound[symbol] for symbol in SYMBOLS], deviation, rtol=1e-6)
     time, last = found.growing[-1]
     assert time == pytest.approx(16.0, abs=0.1)
-    grown = problem.scale[:n] * last.uncertainty().deviation(np.eye(n, n + N_MOTION))
+    grown = problem.layout.scale[:n] * last.uncertainty().deviation(np.eye(n, n + N_MOTION))
     assert_allclose(grown, deviation, rtol=1e-6)
 
 

@@ -7,15 +7,20 @@ from scipy.spatial.transform import Rotation
 
 from auvid_cli.blocks import LANES
 from auvid_cli.config.biases import Current, DvlError, Estimate
-from auvid_cli.config.experiment import ProcessNoise
-from auvid_cli.identification.biases import constant_errors, sensor_errors, walking_errors
+from auvid_cli.config.experiment import Identification
 from auvid_cli.identification.process import vehicle_process
-from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
+from auvid_cli.identification.state_layout import state_layout
 from auvid_cli.vehicle.dynamics import vehicle_constants
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
-SCALE = np.array([0.5, 2.0])
 MOTION = np.array([2.0, 0.1, -0.1, 0.02, 0.03, -0.05, 0.1, -0.2, 0.3])
+
+
+def process_and_layout(asked, has_depth, experiment):
+    """With two coefficients."""
+    settings = Identification(coefficients=("X_u|u|", "N_uvl"), estimate=asked)
+    layout = state_layout(settings, experiment.vehicle.size, has_depth)
+    return vehicle_process(vehicle_constants(experiment.vehicle.known_parameters()), {}, layout), layout
 
 
 def assert_seen_alike(process, state, n_parameters, expected):
@@ -39,14 +44,11 @@ def assert_seen_alike(process, state, n_parameters, expected):
     "walks", [{}, {"scale_walk": 1e-3}, {"yaw_walk": 1e-3}, {"scale_walk": 1e-3, "yaw_walk": 1e-3}]
 )
 def test_a_dvl_with_scale_error_and_mounting_yaw(walks, experiment_with):
-    errors = sensor_errors(Estimate(biases=("gyro", "dvl"), dvl=DvlError(**walks)))
-    known = experiment_with().vehicle.known_parameters()
-    process = vehicle_process(
-        vehicle_constants(known), np.zeros(N_COEFFICIENTS), np.arange(2), SCALE, ProcessNoise(), errors
+    process, layout = process_and_layout(
+        Estimate(biases=("gyro", "dvl"), dvl=DvlError(**walks)), False, experiment_with()
     )
-    symbols = [*"ab", *(e.symbol for e in constant_errors(errors)), *MOTION_SYMBOLS]
-    symbols += [e.symbol for e in walking_errors(errors)]
-    n_parameters = symbols.index("u")
+    symbols, n_parameters = layout.symbols, layout.n_parameters
+    assert symbols[n_parameters] == "u"
     assert process.noise_density.size == len(symbols) - n_parameters
     values = dict(zip(MOTION_SYMBOLS, MOTION, strict=True)) | {"dvl_scale": 0.03, "dvl_yaw": -0.2}
     state = np.array([values.get(symbol, 0.7) for symbol in symbols])
@@ -59,13 +61,10 @@ def test_a_dvl_with_scale_error_and_mounting_yaw(walks, experiment_with):
 @pytest.mark.parametrize("has_depth", [False, True])
 def test_a_dvl_over_ground_sees_the_current(blocks, walk, has_depth, experiment_with):
     """As scipy turns it."""
-    errors = sensor_errors(Estimate(biases=blocks, current=Current(walk=walk)))
-    known = experiment_with().vehicle.known_parameters()
-    vehicle = vehicle_constants(known), np.zeros(N_COEFFICIENTS), np.arange(2), SCALE
-    process = vehicle_process(*vehicle, ProcessNoise(), errors, has_depth)
-    symbols = [*"ab", *(e.symbol for e in constant_errors(errors)), *MOTION_SYMBOLS, *(["down"] * has_depth)]
-    symbols += [e.symbol for e in walking_errors(errors)]
-    n_parameters = symbols.index("u")
+    asked = Estimate(biases=blocks, current=Current(walk=walk))
+    process, layout = process_and_layout(asked, has_depth, experiment_with())
+    symbols, n_parameters = layout.symbols, layout.n_parameters
+    assert ("down" in symbols) == has_depth
     current = {"current_north": 0.3, "current_east": -0.4}
     values = dict(zip(MOTION_SYMBOLS, MOTION, strict=True)) | current
     state = np.array([values.get(symbol, 0.0) for symbol in symbols])

@@ -6,15 +6,22 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.blocks import LANES
 from auvid_cli.config.biases import Estimate, ThrustScale
-from auvid_cli.config.experiment import ProcessNoise
-from auvid_cli.identification.biases import sensor_errors
+from auvid_cli.config.experiment import Identification
 from auvid_cli.identification.process import first_order_transition, vehicle_process
+from auvid_cli.identification.state_layout import state_layout
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.dynamics import vehicle_constants
 
 SCALE = np.linspace(0.5, 2.0, N_COEFFICIENTS)
+LEAST = (SYMBOLS[0],)
 INPUTS = np.array([[0.1, -0.05, 30.0, 1.0], [-0.1, 0.07, 35.0, -1.0]])
 MOTION = np.array([2.0, 0.1, -0.1, 0.02, 0.03, -0.05, 0.1, -0.2, 0.3])
+
+
+def layout_of(vehicle, has_depth=False, **settings):
+    """A state with coefficients in units of `SCALE`."""
+    prior = {"standard_deviation": dict(zip(SYMBOLS, SCALE.tolist(), strict=True))}
+    return state_layout(Identification(prior=prior, **settings), vehicle.size, has_depth)
 
 
 @pytest.fixture(params=[False, True], ids=["motion", "depth"])
@@ -23,11 +30,10 @@ def state_and_flow(request, experiment_with):
     vehicle = experiment_with().vehicle
     true = vehicle.all_coefficients()
     constants = vehicle_constants(vehicle.known_parameters())
-    noise = ProcessNoise()
+    layout = layout_of(vehicle, request.param)
 
     def flow(state, duration, exact=True, inputs=INPUTS):
-        held, selection = np.zeros(N_COEFFICIENTS), np.arange(N_COEFFICIENTS)
-        process = vehicle_process(constants, held, selection, SCALE, noise, has_depth=request.param)
+        process = vehicle_process(constants, {}, layout)
         if not exact:
             process = process._replace(transition=first_order_transition)
         moved, matrix = state.copy(), np.eye(state.size)
@@ -76,9 +82,7 @@ def test_the_depth_follows_the_vertical_velocity_in_every_way_of_moving_it(exper
     vehicle = experiment_with().vehicle
     true, constants = vehicle.all_coefficients(), vehicle_constants(vehicle.known_parameters())
     coefficients = np.array([true[symbol] for symbol in SYMBOLS]) / SCALE
-    process = vehicle_process(
-        constants, np.zeros(N_COEFFICIENTS), np.arange(N_COEFFICIENTS), SCALE, ProcessNoise(), has_depth=True
-    )
+    process = vehicle_process(constants, {}, layout_of(vehicle, has_depth=True))
     state, scratch = np.concatenate([coefficients, MOTION, [7.0]]), np.zeros(process.scratch_size)
     depth, n, duration = 7.0, 4000, 0.4
     fine = state.copy()
@@ -109,17 +113,18 @@ def test_the_depth_follows_the_vertical_velocity_in_every_way_of_moving_it(exper
 @pytest.mark.parametrize("exact", [True, False])
 def test_the_scale_of_the_thrust_acts_on_it_and_has_its_column(walk, exact, experiment_with):
     """As if the inputs themselves were larger; the column is a difference."""
-    errors = sensor_errors(Estimate(biases=("thrust",), thrust=ThrustScale(walk=walk)))
+    asked = Estimate(biases=("thrust",), thrust=ThrustScale(walk=walk))
     vehicle = experiment_with().vehicle
     true = vehicle.all_coefficients()
-    constants, held = vehicle_constants(vehicle.known_parameters()), np.array([true[symbol] for symbol in SYMBOLS])
-    process = vehicle_process(constants, held, np.zeros(0, np.int64), np.zeros(0), ProcessNoise(), errors)
+    constants = vehicle_constants(vehicle.known_parameters())
+    # Settings ask for one coefficient at least.
+    first, place = len(LEAST), len(LEAST) + (0 if walk == 0.0 else MOTION.size)
+    process = vehicle_process(constants, true, layout_of(vehicle, coefficients=LEAST, estimate=asked))
     if not exact:
         process = process._replace(transition=first_order_transition)
-    plain = vehicle_process(constants, held, np.zeros(0, np.int64), np.zeros(0), ProcessNoise())
+    plain = vehicle_process(constants, true, layout_of(vehicle, coefficients=LEAST))
     if not exact:
         plain = plain._replace(transition=first_order_transition)
-    place = 0 if walk == 0.0 else MOTION.size
 
     def moved(process, state, inputs):
         state, matrix, scratch = state.copy(), np.eye(state.size), np.zeros(process.scratch_size)
@@ -127,16 +132,19 @@ def test_the_scale_of_the_thrust_acts_on_it_and_has_its_column(walk, exact, expe
         process.transition(state, inputs, *pieces, process.constants, process.selection, matrix, scratch)
         return state, matrix
 
-    state = np.insert(MOTION, place, 0.25)
+    without = np.concatenate([[true[LEAST[0]]], MOTION])
+    without[0] /= layout_of(vehicle, coefficients=LEAST).scale[0]
+    state = np.insert(without, place, 0.25)
     after, matrix = moved(process, state, INPUTS)
-    assert_allclose(np.delete(after, place), moved(plain, MOTION, INPUTS * [1.0, 1.0, 1.25, 1.0])[0], rtol=1e-12)
-    step = np.insert(np.zeros(MOTION.size), place, 1e-4)
+    assert_allclose(np.delete(after, place), moved(plain, without, INPUTS * [1.0, 1.0, 1.25, 1.0])[0], rtol=1e-12)
+    step = np.insert(np.zeros(without.size), place, 1e-4)
     difference = (moved(process, state + step, INPUTS)[0] - moved(process, state - step, INPUTS)[0]) / 2e-4
     assert_allclose(matrix[:, place], difference, rtol=1e-5 if exact else 0.05, atol=1e-9 if exact else 1e-4)
 
     block = np.repeat(state[:, None], LANES, axis=1)
-    parameters, moving = (block[:1], block[1:]) if walk == 0.0 else (block[:0], block)
+    n_parameters = first + (walk == 0.0)
+    parameters, moving = block[:n_parameters], block[n_parameters:]
     moving, scratch = moving.ravel().copy(), np.zeros(process.scratch_size)
     model = process.constants, process.selection, 5, 0.004, scratch
     process.advance(moving, parameters.ravel().copy(), INPUTS[0], *model)
-    assert_allclose(moving.reshape(-1, LANES)[:, 0], after[1:] if walk == 0.0 else after, rtol=1e-12)
+    assert_allclose(moving.reshape(-1, LANES)[:, 0], after[n_parameters:], rtol=1e-12)

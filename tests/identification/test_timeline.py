@@ -9,13 +9,14 @@ from numpy.testing import assert_allclose
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
 from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Timeline
+from auvid_cli.identification.state_layout import StateBlock, StateLayout
 from auvid_cli.identification.timeline import (
     Timelines,
     initial_motion,
     measurement_model,
     measuring_sensors,
 )
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
+from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, Quantity
 
 # Clocks in whole microseconds, some instants in common.
 clock = st.lists(st.integers(0, 3_000_000), min_size=2, max_size=30, unique=True).map(
@@ -145,8 +146,9 @@ def test_no_filter_starts_before_the_first_input(experiment_with):
 def test_measurement_rows_pick_the_measured_state_behind_the_parameters(experiment_with, rng):
     dataset = a_dataset(experiment_with(), [0.0], attitude=[0.0, 1.0], dvl=[0.0, 1.0])
     measuring = measuring_sensors(dataset)
-    state = [f"c{i}" for i in range(5)] + list(MOTION_SYMBOLS)
-    sensors = measurement_model(measuring, state, (), np.inf)
+    coefficients = tuple(Quantity(f"c{i}", "1", "", "") for i in range(5))
+    blocks = StateBlock("coefficients", coefficients, (1.0,) * 5), StateBlock("motion", MOTION, (1.0,) * 9, (1.0,) * 9)
+    sensors = measurement_model(measuring, StateLayout(reversed(blocks)), np.inf)
     values = rng.standard_normal(14)
     motion = dict(zip(MOTION_SYMBOLS, values[5:], strict=True))
     for sensor, (name, symbols) in enumerate({"attitude": ("phi", "theta", "psi"), "dvl": ("u", "v", "w")}.items()):

@@ -15,7 +15,7 @@ from auvid_cli.filters.problem import OK, Records, Timeline
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.actuators import lagged
 from auvid_cli.identification.augmented import augmented_problem
-from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS, N_MOTION
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -122,7 +122,7 @@ def _with_noise(dataset: Dataset, factor: float) -> Dataset:
 
 def _filtered(dataset: Dataset, wanted: Array) -> Starts:
     problem = augmented_problem(dataset)
-    motion = problem.state.index(MOTION_SYMBOLS[0]) + np.arange(N_MOTION)
+    motion = problem.layout.rows_of("motion")
     kept, squares, components = [], np.zeros(len(problem.measuring)), np.zeros(len(problem.measuring))
     timelines, prior = problem.stretches[0].timelines, problem.prior
     reached, last = timelines.span[0], prior.mean
@@ -147,15 +147,15 @@ def _filtered(dataset: Dataset, wanted: Array) -> Starts:
     points = cubature(prior.mean.size)
     ending = run_square_root_filter(points, problem.process, problem.sensors, timelines, prior, receive)
     time, mean, deviation = (np.array(rows) for rows in zip(*kept, strict=True)) if kept else (np.zeros(0),) * 3
-    shape = len(kept), len(problem.state)
+    shape = len(kept), len(problem.layout.symbols)
     mean, deviation = mean.reshape(shape), deviation.reshape(shape)
     return Starts(
         time,
         mean[:, motion],
         deviation[:, motion],
-        [found_errors(problem.state, row) for row in mean],
-        [found_errors(problem.state, row) for row in deviation],
-        found_errors(problem.state, last),
+        [found_errors(problem.layout.symbols, row) for row in mean],
+        [found_errors(problem.layout.symbols, row) for row in deviation],
+        found_errors(problem.layout.symbols, last),
         {name: float(s / max(n, 1.0)) for name, s, n in zip(problem.measuring, squares, components, strict=True)},
         "completed" if ending.culprit == OK else f"diverged at t = {reached:.3f} s",
     )

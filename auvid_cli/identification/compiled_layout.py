@@ -1,0 +1,58 @@
+"""The state layout and the constants as the compiled vehicle model is handed them: one vector, read by name."""
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.blocks import LANES
+from auvid_cli.compilation import compiled
+from auvid_cli.identification.error_blocks import CURRENT, DVL_SCALE, DVL_YAW, THRUST_SCALE
+from auvid_cli.identification.state_layout import DEPTH, StateLayout
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
+from auvid_cli.vehicle.dynamics import N_CONSTANTS
+
+Array = NDArray[np.float64]
+
+_vector = types.float64[::1]
+
+# States that compiled code looks for by name. Their rows stand at the end of the constants, behind the vehicle, the 22
+# held values and one scale for each estimated coefficient, and before the number of parameters.
+ROWS = (DEPTH.symbol, DVL_SCALE.symbol, DVL_YAW.symbol, *(q.symbol for q in CURRENT), THRUST_SCALE.symbol)
+ROW_DEPTH, ROW_DVL_SCALE, ROW_DVL_YAW, ROW_CURRENT_NORTH, ROW_CURRENT_EAST, ROW_THRUST = range(len(ROWS))
+HELD = N_CONSTANTS
+SCALE = N_CONSTANTS + N_COEFFICIENTS
+_NOWHERE = -1
+_N_ROWS = len(ROWS)
+
+
+def model_constants(vehicle: Array, held: Array, layout: StateLayout) -> Array:
+    """Constants of an augmented model; see `auvid_cli.identification.process.vehicle_process`."""
+    rows = [row if (row := layout.row(symbol)) is not None else _NOWHERE for symbol in ROWS]
+    return np.concatenate([vehicle, held, layout.scale[layout.rows_of("coefficients")], rows, [layout.n_parameters]])
+
+
+@compiled(types.int64(_vector))
+def first_moving_row(constants):
+    """How many parameters stand before the moving states; the motion begins these."""
+    return int(constants[constants.size - 1])
+
+
+@compiled(types.int64(_vector, types.int64))
+def row_of(constants, which):
+    """Row of the state at which one of `ROWS` stands; negative if nowhere."""
+    return int(constants[constants.size - 1 - _N_ROWS + which])
+
+
+@compiled(types.boolean(_vector), internal=True)
+def depth_is_state(constants):
+    """Whether it is."""
+    return row_of(constants, ROW_DEPTH) >= 0
+
+
+@compiled(types.float64(_vector, types.int64, _vector, _vector, types.int64), internal=True)
+def value_of(constants, which, parameters, moving, k):
+    """One lane of one of `ROWS`, parameter or moving state; 0 if it is no state."""
+    row, n_parameters = row_of(constants, which), first_moving_row(constants)
+    if row < 0:
+        return 0.0
+    return parameters[row * LANES + k] if row < n_parameters else moving[(row - n_parameters) * LANES + k]

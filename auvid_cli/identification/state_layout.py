@@ -1,0 +1,162 @@
+"""The augmented state as named blocks: what each stands for, where it stands, and what is known of it before any data.
+
+A block is all parameters, which are constant, or all moving states. Parameters stand first, so that a prediction
+touches only the rows behind them; within either kind blocks keep their order. Whatever depends on this order asks here.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.experiment import Identification
+from auvid_cli.config.vehicle import Size
+from auvid_cli.identification.error_blocks import ErrorBlock, error_blocks
+from auvid_cli.identification.prior import prior_standard_deviations
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.parameters import MOTION, POSITION, Quantity
+
+Array = NDArray[np.float64]
+
+DEPTH = POSITION[2]
+
+
+@dataclass(frozen=True)
+class StateBlock:
+    """Components of the augmented state that belong together.
+
+    Attributes
+    ----------
+    name : str
+    quantities : tuple of Quantity
+        Symbol, SI unit and meaning of each component.
+    prior_std : tuple of float
+        Standard deviation of each before any data, or about what was measured first, SI.
+    noise_density : tuple of float
+        Square root of the power spectral density that drives each, SI; empty for parameters.
+    scaled : bool
+        Whether filters see each as a multiple of its `prior_std`, as coefficients that span 1e-3 to 1e3 must be.
+    starts_as_measured : bool
+        Whether its prior mean is what sensors measured first, and not zero.
+    error : ErrorBlock or None
+        How it acts, where it is an error of a sensor or an actuator.
+    """
+
+    name: str
+    quantities: tuple[Quantity, ...]
+    prior_std: tuple[float, ...]
+    noise_density: tuple[float, ...] = ()
+    scaled: bool = False
+    starts_as_measured: bool = False
+    error: ErrorBlock | None = None
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether its components are moving states, and not parameters."""
+        return bool(self.noise_density)
+
+
+class StateLayout:
+    """An augmented state.
+
+    Parameters
+    ----------
+    blocks : iterable of StateBlock
+        In any order; parameters are put before moving states.
+
+    Attributes
+    ----------
+    blocks : tuple of StateBlock
+        As they stand in the state.
+    """
+
+    def __init__(self, blocks: Iterable[StateBlock]) -> None:
+        self.blocks = tuple(sorted(blocks, key=lambda block: block.is_moving))
+        sizes = [len(block.quantities) for block in self.blocks]
+        self._ends = np.cumsum([0, *sizes]).tolist()
+        self._rows = {symbol: row for row, symbol in enumerate(self.symbols)}
+
+    @cached_property
+    def symbols(self) -> tuple[str, ...]:
+        """Symbol of each component."""
+        return tuple(quantity.symbol for block in self.blocks for quantity in block.quantities)
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """SI unit of each component."""
+        return tuple(quantity.unit for block in self.blocks for quantity in block.quantities)
+
+    @cached_property
+    def scale(self) -> Array:
+        """SI value of one unit of each component, as filters see it."""
+        return np.concatenate(
+            [block.prior_std if block.scaled else np.ones(len(block.prior_std)) for block in self.blocks]
+        )
+
+    @cached_property
+    def prior_std(self) -> Array:
+        """Standard deviation of each component before any data, in units of `scale`."""
+        return np.concatenate([block.prior_std for block in self.blocks]) / self.scale
+
+    @cached_property
+    def noise_density(self) -> Array:
+        """Of the moving states."""
+        return np.concatenate([block.noise_density for block in self.blocks if block.is_moving])
+
+    @property
+    def n_parameters(self) -> int:
+        """How many parameters stand before the moving states."""
+        return len(self.symbols) - self.noise_density.size
+
+    def row(self, symbol: str) -> int | None:
+        """Where a component stands; None if it is no state."""
+        return self._rows.get(symbol)
+
+    def rows(self, symbols: Sequence[str]) -> list[int]:
+        """Where components stand that are all states."""
+        return [self._rows[symbol] for symbol in symbols]
+
+    def rows_of(self, name: str) -> slice:
+        """Where a block stands; empty if there is none of that name."""
+        for block, begin, end in zip(self.blocks, self._ends, self._ends[1:], strict=False):
+            if block.name == name:
+                return slice(begin, end)
+        return slice(0, 0)
+
+
+def state_layout(settings: Identification, size: Size, has_depth: bool) -> StateLayout:
+    """The augmented state that settings ask for.
+
+    Parameters
+    ----------
+    settings : Identification
+    size : Size
+        Of the vehicle, from which natural magnitudes of its coefficients follow.
+    has_depth : bool
+        Whether a sensor measures the depth, which then is a state.
+    """
+    noise, initial = settings.process_noise, settings.initial_motion
+    prior_std = prior_standard_deviations(size, settings.prior.factor, settings.prior.standard_deviation)
+    estimated = settings.estimated()
+    coefficients = tuple(
+        Quantity(c.symbol, c.unit, c.meaning, c.equation) for c in COEFFICIENTS if c.symbol in estimated
+    )
+    blocks = [
+        StateBlock("coefficients", coefficients, tuple(prior_std[q.symbol] for q in coefficients), scaled=True),
+        StateBlock(
+            "motion",
+            MOTION,
+            tuple(np.repeat([initial.velocity, initial.rate, initial.attitude], 3).tolist()),
+            tuple(np.repeat([noise.velocity, noise.rate, noise.attitude], 3).tolist()),
+            starts_as_measured=True,
+        ),
+    ]
+    if has_depth:
+        blocks.append(StateBlock("depth", (DEPTH,), (initial.depth,), (noise.depth,), starts_as_measured=True))
+    for error in error_blocks(settings.estimate):
+        n = len(error.quantities)
+        walk = (error.walk,) * n if error.walk > 0.0 else ()
+        blocks.append(StateBlock(error.name, error.quantities, (error.prior_std,) * n, walk, error=error))
+    return StateLayout(blocks)
