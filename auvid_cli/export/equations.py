@@ -77,6 +77,8 @@ def _force(row: str) -> list[str]:
 
 
 def _term(coefficient: Coefficient) -> str:
-    first, *rest = coefficient.signals
-    leading = f"abs({first})" if coefficient.group == "damping" else first
-    return " * ".join([identifier(coefficient.symbol), leading, *rest])
+    factors = (
+        f"abs({signal})" if modulus else signal
+        for signal, modulus in zip(coefficient.signals, coefficient.moduli, strict=True)
+    )
+    return " * ".join([identifier(coefficient.symbol), *factors])

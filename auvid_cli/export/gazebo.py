@@ -122,9 +122,8 @@ def _turned(known: dict[str, float], centre: str) -> tuple[float, float, float]:
 
 def _element(coefficient: Coefficient) -> str:
     """Name of the element, for example ``yUV``, or ``yRabsR`` where a magnitude enters."""
-    first, second = (signal.upper() for signal in coefficient.signals)
-    between = "abs" if coefficient.group == "damping" else ""
-    return f"{ROWS[coefficient.row].lower()}{first}{between}{second}"
+    factors = sorted(zip(coefficient.moduli, coefficient.signals, strict=True), key=lambda factor: factor[0])
+    return ROWS[coefficient.row].lower() + "".join("abs" * modulus + signal.upper() for modulus, signal in factors)
 
 
 def _child(parent: ElementTree.Element, tag: str, text: str | None = None, **attributes: str) -> ElementTree.Element:

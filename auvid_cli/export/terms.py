@@ -58,9 +58,11 @@ def term_histories(coefficients: Mapping[str, float], motion: Array, inputs: Arr
     signals = dict(zip(MOTION_SYMBOLS, motion.T, strict=True)) | dict(zip(INPUT_SYMBOLS, inputs.T, strict=True))
     terms = np.empty((len(motion), len(COEFFICIENTS)))
     for column, coefficient in enumerate(COEFFICIENTS):
-        first, *rest = (signals[name] for name in coefficient.signals)
-        regressor = np.abs(first) if coefficient.group == "damping" else first
-        terms[:, column] = coefficients[coefficient.symbol] * np.prod([regressor, *rest], axis=0)
+        factors = [
+            np.abs(signals[name]) if modulus else signals[name]
+            for name, modulus in zip(coefficient.signals, coefficient.moduli, strict=True)
+        ]
+        terms[:, column] = coefficients[coefficient.symbol] * np.prod(factors, axis=0)
     return terms
 
 

@@ -1,18 +1,22 @@
 """The 22 coefficients to identify, as one table.
 
 Sabet et al. 2018, Table II, in the order of Table IV. The configuration schema, the Jacobian,
-the priors, the tables, the figures and the documentation derive from it; the compiled right-hand side writes
-the same terms out for speed, and tests hold the two together.
+the priors, the exports, the tables, the figures and the documentation derive from it; the compiled right-hand side
+writes the same terms out for speed, and tests hold the two together.
 """
 
+from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 Group = Literal["damping", "lift", "control"]
-SignalName = Literal["u", "v", "w", "p", "q", "r", "rudder", "elevator"]
+
+# What a factor may be, bare or as a modulus: velocities in body axes, then fins.
+SIGNALS = ("u", "v", "w", "p", "q", "r", "rudder", "elevator")
+MOST_FACTORS = 3
 
 
 class Coefficient(NamedTuple):
-    """One hydrodynamic coefficient: `force or moment = coefficient * product(signals)`.
+    """One hydrodynamic coefficient: `force or moment = coefficient * product(factors)`.
 
     Attributes
     ----------
@@ -24,8 +28,8 @@ class Coefficient(NamedTuple):
         One phrase for tables and documentation.
     row : int
         Row of the equations of motion it enters: 0..5 for X, Y, Z, K, M, N.
-    signals : tuple of str
-        Factors of its regressor. Two equal factors of a damping term stand for ``x|x|``.
+    factors : tuple of str
+        Of its regressor, at most `MOST_FACTORS` of `SIGNALS`, a modulus as ``|v|``.
     group : str
         The paper's grouping: viscous damping, body lift, control input.
     """
@@ -34,28 +38,36 @@ class Coefficient(NamedTuple):
     unit: str
     meaning: str
     row: int
-    signals: tuple[SignalName, ...]
+    factors: tuple[str, ...]
     group: Group
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """The factors without their moduli."""
+        return tuple(factor.strip("|") for factor in self.factors)
+
+    @property
+    def moduli(self) -> tuple[bool, ...]:
+        """Whether each factor is a modulus."""
+        return tuple(factor != signal for factor, signal in zip(self.factors, self.signals, strict=True))
 
     @property
     def equation(self) -> str:
         """The term as text, for example ``Y = Y_uudr u u rudder``."""
-        first, *rest = self.signals
-        factors = f"|{first}| {rest[0]}" if self.group == "damping" else " ".join(self.signals)
-        return f"{'XYZKMN'[self.row]} += {self.symbol} {factors}"
+        return f"{'XYZKMN'[self.row]} += {self.symbol} {' '.join(self.factors)}"
 
 
 COEFFICIENTS: tuple[Coefficient, ...] = (
-    Coefficient("X_u|u|", "kg/m", "axial drag", 0, ("u", "u"), "damping"),
-    Coefficient("Y_v|v|", "kg/m", "cross-flow drag in sway", 1, ("v", "v"), "damping"),
-    Coefficient("Y_r|r|", "kg*m/rad^2", "sway force of yaw-rate cross-flow", 1, ("r", "r"), "damping"),
-    Coefficient("Z_w|w|", "kg/m", "cross-flow drag in heave", 2, ("w", "w"), "damping"),
-    Coefficient("Z_q|q|", "kg*m/rad^2", "heave force of pitch-rate cross-flow", 2, ("q", "q"), "damping"),
-    Coefficient("K_p|p|", "kg*m^2/rad^2", "rolling resistance", 3, ("p", "p"), "damping"),
-    Coefficient("M_q|q|", "kg*m^2/rad^2", "cross-flow drag moment in pitch", 4, ("q", "q"), "damping"),
-    Coefficient("M_w|w|", "kg", "pitch moment of heave cross-flow", 4, ("w", "w"), "damping"),
-    Coefficient("N_r|r|", "kg*m^2/rad^2", "cross-flow drag moment in yaw", 5, ("r", "r"), "damping"),
-    Coefficient("N_v|v|", "kg", "yaw moment of sway cross-flow", 5, ("v", "v"), "damping"),
+    Coefficient("X_u|u|", "kg/m", "axial drag", 0, ("|u|", "u"), "damping"),
+    Coefficient("Y_v|v|", "kg/m", "cross-flow drag in sway", 1, ("|v|", "v"), "damping"),
+    Coefficient("Y_r|r|", "kg*m/rad^2", "sway force of yaw-rate cross-flow", 1, ("|r|", "r"), "damping"),
+    Coefficient("Z_w|w|", "kg/m", "cross-flow drag in heave", 2, ("|w|", "w"), "damping"),
+    Coefficient("Z_q|q|", "kg*m/rad^2", "heave force of pitch-rate cross-flow", 2, ("|q|", "q"), "damping"),
+    Coefficient("K_p|p|", "kg*m^2/rad^2", "rolling resistance", 3, ("|p|", "p"), "damping"),
+    Coefficient("M_q|q|", "kg*m^2/rad^2", "cross-flow drag moment in pitch", 4, ("|q|", "q"), "damping"),
+    Coefficient("M_w|w|", "kg", "pitch moment of heave cross-flow", 4, ("|w|", "w"), "damping"),
+    Coefficient("N_r|r|", "kg*m^2/rad^2", "cross-flow drag moment in yaw", 5, ("|r|", "r"), "damping"),
+    Coefficient("N_v|v|", "kg", "yaw moment of sway cross-flow", 5, ("|v|", "v"), "damping"),
     Coefficient("Y_url", "kg/rad", "sway lift of yaw rate", 1, ("u", "r"), "lift"),
     Coefficient("Y_uvl", "kg/m", "sway lift of sideslip", 1, ("u", "v"), "lift"),
     Coefficient("Z_uql", "kg/rad", "heave lift of pitch rate", 2, ("u", "q"), "lift"),
@@ -70,5 +82,28 @@ COEFFICIENTS: tuple[Coefficient, ...] = (
     Coefficient("N_uudr", "kg/rad", "yaw moment of the rudder", 5, ("u", "u", "rudder"), "control"),
 )
 
+
+def check_table(coefficients: Iterable[Coefficient]) -> None:
+    """Refuse what the Jacobian, the exports and the priors could not read.
+
+    Raises
+    ------
+    ValueError
+        If a row or a factor is unknown, or there are too many factors.
+    """
+    for each in coefficients:
+        known = all(
+            factor in (signal, f"|{signal}|") for factor, signal in zip(each.factors, each.signals, strict=True)
+        )
+        if not (known and set(each.signals) <= set(SIGNALS) and 1 <= len(each.factors) <= MOST_FACTORS):
+            raise ValueError(
+                f"{each.symbol}: the factors {each.factors} are not 1 to {MOST_FACTORS} of {', '.join(SIGNALS)}, "
+                "bare or as moduli"
+            )
+        if each.row not in range(6):
+            raise ValueError(f"{each.symbol}: the equations of motion have no row {each.row}")
+
+
+check_table(COEFFICIENTS)
 SYMBOLS: tuple[str, ...] = tuple(c.symbol for c in COEFFICIENTS)
 N_COEFFICIENTS = len(COEFFICIENTS)

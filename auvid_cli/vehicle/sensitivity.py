@@ -5,14 +5,17 @@ from numba import types
 
 from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, MOST_FACTORS, N_COEFFICIENTS, SIGNALS
 from auvid_cli.vehicle.dynamics import N_BLOCK, N_COEFFICIENT_BLOCK, N_FACTORS, motion_derivative, sine_cosine
 from auvid_cli.vehicle.parameters import N_MOTION
 
-_SIGNAL = ("u", "v", "w", "p", "q", "r", "rudder", "elevator")
 _ROW = np.array([c.row for c in COEFFICIENTS])
-_FACTOR = np.array([_SIGNAL.index(c.signals[-1]) for c in COEFFICIENTS])
-_KIND = np.array([("damping", "lift", "control").index(c.group) for c in COEFFICIENTS])
+# Of each coefficient: how many factors, which signals these are, and whether their moduli.
+_N_FACTORS = np.array([len(c.factors) for c in COEFFICIENTS])
+_SIGNAL = np.array(
+    [[SIGNALS.index(s) for s in c.signals] + [0] * (MOST_FACTORS - len(c.signals)) for c in COEFFICIENTS]
+)
+_MODULUS = np.array([[*c.moduli] + [False] * (MOST_FACTORS - len(c.moduli)) for c in COEFFICIENTS])
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
@@ -20,6 +23,12 @@ _matrix = types.float64[:, ::1]
 
 N_COLUMNS = N_MOTION + N_FACTORS
 N_JACOBIAN_WORK = 6 * 8 + 6
+
+
+@compiled(types.float64(_vector, _vector, types.int64), inline=True)
+def signal(motion, inputs, which):
+    """One of `SIGNALS`."""
+    return motion[which] if which < 6 else inputs[which - 6]
 
 
 @compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _vector))
@@ -79,20 +88,20 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
         force[4, c] = lever_z * change[0] - lever_x * change[2]
         force[5, c] = lever_x * change[1] - lever_y * change[0]
 
-    surge = motion[0]
     for m in range(N_COEFFICIENTS):
-        factor, row = _FACTOR[m], _ROW[m]
-        signal = motion[factor] if factor < 6 else inputs[factor - 6]
-        if _KIND[m] == 0:
-            regressor = abs(signal) * signal
-            force[row, factor] += coefficients[m] * 2.0 * abs(signal)
-        elif _KIND[m] == 1:
-            regressor = surge * signal
-            force[row, 0] += coefficients[m] * signal
-            force[row, factor] += coefficients[m] * surge
-        else:
-            regressor = surge * surge * signal
-            force[row, 0] += coefficients[m] * 2.0 * surge * signal
+        row, regressor = _ROW[m], 1.0
+        for a in range(_N_FACTORS[m]):
+            value = signal(motion, inputs, _SIGNAL[m, a])
+            regressor *= abs(value) if _MODULUS[m, a] else value
+            if _SIGNAL[m, a] >= 6:
+                continue
+            # The product rule: the derivative of this factor times the others.
+            slope = coefficients[m] * (np.sign(value) if _MODULUS[m, a] else 1.0)
+            for b in range(_N_FACTORS[m]):
+                if b != a:
+                    other = signal(motion, inputs, _SIGNAL[m, b])
+                    slope *= abs(other) if _MODULUS[m, b] else other
+            force[row, _SIGNAL[m, a]] += slope
         for i in range(6):
             jacobian[i, N_MOTION + m] = inverse[i, row] * regressor
     for i in range(6):

@@ -3,7 +3,7 @@
 import pint
 import pytest
 
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SYMBOLS, check_table
 from auvid_cli.vehicle.parameters import INPUTS, MOTION, PARAMETERS
 
 UNITS = pint.UnitRegistry()
@@ -62,7 +62,18 @@ def test_equation_reads_like_the_term_itself(coefficient):
     left, right = coefficient.equation.split(" += ")
     symbol, *factors = right.split()
     assert (left, symbol) == ("XYZKMN"[coefficient.row], coefficient.symbol)
-    assert tuple(factor.strip("|") for factor in factors) == coefficient.signals
+    assert tuple(factors) == coefficient.factors
+
+
+@pytest.mark.parametrize("factors", [(), ("u", "u", "u", "u"), ("u", "psi"), ("|u", "u"), ("u**2",)])
+def test_a_row_that_nobody_could_read_is_refused_at_import(factors):
+    with pytest.raises(ValueError, match="N_x: the factors"):
+        check_table([COEFFICIENTS[0]._replace(symbol="N_x", factors=factors)])
+
+
+def test_a_row_of_equations_that_does_not_exist_is_refused():
+    with pytest.raises(ValueError, match="no row 6"):
+        check_table([COEFFICIENTS[0]._replace(row=6)])
 
 
 @pytest.mark.parametrize("quantity", [*PARAMETERS, *MOTION, *INPUTS], ids=lambda q: q.symbol)
