@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, normalised_estimation_error
@@ -126,5 +127,5 @@ def _rmse(estimate: Estimate, truth: TruthRecord, state: int, symbol: str) -> fl
         estimate.time, truth.time, truth.motion[:, state]
     )
     if symbol in _ANGLES:
-        error = (error + np.pi) % (2.0 * np.pi) - np.pi
+        error = wrap(error)
     return float(np.sqrt(np.mean(error**2)))

@@ -10,6 +10,7 @@ applied one scalar at a time.
 import numpy as np
 from numba import types
 
+from auvid_cli.angles import wrap
 from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import carlson_update, triangularise
@@ -26,12 +27,13 @@ SENSORS = types.NamedTuple(
 )
 
 
+_wrap = compiled(types.float64(types.float64), inline=True)(wrap)
+
+
 @compiled(types.float64(types.float64, types.boolean))
 def wrapped(difference, angular):
-    """A difference of angles, to [-pi, pi); any other as it is."""
-    if angular:
-        return difference - 2.0 * np.pi * np.floor(difference / (2.0 * np.pi) + 0.5)
-    return difference
+    """Bring a difference of angles to [-pi, pi), and leave any other as it is."""
+    return _wrap(difference) if angular else difference
 
 
 @compiled(types.void(_vector, STATE, types.int64), reassociate=True, inline=True)

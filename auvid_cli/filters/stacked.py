@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf  # pyright: ignore[reportAttributeAccessIssue]
 
+from auvid_cli.angles import wrap
 from auvid_cli.filters.problem import Sensors
 
 Array = NDArray[np.float64]
@@ -56,7 +57,7 @@ class Stack:
         difference = reading - predicted
         if self._angular is None:
             return difference
-        return np.where(self._angular, (difference + np.pi) % (2.0 * np.pi) - np.pi, difference)
+        return np.where(self._angular, wrap(difference), difference)
 
     def one_by_one(self, innovation: Array, covariance: Array, inverse: Array) -> tuple[Array, Array, Array]:
         """What the innovations would have been, had the readings been heard one after the other.

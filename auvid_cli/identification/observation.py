@@ -18,8 +18,8 @@ from auvid_cli.identification.compiled_layout import (
     row_of,
     value_of,
 )
-from auvid_cli.logs.frames import earth_to_body
 from auvid_cli.vehicle.dynamics import sine_cosine
+from auvid_cli.vehicle.kinematics import earth_to_body, rotation_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
 
 Array = NDArray[np.float64]
@@ -83,4 +83,4 @@ def current_in_body_axes(attitude: Array, north: float, east: float) -> Array:
 
 def earth_in_body_axes(attitude: Array) -> Array:
     """North, east and down along x, y, z of the vehicle: the columns of ``R(phi, theta, psi)'``."""
-    return earth_to_body(np.broadcast_to(attitude, (3, 3)), np.eye(3)).T
+    return rotation_matrix(attitude).T

@@ -9,9 +9,7 @@ from auvid_cli.data.dataset import SENSORS, SensorRecord
 from auvid_cli.logs.frames import (
     ENU_TO_NED,
     FLU_TO_FRD,
-    body_rates,
     conjugate,
-    earth_to_body,
     euler_of_quaternion,
     product,
     quaternion_of_euler,
@@ -21,6 +19,7 @@ from auvid_cli.logs.frames import (
 from auvid_cli.logs.motion import interpolate, velocity_at_origin
 from auvid_cli.logs.readings import Rows
 from auvid_cli.logs.refusals import RefusedError
+from auvid_cli.vehicle.kinematics import body_rates, earth_to_body
 
 Array = NDArray[np.float64]
 

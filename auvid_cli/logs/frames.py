@@ -84,31 +84,3 @@ def rotate(matrix: Array, vectors: Array) -> Array:
     for i, j in zip(*np.nonzero(matrix), strict=True):
         turned[:, i] += matrix[i, j] * vectors[:, j]
     return turned
-
-
-def earth_to_body(angles: Array, vectors: Array) -> Array:
-    """Turn north-east-down rows into body rows by the attitude at the same instants."""
-    (sin_roll, sin_pitch, sin_yaw), (cos_roll, cos_pitch, cos_yaw) = np.sin(angles).T, np.cos(angles).T
-    north, east, down = vectors.T
-    ahead, across = cos_yaw * north + sin_yaw * east, cos_yaw * east - sin_yaw * north
-    below = sin_pitch * ahead + cos_pitch * down
-    return np.column_stack(
-        (
-            cos_pitch * ahead - sin_pitch * down,
-            cos_roll * across + sin_roll * below,
-            cos_roll * below - sin_roll * across,
-        )
-    )
-
-
-def body_rates(time: Array, angles: Array) -> Array:
-    """Angular rates p, q, r that the change of the Euler angles implies (central differences)."""
-    roll_rate, pitch_rate, yaw_rate = np.gradient(np.unwrap(angles, axis=0), time, axis=0).T
-    (sin_roll, sin_pitch, _), (cos_roll, cos_pitch, _) = np.sin(angles).T, np.cos(angles).T
-    return np.column_stack(
-        (
-            roll_rate - sin_pitch * yaw_rate,
-            cos_roll * pitch_rate + sin_roll * cos_pitch * yaw_rate,
-            cos_roll * cos_pitch * yaw_rate - sin_roll * pitch_rate,
-        )
-    )

@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.angles import wrap
+
 Array = NDArray[np.float64]
 
 # Standard deviation of a normal variable per median of its size.
@@ -69,7 +71,7 @@ def noise_standard_deviation(values: Array, is_angle: bool = False) -> float:
     """
     steps = np.diff(values)
     if is_angle:
-        steps -= 2.0 * np.pi * np.rint(steps / (2.0 * np.pi))
+        steps = wrap(steps)
     second = np.abs(np.diff(steps))
     second = second[np.isfinite(second)]
     return float(_PER_MEDIAN * np.median(second) / np.sqrt(6.0)) if second.size else float("nan")

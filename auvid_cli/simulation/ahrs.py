@@ -17,11 +17,13 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from auvid_cli.angles import wrap
 from auvid_cli.compilation import compiled
 from auvid_cli.config.sensors import SensorSuite
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import SimulationError
-from auvid_cli.simulation.sensors import GRAVITY, sample_times
+from auvid_cli.simulation.sensors import sample_times
+from auvid_cli.vehicle.kinematics import GRAVITY
 
 Array = NDArray[np.float64]
 
@@ -106,6 +108,9 @@ class _Ahrs(NamedTuple):
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _AHRS = types.NamedTuple((*[_matrix] * 3, *[_vector] * 8), _Ahrs)
+
+
+_wrap = compiled(types.float64(types.float64), inline=True)(wrap)
 
 
 @compiled(types.boolean(_vector), internal=True)
@@ -237,8 +242,7 @@ def _align(ahrs, heading, variance):
     for i in range(6):
         row[i] = 0.0
     row[0], row[1], row[2] = tangent * np.cos(psi), tangent * np.sin(psi), 1.0
-    residual = heading - psi
-    _correct(ahrs, residual - 2.0 * np.pi * np.floor(residual / (2.0 * np.pi) + 0.5), variance)
+    _correct(ahrs, _wrap(heading - psi), variance)
     _apply(ahrs)
 
 

@@ -5,15 +5,15 @@ from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from auvid_cli.angles import wrap
 from auvid_cli.config.sensors import Dvl, SensorSettings, SensorSuite
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.simulation.motion import Truth, sample_motion
+from auvid_cli.vehicle.kinematics import GRAVITY, earth_to_body
 
 Array = NDArray[np.float64]
 
-GRAVITY = 9.80665
 # So many samples of the whole motion at once, of which a sensor keeps its few components.
 _BLOCK = 50_000
 
@@ -95,7 +95,7 @@ def _velocity_over_ground(current: Array, motion: Array, rate: Array) -> Array:
     """That through the water, and that of the water in body axes."""
     if not current.any():
         return motion[:, :3]
-    return motion[:, :3] + Rotation.from_euler("ZYX", motion[:, 8:5:-1]).apply(current, inverse=True)
+    return motion[:, :3] + earth_to_body(motion[:, 6:], np.broadcast_to(current, (len(motion), 3)))
 
 
 def _seen_by(dvl: Dvl) -> Array:
@@ -116,11 +116,5 @@ def _heading(motion: Array, rate: Array) -> Array:
 
 def _specific_force(motion: Array, rate: Array) -> Array:
     """Acceleration of the body origin less gravity, in body axes: what an accelerometer feels."""
-    phi, theta = motion[:, 6], motion[:, 7]
-    down = np.stack([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)], axis=1)
+    down = earth_to_body(motion[:, 6:], np.broadcast_to([0.0, 0.0, 1.0], (len(motion), 3)))
     return rate[:, :3] + np.cross(motion[:, 3:6], motion[:, :3]) - GRAVITY * down
-
-
-def wrap(angle: Array) -> Array:
-    """Angle in [-pi, pi), rad."""
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi

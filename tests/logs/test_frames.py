@@ -7,8 +7,6 @@ from scipy.spatial.transform import Rotation
 from auvid_cli.logs.frames import (
     ENU_TO_NED,
     FLU_TO_FRD,
-    body_rates,
-    earth_to_body,
     euler_of_quaternion,
     product,
     quaternion_of_euler,
@@ -53,19 +51,3 @@ def test_missing_component_spoils_only_what_it_has_a_part_in():
 
 def test_quaternion_of_zeros_is_no_attitude():
     assert np.isnan(euler_of_quaternion(np.zeros((1, 4)))).all()
-
-
-@given(ANGLES, st.tuples(*[st.floats(-5, 5)] * 3))
-def test_earth_to_body_is_the_turn_back(angles, velocity):
-    theirs = scipy_rotation([angles]).inv().apply(velocity)
-    assert earth_to_body(np.array([angles]), np.array([velocity])) == pytest.approx(theirs, abs=1e-13)
-
-
-def test_rates_of_a_steady_turn_about_a_tilted_axis():
-    # A body that turns at constant rates: its attitude by the exponential map, over the jump of the yaw at 180 degrees.
-    time, rates = np.arange(0.0, 6.0, 1e-3), np.array([0.2, -0.1, 0.7])
-    start = scipy_rotation([[0.1, 0.2, 2.5]])
-    yaw, pitch, roll = (start * Rotation.from_rotvec(time[:, None] * rates)).as_euler("ZYX").T
-    angles = np.column_stack((roll, pitch, yaw))
-    assert np.abs(np.diff(yaw)).max() > 6.0
-    assert body_rates(time, angles)[1:-1] == pytest.approx(np.tile(rates, (time.size - 2, 1)), abs=1e-6)

@@ -5,7 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from auvid_cli.simulation.sensors import GRAVITY, measure, wrap
+from auvid_cli.simulation.sensors import measure
+from auvid_cli.vehicle.kinematics import GRAVITY
 
 RAW = ("gyroscope", "accelerometer", "magnetometer", "dvl")
 STILL_WATER = np.zeros(3)
@@ -202,8 +203,3 @@ def test_the_other_sensors_read_the_motion_itself(fly, experiment_with):
     for heading in (records["magnetometer"].values[:, 0], records["attitude"].values[:, 2]):
         assert np.all(np.abs(heading) <= np.pi)
         assert_allclose(np.exp(1j * heading), np.exp(1j * every_other[:, 8]), atol=1e-12)
-
-
-@pytest.mark.parametrize(("angle", "wrapped"), [(0, 0), (4, 4 - 2 * np.pi), (-4, 2 * np.pi - 4), (7, 7 - 2 * np.pi)])
-def test_wrapped_angles_lie_within_half_a_turn(angle, wrapped):
-    assert wrap(np.array([float(angle)]))[0] == pytest.approx(wrapped)

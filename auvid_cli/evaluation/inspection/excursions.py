@@ -11,6 +11,7 @@ from auvid_cli.evaluation.inspection.grid import Signals, derivative, smoothed
 from auvid_cli.evaluation.inspection.inspection import Mark, judged
 from auvid_cli.evaluation.inspection.readings import noise_floor
 from auvid_cli.evaluation.inspection.regression import fit
+from auvid_cli.vehicle.kinematics import euler_rates
 
 Array = NDArray[np.float64]
 
@@ -58,7 +59,9 @@ def _turned(signals: Signals) -> Array | None:
     if not signals.has("q", "r", "phi", "theta"):
         return None
     value = signals.values
-    rate = (value["q"] * np.sin(value["phi"]) + value["r"] * np.cos(value["phi"])) / np.cos(value["theta"])
+    nothing = np.zeros(signals.grid.cells)
+    rates = np.column_stack((nothing, value["q"], value["r"]))
+    rate = euler_rates(rates, np.column_stack((value["phi"], value["theta"], nothing)))[:, 2]
     known = np.isfinite(rate)
     return np.where(known, np.cumsum(np.where(known, rate, 0.0)) * signals.grid.step, np.nan)
 

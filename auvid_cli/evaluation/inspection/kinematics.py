@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 
 from auvid_cli.evaluation.inspection.grid import Signals, derivative, smoothed
 from auvid_cli.evaluation.inspection.regression import Fit, fit
+from auvid_cli.vehicle.kinematics import GRAVITY
 
 Array = NDArray[np.float64]
-
-GRAVITY = 9.81
 
 
 class Tie(NamedTuple):

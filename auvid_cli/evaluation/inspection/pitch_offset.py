@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.inspection.grid import Signals, derivative, smoothed, without_mean
 from auvid_cli.evaluation.inspection.inspection import judged
-from auvid_cli.evaluation.inspection.kinematics import GRAVITY, Tie
+from auvid_cli.evaluation.inspection.kinematics import Tie
 from auvid_cli.evaluation.inspection.regression import Fit, fit
+from auvid_cli.vehicle.kinematics import GRAVITY
 
 Array = NDArray[np.float64]
 

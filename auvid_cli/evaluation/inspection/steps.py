@@ -5,11 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import SENSORS, SensorRecord
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.data_checks import gap_limit
 from auvid_cli.evaluation.inspection.inspection import judged
 from auvid_cli.evaluation.inspection.readings import continuous
+from auvid_cli.vehicle.kinematics import euler_rates
 
 Array = NDArray[np.float64]
 
@@ -44,7 +46,7 @@ def angle_steps(sensors: Mapping[str, SensorRecord], name: str, component: int) 
     if "gyroscope" in sensors:
         unexplained = turned - _integrated(*_euler_rate(sensors, quantity.symbol), time)
     if quantity.symbol != "theta":
-        unexplained = (unexplained + np.pi) % (2.0 * np.pi) - np.pi
+        unexplained = wrap(unexplained)
     # Where gyroscope or angle were silent there is no saying.
     intervals = np.diff(time)
     unexplained[~np.isfinite(unexplained) | (intervals > gap_limit(intervals))] = 0.0
@@ -57,12 +59,10 @@ def _euler_rate(sensors: Mapping[str, SensorRecord], symbol: str) -> tuple[Array
     """Times, s, and rate of an angle, rad/s, by gyroscope and attitude, Fossen (2011), eq. (2.26)."""
     gyroscope = sensors["gyroscope"]
     known = np.isfinite(gyroscope.values).all(axis=1)
-    time, (p, q, r) = gyroscope.time[known], gyroscope.values[known].T
-    phi, theta = (_tilt_at(time, sensors.get("attitude"), component) for component in (0, 1))
-    if symbol == "theta":
-        return time, q * np.cos(phi) - r * np.sin(phi)
-    turning = q * np.sin(phi) + r * np.cos(phi)
-    return time, p + np.tan(theta) * turning if symbol == "phi" else turning / np.cos(theta)
+    time = gyroscope.time[known]
+    tilt = [_tilt_at(time, sensors.get("attitude"), component) for component in (0, 1)]
+    angles = np.column_stack((*tilt, np.zeros(time.size)))
+    return time, euler_rates(gyroscope.values[known], angles)[:, ("phi", "theta", "psi").index(symbol)]
 
 
 def _tilt_at(time: Array, attitude: SensorRecord | None, component: int) -> Array:

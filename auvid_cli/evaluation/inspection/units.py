@@ -2,11 +2,13 @@
 
 from math import log
 
+from auvid_cli.vehicle.kinematics import GRAVITY
+
 # How much a unit is in SI units, turned over: the factor by which numbers in it are too large.
 _FACTORS = {
     "m": {"feet": 1.0 / 0.3048, "mm": 1000.0, "cm": 100.0},
     "m/s": {"knots": 3600.0 / 1852.0, "ft/s": 1.0 / 0.3048, "km/h": 3.6, "mm/s": 1000.0, "cm/s": 100.0},
-    "m/s^2": {"g": 1.0 / 9.81, "mg": 1000.0 / 9.81},
+    "m/s^2": {"g": 1.0 / GRAVITY, "mg": 1000.0 / GRAVITY},
     "rad": {"degrees": 57.29577951308232, "mrad": 1000.0},
     "rad/s": {"deg/s": 57.29577951308232, "rad/min": 60.0, "revolutions per minute": 9.549296585513721},
 }

@@ -9,6 +9,7 @@ from auvid_cli.blocks import LANES
 from auvid_cli.evaluation.validation.signals import SAME
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.vehicle.dynamics import N_WORK, runge_kutta_step, vehicle_constants
+from auvid_cli.vehicle.kinematics import rotation_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
 
 Array = NDArray[np.float64]
@@ -83,15 +84,12 @@ def unchanged_motion(elapsed: Array, motion: Array, angles: Array | None = None)
     ndarray, shape (n, 9)
     """
     rates, begin = motion[3:6], motion[6:9]
-    (sin_phi, sin_theta, sin_psi), (cos_phi, cos_theta, cos_psi) = np.sin(begin), np.cos(begin)
-    yaw = np.array([[cos_psi, -sin_psi, 0.0], [sin_psi, cos_psi, 0.0], [0.0, 0.0, 1.0]])
-    pitch = np.array([[cos_theta, 0.0, sin_theta], [0.0, 1.0, 0.0], [-sin_theta, 0.0, cos_theta]])
-    roll = np.array([[1.0, 0.0, 0.0], [0.0, cos_phi, -sin_phi], [0.0, sin_phi, cos_phi]])
     rate = float(np.linalg.norm(rates)) or 1.0
     p, q, r = rates / rate
     across = np.array([[0.0, -r, q], [r, 0.0, -p], [-q, p, 0.0]])
     turned = rate * elapsed[:, None, None]
-    rotation = yaw @ pitch @ roll @ (np.eye(3) + np.sin(turned) * across + (1.0 - np.cos(turned)) * across @ across)
+    since_begin = np.eye(3) + np.sin(turned) * across + (1.0 - np.cos(turned)) * across @ across
+    rotation = rotation_matrix(begin) @ since_begin
     level = np.hypot(rotation[:, 0, 0], rotation[:, 1, 0])
     attitude = np.stack(
         [

@@ -1,0 +1,105 @@
+"""What holds for every rigid body in the earth's field: gravity, and turns between body axes and north, east, down.
+
+Attitudes are Euler angles roll, pitch, yaw, in which the vehicle yaws first, then pitches, then rolls (Fossen, SNAME).
+What is compiled writes the same turns out for its own lanes.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# m/s^2, standard gravity.
+GRAVITY = 9.80665
+
+
+def earth_to_body(angles: Array, vectors: Array) -> Array:
+    """Turn vectors from north, east, down to body axes.
+
+    Parameters
+    ----------
+    angles : ndarray, shape (n, 3)
+        Attitude at the same instants, rad.
+    vectors : ndarray, shape (n, 3)
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+    """
+    (sin_roll, sin_pitch, sin_yaw), (cos_roll, cos_pitch, cos_yaw) = np.sin(angles).T, np.cos(angles).T
+    north, east, down = vectors.T
+    ahead, across = cos_yaw * north + sin_yaw * east, cos_yaw * east - sin_yaw * north
+    below = sin_pitch * ahead + cos_pitch * down
+    return np.column_stack(
+        (
+            cos_pitch * ahead - sin_pitch * down,
+            cos_roll * across + sin_roll * below,
+            cos_roll * below - sin_roll * across,
+        )
+    )
+
+
+def body_to_earth(angles: Array, vectors: Array) -> Array:
+    """Turn vectors from body axes to north, east, down; as `earth_to_body`, whose inverse it is."""
+    (sin_roll, sin_pitch, sin_yaw), (cos_roll, cos_pitch, cos_yaw) = np.sin(angles).T, np.cos(angles).T
+    x, y, z = vectors.T
+    below = sin_roll * y + cos_roll * z
+    ahead, across = cos_pitch * x + sin_pitch * below, cos_roll * y - sin_roll * z
+    return np.column_stack(
+        (
+            cos_yaw * ahead - sin_yaw * across,
+            sin_yaw * ahead + cos_yaw * across,
+            cos_pitch * below - sin_pitch * x,
+        )
+    )
+
+
+def rotation_matrix(angles: Array) -> Array:
+    """Matrix that turns body axes to north, east, down at one attitude, shape (3,)."""
+    return earth_to_body(np.broadcast_to(angles, (3, 3)), np.eye(3))
+
+
+def euler_rates(rates: Array, angles: Array) -> Array:
+    """Rates of roll, pitch and yaw that body rates make; not finite where the pitch is 90 degrees.
+
+    Parameters
+    ----------
+    rates : ndarray, shape (n, 3)
+        p, q, r, rad/s.
+    angles : ndarray, shape (n, 3)
+        rad; of the yaw nothing depends.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        rad/s.
+    """
+    (p, q, r), (roll, pitch, _) = rates.T, angles.T
+    turning = q * np.sin(roll) + r * np.cos(roll)
+    return np.column_stack((p + np.tan(pitch) * turning, q * np.cos(roll) - r * np.sin(roll), turning / np.cos(pitch)))
+
+
+def body_rates(time: Array, angles: Array) -> Array:
+    """Body rates p, q, r that the change of Euler angles implies, by central differences.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        s.
+    angles : ndarray, shape (n, 3)
+        rad.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        rad/s.
+    """
+    roll_rate, pitch_rate, yaw_rate = np.gradient(np.unwrap(angles, axis=0), time, axis=0).T
+    (sin_roll, sin_pitch, _), (cos_roll, cos_pitch, _) = np.sin(angles).T, np.cos(angles).T
+    return np.column_stack(
+        (
+            roll_rate - sin_pitch * yaw_rate,
+            cos_roll * pitch_rate + sin_roll * cos_pitch * yaw_rate,
+            cos_roll * cos_pitch * yaw_rate - sin_roll * pitch_rate,
+        )
+    )
