@@ -62,7 +62,8 @@ def _euler_rate(sensors: Mapping[str, SensorRecord], symbol: str) -> tuple[Array
     time = gyroscope.time[known]
     tilt = [_tilt_at(time, sensors.get("attitude"), component) for component in (0, 1)]
     angles = np.column_stack((*tilt, np.zeros(time.size)))
-    return time, euler_rates(gyroscope.values[known], angles)[:, ("phi", "theta", "psi").index(symbol)]
+    # A compass says the yaw under a name of its own.
+    return time, euler_rates(gyroscope.values[known], angles)[:, {"phi": 0, "theta": 1}.get(symbol, 2)]
 
 
 def _tilt_at(time: Array, attitude: SensorRecord | None, component: int) -> Array:
