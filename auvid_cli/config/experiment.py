@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from auvid_cli.config.biases import Estimate
+from auvid_cli.config.augmented_states import AugmentedStates
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.magnitudes import check_amount, check_size
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
@@ -154,7 +154,7 @@ class Identification(Settings):
         Amount("s"),
         Field(ge=0, le=1e3, description="of fins that follow the recorded command with a first-order lag"),
     ] = 0.0
-    estimate: Estimate = Estimate()
+    estimate: AugmentedStates = AugmentedStates()
     prior: Prior = Prior()
     process_noise: ProcessNoise = ProcessNoise()
     initial_motion: InitialMotion = InitialMotion()

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import RunSettings
-from auvid_cli.vehicle.parameters import MOTION, POSITION, Quantity
+from auvid_cli.vehicle.parameters import DEPTH, MOTION, Quantity
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ SENSORS: dict[str, tuple[Quantity, ...]] = {
     "magnetometer": (Quantity("heading", "rad", "heading", "AHRS"),),
     "dvl": (_MOTION["u"], _MOTION["v"], _MOTION["w"]),
     "attitude": (_MOTION["phi"], _MOTION["theta"], _MOTION["psi"]),
-    "depth": (POSITION[2],),
+    "depth": (DEPTH,),
 }
 
 

@@ -7,18 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.config.augmented_states import ERROR_STATES, THRUST_SCALE
 from auvid_cli.config.experiment import RunSettings
-from auvid_cli.data.dataset import SENSORS
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.parameters import MOTION, POSITION
+from auvid_cli.vehicle.parameters import DEPTH, MOTION
 
 Array = NDArray[np.float64]
 
 # Unit of everything that an augmented state may be made of: coefficients, motion, depth, errors of sensors and thrust.
-STATES = {each.symbol: each.unit for each in (*COEFFICIENTS, *MOTION, POSITION[2])} | {
-    **{"dvl_scale": "1", "dvl_yaw": "rad", "current_north": "m/s", "current_east": "m/s", "thrust_scale": "1"},
-    **{f"bias_{each.symbol}": each.unit for name in ("gyroscope", "attitude") for each in SENSORS[name]},
-}
+STATES = {each.symbol: each.unit for each in (*COEFFICIENTS, *MOTION, DEPTH, *ERROR_STATES)}
 
 # s; innovations are also judged by windows of this length.
 WINDOW = 20.0
@@ -232,7 +229,11 @@ class Estimate(EstimateHeader, EstimatePart, Outcome):
 
     def final_thrust(self) -> float:
         """How many times the stated surge force acts, at the last time."""
-        return 1.0 + float(self.mean[-1, self.state.index("thrust_scale")]) if "thrust_scale" in self.state else 1.0
+        return (
+            1.0 + float(self.mean[-1, self.state.index(THRUST_SCALE.symbol)])
+            if THRUST_SCALE.symbol in self.state
+            else 1.0
+        )
 
     def final_coefficients(self) -> dict[str, float]:
         """The 22 coefficients at the last time, estimated or held, SI."""

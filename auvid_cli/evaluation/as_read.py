@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.identification.error_blocks import CURRENT, DVL_SCALE, DVL_YAW
+from auvid_cli.config.augmented_states import CURRENT, DVL_SCALE, DVL_YAW
 from auvid_cli.identification.observation import current_in_body_axes, dvl_axes
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 

@@ -13,7 +13,6 @@ from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Collinear
 from auvid_cli.evaluation.bounds import UNSTABLE, true_starts
 from auvid_cli.evaluation.sensor_errors import is_observed
 from auvid_cli.filters.information import Information
-from auvid_cli.identification.error_blocks import error_blocks
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.prior import natural_magnitude
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
@@ -58,7 +57,7 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     }
     spreads = {
         quantity.symbol: (information.state.index(quantity.symbol), block.prior_std)
-        for block in error_blocks(dataset.experiment.identification.estimate)
+        for block in dataset.experiment.identification.estimate.blocks()
         for quantity in block.quantities
     }
     found = assess(information.by_sensor, information.growing, values, information.scale, spreads)

@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.identification.error_blocks import error_blocks
 
 # A standard deviation that is still more than this share of the prior's: what is left is the prior's opinion. A heading
 # offset that only its sum with the heading is known of keeps 0.71 of it.
@@ -37,7 +36,7 @@ class SensorErrorResult(NamedTuple):
 def sensor_error_results(estimate: Estimate) -> list[SensorErrorResult]:
     """Results of one filter, in the order of the settings."""
     results = []
-    for block in error_blocks(estimate.experiment.identification.estimate):
+    for block in estimate.experiment.identification.estimate.blocks():
         for quantity in block.quantities:
             i = estimate.state.index(quantity.symbol)
             deviation = float(estimate.standard_deviation[-1, i])

@@ -15,9 +15,8 @@ from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.export.actuation import Actuation, acting_inputs, actuation
 from auvid_cli.export.terms import TermSize, term_histories, term_sizes
-from auvid_cli.identification.state_layout import DEPTH
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
+from auvid_cli.vehicle.parameters import DEPTH, MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
 

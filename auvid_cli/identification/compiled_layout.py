@@ -6,10 +6,11 @@ from numpy.typing import NDArray
 
 from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
-from auvid_cli.identification.error_blocks import CURRENT, DVL_SCALE, DVL_YAW, THRUST_SCALE
-from auvid_cli.identification.state_layout import DEPTH, StateLayout
+from auvid_cli.config.augmented_states import CURRENT, DVL_SCALE, DVL_YAW, THRUST_SCALE
+from auvid_cli.identification.state_layout import StateLayout
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import N_CONSTANTS
+from auvid_cli.vehicle.parameters import DEPTH
 
 Array = NDArray[np.float64]
 

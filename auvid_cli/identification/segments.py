@@ -11,9 +11,8 @@ from auvid_cli.config.experiment import Use
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import DataError
 from auvid_cli.identification.actuators import lagged
-from auvid_cli.identification.state_layout import DEPTH
 from auvid_cli.identification.timeline import PART, Timelines, initial_depth, initial_motion, measuring_sensors
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
+from auvid_cli.vehicle.parameters import DEPTH, MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
 Span = tuple[float, float]

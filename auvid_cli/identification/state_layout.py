@@ -11,16 +11,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.config.augmented_states import ErrorBlock
 from auvid_cli.config.experiment import Identification
 from auvid_cli.config.vehicle import Size
-from auvid_cli.identification.error_blocks import ErrorBlock, error_blocks
 from auvid_cli.identification.prior import prior_standard_deviations
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.parameters import MOTION, POSITION, Quantity
+from auvid_cli.vehicle.parameters import DEPTH, MOTION, Quantity
 
 Array = NDArray[np.float64]
-
-DEPTH = POSITION[2]
 
 
 @dataclass(frozen=True)
@@ -155,7 +153,7 @@ def state_layout(settings: Identification, size: Size, has_depth: bool) -> State
     ]
     if has_depth:
         blocks.append(StateBlock("depth", (DEPTH,), (initial.depth,), (noise.depth,), starts_as_measured=True))
-    for error in error_blocks(settings.estimate):
+    for error in settings.estimate.blocks():
         n = len(error.quantities)
         walk = (error.walk,) * n if error.walk > 0.0 else ()
         blocks.append(StateBlock(error.name, error.quantities, (error.prior_std,) * n, walk, error=error))

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from auvid_cli.config.biases import BiasName
+from auvid_cli.config.augmented_states import BiasName
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.consistency import verdict

@@ -71,6 +71,7 @@ POSITION: tuple[Quantity, ...] = (
     Quantity("east", "m", "position east", "eta, eq. (2)"),
     Quantity("down", "m", "position down (depth)", "eta, eq. (2)"),
 )
+DEPTH = POSITION[2]
 
 INPUTS: tuple[Quantity, ...] = (
     Quantity("rudder", "rad", "rudder deflection", "tau_control"),

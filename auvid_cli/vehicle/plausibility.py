@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from auvid_cli.config.vehicle import VehicleSettings
+from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.matrices import central_inertia
 
-_GRAVITY = 9.81
 _ADDED_MASS = ("X_udot", "Y_vdot", "Z_wdot", "K_pdot", "M_qdot", "N_rdot")
 _UNITS = {"K_pdot": "kg m^2/rad", "M_qdot": "kg m^2/rad", "N_rdot": "kg m^2/rad"}
 # Of weight from mass times gravity, and of buoyancy from weight.
@@ -48,7 +48,7 @@ def doubts(vehicle: VehicleSettings) -> list[Doubt]:
         If the inertia is none that a body can have.
     """
     k, size = vehicle.known_parameters(), vehicle.size
-    full = size.density * _GRAVITY * 0.25 * np.pi * size.diameter**2 * size.length
+    full = size.density * GRAVITY * 0.25 * np.pi * size.diameter**2 * size.length
     return [
         *_added_mass(k),
         *_weight(k),
@@ -65,7 +65,7 @@ def _added_mass(k: Mapping[str, float]) -> Iterator[Doubt]:
 
 
 def _weight(k: Mapping[str, float]) -> Iterator[Doubt]:
-    weight = k["m"] * _GRAVITY
+    weight = k["m"] * GRAVITY
     if abs(k["W"] / weight - 1.0) > _LARGEST_WEIGHT_ERROR:
         yield Doubt("W", f"{k['W']:.4g} N", f"m g = {weight:.4g} N of a mass m of {k['m']:.4g} kg")
     if abs(k["B"] / k["W"] - 1.0) > _LARGEST_TRIM:

@@ -8,14 +8,12 @@ import h5py
 import numpy as np
 import pytest
 
-from auvid_cli.config.biases import BiasName
-from auvid_cli.config.biases import Estimate as EstimateSettings
+from auvid_cli.config.augmented_states import AugmentedStates, BiasName
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset_file import read_dataset
 from auvid_cli.data.estimate import STATES
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.errors import AuvidError, FileError
-from auvid_cli.identification.biases import sensor_errors
 from auvid_cli.identification.identify import identify
 
 pytestmark = pytest.mark.usefixtures("walked_here")
@@ -180,8 +178,8 @@ def test_infinite_deviations_are_for_the_output_error_method_alone(dataset, esti
 
 
 def test_every_state_that_can_be_estimated_may_be_read():
-    errors = sensor_errors(EstimateSettings(biases=tuple(BiasName)))
-    assert {error.symbol: error.unit for error in errors}.items() <= STATES.items()
+    blocks = AugmentedStates(biases=tuple(BiasName)).blocks()
+    assert {each.symbol: each.unit for block in blocks for each in block.quantities}.items() <= STATES.items()
 
 
 @pytest.mark.parametrize("unit", ["furlong", "deg/s", "km/s", "", 3.0])

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from auvid_cli.blocks import LANES
-from auvid_cli.config.biases import Current, DvlError, Estimate
+from auvid_cli.config.augmented_states import AugmentedStates, Current, DvlError
 from auvid_cli.config.experiment import Identification
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.state_layout import state_layout
@@ -45,7 +45,7 @@ def assert_seen_alike(process, state, n_parameters, expected):
 )
 def test_a_dvl_with_scale_error_and_mounting_yaw(walks, experiment_with):
     process, layout = process_and_layout(
-        Estimate(biases=("gyro", "dvl"), dvl=DvlError(**walks)), False, experiment_with()
+        AugmentedStates(biases=("gyro", "dvl"), dvl=DvlError(**walks)), False, experiment_with()
     )
     symbols, n_parameters = layout.symbols, layout.n_parameters
     assert symbols[n_parameters] == "u"
@@ -61,7 +61,7 @@ def test_a_dvl_with_scale_error_and_mounting_yaw(walks, experiment_with):
 @pytest.mark.parametrize("has_depth", [False, True])
 def test_a_dvl_over_ground_sees_the_current(blocks, walk, has_depth, experiment_with):
     """As scipy turns it."""
-    asked = Estimate(biases=blocks, current=Current(walk=walk))
+    asked = AugmentedStates(biases=blocks, current=Current(walk=walk))
     process, layout = process_and_layout(asked, has_depth, experiment_with())
     symbols, n_parameters = layout.symbols, layout.n_parameters
     assert ("down" in symbols) == has_depth

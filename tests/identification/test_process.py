@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.blocks import LANES
-from auvid_cli.config.biases import Estimate, ThrustScale
+from auvid_cli.config.augmented_states import AugmentedStates, ThrustScale
 from auvid_cli.config.experiment import Identification
 from auvid_cli.identification.process import first_order_transition, vehicle_process
 from auvid_cli.identification.state_layout import state_layout
@@ -113,7 +113,7 @@ def test_the_depth_follows_the_vertical_velocity_in_every_way_of_moving_it(exper
 @pytest.mark.parametrize("exact", [True, False])
 def test_the_scale_of_the_thrust_acts_on_it_and_has_its_column(walk, exact, experiment_with):
     """As if the inputs themselves were larger; the column is a difference."""
-    asked = Estimate(biases=("thrust",), thrust=ThrustScale(walk=walk))
+    asked = AugmentedStates(biases=("thrust",), thrust=ThrustScale(walk=walk))
     vehicle = experiment_with().vehicle
     true = vehicle.all_coefficients()
     constants = vehicle_constants(vehicle.known_parameters())

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.biases import BiasName
+from auvid_cli.config.augmented_states import BiasName
 from auvid_cli.config.experiment import Prior, Use
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate

@@ -1,0 +1,160 @@
+"""Errors of sensors and actuators that may be estimated along with the coefficients, and what is known beforehand.
+
+A block of them is written down here alone: its settings, its states, and whose errors they are. A current is one of
+them: an error of the DVL that would measure the motion through the water. So is the scale error of the thrust, which no
+sensor measures.
+"""
+
+from enum import StrEnum
+from typing import Annotated, ClassVar, NamedTuple
+
+from pydantic import Field
+
+from auvid_cli.config.model import Settings
+from auvid_cli.config.quantity import Amount
+from auvid_cli.vehicle.parameters import MOTION, Quantity
+
+DVL_SCALE = Quantity("dvl_scale", "1", "scale error of the DVL", "measurement")
+DVL_YAW = Quantity("dvl_yaw", "rad", "mounting yaw of the DVL", "measurement")
+CURRENT = (
+    Quantity("current_north", "m/s", "current, north", "measurement"),
+    Quantity("current_east", "m/s", "current, east", "measurement"),
+)
+THRUST_SCALE = Quantity("thrust_scale", "1", "scale error of the stated surge force", "tau_propulsion")
+
+
+class BiasName(StrEnum):
+    """What may be asked for, by the key of its settings."""
+
+    GYRO = "gyro"
+    ATTITUDE = "attitude"
+    DVL = "dvl"
+    CURRENT = "current"
+    THRUST = "thrust"
+
+
+class ErrorBlock(NamedTuple):
+    """States that stand for an error.
+
+    Attributes
+    ----------
+    name : str
+    quantities : tuple of Quantity
+    prior_std : float
+        Standard deviation of each before any data, SI.
+    walk : float
+        Growth per square root of a second, SI; 0 for a constant.
+    sensor : str or None
+        Whose error it is; None for one of the actuators, which the process knows.
+    additive : bool
+        Whether component by component it adds to what the sensor measures; otherwise
+        `auvid_cli.identification.observation` knows it by its symbols.
+    """
+
+    name: str
+    quantities: tuple[Quantity, ...]
+    prior_std: float
+    walk: float
+    sensor: str | None
+    additive: bool = False
+
+
+def _biases(measured: tuple[Quantity, ...]) -> tuple[Quantity, ...]:
+    return tuple(
+        Quantity(f"bias_{quantity.symbol}", quantity.unit, f"bias of the measured {quantity.meaning}", "measurement")
+        for quantity in measured
+    )
+
+
+class GyroBias(Settings):
+    """Bias of the gyroscope, three components."""
+
+    quantities: ClassVar = _biases(MOTION[3:6])
+
+    spread: Annotated[float, Amount("rad/s"), Field(gt=0, description="standard deviation before any data")] = 0.01
+    walk: Annotated[
+        float, Amount("rad/s/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
+    ] = 0.0
+
+    def blocks(self) -> tuple[ErrorBlock, ...]:
+        """Return the states, three biases."""
+        return (ErrorBlock("gyroscope_bias", self.quantities, self.spread, self.walk, "gyroscope", additive=True),)
+
+
+class AttitudeBias(Settings):
+    """Offsets of roll, pitch and heading."""
+
+    quantities: ClassVar = _biases(MOTION[6:9])
+
+    spread: Annotated[float, Amount("rad"), Field(gt=0, description="standard deviation before any data")] = 0.05
+    walk: Annotated[
+        float, Amount("rad/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
+    ] = 0.0
+
+    def blocks(self) -> tuple[ErrorBlock, ...]:
+        """Return the states, three offsets."""
+        return (ErrorBlock("attitude_bias", self.quantities, self.spread, self.walk, "attitude", additive=True),)
+
+
+class DvlError(Settings):
+    """Scale error and mounting yaw of the DVL."""
+
+    scale_spread: Annotated[float, Field(ge=1e-9, le=1e3, description="standard deviation before any data")] = 0.05
+    scale_walk: Annotated[float, Amount("1/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
+    yaw_spread: Annotated[float, Amount("rad"), Field(gt=0, description="standard deviation before any data")] = 0.05
+    yaw_walk: Annotated[float, Amount("rad/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
+
+    def blocks(self) -> tuple[ErrorBlock, ...]:
+        """Return the states, which may be constant or walk one without the other."""
+        return (
+            ErrorBlock("dvl_scale", (DVL_SCALE,), self.scale_spread, self.scale_walk, "dvl"),
+            ErrorBlock("dvl_yaw", (DVL_YAW,), self.yaw_spread, self.yaw_walk, "dvl"),
+        )
+
+
+class Current(Settings):
+    """Horizontal current, north and east: what a DVL sees over ground beyond the motion through the water."""
+
+    spread: Annotated[float, Amount("m/s"), Field(gt=0, description="standard deviation before any data")] = 0.3
+    walk: Annotated[
+        float, Amount("m/s/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
+    ] = 1e-3
+
+    def blocks(self) -> tuple[ErrorBlock, ...]:
+        """Return the states, north and east."""
+        return (ErrorBlock("current", CURRENT, self.spread, self.walk, "dvl"),)
+
+
+class ThrustScale(Settings):
+    """Scale error of the stated surge force: that of a propeller whose gain is a guess."""
+
+    spread: Annotated[float, Field(ge=1e-9, le=1e3, description="standard deviation before any data")] = 0.3
+    walk: Annotated[float, Amount("1/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
+
+    def blocks(self) -> tuple[ErrorBlock, ...]:
+        """Return the one state."""
+        return (ErrorBlock("thrust", (THRUST_SCALE,), self.spread, self.walk, None),)
+
+
+class AugmentedStates(Settings):
+    """What is estimated besides coefficients and motion."""
+
+    biases: Annotated[
+        tuple[BiasName, ...],
+        Field(description="blocks of further states: `gyro`, `attitude`, `dvl`, `current`, `thrust`"),
+    ] = ()
+    gyro: GyroBias = GyroBias()
+    attitude: AttitudeBias = AttitudeBias()
+    dvl: DvlError = DvlError()
+    current: Current = Current()
+    thrust: ThrustScale = ThrustScale()
+
+    def blocks(self) -> tuple[ErrorBlock, ...]:
+        """Return the blocks that are asked for, each once."""
+        return tuple(block for name in dict.fromkeys(self.biases) for block in getattr(self, name.value).blocks())
+
+
+# Every state that may be asked for, whatever the settings say.
+ERROR_STATES = tuple(
+    quantity for block in AugmentedStates(biases=tuple(BiasName)).blocks() for quantity in block.quantities
+)
