@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +11,8 @@ from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.filters.problem import Belief, Ending, Process, Receiver, Sensors, Timeline
 from auvid_cli.identification.augmented import augmented_problem
-from auvid_cli.identification.identify import FilterRun, set_up_filters
+from auvid_cli.identification.filter_run import FilterRun
+from auvid_cli.identification.identify import set_up_filters
 from auvid_cli.identification.process import first_order_transition
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
@@ -162,15 +162,9 @@ def units_of(process: Process) -> Array:
     return process.constants[N_CONSTANTS + N_COEFFICIENTS : N_CONSTANTS + 2 * N_COEFFICIENTS]
 
 
-def _chosen(run: FilterRun) -> partial[Ending]:
-    """auvid's filter without its data; the first argument of a Kalman filter runs it on one stretch of them."""
-    assert isinstance(run.filter, partial)
-    return partial(run.filter.func, *run.filter.args[:-2], **run.filter.keywords)
-
-
 def _from_prior(run: FilterRun, prior: Belief) -> Callable[[list[Timeline], Receiver], Ending]:
     """auvid's filter with other data than its own."""
-    return lambda timelines, receive: _chosen(run)([timelines], prior, receive)
+    return lambda timelines, receive: run.estimator.estimate([timelines], prior, receive)
 
 
 def _first(timeline: Timeline, n_events: int) -> Timeline:

@@ -28,7 +28,7 @@ from auvid_cli.vehicle.plausibility import doubts
 
 if TYPE_CHECKING:
     from auvid_cli.evaluation.bounds import BoundsOf
-    from auvid_cli.identification.identify import FilterRun
+    from auvid_cli.identification.filter_run import FilterRun
     from auvid_cli.report.figures.draw import FigureQueue
 
 

@@ -198,7 +198,7 @@ class Identification(Settings):
 
     def check_filters(self, filters: Sequence[FilterName]) -> None:
         """Raise ConfigError or FileError if filters cannot run with these settings, whatever the data."""
-        if self.gate is not None and FilterName.OUTPUT_ERROR in filters:
+        if self.gate is not None and any(name.in_one_batch for name in filters):
             raise ConfigError(
                 "identification.gate has no meaning for output_error, which weighs all readings at once; leave out "
                 "the gate or the filter"

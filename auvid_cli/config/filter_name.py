@@ -11,3 +11,8 @@ class FilterName(StrEnum):
     TUKF = "tukf"
     UKF = "ukf"
     OUTPUT_ERROR = "output_error"
+
+    @property
+    def in_one_batch(self) -> bool:
+        """Whether it fits all data at once, instead of going from measurement to measurement."""
+        return self is FilterName.OUTPUT_ERROR

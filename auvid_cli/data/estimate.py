@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.augmented_states import ERROR_STATES, THRUST_SCALE
 from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.filter_name import FilterName
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import DEPTH, MOTION
 
@@ -128,6 +129,11 @@ class EstimateHeader:
     unit: tuple[str, ...]
     held: dict[str, float]
     dataset_sha256: str
+
+    @property
+    def in_one_batch(self) -> bool:
+        """Whether all data were fitted at once, instead of filtered from measurement to measurement."""
+        return FilterName(self.filter).in_one_batch
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
@@ -66,7 +65,7 @@ class BoundsOf:
             self._found[key] = _bounds(self._dataset, estimate)
         found = self._found[key]
         settings = estimate.experiment.identification.output_error
-        if estimate.filter == FilterName.OUTPUT_ERROR and not settings.use_prior:
+        if estimate.in_one_batch and not settings.use_prior:
             return found._replace(with_prior=found.of_data)
         return found
 

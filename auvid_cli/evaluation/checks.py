@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import Dataset, TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import (
@@ -55,7 +54,7 @@ def check_estimate(dataset: Dataset, estimate: Estimate, bounds: Bounds) -> list
 
 def _finished(estimate: Estimate) -> Check:
     advice = "Narrow the prior, start more gently, or look at that sensor at that time."
-    if estimate.filter == FilterName.OUTPUT_ERROR:
+    if estimate.in_one_batch:
         advice = "The data do not determine the model, or it is unstable in open loop: use a filter, or a prior."
     return Check.of(
         estimate.filter,
@@ -85,7 +84,7 @@ def _against_bounds(estimate: Estimate, bounds: Bounds) -> list[Check]:
         "The filter claims more than the data hold: do not use its standard deviations. Its linearisation fails; "
         "narrow the prior, or use a sigma-point filter or output_error."
     )
-    if estimate.filter == FilterName.OUTPUT_ERROR:
+    if estimate.in_one_batch:
         above = below = "The bound is another at the true values: the fit is far from them."
     return [
         Check.of_values(*own, "near the bound", ratio, _LARGEST_OF_BOUND, meaning, above, fails=False),
@@ -96,7 +95,7 @@ def _against_bounds(estimate: Estimate, bounds: Bounds) -> list[Check]:
 def _at_limits(estimate: Estimate) -> list[Check]:
     """Coefficients of a fit that ended at the limits set for them."""
     limits = estimate.experiment.identification.output_error.bounds
-    if estimate.filter != FilterName.OUTPUT_ERROR or not limits:
+    if not estimate.in_one_batch or not limits:
         return []
     held = []
     for symbol, interval in limits.items():

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 from auvid_cli.config.augmented_states import BiasName
-from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.report.notation import filter_label
@@ -27,7 +26,7 @@ def remedies(estimates: Sequence[Estimate]) -> list[str]:
 def _remedy(estimate: Estimate) -> str | None:
     if verdict(estimate) == "completed":
         return None
-    settings, is_fit = estimate.experiment.identification, estimate.filter == FilterName.OUTPUT_ERROR
+    settings, is_fit = estimate.experiment.identification, estimate.in_one_batch
     factor, nonlinear = settings.prior.factor, [b.value for b in settings.estimate.biases if b in _NONLINEAR]
     if nonlinear and not is_fit:
         narrow = f"needs a narrow prior (--set identification.prior.factor={_NARROWER:g})"

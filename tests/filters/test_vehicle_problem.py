@@ -32,9 +32,9 @@ def problem_of(simulated_with, run_whole):
             return Ending(np.eye(1), 0, OK)
 
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("auvid_cli.identification.identify.run_square_root_filter", keep)
+            patch.setattr("auvid_cli.identification.choice.run_square_root_filter", keep)
             (run,) = set_up_filters(dataset, [name])
-        run.filter(None)
+        run.estimator.estimate(run.stretches, run.prior, None)
         point_set, process, sensors, (timeline,), prior, _ = handed
         problem = SimpleNamespace(process=process, sensors=sensors, timeline=timeline, prior=prior)
         history = run_whole(partial(run_square_root_filter, point_set), problem, part=50)

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
@@ -39,7 +38,7 @@ def _prior(estimate: Estimate) -> Mapping[str, float] | None:
     estimated = [symbol for symbol in SYMBOLS if symbol in estimate.state]
     if estimate.experiment.identification.prior.from_estimate is None:
         return estimate.held | dict.fromkeys(estimated, 0.0)
-    if estimate.filter == FilterName.OUTPUT_ERROR:
+    if estimate.in_one_batch:
         return None
     # The first readings say nothing of coefficients: there the mean is still the prior's.
     return estimate.held | {symbol: float(estimate.mean[0, estimate.state.index(symbol)]) for symbol in estimated}
