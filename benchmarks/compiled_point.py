@@ -6,8 +6,8 @@ import numpy as np
 from numba import njit
 from problem import N_COEFFICIENTS, Array, units_of
 
-from auvid_cli.blocks import LANES
 from auvid_cli.filters.problem import Process
+from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import N_BLOCK, N_COEFFICIENT_BLOCK, N_CONSTANTS, motion_derivative
 from auvid_cli.vehicle.parameters import N_MOTION
 

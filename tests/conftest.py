@@ -11,8 +11,11 @@ import pytest
 from auvid_cli.config.experiment import Experiment, FilterName
 from auvid_cli.config.load import dump_experiment, find_experiment, load_experiment, parse_experiment, shipped_configs
 from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
 from auvid_cli.identification.identify import identify
 from auvid_cli.simulation.simulate import simulate
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.parameters import MOTION
 
 # The same examples every time, and nothing written beside the tests; AUVID_RANDOM=1 draws new ones.
 hypothesis.settings.register_profile(
@@ -78,6 +81,36 @@ def short_run(simulated_with) -> Dataset:
 def short_estimates(short_run):
     """Estimates of every filter from `short_run`."""
     return {name: identify(short_run, name) for name in ALL_FILTERS}
+
+
+@pytest.fixture
+def hand_made(experiment_with):
+    """Function: an estimate with a given course of each coefficient named; the others are held at 0."""
+
+    def make(time, courses, status="completed", innovations=None):
+        units = {c.symbol: c.unit for c in COEFFICIENTS}
+        state = (*courses, *(q.symbol for q in MOTION))
+        mean = np.zeros((len(time), len(state)))
+        mean[:, : len(courses)] = np.transpose(list(courses.values()))
+        return Estimate(
+            filter="tukf",
+            experiment=experiment_with(),
+            state=state,
+            unit=(*(units[symbol] for symbol in courses), *(q.unit for q in MOTION)),
+            time=np.asarray(time, dtype=float),
+            mean=mean,
+            standard_deviation=np.full(mean.shape, 0.25),
+            covariance=0.0625 * np.eye(len(state)),
+            innovations=innovations or {},
+            held={symbol: 0.0 for symbol in SYMBOLS if symbol not in courses},
+            status=status,
+            steps=len(time),
+            cpu_time=1.0,
+            wall_time=1.0,
+            dataset_sha256="",
+        )
+
+    return make
 
 
 @pytest.fixture

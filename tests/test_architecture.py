@@ -42,7 +42,7 @@ def test_no_room_imports_from_a_later_one(path):
 def test_filters_know_nothing_of_vehicles():
     for path in (PACKAGE / "filters").glob("*.py"):
         rooms = {name.split(".")[1] for name in imported(path) if name.startswith("auvid_cli.")}
-        assert rooms <= {"filters", "angles", "blocks", "compilation"}
+        assert rooms <= {"filters", "angles", "lanes", "compilation"}
 
 
 def test_nothing_that_identifies_reads_the_truth():

@@ -13,11 +13,10 @@ from typer.testing import CliRunner
 from auvid_cli.cli import campaigning
 from auvid_cli.cli.app import app
 from auvid_cli.config import load
-from auvid_cli.data.dataset import SENSORS
 from auvid_cli.data.files import write_text
 from auvid_cli.report.figures import draw
 from auvid_cli.simulation.simulate import simulate
-from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 
 ROOT = Path(__file__).parents[1]
 # They begin what is no matter of auvid's commands.

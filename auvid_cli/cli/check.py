@@ -19,7 +19,7 @@ def check(
         terminal = Terminal(quiet, verbose)
         with terminal.compiling():
             from auvid_cli.evaluation.bounds import BoundsOf
-            from auvid_cli.evaluation.checks import check_estimate, failed
+            from auvid_cli.evaluation.estimate_checks import check_estimate, failed
             from auvid_cli.report.csv_tables import write_checks
             from auvid_cli.report.screen import print_checks
         dataset, estimates = pipeline.read_results(results)

@@ -13,12 +13,12 @@ from auvid_cli.data.netcdf import digest
 from auvid_cli.data.replacement import put_dataset
 from auvid_cli.errors import FileError
 from auvid_cli.logs.convert import Conversion, convert
-from auvid_cli.logs.joined import JoinedLog
-from auvid_cli.logs.layout import TextLayout
-from auvid_cli.logs.log import Log
-from auvid_cli.logs.open import open_log
-from auvid_cli.logs.suggest import suggest
-from auvid_cli.report.accounts import print_accounts
+from auvid_cli.logs.formats.joined import JoinedLog
+from auvid_cli.logs.formats.log import Log
+from auvid_cli.logs.formats.open_log import open_log
+from auvid_cli.logs.formats.text_layout import TextLayout
+from auvid_cli.logs.suggest.suggest import suggest
+from auvid_cli.report.import_report import print_accounts
 
 
 def import_logs(map_file: Path, given: Sequence[str], output: Path | None, overwrite: bool, terminal: Terminal) -> None:

@@ -13,6 +13,7 @@ from auvid_cli.cli.terminal import Terminal
 from auvid_cli.config.experiment import Experiment, RunSettings
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import dump_experiment
+from auvid_cli.config.plausibility import doubts
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import read_dataset
@@ -24,7 +25,6 @@ from auvid_cli.data.results_folder import dataset_in, estimates_in, products, re
 from auvid_cli.data.screening import screen
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.report.remedies import remedies
-from auvid_cli.vehicle.plausibility import doubts
 
 if TYPE_CHECKING:
     from auvid_cli.evaluation.bounds import BoundsOf

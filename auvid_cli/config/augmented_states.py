@@ -10,8 +10,8 @@ from typing import Annotated, ClassVar, NamedTuple
 
 from pydantic import Field
 
-from auvid_cli.config.model import Settings
 from auvid_cli.config.quantity import Amount
+from auvid_cli.config.settings import Settings
 from auvid_cli.vehicle.parameters import MOTION, Quantity
 
 DVL_SCALE = Quantity("dvl_scale", "1", "scale error of the DVL", "measurement")

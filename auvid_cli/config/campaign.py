@@ -10,8 +10,8 @@ from pydantic import Field, field_validator, model_validator
 from auvid_cli.config.assemble import assemble, parse_override
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import open_source, validated
-from auvid_cli.config.model import Settings
 from auvid_cli.config.position import Mistake
+from auvid_cli.config.settings import Settings
 from auvid_cli.config.tree import Tree
 
 # A value of any setting, as YAML gives it; the experiment judges it.

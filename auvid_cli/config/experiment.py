@@ -10,9 +10,9 @@ from auvid_cli.config.augmented_states import AugmentedStates
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.magnitudes import check_amount, check_size
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
-from auvid_cli.config.model import Settings
 from auvid_cli.config.quantity import Amount, Unit, parse_quantity
 from auvid_cli.config.sensors import SensorSuite
+from auvid_cli.config.settings import Settings
 from auvid_cli.config.spans import SeparateSpans
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, FileError

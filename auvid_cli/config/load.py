@@ -10,8 +10,8 @@ from pydantic import ValidationError
 from auvid_cli.config.assemble import assemble, read_source
 from auvid_cli.config.experiment import Experiment, ImportedRun, RunSettings
 from auvid_cli.config.locate import locate
-from auvid_cli.config.model import Settings
 from auvid_cli.config.position import Mistake, Source, report
+from auvid_cli.config.settings import Settings
 from auvid_cli.config.tree import Tree
 from auvid_cli.errors import ConfigError
 

@@ -6,8 +6,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, field_validator, model_validator
 
 from auvid_cli.config.magnitudes import check_size
-from auvid_cli.config.model import Settings
 from auvid_cli.config.quantity import EXAMPLES, Unit, describe, parse_quantity
+from auvid_cli.config.settings import Settings
 
 Seconds = Annotated[float, Unit("s")]
 # Units that logs write so and the registry of units does not know.

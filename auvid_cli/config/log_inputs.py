@@ -5,8 +5,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from auvid_cli.config.log_columns import Reading, Rows
-from auvid_cli.config.model import Settings
 from auvid_cli.config.quantity import Amount, Unit
+from auvid_cli.config.settings import Settings
 
 
 class InputReading(Reading, Rows):

@@ -12,7 +12,7 @@ from auvid_cli.config.load import open_source, validated
 from auvid_cli.config.log_columns import TimeSource
 from auvid_cli.config.log_inputs import InputsMap
 from auvid_cli.config.log_sensors import SensorMaps
-from auvid_cli.config.model import Settings
+from auvid_cli.config.settings import Settings
 from auvid_cli.config.spans import Spans
 from auvid_cli.config.tree import Tree
 from auvid_cli.config.vehicle import VehicleSettings

@@ -7,10 +7,10 @@ from pydantic import BeforeValidator, Field, create_model, field_validator, mode
 
 from auvid_cli.config.log_columns import READINGS, Number, Reading, Rows, Validity, check_unit
 from auvid_cli.config.magnitudes import check_amount
-from auvid_cli.config.model import Settings
 from auvid_cli.config.quantity import Unit, parse_components
+from auvid_cli.config.settings import Settings
 from auvid_cli.config.spans import Spans
-from auvid_cli.data.dataset import SENSORS
+from auvid_cli.vehicle.parameters import SENSORS
 
 
 def _axes(value: Any) -> Any:

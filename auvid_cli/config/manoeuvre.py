@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from auvid_cli.config.model import Settings
 from auvid_cli.config.quantity import Amount, Unit
+from auvid_cli.config.settings import Settings
 
 Seconds = Annotated[float, Amount("s"), Field(gt=0, le=1e6)]
 Pause = Annotated[float, Amount("s"), Field(ge=0, le=1e6)]

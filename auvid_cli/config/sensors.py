@@ -5,8 +5,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, field_validator, model_validator
 
 from auvid_cli.config.magnitudes import check_amount
-from auvid_cli.config.model import Settings
 from auvid_cli.config.quantity import Amount, Unit, parse_components
+from auvid_cli.config.settings import Settings
 
 PerComponent = tuple[float, ...]
 Probability = Annotated[float, Field(ge=0, lt=1)]

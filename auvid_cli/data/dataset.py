@@ -6,25 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import RunSettings
-from auvid_cli.vehicle.parameters import DEPTH, MOTION, Quantity
 
 Array = NDArray[np.float64]
-
-_MOTION = {quantity.symbol: quantity for quantity in MOTION}
-
-# Components of every sensor that auvid knows. A filter measures those that are motion states.
-SENSORS: dict[str, tuple[Quantity, ...]] = {
-    "gyroscope": (_MOTION["p"], _MOTION["q"], _MOTION["r"]),
-    "accelerometer": (
-        Quantity("fx", "m/s^2", "specific force, forward", "AHRS"),
-        Quantity("fy", "m/s^2", "specific force, starboard", "AHRS"),
-        Quantity("fz", "m/s^2", "specific force, down", "AHRS"),
-    ),
-    "magnetometer": (Quantity("heading", "rad", "heading", "AHRS"),),
-    "dvl": (_MOTION["u"], _MOTION["v"], _MOTION["w"]),
-    "attitude": (_MOTION["phi"], _MOTION["theta"], _MOTION["psi"]),
-    "depth": (DEPTH,),
-}
 
 
 @dataclass(frozen=True)

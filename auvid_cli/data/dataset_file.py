@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.load import dump_experiment, parse_run
-from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord, TruthRecord
+from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthRecord
 from auvid_cli.data.netcdf import digest, new_file, write_dimension, write_variable
 from auvid_cli.data.netcdf_reading import (
     FileAttributes,
@@ -25,7 +25,7 @@ from auvid_cli.data.netcdf_reading import (
 )
 from auvid_cli.data.soundness import check_dataset
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.parameters import INPUTS, MOTION, POSITION
+from auvid_cli.vehicle.parameters import INPUTS, MOTION, POSITION, SENSORS
 
 # Of more than so many samples of the true motion, every so many are read: enough to compare and to draw.
 _MOST_TRUTH = 100_000

@@ -14,7 +14,6 @@ from pydantic import Field
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import dump_experiment, parse_run
-from auvid_cli.data.dataset import SENSORS
 from auvid_cli.data.estimate import Estimate, EstimateHeader, EstimatePart, Innovations, Outcome
 from auvid_cli.data.netcdf import append, new_file, write_dimension, write_growing, write_variable
 from auvid_cli.data.netcdf_reading import (
@@ -28,6 +27,7 @@ from auvid_cli.data.netcdf_reading import (
     subgroups,
 )
 from auvid_cli.data.soundness import check_estimate, check_innovations
+from auvid_cli.vehicle.parameters import SENSORS
 
 # Of more than so many events or readings of a sensor, every so many are read: evenly spaced, they say the same.
 _MOST_ROWS = 50_000

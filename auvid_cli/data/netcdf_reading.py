@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
-from auvid_cli.config.model import Settings
 from auvid_cli.config.quantity import parse_quantity
+from auvid_cli.config.settings import Settings
 from auvid_cli.data.netcdf import SCHEMA_VERSION
 from auvid_cli.data.screening import screen
 from auvid_cli.data.walk import DAMAGE

@@ -7,17 +7,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.blocks import LANES
-from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
+from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.as_read import as_read, behind_reading, found_errors
+from auvid_cli.evaluation.measurement_errors import as_read, behind_reading, found_errors
 from auvid_cli.evaluation.motion import FreeRun
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.free_motion import move_freely
 from auvid_cli.identification.segments import stretches
 from auvid_cli.identification.timeline import measuring_sensors
+from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import N_WORK, factors, vehicle_constants
-from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
+from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION, SENSORS
 
 Array = NDArray[np.float64]
 

@@ -79,7 +79,7 @@ def assess(
     Parameters
     ----------
     by_sensor : mapping of Information
-        About the joint state of all stretches, see `auvid_cli.filters.stretches`.
+        About the joint state of all stretches, see `auvid_cli.filters.segments`.
     growing : sequence of (float, Information)
         Of all sensors together after so many seconds, the whole last; about the own state of a stretch.
     values : mapping of Assessed

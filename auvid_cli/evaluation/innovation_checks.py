@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from auvid_cli.data.dataset import SENSORS, Dataset
+from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import WINDOW, Estimate, Innovations
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.consistency import LARGEST_NIS_IN_WINDOW, windowed_nis
-from auvid_cli.vehicle.parameters import INPUTS
+from auvid_cli.vehicle.parameters import INPUTS, SENSORS
 
 Array = NDArray[np.float64]
 

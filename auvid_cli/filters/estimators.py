@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.filters.problem import Belief, Ending, Process, Receiver, Sensors, Timeline
-from auvid_cli.filters.stretches import one_after_the_other
+from auvid_cli.filters.segments import one_after_the_other
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class Estimator(Protocol):
         ...
 
     def estimate(self, stretches: Sequence[Iterable[Timeline]], prior: Belief, receive: Receiver) -> Ending:
-        """Estimate the joint state of stretches, see `auvid_cli.filters.stretches`, and hand over what is found."""
+        """Estimate the joint state of stretches, see `auvid_cli.filters.segments`, and hand over what is found."""
         ...
 
 

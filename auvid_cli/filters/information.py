@@ -14,8 +14,8 @@ from scipy.linalg import solve_triangular
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import Belief, Indices
+from auvid_cli.filters.segments import places
 from auvid_cli.filters.sensitivities import Response
-from auvid_cli.filters.stretches import places
 
 Array = NDArray[np.float64]
 
@@ -211,7 +211,7 @@ class Information(NamedTuple):
 
 
 def jointly(parts: Sequence[Information], n_parameters: int) -> Information:
-    """What stretches say of their joint state, see `auvid_cli.filters.stretches`."""
+    """What stretches say of their joint state, see `auvid_cli.filters.segments`."""
     n_own = parts[0].projected.size
     n_moving = n_own - n_parameters
     n = n_parameters + len(parts) * n_moving

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from auvid_cli.filters.information import Information, jointly
 from auvid_cli.filters.problem import Belief, Process, Sensors, Timeline
+from auvid_cli.filters.segments import places
 from auvid_cli.filters.sensitivities import responses
-from auvid_cli.filters.stretches import places
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ def fit(
     stretches : sequence of iterable of Timeline
         Gone through once for each evaluation.
     start : ndarray, shape (n,)
-        Of the joint state, see `auvid_cli.filters.stretches`; within the bounds.
+        Of the joint state, see `auvid_cli.filters.segments`; within the bounds.
     belief : Belief or None
     bounds : tuple of ndarray, shape (n,)
         Lower and upper.

@@ -11,13 +11,13 @@ import numpy as np
 from numba import types
 
 from auvid_cli.angles import wrap
-from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import carlson_update, triangularise
 from auvid_cli.filters.problem import Sensors
 from auvid_cli.filters.sigma_points import blocks_and_lanes, collect_points, draw_points
 from auvid_cli.filters.square_root_state import MODEL, STATE
 from auvid_cli.filters.workspace import WORKSPACE
+from auvid_cli.lanes import LANES
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]

@@ -25,9 +25,9 @@ from auvid_cli.filters.problem import (
     Timeline,
 )
 from auvid_cli.filters.residuals import hand_over
+from auvid_cli.filters.segments import one_after_the_other, places
 from auvid_cli.filters.sensitivities import responses
 from auvid_cli.filters.square_root import run_square_root_filter
-from auvid_cli.filters.stretches import one_after_the_other, places
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def run_output_error(
     stretches : sequence of iterable of Timeline
         In time order; gone through many times.
     prior : Belief
-        About their joint state, see `auvid_cli.filters.stretches`. It serves only the CKF, unless `use_prior`.
+        About their joint state, see `auvid_cli.filters.segments`. It serves only the CKF, unless `use_prior`.
     max_evaluations : int
         Of the motion along the data.
     bounds : tuple of ndarray, shape (n,)

@@ -7,12 +7,12 @@ the new cross block of S, and only the few moving rows are triangularised.
 import numpy as np
 from numba import types
 
-from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import triangularise
 from auvid_cli.filters.sigma_points import all_finite, blocks_and_lanes, collect_points, draw_points
 from auvid_cli.filters.square_root_state import MODEL, STATE
 from auvid_cli.filters.workspace import WORKSPACE
+from auvid_cli.lanes import LANES
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]

@@ -13,9 +13,9 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.point_sets import PointSet
+from auvid_cli.lanes import LANES
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ from auvid_cli.config.experiment import RunSettings
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import ConfigError
 from auvid_cli.filters.problem import Belief, Indices, Process, Sensors
-from auvid_cli.filters.stretches import joint_belief, places
+from auvid_cli.filters.segments import joint_belief, places
+from auvid_cli.identification.initial_state import starting_belief
 from auvid_cli.identification.prior import earlier_belief
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.segments import Stretch, stretches
-from auvid_cli.identification.start import starting_belief
 from auvid_cli.identification.state_layout import StateLayout, state_layout
 from auvid_cli.identification.timeline import PART, measurement_model, measuring_sensors
 from auvid_cli.vehicle.coefficients import SYMBOLS
@@ -37,7 +37,7 @@ class AugmentedProblem:
     stretches : list of Stretch
         In time order.
     prior : Belief
-        About the joint state of the stretches, see `auvid_cli.filters.stretches`.
+        About the joint state of the stretches, see `auvid_cli.filters.segments`.
     """
 
     layout: StateLayout

@@ -4,10 +4,10 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.config.augmented_states import CURRENT, DVL_SCALE, DVL_YAW, THRUST_SCALE
 from auvid_cli.identification.state_layout import StateLayout
+from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import N_CONSTANTS
 from auvid_cli.vehicle.parameters import DEPTH

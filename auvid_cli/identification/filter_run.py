@@ -7,12 +7,13 @@ from time import perf_counter, thread_time
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.dataset import SENSORS, SensorRecord
+from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.estimate import EstimateHeader, EstimatePart, Innovations, Outcome
 from auvid_cli.filters import problem
 from auvid_cli.filters.estimators import Estimator
 from auvid_cli.filters.problem import Belief, Ending, Records, Timeline
-from auvid_cli.filters.stretches import of_stretch
+from auvid_cli.filters.segments import of_stretch
+from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
 

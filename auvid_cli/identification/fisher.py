@@ -37,7 +37,7 @@ class DatasetInformation:
     prior : Belief
         That a filter would start from, in the same units, about the joint state of the stretches.
     by_sensor : dict of Information
-        Of each sensor that measures motion, about the joint state, see `auvid_cli.filters.stretches`.
+        Of each sensor that measures motion, about the joint state, see `auvid_cli.filters.segments`.
     total : Information
         Of all sensors.
     growing : tuple of (float, Information)

@@ -2,9 +2,9 @@
 
 from numba import types
 
-from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import TIMELINE
+from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import runge_kutta_step
 from auvid_cli.vehicle.parameters import N_MOTION
 

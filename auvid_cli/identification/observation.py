@@ -6,7 +6,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import OBSERVATION_SIGNATURE
 from auvid_cli.identification.compiled_layout import (
@@ -18,6 +17,7 @@ from auvid_cli.identification.compiled_layout import (
     row_of,
     value_of,
 )
+from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import sine_cosine
 from auvid_cli.vehicle.kinematics import earth_to_body, rotation_matrix
 from auvid_cli.vehicle.parameters import N_MOTION

@@ -7,7 +7,6 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Process
 from auvid_cli.identification.compiled_layout import (
@@ -23,6 +22,7 @@ from auvid_cli.identification.compiled_layout import (
 )
 from auvid_cli.identification.observation import linearised, observe
 from auvid_cli.identification.state_layout import StateLayout
+from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,

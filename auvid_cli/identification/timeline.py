@@ -6,11 +6,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord
+from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
 from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Indices, Sensors, Timeline
 from auvid_cli.identification.state_layout import StateLayout
-from auvid_cli.vehicle.parameters import DEPTH, MOTION_SYMBOLS, N_MOTION
+from auvid_cli.vehicle.parameters import DEPTH, MOTION_SYMBOLS, N_MOTION, SENSORS
 
 Array = NDArray[np.float64]
 # Times in whole nanoseconds.

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.log_sensors import AttitudeMap, DvlMap, InBody, MagnetometerMap, SensorMap
 from auvid_cli.config.position import Path
-from auvid_cli.data.dataset import SENSORS, SensorRecord
+from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.logs.frames import (
     ENU_TO_NED,
     FLU_TO_FRD,
@@ -16,10 +16,11 @@ from auvid_cli.logs.frames import (
     rotate,
     rotation,
 )
-from auvid_cli.logs.motion import interpolate, velocity_at_origin
-from auvid_cli.logs.readings import Rows
+from auvid_cli.logs.measurements import Rows
 from auvid_cli.logs.refusals import RefusedError
+from auvid_cli.logs.sensor_motion import interpolate, velocity_at_origin
 from auvid_cli.vehicle.kinematics import body_rates, earth_to_body
+from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
 

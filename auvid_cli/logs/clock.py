@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.logs.log import ColumnValues
+from auvid_cli.logs.formats.log import ColumnValues
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from auvid_cli.logs.clock import Clock, to_seconds
-from auvid_cli.logs.log import ColumnValues, Log
+from auvid_cli.logs.formats.log import ColumnValues, Log
 from auvid_cli.logs.requests import Place, Request
 
 

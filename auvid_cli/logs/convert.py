@@ -6,10 +6,10 @@ from typing import NamedTuple
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.tree import Tree
 from auvid_cli.data.dataset import InputRecord, SensorRecord
-from auvid_cli.logs.account import Account
 from auvid_cli.logs.columns import ColumnReader
+from auvid_cli.logs.formats.log import Log
+from auvid_cli.logs.import_report import Account
 from auvid_cli.logs.input_record import read_inputs
-from auvid_cli.logs.log import Log
 from auvid_cli.logs.refusals import Refusals
 from auvid_cli.logs.requests import find_requests
 from auvid_cli.logs.sensor_records import read_sensors

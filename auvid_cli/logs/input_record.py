@@ -7,13 +7,13 @@ from auvid_cli.config.log_inputs import InputsMap
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.position import Path
 from auvid_cli.data.dataset import InputRecord, SensorRecord
-from auvid_cli.logs.account import Account, account_of
 from auvid_cli.logs.columns import ColumnReader
+from auvid_cli.logs.import_report import Account, account_of
 from auvid_cli.logs.inputs import Channel, cut, hold, mix, moved_by, propeller_thrust, thruster_force
-from auvid_cli.logs.motion import interpolate
-from auvid_cli.logs.readings import read_rows
+from auvid_cli.logs.measurements import read_rows
 from auvid_cli.logs.refusals import Refusals, RefusedError
 from auvid_cli.logs.requests import Request
+from auvid_cli.logs.sensor_motion import interpolate
 from auvid_cli.logs.sensor_records import SensorRecords
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 

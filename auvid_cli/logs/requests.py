@@ -8,8 +8,8 @@ from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.position import Path
 from auvid_cli.config.quantity import expected
 from auvid_cli.config.tree import Tree
-from auvid_cli.logs.log import FILE, HEADER_STAMP, LOG_TIME, Column, Log
-from auvid_cli.logs.lookup import missing
+from auvid_cli.logs.formats.log import FILE, HEADER_STAMP, LOG_TIME, Column, Log
+from auvid_cli.logs.formats.lookup import missing
 from auvid_cli.logs.refusals import Refusals
 
 

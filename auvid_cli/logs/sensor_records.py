@@ -10,16 +10,17 @@ from numpy.typing import NDArray
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.log_sensors import DepthMap, DvlMap, SensorMap
 from auvid_cli.config.position import Path
-from auvid_cli.data.dataset import SENSORS, SensorRecord
-from auvid_cli.logs.account import Account, account_of
+from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.data.noise import Noise, estimate_noise
 from auvid_cli.logs.axes import complete_velocity, in_vehicle_axes
 from auvid_cli.logs.columns import ColumnReader
 from auvid_cli.logs.gaps import Gaps, find_gaps
-from auvid_cli.logs.motion import depth_at_origin, interpolate
-from auvid_cli.logs.noise import Noise, estimate_noise
-from auvid_cli.logs.readings import Rows, check_size, read_rows, without_repeats
+from auvid_cli.logs.import_report import Account, account_of
+from auvid_cli.logs.measurements import Rows, check_size, read_rows, without_repeats
 from auvid_cli.logs.refusals import Refusals, RefusedError
 from auvid_cli.logs.requests import Request
+from auvid_cli.logs.sensor_motion import depth_at_origin, interpolate
+from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
 Spans = tuple[tuple[float, float], ...]

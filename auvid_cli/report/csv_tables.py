@@ -13,7 +13,7 @@ from auvid_cli.evaluation.consistency import SensorConsistency
 from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
 from auvid_cli.evaluation.free_run import VelocityError
 from auvid_cli.evaluation.sensor_errors import SensorErrorResult
-from auvid_cli.evaluation.validation.results import ManoeuvreNumber, Prediction, Validation
+from auvid_cli.validation.results import ManoeuvreNumber, Prediction, Validation
 
 
 def write_csv_tables(evaluation: Evaluation, folder: Path) -> list[Path]:

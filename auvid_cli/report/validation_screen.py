@@ -7,12 +7,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from auvid_cli.evaluation.checks import failed
-from auvid_cli.evaluation.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
+from auvid_cli.evaluation.estimate_checks import failed
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.screen import print_checks, printed
 from auvid_cli.report.screen_table import first_that_fits, screen_table
 from auvid_cli.report.sentence import sentence
+from auvid_cli.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
 
 _DIGITS = 3
 _BAND = "Band: two standard deviations of coefficients, start and readings together, without process noise."

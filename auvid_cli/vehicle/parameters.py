@@ -80,3 +80,19 @@ INPUTS: tuple[Quantity, ...] = (
     Quantity("roll_moment", "N*m", "propeller torque and roll excitation", "tau_propulsion"),
 )
 INPUT_SYMBOLS: tuple[str, ...] = tuple(q.symbol for q in INPUTS)
+
+_MOTION = {quantity.symbol: quantity for quantity in MOTION}
+
+# Components of every sensor that auvid knows. A filter measures those that are motion states.
+SENSORS: dict[str, tuple[Quantity, ...]] = {
+    "gyroscope": (_MOTION["p"], _MOTION["q"], _MOTION["r"]),
+    "accelerometer": (
+        Quantity("fx", "m/s^2", "specific force, forward", "AHRS"),
+        Quantity("fy", "m/s^2", "specific force, starboard", "AHRS"),
+        Quantity("fz", "m/s^2", "specific force, down", "AHRS"),
+    ),
+    "magnetometer": (Quantity("heading", "rad", "heading", "AHRS"),),
+    "dvl": (_MOTION["u"], _MOTION["v"], _MOTION["w"]),
+    "attitude": (_MOTION["phi"], _MOTION["theta"], _MOTION["psi"]),
+    "depth": (DEPTH,),
+}

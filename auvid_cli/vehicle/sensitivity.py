@@ -3,8 +3,8 @@
 import numpy as np
 from numba import types
 
-from auvid_cli.blocks import LANES
 from auvid_cli.compilation import compiled
+from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, MOST_FACTORS, N_COEFFICIENTS, SIGNALS
 from auvid_cli.vehicle.dynamics import N_BLOCK, N_COEFFICIENT_BLOCK, N_FACTORS, motion_derivative, sine_cosine
 from auvid_cli.vehicle.parameters import N_MOTION

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.evaluation.bounds import Bounds, BoundsOf
-from auvid_cli.evaluation.checks import check_estimate
+from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.identifiability import assess_dataset
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.fisher import information_at

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from auvid_cli.blocks import LANES
 from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.export.actuation import Actuation
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel, Origin
 from auvid_cli.export.terms import term_histories, term_sizes
+from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.dynamics import motion_derivative, vehicle_constants
 from auvid_cli.vehicle.parameters import N_MOTION

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numba import njit
 
-from auvid_cli.blocks import LANES
 from auvid_cli.filters.problem import (
     OBSERVATION_SIGNATURE,
     PROCESS_SIGNATURE,
@@ -17,6 +16,7 @@ from auvid_cli.filters.problem import (
     Timeline,
     empty_records,
 )
+from auvid_cli.lanes import LANES
 
 N_AXES = 2
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.blocks import LANES
 from auvid_cli.filters.sensitivities import responses
 from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 N_MOVING = 9

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.blocks import LANES
 from auvid_cli.config.experiment import FilterName
 from auvid_cli.filters.problem import OK, Ending
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.identify import set_up_filters
+from auvid_cli.lanes import LANES
 
 N_MOVING = 9
 

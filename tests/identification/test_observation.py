@@ -5,11 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from auvid_cli.blocks import LANES
 from auvid_cli.config.augmented_states import AugmentedStates, Current, DvlError
 from auvid_cli.config.experiment import Identification
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.state_layout import state_layout
+from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import vehicle_constants
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 

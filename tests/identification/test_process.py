@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.blocks import LANES
 from auvid_cli.config.augmented_states import AugmentedStates, ThrustScale
 from auvid_cli.config.experiment import Identification
 from auvid_cli.identification.process import first_order_transition, vehicle_process
 from auvid_cli.identification.state_layout import state_layout
+from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.dynamics import vehicle_constants
 

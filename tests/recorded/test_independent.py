@@ -18,13 +18,13 @@ from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.dataset import Dataset, InputRecord
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.checks import check_estimate
 from auvid_cli.evaluation.consistency import verdict
-from auvid_cli.evaluation.inspection.inspect import inspect_dataset
-from auvid_cli.evaluation.validation.unseen import check_unseen
-from auvid_cli.evaluation.validation.validate import validate
+from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.identification.identify import identify
+from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.simulation.sensors import corrupt, sample_times
+from auvid_cli.validation.data_leakage import check_unseen
+from auvid_cli.validation.validate import validate
 
 SHARED = Path(os.environ.get("AUVID_SHARED", Path(__file__).parents[2].parent / "shared"))
 RUNS = SHARED / "independent/fossen_remus100"

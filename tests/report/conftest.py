@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.data.dataset import SENSORS, Dataset, InputRecord, SensorRecord, TruthRecord
+from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthRecord
 from auvid_cli.data.estimate import Estimate, Innovations
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
 from auvid_cli.evaluation.consistency import mean_nis, sensor_consistency
 from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
 from auvid_cli.evaluation.free_run import FreeRun, VelocityError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS
+from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, SENSORS
 
 EXPERIMENT = Experiment.model_construct(name="stub")
 TRUE = {c.symbol: 10.0 + i for i, c in enumerate(COEFFICIENTS)}

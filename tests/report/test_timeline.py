@@ -5,7 +5,7 @@ import pytest
 from matplotlib.collections import PatchCollection
 
 from auvid_cli.data.dataset import InputRecord
-from auvid_cli.evaluation.inspection.inspection import Inspection, Mark
+from auvid_cli.inspection.inspection import Inspection, Mark
 from auvid_cli.report.figures.timeline import timeline_figure
 from auvid_cli.vehicle.parameters import INPUTS
 

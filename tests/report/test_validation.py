@@ -10,10 +10,10 @@ from rich.console import Console
 
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.motion import FreeRun
-from auvid_cli.evaluation.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
 from auvid_cli.report.csv_tables import write_validation
 from auvid_cli.report.figures.validation import horizon_figure
 from auvid_cli.report.validation_screen import print_validation
+from auvid_cli.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
 from auvid_cli.vehicle.parameters import MOTION
 
 HORIZONS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)

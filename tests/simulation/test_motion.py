@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from auvid_cli.blocks import LANES
 from auvid_cli.errors import SimulationError
+from auvid_cli.lanes import LANES
 from auvid_cli.simulation.motion import sample_motion
 from auvid_cli.vehicle.dynamics import motion_derivative
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from auvid_cli.blocks import LANES
+from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import N_WORK, motion_derivative, runge_kutta_step
 from auvid_cli.vehicle.parameters import N_MOTION

@@ -5,11 +5,11 @@ from concurrent.futures import Future, as_completed
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from auvid_cli.data.dataset import SENSORS, Dataset, SensorRecord
+from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.report.figures.workers import Submit, draw_and_save
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, Quantity
+from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, SENSORS, Quantity
 
 if TYPE_CHECKING:
     from auvid_cli.campaign.findings import Findings
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     # They bring the compiled core along, which is loaded elsewhere, and said to be.
     from auvid_cli.evaluation.assessment import Identifiability
     from auvid_cli.evaluation.evaluate import Evaluation
-    from auvid_cli.evaluation.inspection.inspection import Inspection
-    from auvid_cli.evaluation.validation.results import Validation
+    from auvid_cli.inspection.inspection import Inspection
+    from auvid_cli.validation.results import Validation
 
 # Of one sensor, as many as any figure can show.
 _MOST_SAMPLES = 100_000

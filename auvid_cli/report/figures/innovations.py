@@ -8,13 +8,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from auvid_cli.data.dataset import SENSORS
 from auvid_cli.data.estimate import Course, Innovations
 from auvid_cli.report.figures.limits import value_range, with_near_zero
 from auvid_cli.report.figures.series import spaced
 from auvid_cli.report.figures.style import head, legend_above, new_figure, say, tidy
 from auvid_cli.report.notation import filter_label, symbol_math
-from auvid_cli.vehicle.parameters import Quantity
+from auvid_cli.vehicle.parameters import SENSORS, Quantity
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from auvid_cli.data.dataset import SENSORS, SensorRecord
+from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.evaluation.motion import FreeRun
 from auvid_cli.report.figures.limits import around, value_range
 from auvid_cli.report.figures.series import finite, thin, unwrapped
@@ -24,7 +24,7 @@ from auvid_cli.report.figures.style import (
     tidy,
 )
 from auvid_cli.report.notation import symbol_math
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, Quantity
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
-from auvid_cli.evaluation.inspection.inspection import Inspection, Mark, MarkKind
+from auvid_cli.inspection.inspection import Inspection, Mark, MarkKind
 from auvid_cli.report.figures.series import thin
 from auvid_cli.report.figures.style import legend_above, new_figure, tidy
 from auvid_cli.report.notation import unit_text

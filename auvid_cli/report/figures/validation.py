@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from auvid_cli.evaluation.validation.results import AHEAD, Prediction
 from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure, say
 from auvid_cli.report.notation import filter_label, symbol_math
+from auvid_cli.validation.results import AHEAD, Prediction
 from auvid_cli.vehicle.parameters import MOTION
 
 _COLUMNS = 3

@@ -1,1 +1,0 @@
-"""Verdicts on recorded data before anybody identifies from them."""

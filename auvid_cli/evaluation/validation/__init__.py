@@ -1,1 +1,0 @@
-"""How well an identified model predicts a manoeuvre that it has not seen."""

@@ -1,0 +1,1 @@
+"""A dataset judged before anybody identifies from it."""

@@ -1,0 +1,75 @@
+"""Whether the gyroscope turns as the attitude does: signs, axes, units and scales of both."""
+
+import numpy as np
+
+from auvid_cli.evaluation.check import Check
+from auvid_cli.inspection.grid import Signals
+from auvid_cli.inspection.inspection import judged
+from auvid_cli.inspection.kinematics import attitude_rates, tied
+from auvid_cli.inspection.regression import Fit
+from auvid_cli.inspection.responses import AXES, Axis, answers, response_check, response_fits
+from auvid_cli.inspection.units import mistaken_units
+
+_TOLERANCE = 0.2
+_LEAST_CORRELATION = 0.7
+# rad/s, of a rate that attitude shows.
+_LEAST_SPREAD = np.deg2rad(0.3)
+_SIGMAS = 3.0
+
+
+def rotation_checks(signals: Signals, time_constant: float | None) -> list[Check]:
+    """Rates against angles about each axis, and the answer to each moment."""
+    checks = []
+    for axis in AXES:
+        fits = response_fits(signals, axis, time_constant)
+        for angle, subject in ((axis.angle, "attitude"), *([("heading", "magnetometer")] if axis.rate == "r" else [])):
+            rates = attitude_rates(signals, "heading" if angle == "heading" else "psi")
+            if rates and signals.has(axis.rate):
+                tie = rates[axis.rate]
+                window = signals.window(axis.rate, angle)
+                found = tied(signals.values[axis.rate], tie.main, tie.others, window)
+                checks.append(_agreement(axis, angle, subject, found, answers(axis, fits)))
+        if fits:
+            checks.append(response_check(axis, fits))
+    return checks
+
+
+def _agreement(axis: Axis, angle: str, other: str, found: Fit | None, told: dict[str, int]) -> Check:
+    name, threshold = f"{axis.rate} against {angle}", f"gain 1 +- {_TOLERANCE}, correlation >= {_LEAST_CORRELATION}"
+    if found is None or found.spread < _LEAST_SPREAD:
+        turning = "too short" if found is None else f"{np.rad2deg(found.spread):.2g} deg/s"
+        return judged(
+            "gyroscope",
+            name,
+            f"not excited enough to tell: {turning}",
+            threshold,
+            None,
+            f"The vehicle hardly turns about this axis: sign and scale of {axis.rate} and {angle} cannot be checked.",
+        )
+    shown = f"gain {found.gain:.3g} +- {found.error:.2g}, correlation {found.correlation:.2g}"
+    agrees = found.correlation >= _LEAST_CORRELATION and abs(found.gain - 1.0) <= _TOLERANCE + _SIGMAS * found.error
+    # Of two that contradict each other in sign, the one whose answer to the input is wrong as well.
+    angle_is_wrong = angle == "heading" or (told.get("attitude") == -1 and told.get("gyroscope") == 1)
+    subject = other if found.gain < 0.0 and angle_is_wrong and told.get("gyroscope") != -1 else "gyroscope"
+    return judged(subject, name, shown, threshold, agrees, _advice(found, axis.rate, angle, subject))
+
+
+def _advice(found: Fit, rate: str, angle: str, subject: str) -> str:
+    if abs(found.correlation) < _LEAST_CORRELATION:
+        return (
+            f"{rate} and {angle} do not belong together: axes are exchanged, one of them is delayed or smoothed, or it "
+            "does not measure."
+        )
+    advice = []
+    if found.gain < 0.0:
+        wrong = rate if subject == "gyroscope" else angle
+        advice.append(
+            f"The sign of {wrong} is turned, or its axes are those of another frame (x forward, y starboard, z down)."
+        )
+    size = abs(found.gain)
+    if abs(size - 1.0) > _TOLERANCE:
+        advice.append(
+            mistaken_units(size, (rate, "rad/s"), (angle, "rad"))
+            or f"{rate} is {size:.3g} times what {angle} says: look at units and scales, and whether one axis is meant."
+        )
+    return " ".join(advice) or "Do not use both before it is clear which is right."

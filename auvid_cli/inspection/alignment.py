@@ -1,0 +1,177 @@
+"""Whether the inputs belong to the motion that is stamped alike, and rudder and elevator are what they are called."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.evaluation.check import Check
+from auvid_cli.inspection.grid import Signals, change, smoothed
+from auvid_cli.inspection.inspection import judged
+from auvid_cli.inspection.kinematics import attitude_rates
+from auvid_cli.inspection.responses import AXES, Axis, answer_window, moment
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
+
+Array = NDArray[np.float64]
+
+# s: a lag that fins, servos and averaging may have; one that spoils every estimate; the longest that is looked for.
+_USUAL, _LARGEST, _LONGEST = 0.3, 0.6, 3.0
+# Partial correlation of an answer that tells a lag, and how much likelier, as a logarithm, another lag must be.
+_LEAST_CORRELATION, _LIKELIER = 0.4, 10.0
+_FEWEST_WINDOWS, _MOST_ROWS = 15, 10_000
+_MOST_EXPLAINED, _ROUNDING = 1.0 - 1e-9, 1e-9
+_OTHER_FIN = {"elevator": "rudder", "rudder": "elevator"}
+
+
+class Alignment(NamedTuple):
+    """How the inputs are to be read.
+
+    Attributes
+    ----------
+    delay : float or None
+        How much later than the motion they are stamped, s; None where nothing tells.
+    exchanged : bool or None
+        Whether what is called rudder turns the vehicle as an elevator does, and the other way round.
+    """
+
+    delay: float | None
+    exchanged: bool | None
+
+    @property
+    def is_delayed(self) -> bool:
+        """Whether inputs come later or earlier than fins and averaging explain."""
+        return self.delay is not None and abs(self.delay) > _USUAL + _ROUNDING
+
+
+def input_alignment(signals: Signals, time_constant: float | None) -> Alignment:
+    """Find the assignment of the fins and the one delay of all inputs that explain the turning best.
+
+    Whatever is regressed here, signs do not count: they are judged when the inputs are where they belong.
+
+    Parameters
+    ----------
+    signals : Signals
+    time_constant : float or None
+        s, of the vehicle, if it is known.
+    """
+    roll, *fins = AXES
+    crossed_fins = [axis._replace(given=_OTHER_FIN[axis.given]) for axis in fins]
+    by_roll, own, crossed = (_likelihood(signals, axes, time_constant) for axes in ([roll], fins, crossed_fins))
+    own, crossed = own + by_roll, crossed + by_roll
+    if not max(own.max(), crossed.max()) > 0.0:
+        return Alignment(None, None)
+    exchanged = bool(crossed.max() > own.max() + _LIKELIER)
+    likelihood, delays = crossed if exchanged else own, _lags(signals)
+    usual = np.abs(delays) <= _USUAL + 0.5 * signals.grid.step
+    if not likelihood.max() > likelihood[usual].max() + _LIKELIER:
+        likelihood = np.where(usual, likelihood, -np.inf)
+    return Alignment(float(delays[likelihood.argmax()]) * signals.grid.step, exchanged)
+
+
+def aligned(signals: Signals, alignment: Alignment) -> Signals:
+    """Signals with the inputs where they belong."""
+    value = dict(signals.values)
+    if alignment.exchanged:
+        value["rudder"], value["elevator"] = value["elevator"], value["rudder"]
+    if alignment.is_delayed and alignment.delay is not None:
+        cells = round(alignment.delay / signals.grid.step)
+        for symbol in INPUT_SYMBOLS:
+            value[symbol] = _earlier(value[symbol], cells)
+    return signals._replace(values=value)
+
+
+def alignment_checks(alignment: Alignment) -> list[Check]:
+    """Verdicts on the delay of the inputs and on which fin is which, where any answer tells."""
+    if alignment.delay is None or alignment.exchanged is None:
+        return []
+    delay = alignment.delay
+    late = f"lag behind the motion by {delay:.1f} s" if delay >= 0.0 else f"are {-delay:.1f} s ahead of the motion"
+    return [
+        judged(
+            "inputs",
+            "delay",
+            f"inputs {late}",
+            f"<= {_USUAL:g} s; fails beyond {_LARGEST:g} s",
+            True if not alignment.is_delayed else None if abs(delay) <= _LARGEST + _ROUNDING else False,
+            "Shift the times of the inputs, for an input that comes at another time than its answer spoils every "
+            "coefficient of a fin. Signs were judged as if they were shifted."
+            if delay > 0.0
+            else "Inputs are commands that fins follow late (`identification.fin_time_constant`), or their clock is "
+            "ahead of that of the sensors: shift their times. Signs were judged as if they were shifted.",
+        ),
+        judged(
+            "inputs",
+            "rudder and elevator",
+            "r answers elevator, q rudder" if alignment.exchanged else "r answers rudder, q elevator",
+            "r answers rudder, q elevator",
+            not alignment.exchanged,
+            "The columns of rudder and elevator are exchanged: exchange their names in the map. Signs were judged as "
+            "if they were.",
+        ),
+    ]
+
+
+def _likelihood(signals: Signals, axes: Sequence[Axis], time_constant: float | None) -> Array:
+    """How much likelier some answers are than none, as a logarithm, for each of the `_lags`."""
+    total = np.zeros(_lags(signals).size)
+    for axis in axes:
+        correlation, windows = _correlations(signals, axis, time_constant)
+        if np.abs(correlation).max() >= _LEAST_CORRELATION:
+            total -= 0.5 * windows * np.log1p(-np.minimum(correlation**2, _MOST_EXPLAINED))
+    return total
+
+
+def _correlations(signals: Signals, axis: Axis, time_constant: float | None) -> tuple[Array, float]:
+    """Partial correlation of the change of a rate and the mean input that was stamped so much later.
+
+    Beside it stand the means of what else turns the vehicle: unlike in `responses.response_fits`, where they are those
+    at the begin, so that a linear answer without delay fits best without delay.
+
+    Returns
+    -------
+    correlation : ndarray
+        For each of the `_lags`; 0 where nothing can be told.
+    windows : float
+        How many averages do not overlap.
+    """
+    lags, force = _lags(signals), moment(signals, axis)
+    rates = attitude_rates(signals)
+    rate = signals.values.get(axis.rate, rates[axis.rate].total() if rates else None)
+    if force is None or rate is None:
+        return np.zeros(lags.size), 0.0
+    window = answer_window(signals, axis, time_constant)
+    beside = [rate, *(signals.values[s] for s in axis.beside if signals.has(s) and s not in INPUT_SYMBOLS)]
+    rows = np.stack([change(rate, window), *(smoothed(each, window) for each in beside)])
+    force = smoothed(force, window)
+    # Known at every lag.
+    known = np.isfinite(rows).all(axis=0)
+    known &= np.isfinite(_earlier(smoothed(force, lags.size), int(lags[0])))
+    at = np.flatnonzero(known)
+    windows = at.size / window
+    if windows < _FEWEST_WINDOWS:
+        return np.zeros(lags.size), 0.0
+    at = at[:: 1 + at.size // _MOST_ROWS]
+    beside = np.stack([np.ones(at.size), *rows[1:, at]], axis=1)
+    basis, _ = np.linalg.qr(beside / np.maximum(np.abs(beside).max(axis=0), np.finfo(np.float64).tiny))
+    answer = _left(rows[0, at], basis)
+    return np.array([answer @ _left(force[at + lag], basis) for lag in lags]), windows
+
+
+def _left(values: Array, basis: Array) -> Array:
+    """What is left of a signal outside an orthonormal basis, of length 1; 0 if that is rounding."""
+    left = values - basis @ (basis.T @ values)
+    length = float(np.linalg.norm(left))
+    return left / length if length > _ROUNDING * float(np.linalg.norm(values)) else 0.0 * left
+
+
+def _earlier(values: Array, cells: int) -> Array:
+    """The same so many cells earlier, or later if negative; NaN where nothing is known."""
+    lost = np.full(min(abs(cells), values.size), np.nan)
+    return np.concatenate([values[cells:], lost] if cells > 0 else [lost, values[: values.size + cells]])
+
+
+def _lags(signals: Signals) -> NDArray[np.int64]:
+    """Cells by which the inputs may be late."""
+    most = round(_LONGEST / signals.grid.step)
+    return np.arange(-most, most + 1)

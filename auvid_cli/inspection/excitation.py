@@ -1,0 +1,122 @@
+"""How lively the manoeuvre is, what it therefore cannot tell, and whether the sensors are fast enough to see it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.evaluation.check import Check
+from auvid_cli.inspection.grid import Signals
+from auvid_cli.inspection.inspection import judged
+from auvid_cli.inspection.timing import new_reading_rate
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.parameters import INPUTS, MOTION, SENSORS, Quantity
+
+Array = NDArray[np.float64]
+
+_LEAST_FIN = np.deg2rad(1.0)
+_LEAST_SHARE = 0.02
+_LEAST_FORCE, _LEAST_ROLL_MOMENT = 1e-3, 1e-3
+_TIMES_NOISE = 3.0
+_MOVING = 0.2
+_LEAST_MOVING = 0.5
+_LEAST_PER_TIME_CONSTANT, _GOOD_PER_TIME_CONSTANT = 1.0, 2.0
+
+
+def excitation_checks(dataset: Dataset, signals: Signals) -> list[Check]:
+    """RMS and peak of each input and each velocity or rate, about its mean; and the share of time under way."""
+    checks = [_input(quantity, signals.values[quantity.symbol]) for quantity in INPUTS]
+    noise = {
+        quantity.symbol: record.standard_deviation[component]
+        for name, record in dataset.sensors.items()
+        for component, quantity in enumerate(SENSORS[name])
+    }
+    checks += [_motion(q, signals.values[q.symbol], noise[q.symbol]) for q in MOTION[:6] if signals.has(q.symbol)]
+    if signals.has("u"):
+        checks.append(_under_way(signals.values["u"]))
+    return checks
+
+
+def _input(quantity: Quantity, values: Array) -> Check:
+    known = values[np.isfinite(values)]
+    least = _LEAST_FIN
+    if quantity.symbol == "surge_force":
+        least = max(_LEAST_SHARE * abs(float(known.mean())), _LEAST_FORCE)
+    elif quantity.symbol == "roll_moment":
+        least = _LEAST_ROLL_MOMENT
+    return _channel(quantity, known, least, f"{quantity.symbol} hardly moves: {_cannot_tell(quantity.symbol)}")
+
+
+def _motion(quantity: Quantity, values: Array, noise: float) -> Check:
+    known = values[np.isfinite(values)]
+    advice = f"{quantity.symbol} hardly stands out of its noise: {_cannot_tell(quantity.symbol)}"
+    return _channel(quantity, known, _TIMES_NOISE * noise, advice)
+
+
+def _channel(quantity: Quantity, known: Array, least: float, advice: str) -> Check:
+    scale, unit = (
+        (np.rad2deg(1.0), quantity.unit.replace("rad", "deg")) if "rad" in quantity.unit else (1.0, quantity.unit)
+    )
+    deviation = known - known.mean()
+    size, peak = float(np.sqrt(np.mean(deviation**2))), float(np.abs(known).max())
+    return judged(
+        quantity.symbol,
+        "excitation",
+        f"RMS {size * scale:.3g} {unit} about the mean, peak {peak * scale:.3g} {unit}",
+        f">= {least * scale:.2g} {unit}",
+        True if size >= least else None,
+        advice,
+    )
+
+
+def _cannot_tell(symbol: str) -> str:
+    told = {"surge_force": ("X_u|u|",), "roll_moment": ("K_p|p|",)}.get(
+        symbol, tuple(c.symbol for c in COEFFICIENTS if symbol in c.signals)
+    )
+    if symbol == "u":
+        return "drag, lift and fin forces at one speed only; that is no obstacle, but they are known for this speed."
+    return f"do not expect {', '.join(told)} from these data; move it more, or hold them at known values."
+
+
+def _under_way(values: Array) -> Check:
+    u = np.abs(values[np.isfinite(values)])
+    usual = float(np.quantile(u, 0.9))
+    share = float((u >= _MOVING * usual).mean())
+    return judged(
+        "u",
+        "under way",
+        f"{share:.0%} of the time",
+        f">= {_LEAST_MOVING:.0%} faster than {_MOVING:g} of the usual speed",
+        True if share >= _LEAST_MOVING else None,
+        "For much of the time the vehicle lies still or drifts: cut that out, for the model is of a vehicle under way.",
+    )
+
+
+def fitness_checks(dataset: Dataset, time_constant: float | None) -> list[Check]:
+    """Whether each sensor that a filter measures is fast enough for the vehicle; none if its speed is not known.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    time_constant : float or None
+        s, that of a hull: its length over its speed.
+    """
+    if time_constant is None:
+        return []
+    checks = []
+    symbols = {quantity.symbol for quantity in MOTION}
+    for name, record in dataset.sensors.items():
+        if symbols & {quantity.symbol for quantity in SENSORS[name]} and record.time.size > 1:
+            readings = new_reading_rate(record) * time_constant
+            good = readings >= _GOOD_PER_TIME_CONSTANT
+            checks.append(
+                judged(
+                    name,
+                    "fast enough",
+                    f"{readings:.3g} readings in {time_constant:.3g} s, the vehicle's time constant",
+                    f">= {_GOOD_PER_TIME_CONSTANT:g}; fails below {_LEAST_PER_TIME_CONSTANT:g}",
+                    True if good else None if readings >= _LEAST_PER_TIME_CONSTANT else False,
+                    f"The vehicle turns and settles within its length over its speed, and {name} sees too little of "
+                    "that: coefficients that differ much fit alike. Log faster, or fly slower.",
+                )
+            )
+    return checks

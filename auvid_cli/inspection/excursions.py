@@ -1,0 +1,105 @@
+"""Headings that swing away for seconds from what the turn rate, or another heading, says."""
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from auvid_cli.evaluation.check import Check
+from auvid_cli.inspection.grid import Signals, derivative, smoothed
+from auvid_cli.inspection.inspection import Mark, judged
+from auvid_cli.inspection.measurements import noise_floor
+from auvid_cli.inspection.regression import fit
+from auvid_cli.vehicle.kinematics import euler_rates
+
+Array = NDArray[np.float64]
+
+_LEAST = np.deg2rad(3.0)
+_TIMES_NOISE = 8.0
+# s, over which the difference of two headings may drift, and so be taken off.
+_DRIFT = 12.0
+_SENSORS = {"psi": "attitude", "heading": "magnetometer"}
+
+
+def excursion_checks(signals: Signals, known: Collection[str]) -> tuple[list[Check], list[Mark]]:
+    """Verdicts on each heading against the integrated turn rate, or without one of psi against the other heading.
+
+    Parameters
+    ----------
+    signals : Signals
+    known : collection of str
+        Headings of which steps are known; they are not judged again.
+
+    Returns
+    -------
+    checks : list of Check
+        None of a heading that turns otherwise than its reference altogether, which is named elsewhere.
+    marks : list of Mark
+        When they were away.
+    """
+    headings = [symbol for symbol in _SENSORS if signals.has(symbol) and symbol not in known]
+    turned = _turned(signals)
+    if turned is not None:
+        pairs = [(symbol, "integrated r", turned) for symbol in headings]
+    else:
+        pairs = [("psi", "heading", signals.values["heading"])] if len(headings) == len(_SENSORS) else []
+    checks, marks = [], []
+    for symbol, name, reference in pairs:
+        heading = signals.values[symbol]
+        if _turn_alike(signals, heading, reference):
+            spans, peaks = _away(signals, heading - reference)
+            checks.append(_verdict(symbol, name, spans, peaks))
+            marks += [Mark(_SENSORS[symbol], "step", *span) for span in spans.tolist()]
+    return checks, marks
+
+
+def _turned(signals: Signals) -> Array | None:
+    """Heading by the gyroscope from the first time on; NaN where it was silent, and then from another beginning."""
+    if not signals.has("q", "r", "phi", "theta"):
+        return None
+    value = signals.values
+    nothing = np.zeros(signals.grid.cells)
+    rates = np.column_stack((nothing, value["q"], value["r"]))
+    rate = euler_rates(rates, np.column_stack((value["phi"], value["theta"], nothing)))[:, 2]
+    known = np.isfinite(rate)
+    return np.where(known, np.cumsum(np.where(known, rate, 0.0)) * signals.grid.step, np.nan)
+
+
+def _turn_alike(signals: Signals, heading: Array, reference: Array) -> bool:
+    window = signals.window("psi", "heading", "r")
+    rate, expected = (smoothed(derivative(each, signals.grid.step), window) for each in (heading, reference))
+    found = fit(rate, expected, [], window)
+    return found is not None and 0.5 < found.gain < 2.0
+
+
+def _away(signals: Signals, difference: Array) -> tuple[Array, Array]:
+    """First and last time, s, of each excursion, and how far it went, rad."""
+    at = np.flatnonzero(np.isfinite(difference))
+    # Round north, and about what two headings differ by for long: declination, drift.
+    difference = np.unwrap(difference[at])
+    swing = difference - median_filter(difference, round(_DRIFT / signals.grid.step), mode="nearest")
+    # Not its own scatter, which excursions that are many would raise.
+    beyond = np.abs(swing) > max(_LEAST, _TIMES_NOISE * noise_floor(difference))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]]).astype(np.int8)))
+    begin, end = edges[::2], edges[1::2]
+    peaks = np.array([swing[a:b][np.abs(swing[a:b]).argmax()] for a, b in zip(begin, end, strict=True)])
+    centres = signals.grid.centres()[at]
+    return np.stack([centres[begin], centres[end - 1]], axis=1), peaks
+
+
+def _verdict(symbol: str, reference: str, spans: Array, peaks: Array) -> Check:
+    found = "none"
+    if peaks.size:
+        times = ", ".join(f"{start:.4g} to {end:.4g}" for start, end in spans[:3])
+        largest = peaks[np.abs(peaks).argmax()]
+        found = f"{peaks.size}, largest {np.rad2deg(largest):.3g} deg: t = {times}{' ...' if peaks.size > 3 else ''} s"
+    return judged(
+        _SENSORS[symbol],
+        f"excursions of {symbol} from {reference}",
+        found,
+        f"<= {np.rad2deg(_LEAST):.2g} deg or {_TIMES_NOISE:g} times their noise, apart from drift over {_DRIFT:g} s",
+        not peaks.size,
+        f"{symbol} goes away and comes back though the vehicle does not turn so: iron, a motor or a modem disturbs the "
+        "compass. Mark those times as not valid, or use the other source.",
+    )

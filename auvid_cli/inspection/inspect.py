@@ -1,0 +1,162 @@
+"""The whole inspection of a dataset."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.experiment import ImportedRun, RunSettings
+from auvid_cli.config.plausibility import doubts
+from auvid_cli.config.vehicle import VehicleSettings
+from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
+from auvid_cli.evaluation.check import Check
+from auvid_cli.evaluation.data_checks import data_checks
+from auvid_cli.inspection.agreement import rotation_checks
+from auvid_cli.inspection.alignment import aligned, alignment_checks, input_alignment
+from auvid_cli.inspection.allan import bias_instability
+from auvid_cli.inspection.excitation import excitation_checks, fitness_checks
+from auvid_cli.inspection.excursions import excursion_checks
+from auvid_cli.inspection.forces import force_checks
+from auvid_cli.inspection.grid import Signals, signals_of
+from auvid_cli.inspection.inspection import Inspection, Mark, judged
+from auvid_cli.inspection.kinematics import attitude_rates
+from auvid_cli.inspection.measurements import reading_checks
+from auvid_cli.inspection.screening import Screened, screened
+from auvid_cli.inspection.steps import angle_steps, gimbal_check, step_check
+from auvid_cli.inspection.timing import input_timing_checks, timing_checks
+from auvid_cli.inspection.velocity import mean_speed, velocity_checks
+from auvid_cli.vehicle.parameters import SENSORS
+
+Array = NDArray[np.float64]
+
+_PIECES, _READINGS = 600, 10
+_MOST_INPUTS = 100_000
+
+
+def inspect_dataset(dataset: Dataset) -> Inspection:
+    """Judge a dataset as recorded: each sensor by itself, all against each other, and whether they suffice.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Its truth is not looked at.
+
+    Returns
+    -------
+    Inspection
+    """
+    sensors = {name: record for name, record in dataset.sensors.items() if np.isfinite(record.values).any()}
+    checks = [_silent(name) for name in dataset.sensors if name not in sensors] or [_no_sensor()] * (not sensors)
+    checks += [*_said_at_import(dataset.experiment), *_vehicle(dataset.experiment.vehicle)]
+    marks, sound = [], {}
+    for name, record in sensors.items():
+        found = screened(name, record)
+        checks += _alone(dataset, name, found)
+        marks += found.marks
+        sound[name] = found.record
+    span = _span(dataset.inputs, sensors)
+    signals = signals_of(dataset.inputs, sound, span)
+    stepped = set()
+    for name, component, symbol in _angles(sound):
+        before, after, size = angle_steps(sound, name, component)
+        checks.append(step_check(name, symbol, before, size))
+        if size.size:
+            stepped.add(symbol)
+        for times in zip(before.tolist(), after.tolist(), strict=True):
+            marks.append(Mark(name, "step", *times))
+            signals.blank(symbol, *times)
+    speed = mean_speed(signals)
+    time_constant = dataset.experiment.vehicle.size.length / speed if speed is not None else None
+    alignment = input_alignment(signals, time_constant)
+    checks += [*input_timing_checks(dataset.inputs, time_constant), *alignment_checks(alignment)]
+    in_place = aligned(signals, alignment)
+    checks += force_checks(signals, dataset.experiment.vehicle)
+    rotations = rotation_checks(in_place, time_constant)
+    checks += [*rotations, *velocity_checks(in_place, time_constant), *_stability(signals)]
+    # Of sensors that contradict each other none is a witness.
+    if not any(check.passed is False and check.subject in sound for check in rotations):
+        swings, away = excursion_checks(signals, stepped)
+        checks += swings
+        marks += away
+    checks += [*excitation_checks(dataset, signals), *fitness_checks(dataset, time_constant)]
+    every = slice(None, None, 1 + dataset.inputs.time.size // _MOST_INPUTS)
+    inputs = InputRecord(dataset.inputs.time[every], dataset.inputs.values[every])
+    presence = {name: _presence(record, span) for name, record in sensors.items()}
+    return Inspection(checks, marks, inputs, presence, span)
+
+
+def _alone(dataset: Dataset, name: str, found: Screened) -> list[Check]:
+    """Verdicts on a sensor by itself."""
+    record = dataset.sensors[name]
+    checks = timing_checks(name, record, found.jumps) if record.time.size > 1 else []
+    checks += [*data_checks([dataset], "", [name]), *reading_checks(name, record, found.spikes, found.largest)]
+    tells_pitch = name == "attitude" and np.isfinite(record.values[:, 1]).any()
+    return [*checks, gimbal_check(record)] if tells_pitch else checks
+
+
+def _no_sensor() -> Check:
+    return judged("dataset", "sensors", "none", "some", False, "There is nothing to judge, nor to identify from.")
+
+
+def _silent(name: str) -> Check:
+    advice = f"{name} holds no valid value at all: leave it out, or find out why."
+    return judged(name, "missing", "100% of values", "some", False, advice)
+
+
+def _said_at_import(run: RunSettings) -> list[Check]:
+    """What only the log could tell, such as that its other clock is the better one."""
+    remarks = run.recording.remarks if isinstance(run, ImportedRun) else {}
+    return [
+        judged(name, "import", "a remark", "none", None, f"At import: {'; '.join(said)}.")
+        for name, said in remarks.items()
+    ]
+
+
+def _vehicle(vehicle: VehicleSettings) -> list[Check]:
+    """What of the vehicle's numbers can hardly be."""
+    advice = "Look at the sign and the unit of that number in the vehicle file, and at what it is compared with."
+    return [judged("vehicle", doubt.subject, doubt.stated, doubt.expected, None, advice) for doubt in doubts(vehicle)]
+
+
+def _span(inputs: InputRecord, sensors: dict[str, SensorRecord]) -> tuple[float, float]:
+    times = [inputs.time, *(record.time for record in sensors.values())]
+    return min(float(time[0]) for time in times), max(float(time[-1]) for time in times)
+
+
+def _angles(sensors: dict[str, SensorRecord]) -> Iterator[tuple[str, int, str]]:
+    """Sensor, component and symbol of each angle that is measured."""
+    for name, record in sensors.items():
+        for component, quantity in enumerate(SENSORS[name]):
+            if quantity.unit == "rad" and np.isfinite(record.values[:, component]).sum() > 1:
+                yield name, component, quantity.symbol
+
+
+def _stability(signals: Signals) -> list[Check]:
+    """Bias instability of the rates, from what attitude does not explain of them: that of both together."""
+    checks = []
+    for symbol, tie in attitude_rates(signals).items():
+        if signals.has(symbol):
+            left = signals.values[symbol] - tie.total()
+            found = bias_instability(left[np.isfinite(left)], signals.grid.step)
+            if found is not None:
+                checks.append(
+                    judged(
+                        "gyroscope",
+                        f"bias instability of {symbol}",
+                        f"{np.rad2deg(found.value) * 3600.0:.3g} deg/h at {found.time:.3g} s",
+                        "Allan deviation of what attitude does not explain",
+                        True,
+                        "",
+                    )
+                )
+    return checks
+
+
+def _presence(record: SensorRecord, span: tuple[float, float]) -> Array:
+    """How many of the usual readings there are in each piece of the span, 0 to 1; a piece has room for a few."""
+    time = record.time[np.isfinite(record.values).any(axis=1)]
+    usual = float(np.median(np.diff(record.time))) if record.time.size > 1 else np.inf
+    expected = (span[1] - span[0]) / usual
+    pieces = int(np.clip(expected / _READINGS, 1, _PIECES))
+    count, _ = np.histogram(time, pieces, span)
+    return np.minimum((count + 1) * pieces / max(expected, 1.0), 1.0) * (count > 0)

@@ -1,0 +1,54 @@
+"""How far the DVL sits from the accelerometer along the hull."""
+
+from auvid_cli.evaluation.check import Check
+from auvid_cli.inspection.grid import Signals, smoothed
+from auvid_cli.inspection.inspection import judged
+from auvid_cli.inspection.kinematics import Tie, attitude_rates, swings
+from auvid_cli.inspection.regression import fit
+from auvid_cli.inspection.responses import known_sign
+
+# m
+_USUAL = 0.15
+_SIGMAS = 3.0
+_SOURCES = (("v", "fy", "r"), ("w", "fz", "q"))
+
+
+def lever_arm_checks(signals: Signals, forces: dict[str, Tie]) -> list[Check]:
+    """Verdict on the distance along the hull by v in yaw and by w in pitch, where either tells.
+
+    A DVL that sits ahead by x measures ``v + x r`` and ``w - x q``, whose change contains what the accelerometer does
+    not feel. Without one the arm could not be told from the drift of a hull in a turn, which is proportional to the
+    turn rate as well.
+
+    Parameters
+    ----------
+    signals : Signals
+    forces : dict of Tie
+        Of `kinematics.felt_accelerations`.
+    """
+    found = {}
+    for symbol, force, rate in _SOURCES:
+        window = signals.window(symbol, force, rate, "psi")
+        turning = signals.values.get(rate, attitude_rates(signals)[rate].total())
+        lacking = forces[symbol].total() - signals.values[force]
+        # A scale of u that is wrong shows in u times the rate.
+        lacking, swing, carried = (
+            smoothed(each, window) for each in (lacking, swings(signals)[symbol], signals.values["u"] * turning)
+        )
+        arm = fit(lacking, swing, [carried], window)
+        if arm is not None and arm.error < _USUAL / _SIGMAS:
+            is_far = known_sign(arm) != 0 and abs(arm.gain) > _USUAL + _SIGMAS * arm.error
+            found[f"{arm.gain:+.2f} +- {arm.error:.2g} m by {symbol} and {rate}"] = not is_far
+    if not found:
+        return []
+    return [
+        judged(
+            "dvl",
+            "lever arm",
+            f"ahead of the accelerometer by {', '.join(found)}",
+            f"<= {_USUAL:g} m",
+            all(found.values()) or None,
+            "DVL and accelerometer sit apart, so one of them is not at the origin of the model: state its place "
+            "(`position` in the map).",
+        )
+    ]

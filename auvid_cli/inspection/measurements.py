@@ -1,0 +1,161 @@
+"""What a sensor says by itself: spikes, quantisation, noise floor."""
+
+from math import comb, inf
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, median_filter
+
+from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.data.noise import quantisation_step
+from auvid_cli.evaluation.check import Check
+from auvid_cli.inspection.inspection import judged
+from auvid_cli.vehicle.parameters import SENSORS, Quantity
+
+Array = NDArray[np.float64]
+
+_LARGEST_SPIKE = 15.0
+_LEAST_OF_STATED = 0.2
+# Usual spans of five readings.
+_LONGEST_FIVE = 1.75
+_ORDERS = (2, 4, 6, 8)
+_TIMES_STATED = 2.0
+# So many samples show a quantisation step.
+_ENOUGH = 100_000
+# A step whose rounding error is as large as the noise that is stated.
+_LARGEST_STEP = 12.0**0.5
+
+
+def continuous(values: Array, quantity: Quantity) -> Array:
+    """Values without what is missing; angles without jumps of a turn."""
+    known = values[np.isfinite(values)]
+    return np.unwrap(known) if quantity.unit == "rad" and quantity.symbol != "theta" else known
+
+
+def noise_floor(values: Array) -> float:
+    """Standard deviation of what changes from sample to sample without any smooth course.
+
+    The least over some orders of differences of their median absolute value, so that neither spikes nor motion count;
+    an upper bound of white noise.
+    """
+    # `logs.noise` states a noise for a filter and takes second differences alone, which leave some motion in it: too
+    # much is safe there. Here a noise that was stated is doubted, so no motion may count.
+    least = inf
+    difference = values
+    for order in range(1, _ORDERS[-1] + 1):
+        difference = np.diff(difference)
+        if difference.size and order in _ORDERS:
+            least = min(least, 1.4826 * float(np.median(np.abs(difference))) / comb(2 * order, order) ** 0.5)
+    return least
+
+
+def level_distance(values: Array) -> float:
+    """Quantisation step of a signal, 0 where none shows: two levels alone are no grid."""
+    some = values[:_ENOUGH]
+    return quantisation_step(some) if np.unique(some).size > 2 else 0.0
+
+
+def spike_sizes(time: Array, values: Array, stated: float) -> Array:
+    """How far each reading is from its neighbours, in robust standard deviations of that distance.
+
+    The lesser of the distances to the median of five and to the cubic through the two on either side: the former does
+    not see the ends of a step, the latter no smooth extreme. Of five in a row only the farthest counts, for it draws
+    the cubics beside it away, and none beside a gap.
+
+    Parameters
+    ----------
+    time, values : ndarray, shape (n,)
+        s; readings without NaN, angles without jumps of a turn.
+    stated : float
+        Noise, a fifth of which is the least standard deviation: what is smoother than that may be less so at times.
+    """
+    distance = np.zeros(values.size)
+    if values.size < 5:
+        return distance
+    a, b, x, d, e = (values[i : values.size - 4 + i] for i in range(5))
+    from_cubic = np.abs(x - (4.0 * (b + d) - a - e) / 6.0)
+    lasted = time[4:] - time[:-4]
+    whole = lasted < _LONGEST_FIVE * float(np.median(lasted))
+    scale = 1.4826 * float(np.median(from_cubic[whole]))
+    # A constant without noise has no scale of its own.
+    floor = max(scale, level_distance(values), _LEAST_OF_STATED * stated) or 1.0
+    from_median = np.abs(x - median_filter(values, 5, mode="nearest")[2:-2])
+    distance[2:-2] = np.where(whole, np.minimum(from_cubic, from_median), 0.0) / floor
+    # The cubic of its neighbours is two thirds as far off as a spike, and may be all there is to tell them apart.
+    farthest = np.zeros(values.size)
+    farthest[2:-2] = from_cubic
+    return np.where(maximum_filter1d(farthest, 5) == farthest, distance, 0.0)
+
+
+def spikes(record: SensorRecord, name: str) -> tuple[NDArray[np.bool_], dict[str, tuple[float, float]]]:
+    """Where the readings of a sensor are spikes, and the largest of each component.
+
+    Returns
+    -------
+    mask : ndarray of bool, shape (n, c)
+    largest : dict
+        By component, its size in robust standard deviations and its time, s.
+    """
+    mask = np.zeros(record.values.shape, np.bool_)
+    largest = {}
+    for component, quantity in enumerate(SENSORS[name]):
+        column = record.values[:, component]
+        known = np.flatnonzero(np.isfinite(column))
+        if known.size:
+            time, stated = record.time[known], record.standard_deviation[component]
+            sizes = spike_sizes(time, continuous(column, quantity), stated)
+            mask[known, component] = sizes > _LARGEST_SPIKE
+            at = int(sizes.argmax())
+            largest[quantity.symbol] = float(sizes[at]), float(time[at])
+    return mask, largest
+
+
+def reading_checks(
+    name: str, record: SensorRecord, mask: NDArray[np.bool_], largest: dict[str, tuple[float, float]]
+) -> list[Check]:
+    """Spikes as found by `spikes`, quantisation and noise floor of a sensor."""
+    symbol = max(largest, key=lambda one: largest[one][0])
+    size, at = largest[symbol]
+    count = int(mask.any(axis=1).sum())
+    checks = [
+        judged(
+            name,
+            "spikes",
+            f"{count}; largest {symbol} {size:.3g} at t = {at:.6g} s",
+            f"none beyond {_LARGEST_SPIKE:g} robust standard deviations from its neighbours",
+            not count,
+            "Single readings far from their neighbours: mark them as not valid, or let the filter reject them "
+            "(`identification.gate`).",
+        )
+    ]
+    steps, floors = {}, {}
+    for component, quantity in enumerate(SENSORS[name]):
+        values, stated = continuous(record.values[:, component], quantity), record.standard_deviation[component]
+        if values.size > _ORDERS[-1] and stated > 0.0:
+            steps[quantity.symbol] = level_distance(values) / stated
+            floors[quantity.symbol] = noise_floor(values) / stated
+    if not floors:
+        return checks
+    return [
+        *checks,
+        Check.of_values(
+            "",
+            name,
+            "quantisation",
+            steps,
+            _LARGEST_STEP,
+            "times the stated noise",
+            f"The steps of {name} are coarser than its stated noise: state step / sqrt(12), or log more digits.",
+            fails=False,
+        ),
+        Check.of_values(
+            "",
+            name,
+            "noise floor",
+            floors,
+            _TIMES_STATED,
+            "times the stated noise",
+            f"{name} scatters more than is stated: state what it does, or find the scale or unit that is wrong.",
+            fails=False,
+        ),
+    ]

@@ -1,0 +1,146 @@
+"""How far pitch is off: by the depth that was really gained, or by gravity; all the time or for a while."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.evaluation.check import Check
+from auvid_cli.inspection.grid import Signals, derivative, smoothed, without_mean
+from auvid_cli.inspection.inspection import judged
+from auvid_cli.inspection.kinematics import Tie
+from auvid_cli.inspection.regression import Fit, fit
+from auvid_cli.vehicle.kinematics import GRAVITY
+
+Array = NDArray[np.float64]
+
+_USUAL, _LARGEST = np.deg2rad(2.0), np.deg2rad(5.0)
+# s, of a piece of the run, at least; and how many pieces there are at most.
+_PIECE, _MOST_PIECES = 10.0, 1000
+# Pieces in a row that an offset lasts, so that it is one.
+_FEWEST_IN_A_ROW = 2
+# Share of the usual speed at which the vehicle goes where its nose points.
+_AHEAD = 0.5
+_ROUNDS = 4
+
+
+class PitchOffset(NamedTuple):
+    """How far theta is off.
+
+    Attributes
+    ----------
+    usual : float
+        Median over pieces of the run, rad.
+    away : float or None
+        Where it is too large for a while only: its median over that time, rad; `span` is the longest such time, s, and
+        `rest` the median of the others.
+    span : tuple of float or None
+    rest : float or None
+    """
+
+    usual: float
+    away: float | None = None
+    span: tuple[float, float] | None = None
+    rest: float | None = None
+
+    @property
+    def largest(self) -> float:
+        """The one to judge by, rad."""
+        return self.usual if self.away is None else self.away
+
+    @property
+    def is_too_large(self) -> bool:
+        """Whether it fails."""
+        return abs(self.largest) > _LARGEST
+
+
+def ahead(signals: Signals) -> NDArray[np.bool_]:
+    """Where the vehicle makes way, so that the depth that it gains tells its pitch."""
+    u = signals.values["u"]
+    return u >= _AHEAD * np.nanquantile(u, 0.9)
+
+
+def offset_by_depth(signals: Signals, dive: Tie) -> PitchOffset | None:
+    """By the depth rate that pitch and speed do not explain; None if the vehicle hardly makes way."""
+    lacking = derivative(signals.values["down"], signals.grid.step) - dive.total()
+    return _offset(signals, np.where(ahead(signals), lacking, np.nan), signals.values["u"])
+
+
+def offset_by_gravity(signals: Signals, forward: Tie) -> PitchOffset | None:
+    """By what the accelerometer feels forwards."""
+    lacking = signals.values["fx"] - forward.total()
+    return _offset(signals, lacking, np.full(lacking.size, -GRAVITY))
+
+
+def fit_over_seconds(signals: Signals, dive: Tie) -> Fit | None:
+    """Depth rate against pitch and surge as in `kinematics.tied`, of what changes within seconds only.
+
+    An offset that comes and goes spoils the gain over the whole run, and leaves this one alone.
+    """
+    window, piece = signals.window("down", "u", "theta"), round(_PIECE / signals.grid.step)
+    sinking = derivative(signals.values["down"], signals.grid.step)
+    moving = np.where(ahead(signals), 0.0, np.nan)
+    within = [without_mean(smoothed(each, window), piece) for each in (sinking + moving, dive.main, *dive.others)]
+    return fit(within[0], within[1], within[2:], window)
+
+
+def _offset(signals: Signals, lacking: Array, weight: Array) -> PitchOffset | None:
+    """From `lacking` = `weight` (sin(theta) - sin(theta - offset)), piece by piece."""
+    grid, theta = signals.grid, signals.values["theta"]
+    known = np.isfinite(lacking) & np.isfinite(weight) & np.isfinite(theta)
+    length = max(round(_PIECE / grid.step), -(-grid.cells // _MOST_PIECES))
+    starts, offsets = [], []
+    for start in range(0, grid.cells, length):
+        piece = slice(start, start + length)
+        own = known[piece]
+        # A piece that is hardly known says little, unless there is no other.
+        if own.sum() >= 0.5 * min(length, grid.cells):
+            starts.append(start)
+            offsets.append(_offset_of_piece(lacking[piece][own], weight[piece][own], theta[piece][own]))
+    if not offsets:
+        return None
+    found = np.array(offsets)
+    usual = float(np.median(found))
+    first, end = _longest_run(np.where(np.abs(found) > _LARGEST, np.sign(found), 0.0))
+    if end - first < _FEWEST_IN_A_ROW or end - first == found.size:
+        return PitchOffset(usual)
+    span = grid.start + grid.step * starts[first], grid.start + grid.step * min(starts[end - 1] + length, grid.cells)
+    rest = np.delete(found, slice(first, end))
+    return PitchOffset(usual, float(np.median(found[first:end])), span, float(np.median(rest)))
+
+
+def _offset_of_piece(lacking: Array, weight: Array, theta: Array) -> float:
+    # Where a sensor errs now and then the median does not follow.
+    missing, offset = float(np.median(lacking)), 0.0
+    for _ in range(_ROUNDS):
+        # sin(theta) - sin(theta - offset) = 2 sin(offset / 2) cos(theta - offset / 2)
+        offset = missing / float(np.mean(weight * np.cos(theta - 0.5 * offset)))
+    return offset
+
+
+def _longest_run(signs: Array) -> tuple[int, int]:
+    """First and one past the last of the longest run of the same sign that is not 0; both 0 if there is none."""
+    edges = np.flatnonzero(np.diff(signs, prepend=np.nan, append=np.nan))
+    runs = [(a, b) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True) if signs[a]]
+    return max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
+
+
+def pitch_offset_check(offset: PitchOffset, witness: str) -> Check:
+    """A verdict on how far theta is off; `witness` says by what."""
+    size = abs(offset.largest)
+    when = ""
+    if offset.span is not None and offset.rest is not None:
+        start, end = offset.span
+        when = f" from t = {start:.4g} to {end:.4g} s, {np.rad2deg(offset.rest):+.2g} deg in the rest"
+    return judged(
+        "attitude",
+        "pitch offset",
+        f"theta is {np.rad2deg(offset.largest):+.2g} deg off by the {witness}{when}",
+        f"<= {np.rad2deg(_USUAL):.2g} deg; fails beyond {np.rad2deg(_LARGEST):.2g} deg",
+        True if size <= _USUAL else None if size <= _LARGEST else False,
+        "The pitch of this source is wrong for a part of the run: use another source, or identify from the rest "
+        "(`--use`)."
+        if when
+        else "The unit that measures theta, or the one that measures velocity, is mounted at an angle: take this off "
+        "theta (or turn u and w by it).",
+    )

@@ -1,0 +1,168 @@
+"""When a sensor speaks, and the inputs: rate, jitter, clock jumps, missing values."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.dataset import InputRecord, SensorRecord
+from auvid_cli.evaluation.check import Check
+from auvid_cli.evaluation.data_checks import gap_limit, repeats
+from auvid_cli.inspection.inspection import judged
+
+Array = NDArray[np.float64]
+
+_LARGEST_JITTER = 0.5
+# s between inputs, of any vehicle.
+_LONGEST_HELD = 0.5
+_MOST_MISSING, _HARDLY_ANY = 0.01, 0.5
+# How much more a reading changes over a long interval than from one sample to the next, where the two tell apart, and
+# how many of the latter a jump of the clock may show.
+_DISTINCT, _CONTINUOUS = 3.0, 3.0
+
+
+def new_reading_rate(record: SensorRecord) -> float:
+    """Median rate of readings that differ from the one before, 1/s; 0 if there are not two."""
+    starts = repeats(record)[:, 0]
+    return 1.0 / float(np.median(np.diff(starts))) if starts.size > 1 else 0.0
+
+
+def clock_jumps(record: SensorRecord) -> NDArray[np.int64]:
+    """Where the time leaps but the readings go on as if it had not.
+
+    Returns
+    -------
+    ndarray of int
+        Indices of the samples before the leaps.
+    """
+    time = record.time
+    intervals = np.diff(time)
+    if not intervals.size:
+        return np.zeros(0, np.int64)
+    usual = float(np.median(intervals))
+    long = np.flatnonzero(intervals > gap_limit(intervals))
+    jumps = [at for at in long if _goes_on(record, int(at), round(float(intervals[at]) / usual))]
+    return np.array(jumps, dtype=np.int64)
+
+
+def _goes_on(record: SensorRecord, before: int, samples: int) -> bool:
+    """Whether the next reading is where the very next sample would be, and not `samples` later."""
+    around = record.values[max(before - 50 * samples, 0) : before + 50 * samples]
+    told = False
+    for component, step in enumerate(record.values[before + 1] - record.values[before]):
+        column = around[:, component]
+        if not np.isfinite(step) or column.size <= samples:
+            continue
+        one, many = _spread(column[1:] - column[:-1]), _spread(column[samples:] - column[:-samples])
+        if many > _DISTINCT * one:
+            if abs(step) > _CONTINUOUS * one:
+                return False
+            told = True
+    return told
+
+
+def _spread(values: Array) -> float:
+    values = np.abs(values[np.isfinite(values)])
+    return 1.4826 * float(np.median(values)) if values.size else np.inf
+
+
+def timing_checks(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> list[Check]:
+    """Rate, jitter, clock (from its `clock_jumps`) and missing values of a sensor with more than one sample."""
+    intervals = np.diff(record.time)
+    return [
+        _rate(name, record, intervals),
+        _jitter(name, intervals),
+        _clock(name, record, jumps),
+        _missing(name, record),
+    ]
+
+
+def input_timing_checks(inputs: InputRecord, time_constant: float | None) -> list[Check]:
+    """Rate and longest gap of the inputs, each of which holds until the next; none if there is but one.
+
+    Parameters
+    ----------
+    inputs : InputRecord
+    time_constant : float or None
+        s, of the vehicle, if it is known.
+    """
+    intervals = np.diff(inputs.time)
+    if not intervals.size:
+        return []
+    usual, longest = float(np.median(intervals)), int(intervals.argmax())
+    limit = gap_limit(intervals)
+    slowest = _LONGEST_HELD if time_constant is None else min(time_constant, _LONGEST_HELD)
+    begin, end = inputs.time[longest], inputs.time[longest + 1]
+    return [
+        judged(
+            "inputs",
+            "rate",
+            f"{1.0 / usual:.4g} Hz",
+            f">= {1.0 / slowest:.3g} Hz",
+            True if usual <= slowest else None,
+            "The inputs were logged more seldom than the vehicle answers them. If only changes were logged all is "
+            "well; else what they did in between is lost: log them faster.",
+        ),
+        judged(
+            "inputs",
+            "gap",
+            f"{end - begin:.4g} s from t = {begin:.6g} s on",
+            f"<= {limit:.3g} s without an input",
+            True if intervals[longest] <= limit else None,
+            f"From t = {begin:.6g} s to {end:.6g} s the last inputs are taken to hold. If they were not logged then, "
+            "leave that time out (`--use`).",
+        ),
+    ]
+
+
+def _rate(name: str, record: SensorRecord, intervals: Array) -> Check:
+    rate, new = 1.0 / float(np.median(intervals)), new_reading_rate(record)
+    repeated = new < 0.8 * rate
+    return judged(
+        name,
+        "rate",
+        f"{rate:.4g} Hz" + (f", new readings at {new:.3g} Hz" if repeated else ""),
+        "every reading new",
+        None if repeated else True,
+        f"{name} was logged more often than it measures. A filter takes each copy for a measurement of its own and "
+        "becomes too sure: keep only new readings.",
+    )
+
+
+def _jitter(name: str, intervals: Array) -> Check:
+    usual = float(np.median(intervals))
+    least, most = np.quantile(intervals, [0.01, 0.99])
+    spread = float(most - least) / usual
+    return judged(
+        name,
+        "jitter",
+        f"98 % of intervals {least:.4g} to {most:.4g} s",
+        f"within {_LARGEST_JITTER:.0%} of {usual:.4g} s",
+        True if spread <= _LARGEST_JITTER else None,
+        f"Times of {name} are those of a busy logger rather than of the measurement, or readings are missing: if the "
+        "device stamps its own, use those.",
+    )
+
+
+def _clock(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> Check:
+    found = ", ".join(f"{record.time[i + 1] - record.time[i]:.4g} s at t = {record.time[i]:.6g} s" for i in jumps[:3])
+    return judged(
+        name,
+        "clock",
+        f"{jumps.size} jumps: {found}" if jumps.size else "no jump",
+        "no leap of the time without one of the readings",
+        not jumps.size,
+        f"The clock of {name} was set while it ran: from there on its times do not fit those of the others. Shift "
+        "them back, or use only one side of the jump.",
+    )
+
+
+def _missing(name: str, record: SensorRecord) -> Check:
+    share = 1.0 - np.isfinite(record.values).mean()
+    return judged(
+        name,
+        "missing",
+        f"{share:.2%} of values",
+        f"<= {_MOST_MISSING:.0%}",
+        True if share <= _MOST_MISSING else None if share <= _HARDLY_ANY else False,
+        f"{name} often has no valid value: look at what makes it fail (bottom lost, quality flags), and whether they "
+        "are missing just when the vehicle manoeuvres.",
+    )

@@ -1,0 +1,230 @@
+"""What the velocities say, against depth, accelerometer and the turns: signs, scales, mounting."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.evaluation.check import Check
+from auvid_cli.inspection.grid import Signals, derivative, smoothed
+from auvid_cli.inspection.inspection import judged
+from auvid_cli.inspection.kinematics import Tie, diving_speed, felt_accelerations, swings, tied
+from auvid_cli.inspection.lever_arm import lever_arm_checks
+from auvid_cli.inspection.pitch_offset import (
+    PitchOffset,
+    fit_over_seconds,
+    offset_by_depth,
+    offset_by_gravity,
+    pitch_offset_check,
+)
+from auvid_cli.inspection.regression import Fit, fit
+from auvid_cli.inspection.responses import known_sign, slip_sign, thrust_check
+from auvid_cli.inspection.units import mistaken_units
+
+Array = NDArray[np.float64]
+
+_TOLERANCE, _LEAST_CORRELATION, _SIGMAS = 0.2, 0.7, 3.0
+# An accelerometer has its own place and is felt with gravity: of the size only the order.
+_LARGEST_FACTOR = 3.0
+_LEAST_ACCELERATION, _LEAST_SPEED = 0.02, 0.02
+_SLOWEST, _FASTEST, _LARGEST_SLIP = 0.05, 15.0, 0.5
+_USUAL_OFFSET = np.deg2rad(2.0)
+_UNDER_WAY = 0.2
+
+
+def velocity_checks(signals: Signals, time_constant: float | None) -> list[Check]:
+    """Verdicts on the DVL and on what depends on it; where its axes are not even plausible nothing more is told.
+
+    Parameters
+    ----------
+    signals : Signals
+    time_constant : float or None
+        s, of the vehicle, if it is known.
+    """
+    if not signals.has("u", "v", "w"):
+        return []
+    speed = _speed(signals)
+    if speed.passed is False:
+        return [speed]
+    checks, forces, offset = [speed], felt_accelerations(signals), None
+    dive = diving_speed(signals) if signals.has("down") else None
+    if dive is not None:
+        offset = offset_by_depth(signals, dive)
+        depth = _depth_rate(signals, dive, offset)
+        checks.append(depth)
+        # A depth that contradicts itself is no witness.
+        dive = None if depth.passed is False else dive
+    if forces:
+        checks.append(_against_force(signals, "u", forces["u"]))
+    directions = [_direction(signals, symbol, forces, dive) for symbol in ("v", "w")]
+    checks += directions
+    if dive is not None and offset is not None:
+        checks.append(pitch_offset_check(offset, "depth rate"))
+    elif forces and (offset := offset_by_gravity(signals, forces["u"])) is not None:
+        checks.append(pitch_offset_check(offset, "accelerometer"))
+    if signals.has("r"):
+        checks.append(_heading_offset(signals))
+    # A turned sign looks like an arm.
+    if forces and all(direction.passed is not False for direction in directions):
+        checks += lever_arm_checks(signals, forces)
+    return [*checks, thrust_check(signals, time_constant)]
+
+
+def mean_speed(signals: Signals) -> float | None:
+    """Mean surge velocity while under way, m/s; None if none was measured, or the vehicle lay still."""
+    if not signals.has("u"):
+        return None
+    u = np.abs(signals.values["u"])
+    u = u[np.isfinite(u)]
+    return (float(u[u >= _UNDER_WAY * np.quantile(u, 0.9)].mean()) or None) if u.size else None
+
+
+def _speed(signals: Signals) -> Check:
+    u, v, w = (float(np.nanmedian(signals.values[symbol])) for symbol in "uvw")
+    slips = max(float(np.nanmedian(np.abs(signals.values[symbol]))) for symbol in "vw")
+    plausible = _SLOWEST <= u <= _FASTEST and slips <= _LARGEST_SLIP * u
+    return judged(
+        "dvl",
+        "speed",
+        f"median u {u:.3g}, v {v:.3g}, w {w:.3g} m/s",
+        f"u {_SLOWEST:g} to {_FASTEST:g} m/s; |v|, |w| <= {_LARGEST_SLIP:g} u",
+        plausible,
+        "The vehicle does not go forwards by these: axes exchanged, a sign turned, a unit mistaken (knots, mm/s), a "
+        "DVL mounted at an angle, or velocity over the earth instead of in body axes. What needs them was not checked.",
+    )
+
+
+def _against_force(signals: Signals, symbol: str, tie: Tie) -> Check:
+    """Change of a velocity against the accelerometer: sign and order of size."""
+    window = signals.window(symbol, f"f{'xyz'['uvw'.index(symbol)]}")
+    force = signals.values[f"f{'xyz'['uvw'.index(symbol)]}"]
+    moved = tied(force, tie.main, tie.others, window)
+    # Where the sensors do not sit together, what turning adds to one of them is no change of velocity.
+    apart = [swing for other, swing in swings(signals).items() if other == symbol]
+    found = tied(force, tie.main, (*tie.others, *apart), window)
+    name = f"{symbol} against accelerometer"
+    threshold = f"gain {1.0 / _LARGEST_FACTOR:.2g} to {_LARGEST_FACTOR:g}"
+    if found is None or moved is None or moved.spread < _LEAST_ACCELERATION or not known_sign(found):
+        return _not_told(symbol, name, threshold)
+    return judged(
+        "dvl",
+        name,
+        f"gain {found.gain:.3g} +- {found.error:.2g}, correlation {found.correlation:.2g}",
+        threshold,
+        1.0 / _LARGEST_FACTOR <= found.gain <= _LARGEST_FACTOR,
+        _with_units(
+            f"{symbol} does not change as the accelerometer feels it: its sign is turned, its unit mistaken, or its "
+            "axis exchanged with another.",
+            mistaken_units(found.gain, ("the accelerometer", "m/s^2"), (symbol, "m/s")),
+        ),
+    )
+
+
+def _direction(signals: Signals, symbol: str, forces: dict[str, Tie], dive: Tie | None) -> Check:
+    """Sign of v or w by the best witness there is: depth, accelerometer, or the slip in a turn."""
+    if symbol == "w" and dive is not None:
+        window = signals.window("down", "w", "theta")
+        by_heave, by_sway = dive.others
+        found = tied(_sinking(signals), by_heave, (dive.main, by_sway), window)
+        if found is not None and found.spread > _LEAST_SPEED and known_sign(found):
+            return judged(
+                "dvl",
+                "w against depth",
+                f"gain {found.gain:.3g} +- {found.error:.2g}, correlation {found.correlation:.2g}",
+                "positive",
+                found.gain > 0.0,
+                "The depth changes against w: turn the sign of w (positive down).",
+            )
+    if forces:
+        against = _against_force(signals, symbol, forces[symbol])
+        if against.passed is not None:
+            return against
+    told = slip_sign(signals, symbol) if signals.has("p", "q", "r") else {}
+    name, outwards = f"{symbol} in a turn", f"{symbol} points out of the turn"
+    if not told:
+        return _not_told(symbol, name, outwards)
+    agrees = any(sign > 0 for sign in told.values())
+    return judged(
+        "dvl",
+        name,
+        outwards if agrees else f"{symbol} points into the turn",
+        outwards,
+        agrees,
+        f"Slender hulls drift outwards: turn the sign of {symbol}, unless the DVL sits so far from the origin that its "
+        "own speed in the turn outweighs this (then correct for its lever arm).",
+    )
+
+
+def _not_told(symbol: str, name: str, threshold: str) -> Check:
+    return judged(
+        "dvl",
+        name,
+        "not excited enough to tell",
+        threshold,
+        None,
+        f"{symbol} hardly changes, or nothing witnesses it: its sign cannot be checked on these data.",
+    )
+
+
+def _sinking(signals: Signals) -> Array:
+    return derivative(signals.values["down"], signals.grid.step)
+
+
+def _depth_rate(signals: Signals, dive: Tie, offset: PitchOffset | None) -> Check:
+    """Depth rate against what pitch and surge make of it; an offset of pitch, which may come and go, is no fault."""
+    window = signals.window("down", "u", "theta")
+    found: Fit | None = tied(_sinking(signals), dive.main, dive.others, window)
+    threshold = f"gain 1 +- {_TOLERANCE}, correlation >= {_LEAST_CORRELATION}"
+    if found is None or found.spread < _LEAST_SPEED:
+        return judged(
+            "depth",
+            "depth against pitch and u",
+            "not excited enough to tell",
+            threshold,
+            None,
+            "The vehicle hardly pitches: signs and scales of depth and theta cannot be checked on these data.",
+        )
+    agrees, over = found.correlation >= _LEAST_CORRELATION and _is_one(found), ""
+    if not agrees and offset is not None and offset.is_too_large:
+        within_seconds = fit_over_seconds(signals, dive)
+        if within_seconds is not None and known_sign(within_seconds) > 0 and _is_one(within_seconds):
+            found, agrees, over = within_seconds, True, ", of what changes within seconds"
+    return judged(
+        "depth",
+        "depth against pitch and u",
+        f"gain {found.gain:.3g} +- {found.error:.2g}, correlation {found.correlation:.2g}{over}",
+        threshold,
+        agrees,
+        _with_units(
+            "The vehicle does not go where its nose points: depth must be positive down and in m, theta positive nose "
+            "up; or one of them is delayed.",
+            mistaken_units(found.gain, ("depth", "m"), ("u", "m/s")),
+        ),
+    )
+
+
+def _with_units(advice: str, unit: str) -> str:
+    return f"{advice} By the size of the gain: {unit}" if unit else advice
+
+
+def _is_one(found: Fit) -> bool:
+    return abs(found.gain - 1.0) <= _TOLERANCE + _SIGMAS * found.error
+
+
+def _heading_offset(signals: Signals) -> Check:
+    """Angle about z between the DVL and the hull: sway in proportion to surge that no turn explains."""
+    value = signals.values
+    window = signals.window("u", "v", "r")
+    u, v = value["u"], value["v"]
+    found = fit(smoothed(v, window), smoothed(u, window), [smoothed(value["r"] * u, window)], window)
+    threshold = f"<= {np.rad2deg(_USUAL_OFFSET):.2g} deg"
+    tangent = 0.0 if found is None else found.gain
+    seen = found is not None and found.error < 0.5 * np.tan(_USUAL_OFFSET)
+    return judged(
+        "dvl",
+        "heading offset",
+        f"{np.rad2deg(np.arctan(tangent)):.2g} deg" if seen else "not excited enough to tell",
+        threshold,
+        True if seen and abs(tangent) <= np.tan(_USUAL_OFFSET) else None,
+        "Sway goes with surge: the DVL may be turned to the hull by this; estimate it (`identification.estimate`)."
+        if seen
+        else "The speed hardly changes apart from the turns: a DVL turned to the hull would not show.",
+    )

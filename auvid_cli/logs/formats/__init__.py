@@ -1,0 +1,1 @@
+"""Logs as files of their kind hold them: named tables of named columns."""

@@ -1,0 +1,218 @@
+"""Logs of ArduPilot and MAVLink: DataFlash (.BIN) and telemetry (.tlog). A table for each kind of message.
+
+A message that is cut off at the end of a log, where power went off, is left out.
+"""
+
+import mmap
+import re
+import struct
+from array import array
+from collections.abc import Iterator, Sequence
+from contextlib import closing, redirect_stderr, redirect_stdout
+from functools import cached_property
+from io import StringIO
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.damage import refusing_damage
+from auvid_cli.errors import FileError
+from auvid_cli.logs.formats.log import LOG_TIME, Column, ColumnValues, Log
+from auvid_cli.logs.formats.lookup import look_up
+
+try:
+    from pymavlink.DFReader import FORMAT_TO_STRUCT, DFFormat, DFReader_binary
+    from pymavlink.dialects.v20 import ardupilotmega as mavlink
+except ModuleNotFoundError as error:
+    raise FileError("reading ArduPilot logs needs the package pymavlink: pip install 'auvid[ardupilot]'") from error
+
+_SECONDS = {"TimeUS": 1e6, "TimeMS": 1e3}
+_HEADER_BYTES = 3
+_LIST_LENGTH = 32
+_ELEMENT = re.compile(r"(?P<name>.+)\[(?P<index>\d+)\]")
+
+# A telemetry log is a stamp and a message, again and again; a message has so many bytes besides what it carries.
+_STAMP_BYTES = 8
+_VERSION_1, _VERSION_2 = mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2
+_OVERHEAD = {_VERSION_1: 8, _VERSION_2: 12}
+_SHORTEST_PACKET, _HEAD_BYTES = 8, 10
+
+
+class DataFlashLog(Log):
+    """What the autopilot writes on its card; its time is counted from when it was switched on.
+
+    Of a message that several of a kind send, such as IMU, there is a table of all and one of each, IMU[0].
+    """
+
+    def tables(self) -> dict[str, tuple[Column, ...]]:
+        """Columns of each kind of message that has a time and was sent, with the units that the log states."""
+        return self._tables
+
+    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
+        """Columns by name, scaled to the unit that is stated."""
+        found = look_up(self, table, columns)
+        kind, instance = _split(table)
+        form, rows = self._rows(kind)
+        if instance is not None:
+            rows = rows[rows[form.instance_field] == instance]
+        return {column.name: _values(form, rows, column) for column in found}
+
+    @cached_property
+    def _tables(self) -> dict[str, tuple[Column, ...]]:
+        tables = {}
+        for kind in sorted(self._index):
+            form, rows = self._rows(kind)
+            if len(rows) and not _SECONDS.keys().isdisjoint(form.columns):
+                tables[kind] = tuple(_columns(form))
+                for instance in np.unique(rows[form.instance_field]) if form.instance_field else ():
+                    tables[f"{kind}[{instance}]"] = tables[kind]
+        return tables
+
+    @cached_property
+    def _index(self) -> dict[str, tuple[DFFormat, list[int]]]:
+        """How each kind of message is written, and where."""
+        complaints = StringIO()
+        refusing = refusing_damage(lambda reason: f"{self.path}: is damaged: {reason}")
+        # The library prints a line for each byte that it does not understand, and goes on.
+        out, err = redirect_stdout(complaints), redirect_stderr(complaints)
+        with refusing, out, err, closing(_Reader(str(self.path))) as reader:
+            index = {name: (reader.formats[k], reader.offsets[k]) for name, k in reader.name_to_id.items()}
+        if complaints.getvalue():
+            raise FileError(f"{self.path}: is damaged: {complaints.getvalue().splitlines()[0]}")
+        return index
+
+    def _rows(self, kind: str) -> tuple[DFFormat, NDArray[np.void]]:
+        """Messages of a kind as they are written."""
+        form, offsets = self._index[kind]
+        try:
+            layout = np.dtype([(name, _dtype(code)) for name, code in zip(form.columns, form.format, strict=True)])
+        except ValueError as error:
+            raise FileError(f"{self.path}: is damaged where it says how {kind} is written: {error}") from error
+        with self.path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            starts = (offset + _HEADER_BYTES for offset in offsets)
+            messages = (data[start : start + layout.itemsize] for start in starts)
+            whole = b"".join(message for message in messages if len(message) == layout.itemsize)
+        return form, np.frombuffer(whole, layout) if whole else np.empty(0, layout)
+
+
+class _Reader(DFReader_binary):
+    """The library's reader without its haste and its guess of the date."""
+
+    def init_arrays_fast(self, progress_callback: None = None) -> None:
+        """Look for the messages in Python: what is compiled complains past it, straight to the terminal."""
+        self.init_arrays(progress_callback)
+
+    def init_clock(self) -> None:
+        """Let time count from when the autopilot was switched on: the date would be sought in the whole log."""
+
+
+def _dtype(code: str) -> np.dtype[Any]:
+    """How a field is written."""
+    if code == "a":
+        return np.dtype(("<i2", (_LIST_LENGTH,)))
+    written = FORMAT_TO_STRUCT[code][0]
+    return np.dtype("S" + written[:-1] if written.endswith("s") else "<" + written)
+
+
+def _columns(form: DFFormat) -> Iterator[Column]:
+    yield Column(LOG_TIME, "s")
+    for name, code in zip(form.columns, form.format, strict=True):
+        unit = form.get_unit(name)
+        if code == "a":
+            yield from (Column(f"{name}[{k}]", unit) for k in range(_LIST_LENGTH))
+        else:
+            yield Column(name, unit, is_text=code in "nNZ")
+
+
+def _values(form: DFFormat, rows: NDArray[np.void], column: Column) -> ColumnValues:
+    if column.name == LOG_TIME:
+        name = next(name for name in _SECONDS if name in form.columns)
+        return rows[name] / _SECONDS[name]
+    if column.is_text:
+        # What follows the zero byte in a text is whatever was in memory.
+        return np.array([text.split(b"\0")[0].decode("utf-8", "backslashreplace") for text in rows[column.name]], str)
+    name, index = _split(column.name)
+    values = (rows[name] if index is None else rows[name][:, index]).astype(np.float64)
+    factor = form.msg_mults[form.columns.index(name)]
+    # The factors are 0.01 and 1e-7, which have no exact binary form; their inverses have.
+    return values if factor is None else values / round(1.0 / factor)
+
+
+class TelemetryLog(Log):
+    """What a ground station hears from the vehicle over MAVLink; its time is that of the ground station."""
+
+    def tables(self) -> dict[str, tuple[Column, ...]]:
+        """Columns of each kind of message, with the units that MAVLink states."""
+        return self._tables
+
+    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
+        """Columns by name, in MAVLink's own units."""
+        found = look_up(self, table, columns)
+        values = {column.name: [] if column.is_text else array("d") for column in found}
+        places = {column.name: _split(column.name) for column in found if column.name != LOG_TIME}
+        number = next(number for number, kind in mavlink.mavlink_map.items() if kind.msgname == table)
+        parser = mavlink.MAVLink(None)
+        for start, seconds, packet in self._packets(number):
+            try:
+                message = parser.decode(bytearray(packet))
+            except (mavlink.MAVError, struct.error) as error:
+                raise FileError(f"{self.path}: byte {start}: a damaged {table} message: {error}") from error
+            for name, found_values in values.items():
+                if name == LOG_TIME:
+                    found_values.append(seconds)
+                else:
+                    field, index = places[name]
+                    value = getattr(message, field)
+                    found_values.append(value if index is None else value[index])
+        return {name: np.array(found, None if isinstance(found, array) else str) for name, found in values.items()}
+
+    @cached_property
+    def _tables(self) -> dict[str, tuple[Column, ...]]:
+        kinds = {mavlink.mavlink_map[number] for number in {_number(packet) for _, _, packet in self._packets()}}
+        if not kinds:
+            raise FileError(f"{self.path}: holds no MAVLink message that is known")
+        return {kind.msgname: tuple(_message_columns(kind)) for kind in sorted(kinds, key=lambda kind: kind.msgname)}
+
+    def _packets(self, number: int | None = None) -> Iterator[tuple[int, float, bytes]]:
+        """Place, time in s since the epoch, and bytes of each known message, or of those of one number."""
+        data = self.path.read_bytes()
+        start = 0
+        while start + _STAMP_BYTES + _SHORTEST_PACKET <= len(data):
+            head = data[start + _STAMP_BYTES : start + _STAMP_BYTES + _HEAD_BYTES]
+            if head[0] not in _OVERHEAD:
+                raise FileError(f"{self.path}: byte {start}: no MAVLink message where one must begin: is damaged")
+            signed = head[0] == _VERSION_2 and head[2] & mavlink.MAVLINK_IFLAG_SIGNED
+            length = head[1] + _OVERHEAD[head[0]] + (mavlink.MAVLINK_SIGNATURE_BLOCK_LEN if signed else 0)
+            end = start + _STAMP_BYTES + length
+            if end > len(data):
+                return
+            found = _number(head)
+            if found in mavlink.mavlink_map and number in (None, found):
+                (stamp,) = struct.unpack_from(">Q", data, start)
+                yield start, stamp / 1e6, data[start + _STAMP_BYTES : end]
+            start = end
+
+
+def _number(packet: bytes) -> int:
+    """Number of the kind of a message."""
+    return int.from_bytes(packet[7:10], "little") if packet[0] == _VERSION_2 else packet[5]
+
+
+def _message_columns(kind: Any) -> Iterator[Column]:
+    yield Column(LOG_TIME, "s")
+    # Lengths come in the order in which fields are sent.
+    lengths = dict(zip(kind.ordered_fieldnames, kind.array_lengths, strict=True))
+    for name, written in zip(kind.fieldnames, kind.fieldtypes, strict=True):
+        length = lengths[name]
+        unit = kind.fieldunits_by_name.get(name, "")
+        if written == "char" or not length:
+            yield Column(name, unit, is_text=written == "char")
+        else:
+            yield from (Column(f"{name}[{k}]", unit) for k in range(length))
+
+
+def _split(column: str) -> tuple[str, int | None]:
+    """A field, and the place in its list if it is one."""
+    element = _ELEMENT.fullmatch(column)
+    return (element["name"], int(element["index"])) if element else (column, None)

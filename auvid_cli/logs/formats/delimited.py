@@ -1,0 +1,154 @@
+"""Logs that are delimited text, CSV of any make: one table."""
+
+import gzip
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import IO, cast
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from auvid_cli.errors import FileError
+from auvid_cli.logs.formats.log import Column, ColumnValues, Log
+from auvid_cli.logs.formats.lookup import look_up
+from auvid_cli.logs.formats.rows import Rows, survey
+from auvid_cli.logs.formats.text_layout import BLANKS, FLAGS, Header, TextLayout, read_header
+from auvid_cli.logs.formats.units import MISSING, is_number
+
+_GZIP = b"\x1f\x8b"
+_OPEN_QUOTE = "a quotation mark is left open, or a field goes on in the next line"
+_HEAD_BYTES = 1 << 17
+_CHUNK_ROWS = 100_000
+
+
+class DelimitedLog(Log):
+    """A log of delimited text, plain or compressed with gzip.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    layout : TextLayout
+        What its header does not tell.
+    """
+
+    def __init__(self, path: Path, layout: TextLayout) -> None:
+        super().__init__(path)
+        self._missing = (*MISSING, *layout.missing)
+        with self._opened() as file:
+            head = file.read(_HEAD_BYTES)
+        if len(head) == _HEAD_BYTES:
+            head, feed, _ = head.rpartition(b"\n")
+            if not feed:
+                raise FileError(f"{path}:1: a line of more than {_HEAD_BYTES >> 10} kB where names should be")
+        # As the rows are counted: at nothing but a line feed.
+        lines = _decode(head).removesuffix("\n").split("\n")
+        self._header: Header = read_header(path, lines, layout)
+
+    def tables(self) -> dict[str, tuple[Column, ...]]:
+        """Columns by their headings."""
+        return {"": self._header.columns}
+
+    def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
+        """Columns by name, after every row has been checked for its fields."""
+        positions = {column.name: self._header.columns.index(column) for column in look_up(self, table, columns)}
+        try:
+            values = self._read(list(positions.values()), strict=True)
+        except ValueError:
+            # Blanks around numbers, or what is no number: slower, but it knows the line.
+            values = self._read(list(positions.values()), strict=False)
+        return {name: values[position] for name, position in positions.items()}
+
+    @cached_property
+    def _rows(self) -> Rows:
+        with self._opened() as file:
+            return survey(self.path, file, self._header)
+
+    @contextmanager
+    def _opened(self) -> Iterator[IO[bytes]]:
+        try:
+            with self.path.open("rb") as plain:
+                compressed = plain.read(2) == _GZIP
+                plain.seek(0)
+                yield cast(IO[bytes], gzip.GzipFile(fileobj=plain)) if compressed else plain
+        except (OSError, EOFError, zlib.error) as error:
+            raise FileError(f"{self.path}: cannot be read: {error}") from error
+
+    def _read(self, positions: Sequence[int], strict: bool) -> dict[int, ColumnValues]:
+        """Columns by position; if strict, numbers are what pandas takes for one, or it raises ValueError."""
+        header, rows = self._header, self._rows
+        count = rows.lines - header.line - len(rows.filler)
+        numeric = {k: np.empty(count) for k in positions if not header.columns[k].is_text}
+        text: dict[int, list[NDArray[np.str_]]] = {k: [] for k in positions if header.columns[k].is_text}
+        fast = {k for k in numeric if strict and not header.is_flag[k] and not header.suffixes[k]}
+        start = 0
+        for chunk in self._chunks(positions, fast):
+            stop = start + len(chunk)
+            if stop > count:
+                break
+            for k, values in numeric.items():
+                values[start:stop] = chunk[str(k)].to_numpy() if k in fast else self._numbers(chunk[str(k)], k, start)
+            for k, parts in text.items():
+                parts.append(np.strings.strip(chunk[str(k)].to_numpy(dtype=str)))
+            start = stop
+        if start != count:
+            raise FileError(f"{self.path}: {_OPEN_QUOTE} ({start} rows on {count} lines)")
+        texts = {k: np.concatenate(parts) if parts else np.empty(0, dtype=str) for k, parts in text.items()}
+        return {**numeric, **texts}
+
+    def _chunks(self, positions: Sequence[int], fast: set[int]) -> Iterator[pd.DataFrame]:
+        """Some rows after the other, as numbers or, what is not fast, as text."""
+        header, rows = self._header, self._rows
+        if rows.lines == header.line + len(rows.filler):
+            return
+        try:
+            with self._opened() as file:
+                yield from pd.read_csv(
+                    file,
+                    sep=r"\s+" if header.delimiter == BLANKS else header.delimiter,
+                    header=None,
+                    index_col=False,
+                    names=[str(k) for k in range(header.fields)],
+                    usecols=[str(k) for k in sorted(set(positions))],
+                    dtype={str(k): np.float64 if k in fast else str for k in positions},
+                    skiprows=[*range(header.line), *(number - 1 for number in rows.filler)],
+                    skipinitialspace=True,
+                    na_values={str(k): self._missing for k in fast},
+                    keep_default_na=False,
+                    decimal=header.decimal,
+                    encoding=rows.encoding,
+                    chunksize=_CHUNK_ROWS,
+                )
+        except pd.errors.ParserError as error:
+            raise FileError(f"{self.path}: {_OPEN_QUOTE} ({error})") from error
+
+    def _numbers(self, fields: Iterable[str], position: int, start: int) -> NDArray[np.float64]:
+        """Numbers of a column's fields from the row `start` on; a field that holds none is named by its line."""
+        column, is_flag = self._header.columns[position], self._header.is_flag[position]
+        suffix, decimal = self._header.suffixes[position], self._header.decimal
+        numbers = []
+        for row, padded in enumerate(fields, start):
+            field = padded.strip()
+            number = field.removesuffix(suffix).rstrip() if suffix else field
+            if field in self._missing or (suffix and number in self._missing):
+                numbers.append(np.nan)
+            elif is_flag and field.lower() in FLAGS:
+                numbers.append(FLAGS[field.lower()])
+            elif is_number(number, decimal) and not is_flag and (not suffix or number != field):
+                numbers.append(float(number.replace(decimal, ".")))
+            else:
+                line = self._rows.numbers(self._header)[row]
+                expected = "true or false" if is_flag else f"a number in {suffix}" if suffix else "a number"
+                others = ", as in the other rows" if suffix else ""
+                raise FileError(f"{self.path}:{line}: {column.name!r} is {field!r}, which is not {expected}{others}")
+        return np.array(numbers)
+
+
+def _decode(head: bytes) -> str:
+    try:
+        return head.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return head.decode("latin-1")

@@ -1,0 +1,157 @@
+"""Opening a log of whatever kind, judged by what is in it and not by how it is called."""
+
+import gzip
+import re
+import zipfile
+import zlib
+from pathlib import Path
+from typing import NamedTuple
+
+from auvid_cli.data.damage import refusing_damage
+from auvid_cli.errors import FileError
+from auvid_cli.logs.formats.log import Log
+from auvid_cli.logs.formats.text_layout import TextLayout
+from auvid_cli.regular import check_regular
+
+_HEAD_BYTES = 4096
+_READABLE = "CSV text, .npz, .mat, ROS bags (.bag, .mcap, .db3, folder), ArduPilot logs (.BIN, .tlog)"
+_NEVER_IN_TEXT = re.compile(rb"[\x00-\x08]")
+_MAVLINK_MARKERS = b"\xfe\xfd"
+
+
+class _Kind(NamedTuple):
+    """What a file looks like, and how such files must be called: the libraries that read them go by the name."""
+
+    description: str
+    suffix: str
+
+
+_BAG1 = _Kind("a ROS 1 bag", ".bag")
+_MCAP = _Kind("an MCAP bag", ".mcap")
+_SQLITE = _Kind("a SQLite file such as a ROS 2 bag", ".db3")
+_MAT = _Kind("a MATLAB file", ".mat")
+_MAT_HDF5 = _Kind("a MATLAB 7.3 file", ".mat")
+_NPZ = _Kind("a NumPy archive", ".npz")
+_DATAFLASH = _Kind("an ArduPilot DataFlash log", ".bin")
+_TELEMETRY = _Kind("a MAVLink telemetry log", ".tlog")
+
+_BY_MAGIC = {
+    b"#ROSBAG V2.0": _BAG1,
+    b"\x89MCAP0\r\n": _MCAP,
+    b"SQLite format 3\0": _SQLITE,
+    b"MATLAB 5.0 MAT-file": _MAT,
+    b"MATLAB 7.3 MAT-file": _MAT_HDF5,
+    b"\xa3\x95\x80": _DATAFLASH,
+}
+# What people hand over by mistake, and what they can do about it.
+_ADVICE_BY_MAGIC = {
+    b"\x89HDF\r\n\x1a\n": "looks like an HDF5 file that is no MATLAB 7.3 file",
+    b"\x93NUMPY": "looks like a single NumPy array: save its columns by name with numpy.savez",
+    b"ULog\x01\x12": "looks like a PX4 ULog: convert it with ulog2csv",
+    b"\xff\xfe": "looks like UTF-16 text: save it as UTF-8",
+    b"\xfe\xff": "looks like UTF-16 text: save it as UTF-8",
+    b"\xd0\xcf\x11\xe0": "looks like an old Excel workbook: save it as CSV",
+    b"FMT, 128,": "looks like a DataFlash log turned into text: give the .BIN it came from",
+    b"#ROSBAG V1": "looks like a ROS bag of version 1: run rosbag fix or rosbag migrate",
+}
+
+
+def open_log(path: Path, layout: TextLayout | None = None) -> Log:
+    """Open a log; of bags this may be a folder.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    layout : TextLayout, optional
+        How a text log is laid out; what it leaves open is found out.
+
+    Raises
+    ------
+    FileError
+        If it is missing, empty, of no kind that can be read, called as if it were of another, or damaged; if reading it
+        needs a package that is not installed.
+    """
+    if path.is_dir():
+        if not (path / "metadata.yaml").is_file():
+            raise FileError(f"{path}: is a folder without metadata.yaml, so no ROS 2 bag: give a file in it")
+        for part in path.iterdir():
+            _check_regular(part)
+        return _open_bag(path)
+    _check_regular(path)
+    kind = _kind_of(path)
+    if kind is None:
+        from auvid_cli.logs.formats.delimited import DelimitedLog
+
+        return DelimitedLog(path, layout or TextLayout())
+    if path.suffix.lower() != kind.suffix:
+        raise FileError(f"{path}: looks like {kind.description}, whose name must end in {kind.suffix}: rename it")
+    if kind in (_BAG1, _MCAP, _SQLITE):
+        return _open_bag(path)
+    if kind in (_DATAFLASH, _TELEMETRY):
+        from auvid_cli.logs.formats.ardupilot import DataFlashLog, TelemetryLog
+
+        return DataFlashLog(path) if kind is _DATAFLASH else TelemetryLog(path)
+    from auvid_cli.logs.formats.arrays import MatlabHdf5Log, MatlabLog, NumpyLog
+
+    return {_NPZ: NumpyLog, _MAT: MatlabLog, _MAT_HDF5: MatlabHdf5Log}[kind](path)
+
+
+def _check_regular(path: Path) -> None:
+    try:
+        check_regular(path)
+    except ValueError as error:
+        raise FileError(f"{path}: {error}") from None
+
+
+def _open_bag(path: Path) -> Log:
+    from auvid_cli.logs.formats.ros import BagLog
+
+    return BagLog(path)
+
+
+def _kind_of(path: Path) -> _Kind | None:
+    """Kind of a file that is not text."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+        if not head:
+            raise FileError(f"{path}: is empty")
+        if head.startswith(b"\x1f\x8b"):
+            with gzip.open(path) as file:
+                head = file.read(_HEAD_BYTES)
+            if _is_text(head):
+                return None
+            raise FileError(f"{path}: is compressed, and no text inside: unpack it with gunzip first")
+    except (OSError, EOFError, zlib.error) as error:
+        raise FileError(f"{path}: cannot be read: {error}") from error
+    for magic, kind in _BY_MAGIC.items():
+        if head.startswith(magic):
+            return kind
+    for magic, advice in _ADVICE_BY_MAGIC.items():
+        if head.startswith(magic):
+            raise FileError(f"{path}: {advice}")
+    if zipfile.is_zipfile(path):
+        return _kind_of_zip(path)
+    if head.startswith(b"PK\x03\x04"):
+        raise FileError(f"{path}: looks like a NumPy archive or another zip file that is cut short: copy it again")
+    if len(head) > 8 and head[8] in _MAVLINK_MARKERS and not _is_text(head):
+        return _TELEMETRY
+    if not _is_text(head):
+        raise FileError(f"{path}: is of no kind that can be read; readable are {_READABLE}")
+    return None
+
+
+def _kind_of_zip(path: Path) -> _Kind:
+    with refusing_damage(lambda reason: f"{path}: is a damaged archive: {reason}"), zipfile.ZipFile(path) as archive:
+        names = archive.namelist()
+    if any(name.endswith(".npy") for name in names):
+        return _NPZ
+    if any(name.startswith("xl/") for name in names):
+        raise FileError(f"{path}: looks like an Excel workbook: save it as CSV")
+    raise FileError(f"{path}: is a zip archive: unpack it first")
+
+
+def _is_text(head: bytes) -> bool:
+    # After a power cut zero bytes may follow what was written.
+    written = head.rstrip(b"\0")
+    return bool(written) and not _NEVER_IN_TEXT.search(written)

@@ -1,0 +1,207 @@
+"""How a text log is laid out: its delimiter, its header, and the names and units of its columns."""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from auvid_cli.errors import FileError
+from auvid_cli.logs.formats.log import Column
+from auvid_cli.logs.formats.units import MISSING, agreed_unit, are_units, bare_unit, find_suffix, is_number, split_unit
+
+COMMENT_MARKS = ("#", "%", "//")
+FLAGS = {"true": 1.0, "false": 0.0}
+BLANKS = " "
+
+# Of two that split the lines equally well the first is taken: text may hold commas, and every row may hold blanks.
+_DELIMITERS = (";", "\t", "|", ",", BLANKS)
+_UNIT = re.compile(r"(?P<name>.*\S)\s*[(\[](?P<unit>[^()\[\]]*[^()\[\]\d][^()\[\]]*)[)\]]")
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
+
+
+class TextLayout(NamedTuple):
+    """How a text log is laid out, as far as its reader is told.
+
+    Attributes
+    ----------
+    delimiter : str, optional
+        Between the fields of a row; a blank stands for any number of blanks and tabs.
+    header_row : int, optional
+        Line of the names, counted from 1.
+    decimal : str, optional
+        The decimal point, "." or ",".
+    missing : tuple of str
+        What stands for a missing number, besides nothing, NaN, null, N/A and the like.
+    """
+
+    delimiter: str | None = None
+    header_row: int | None = None
+    decimal: str | None = None
+    missing: tuple[str, ...] = ()
+
+
+class Header(NamedTuple):
+    """What the head of a text log says about all of it.
+
+    Attributes
+    ----------
+    delimiter : str
+    decimal : str
+    line : int
+        Of the names, or of the units under them, counted from 1; rows begin after it.
+    fields : int
+        Of each row; one more than there are columns if rows end with a delimiter.
+    columns : tuple of Column
+        A column without a name is called by its number, ``#3``.
+    is_flag : tuple of bool
+        Whether a column's values are "true" and "false".
+    suffixes : tuple of str
+        Unit that each cell of a column ends with; empty where cells are bare.
+    """
+
+    delimiter: str
+    decimal: str
+    line: int
+    fields: int
+    columns: tuple[Column, ...]
+    is_flag: tuple[bool, ...]
+    suffixes: tuple[str, ...]
+
+
+def split_row(line: str, delimiter: str) -> list[str]:
+    """Fields of a row without the blanks around them; a row that cannot be split is one field."""
+    if delimiter == BLANKS:
+        return line.split()
+    try:
+        fields = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:
+        # A carriage return within, or a field of megabytes.
+        return [line]
+    return [field.strip() for field in fields]
+
+
+def is_filler(line: str, delimiter: str) -> bool:
+    """Whether a line is a comment, blank, or a row of empty fields."""
+    return not line.replace(delimiter, "").strip() or line.lstrip().startswith(COMMENT_MARKS)
+
+
+def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
+    """Find out how a text log is laid out.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Of the log, to be named in errors.
+    lines : sequence of str
+        The first lines of the log, the last of them whole.
+    layout : TextLayout
+        What is known of it.
+
+    Raises
+    ------
+    FileError
+        If the lines are no table, if it has no names where they should be, or if heading, row of units and cells state
+        different units.
+    """
+    if layout.delimiter is not None and len(layout.delimiter) != 1:
+        raise FileError(f"{path}: the delimiter {layout.delimiter!r} must be one character, such as ',' or '\\t'")
+    delimiter = layout.delimiter or _find_delimiter(path, lines)
+    line = layout.header_row or _find_header(path, lines, delimiter)
+    if line > len(lines):
+        raise FileError(f"{path}:{line}: no header here: the log has {len(lines)} lines")
+    names = split_row(_uncomment(lines[line - 1]), delimiter)
+    if all(map(is_number, names)):
+        raise FileError(f"{path}:{line}: a row of numbers where `header_row` says that the names are")
+    units = split_row(_uncomment(lines[line]), delimiter) if line < len(lines) else []
+    has_units = len(units) >= len(names) and are_units(units)
+    last = line + has_units
+    rows = list(_split_rows(lines[last:], delimiter).values())
+    fields = _usual_length(rows) or len(names)
+    ends_with_delimiter = fields == len(names) + 1 and all(row[-1] == "" for row in rows)
+    if fields != len(names) and not ends_with_delimiter:
+        raise FileError(f"{path}:{line}: {len(names)} names above rows of {fields} fields")
+    decimal = layout.decimal or _find_decimal(rows, delimiter)
+    samples = [[row[k] for row in rows if k < len(row)] for k in range(len(names))]
+    is_flag = tuple(_are_flags(values) for values in samples)
+    suffixes = tuple(find_suffix(values, decimal, layout.missing) for values in samples)
+    columns = []
+    for k, (name, heading) in enumerate(_named(names)):
+        under = bare_unit(units[k]) if has_units else ""
+        unit = agreed_unit(f"{path}:{last}: {name!r}", heading, under, suffixes[k])
+        numeric = is_flag[k] or suffixes[k] or all(is_number(v, decimal, layout.missing) for v in samples[k])
+        columns.append(Column(name, unit, is_text=not numeric))
+    return Header(delimiter, decimal, last, fields, tuple(columns), is_flag, suffixes)
+
+
+def _uncomment(line: str) -> str:
+    return line.strip().lstrip("#%/").strip()
+
+
+def _find_delimiter(path: Path, lines: Sequence[str]) -> str:
+    """The delimiter that splits most of the last lines into equally many fields."""
+    lengths = {delimiter: [len(row) for row in _split_rows(lines, delimiter).values()] for delimiter in _DELIMITERS}
+    agreeing = {
+        delimiter: max((found.count(n) for n in {*found} - {1}), default=0) for delimiter, found in lengths.items()
+    }
+    delimiter = max(agreeing, key=lambda delimiter: agreeing[delimiter])
+    if agreeing[delimiter] == 0:
+        raise FileError(f"{path}: looks like text, but not like a table: no delimiter splits its lines")
+    return delimiter
+
+
+def _split_rows(lines: Sequence[str], delimiter: str) -> dict[int, list[str]]:
+    """Fields of the lines that are no filler, by the number of the line from 0."""
+    return {k: split_row(line, delimiter) for k, line in enumerate(lines) if not is_filler(line, delimiter)}
+
+
+def _usual_length(rows: Sequence[Sequence[str]]) -> int:
+    """Fields that most rows have."""
+    return Counter(map(len, rows)).most_common(1)[0][0] if rows else 0
+
+
+def _find_header(path: Path, lines: Sequence[str], delimiter: str) -> int:
+    rows = _split_rows(lines, delimiter)
+    usual = _usual_length(list(rows.values()))
+    if usual < 2:
+        raise FileError(f"{path}: the delimiter {delimiter!r} does not split its lines")
+    first = next(k for k, row in rows.items() if len(row) == usual)
+    fields = rows[first]
+    numbers = sum(is_number(field) or is_number(field, ",") for field in fields)
+    if 2 * numbers <= len(fields):
+        return first + 1
+    # Above the numbers the names may stand in a comment, or lack the delimiter that ends each row.
+    above = [split_row(_uncomment(line), delimiter) for line in lines[max(first - 2, 0) : first]]
+    fits = [len(names) in (len(fields), len(fields) - 1) for names in above]
+    if len(above) == 2 and all(fits) and are_units(above[1]):
+        return first - 1
+    if fits and fits[-1]:
+        return first
+    raise FileError(f"{path}:{first + 1}: a row of {len(fields)} fields, but no names above it: add a line of names")
+
+
+def _find_decimal(rows: Sequence[Sequence[str]], delimiter: str) -> str:
+    if delimiter == ",":
+        return "."
+    fields = [field for row in rows for field in row]
+    return "," if any(_DECIMAL_COMMA.fullmatch(split_unit(field)[0]) for field in fields) else "."
+
+
+def _are_flags(values: Sequence[str]) -> bool:
+    stated = [value for value in values if value not in MISSING]
+    return bool(stated) and all(value.lower() in FLAGS for value in stated)
+
+
+def _named(headings: Sequence[str]) -> list[tuple[str, str]]:
+    """Name and unit of each column, the names all different."""
+    matches = [_UNIT.fullmatch(heading) for heading in headings]
+    names = [match["name"] if match else heading for match, heading in zip(matches, headings, strict=True)]
+    units = [match["unit"].strip() if match else "" for match in matches]
+    # "Depth (m)" and "Depth (ft)" are told apart by their whole headings.
+    names = [name if names.count(name) == 1 else heading for name, heading in zip(names, headings, strict=True)]
+    taken: set[str] = set()
+    for k, name in enumerate(names):
+        names[k] = name if name and name not in taken else f"{name} #{k + 1}".strip()
+        taken.add(names[k])
+    return list(zip(names, units, strict=True))

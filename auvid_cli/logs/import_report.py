@@ -1,0 +1,77 @@
+"""What was done to a sensor or an input on its way from the log, to be said."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.logs.clock_drift import Wander
+from auvid_cli.logs.formats.overlap import Overlap
+from auvid_cli.logs.measurements import Rows
+
+_DAY = 86400.0
+
+
+class Account(NamedTuple):
+    """What became of one sensor or input.
+
+    Attributes
+    ----------
+    name : str
+    samples : int
+    rate : float
+        Hz, by the median interval.
+    span : tuple of float
+        s, first and last.
+    missing : int
+        Samples without any component.
+    duplicates : int
+        Rows at the time of an earlier one, left out.
+    remarks : tuple of str
+    """
+
+    name: str
+    samples: int
+    rate: float
+    span: tuple[float, float]
+    missing: int
+    duplicates: int
+    remarks: tuple[str, ...]
+
+
+def account_of(name: str, time: NDArray[np.float64], missing: int, rows: Rows, remarks: tuple[str, ...]) -> Account:
+    """Account of a sensor or input that kept samples at `time`, s, of the rows that were read."""
+    order, rollovers, wander = rows.order, rows.rollovers, rows.wander
+    said = (
+        (order.backward, f"time went back in {order.backward} rows, by up to {order.furthest_back:.3g} s: sorted"),
+        (order.without_time, f"{order.without_time} rows without a time left out"),
+        (rollovers, f"the hour or the day of the clock ended, {rollovers} in all: taken to go on"),
+        (wander, _differing(wander) if wander else ""),
+        *((True, _overlapping(overlap)) for overlap in rows.overlaps),
+    )
+    own = tuple(text for applies, text in said if applies)
+    rate = 1.0 / float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    span = float(time[0]), float(time[-1])
+    return Account(name, time.size, rate, span, missing, order.duplicates, (*own, *remarks))
+
+
+def _differing(wander: Wander) -> str:
+    if wander.wanders:
+        by = f"{_duration(wander.spread)} (5 to 95 %), at most {_duration(wander.furthest)}"
+        return f"{wander.clock} wanders from {wander.other} by {by}: `time: '{wander.other}'` would be right"
+    return (
+        f"{wander.clock} is {_duration(wander.later)} after {wander.other}: the log was played back, or a clock was "
+        "not set; take the same one for all"
+    )
+
+
+def _duration(seconds: float) -> str:
+    if seconds > 2.0 * _DAY:
+        return f"{seconds / _DAY:.3g} days"
+    return f"{1e3 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.4g} s"
+
+
+def _overlapping(overlap: Overlap) -> str:
+    done = "taken as they come in time" if overlap.own else "the same readings in both, each taken once"
+    span = f"{overlap.begin:.3f} to {overlap.end:.3f} s by the log's clock"
+    return f"file {overlap.file} of the log overlaps those before it from {span}: {done}"

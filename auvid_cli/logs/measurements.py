@@ -1,0 +1,174 @@
+"""Numbers of a log's columns to SI, row by row in the order of time."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.log_columns import Reading, Validity
+from auvid_cli.config.position import Path
+from auvid_cli.logs.clock import Order, order_rows
+from auvid_cli.logs.clock_drift import Wander, find_wander
+from auvid_cli.logs.columns import ColumnReader
+from auvid_cli.logs.formats.log import ColumnValues
+from auvid_cli.logs.formats.overlap import Overlap, find_overlaps
+from auvid_cli.logs.refusals import RefusedError
+from auvid_cli.logs.requests import Request
+
+Array = NDArray[np.float64]
+
+# What an underwater vehicle does not reach: more than that is another unit.
+_IMPOSSIBLE = {"rad": 2.0 * np.pi, "rad/s": 20.0, "m/s": 50.0, "m/s^2": 500.0}
+# s. At the border of two files messages may be out of order by what they were late.
+_LONGEST_INTERLEAVING = 1.0
+
+
+class Rows(NamedTuple):
+    """Rows of a log for one sensor or input.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        s, by the log's clock, strictly increasing.
+    values : dict of ndarray, each of shape (n,)
+        SI by component, NaN where one is missing.
+    order : Order
+        What was sorted and left out.
+    rollovers : int
+        Of a clock without hours or date.
+    invalid : int
+        Rows that the log calls not valid, and values beyond the limits that the map sets.
+    repeats : int
+        Rows left out because they only repeat what was read before.
+    wander : Wander or None
+        Of a clock that the message's other one is better than.
+    overlaps : list of Overlap
+        Of files that continue each other.
+    """
+
+    time: Array
+    values: dict[str, Array]
+    order: Order
+    rollovers: int
+    invalid: int
+    repeats: int
+    wander: Wander | None
+    overlaps: list[Overlap]
+
+
+def read_rows(
+    request: Request, readings: Mapping[str, Reading], validity: Validity | None, columns: ColumnReader
+) -> Rows:
+    """Read what a request asks for.
+
+    Raises
+    ------
+    RefusedError
+        If its times are no times or never change, if tables that belong together are not of one length, or if files
+        that should continue each other do not.
+    FileError
+        If the log is damaged.
+    """
+    raw = {component: columns.take(place) for component, (place, *_) in request.values.items()}
+    flags = columns.take(request.valid) if request.valid is not None else None
+    try:
+        seconds, rollovers = columns.take_time(request)
+    except ValueError as error:
+        raise RefusedError((*request.path, "time"), " ".join(str(error).split())) from None
+    length = next(iter(raw.values())).size
+    if seconds.size != length:
+        raise RefusedError(
+            (*request.path, "time"),
+            f"{request.time.place.table} has {seconds.size} rows and cannot give times to the {length} rows here",
+        )
+    order = order_rows(seconds)
+    time = seconds[order.rows]
+    if time.size < 2:
+        raise _no_times(request, seconds.size, time.size)
+    wander, overlaps = _wander(request, seconds, columns), _overlaps(request, seconds, raw, columns)
+    values, invalid = {}, 0
+    for component, (_, factor, _) in request.values.items():
+        reading = readings[component]
+        numbers = to_si(raw.pop(component)[order.rows], reading, factor)
+        # What is infinite was not measured, and stands for that.
+        outside = np.isinf(numbers)
+        if reading.limits is not None:
+            outside |= (numbers < reading.limits[0]) | (numbers > reading.limits[1])
+        invalid += int(np.count_nonzero(outside))
+        numbers[outside] = np.nan
+        values[component] = numbers
+    if flags is not None and validity is not None:
+        wrong = ~is_valid(flags[order.rows], validity)
+        invalid += int(np.count_nonzero(wrong))
+        for numbers in values.values():
+            numbers[wrong] = np.nan
+    return Rows(time, values, order, rollovers, invalid, 0, wander, overlaps)
+
+
+def _no_times(request: Request, rows: int, times: int) -> RefusedError:
+    log, table, column = request.time.place
+    if rows < 2:
+        return RefusedError(("logs", log), f"{table or 'the log'} has {'only one row' if rows else 'no rows'}")
+    complaint = "never changes" if times else "holds no time in any row"
+    return RefusedError((*request.path, "time"), f"{column!r} {complaint}: name another time")
+
+
+def _wander(request: Request, seconds: Array, columns: ColumnReader) -> Wander | None:
+    taken, other = request.time.place, request.time.other
+    if other is None:
+        return None
+    return find_wander(seconds, np.asarray(columns.take(other), np.float64), (taken.column, other.column))
+
+
+def _overlaps(
+    request: Request, seconds: Array, raw: Mapping[str, ColumnValues], columns: ColumnReader
+) -> list[Overlap]:
+    """Overlaps of the files of a log; RefusedError if their readings interleave for longer than disorder explains."""
+    if request.time.file is None:
+        return []
+    files, values = columns.take(request.time.file), np.column_stack([*raw.values()])
+    overlaps = find_overlaps(seconds, np.asarray(files, np.float64), np.asarray(values, np.float64))
+    for file, begin, end, own in overlaps:
+        if own and end - begin > _LONGEST_INTERLEAVING:
+            reason = f"file {file} of the log and those before it both have readings from {begin:.3f} to {end:.3f} s"
+            raise RefusedError(request.path, f"{reason}, so they do not continue each other: is it one clock?")
+    return overlaps
+
+
+def without_repeats(rows: Rows) -> Rows:
+    """The first row, and those that bring a number which is another than the last one of that component."""
+    fresh = np.zeros(rows.time.size, np.bool_)
+    fresh[0] = True
+    for numbers in rows.values.values():
+        known = np.flatnonzero(np.isfinite(numbers))
+        fresh[known[np.diff(numbers[known], prepend=np.nan) != 0.0]] = True
+    values = {component: numbers[fresh] for component, numbers in rows.values.items()}
+    return rows._replace(time=rows.time[fresh], values=values, repeats=int(np.count_nonzero(~fresh)))
+
+
+def to_si(raw: ColumnValues, reading: Reading, factor: float) -> Array:
+    """A reading's numbers in SI: sign x (raw - centre) x factor + offset."""
+    numbers = np.array(raw, np.float64)
+    numbers -= reading.centre
+    numbers *= reading.sign * factor
+    numbers += reading.offset
+    return numbers
+
+
+def is_valid(flags: ColumnValues, validity: Validity) -> NDArray[np.bool_]:
+    """Whether a flag is one of those that mean valid; capitals do not matter, and true is 1."""
+    if flags.dtype.kind == "U":
+        wanted = [str(value).lower() for value in validity.values]
+        return np.isin(np.char.lower(np.char.strip(np.asarray(flags, np.str_))), wanted)
+    return np.isin(flags, [float(value) for value in validity.values if not isinstance(value, str)])
+
+
+def check_size(path: Path, numbers: Array, unit: str) -> None:
+    """Raise RefusedError if most of the larger numbers are what no underwater vehicle does."""
+    sizes = np.abs(numbers[np.isfinite(numbers)])
+    limit = _IMPOSSIBLE.get(unit, np.inf)
+    if sizes.size and (reached := float(np.quantile(sizes, 0.99))) > limit:
+        raise RefusedError(
+            path, f"reaches {reached:.3g} {unit}, which cannot be: state the `unit` (or `scale`) of the log's numbers"
+        )

@@ -1,0 +1,1 @@
+"""A first map from what logs are seen to hold."""

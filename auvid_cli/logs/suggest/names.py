@@ -1,0 +1,165 @@
+"""What columns are usually called, to guess what they hold."""
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Column, Log
+
+# By sensor and component: what the end of a column's name, in small letters, with blanks and dashes as underscores, is.
+SENSOR_NAMES: dict[str, dict[str, str]] = {
+    "gyroscope": {
+        "p": r"p|(gyro?|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?x|roll_?(rate|speed)",
+        "q": r"q|(gyro?|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?y|pitch_?(rate|speed)",
+        "r": r"r|(gyro?|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?z|(yaw|turn)_?(rate|speed)",
+    },
+    "accelerometer": {
+        "fx": r"fx|(acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?x",
+        "fy": r"fy|(acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?y",
+        "fz": r"fz|(acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?z",
+    },
+    "dvl": {
+        "u": r"u|surge(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?x",
+        "v": r"v|sway(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?y",
+        "w": r"w|heave(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?z",
+    },
+    "attitude": {
+        "phi": r"phi|roll(_angle)?",
+        "theta": r"theta|pitch(_angle)?",
+        "psi": r"psi|yaw(_angle)?|((c_)?true_|magnetic_)?heading",
+    },
+    "depth": {"down": r"down|(dfs_)?depth|position\.z"},
+}
+QUATERNION_NAMES: dict[str, str] = {axis: rf"(orientation|quaternion|quat|q)[_.]{axis}|q{axis}" for axis in "wxyz"}
+INPUT_NAMES: dict[str, str] = {
+    "rudder": r"(rudder|delta_r|dr)(_(angle|deg|rad|cmd))?",
+    "elevator": r"(elevator|stern_?plane|delta_[se]|de|ds)(_(angle|deg|rad|cmd))?",
+    "fins.top": r"fins?_(yaw_t|top)(_(deg|rad))?|top_fins?",
+    "fins.bottom": r"fins?_(yaw_b|bottom|bot)(_(deg|rad))?|bottom_fins?",
+    "fins.right": r"fins?_(pitch_r|right|starboard|stbd)(_(deg|rad))?|(right|starboard|stbd)_fins?",
+    "fins.left": r"fins?_(pitch_l|left|port)(_(deg|rad))?|(left|port)_fins?",
+    "surge_force": r"surge_force|thrust(_n)?|thrust_force",
+    "thrust.revolutions": r"((prop|screw|shaft|motor|thrust|throttle)\w*)?(rpm|rps|rev/s|turn/s)|(rpm|rps)_\w+",
+    "thrust.share": r"thruster(_(pct|percent|cmd|command))?|motor_speed_cmd|throttle",
+    "roll_moment": r"roll_moment",
+}
+# By SI unit: what a name may end with to say another one.
+NAMED_UNITS: dict[str, dict[str, str]] = {
+    "rad/s": {"dps": "deg/s", "deg_s": "deg/s", "degs": "deg/s", "rad_s": "rad/s", "rads": "rad/s"},
+    "rad": {"deg": "deg", "rad": "rad"},
+    "m/s": {"m_s": "m/s", "ms": "m/s", "mps": "m/s", "cm_s": "cm/s", "kn": "knot", "kts": "knot", "knots": "knot"},
+    "m/s^2": {"m_s2": "m/s^2", "ms2": "m/s^2", "mps2": "m/s^2", "g": "g", "mg": "mg"},
+    "m": {"m": "m", "cm": "cm", "ft": "ft"},
+    "percent": {"pct": "percent", "percent": "percent"},
+    "turn/s": {"rpm": "rpm", "rps": "turn/s"},
+}
+_SOME_TIME = r"(t|time|timestamp|stamp)_\w+|\w+_(t|time|timestamp|stamp)"
+_TIMES = r"(t|time|timestamp|stamp|unix_?(s|time)?|t_s|seconds|secs?|time_?(s|us|ms|ns)|epoch\w*|utc\w*|date_?time)"
+_BARE_FIELD = re.compile(r"data(\[(?P<index>[012])\])?")
+# What messages of ROS hold that refer to forward-left-up axes and east-north-up by convention (REP 103).
+_REP_103 = {
+    "sensor_msgs/Imu": ("orientation.w", "angular_velocity.x", "linear_acceleration.x"),
+    "nav_msgs/Odometry": ("pose.pose.orientation.w", "twist.twist.linear.x"),
+    "geometry_msgs/TwistWithCovarianceStamped": ("twist.twist.linear.x", "twist.covariance[0]"),
+    "geometry_msgs/TwistStamped": ("twist.linear.x", "twist.angular.x"),
+    "geometry_msgs/PoseWithCovarianceStamped": ("pose.pose.position.x", "pose.pose.orientation.w"),
+    "geometry_msgs/PoseStamped": ("pose.position.x", "pose.orientation.w"),
+}
+
+
+class Found(NamedTuple):
+    """Columns of a table that look like what is wanted."""
+
+    table: str
+    columns: dict[str, Column]
+
+
+def find_columns(
+    wanted: Mapping[str, str], tables: Mapping[str, tuple[Column, ...]], hint: str = "", unit: str = ""
+) -> list[Found]:
+    """Find columns by component of what is wanted, table by table: most of them first, then those called like the hint.
+
+    Parameters
+    ----------
+    wanted : mapping of str to str
+        Pattern of the names, by component.
+    tables : mapping of str to tuple of Column
+    hint : str
+        Part of a table's name.
+    unit : str
+        SI unit; a name may end with what stands for it or another one in `NAMED_UNITS`.
+    """
+    ending = rf"(_({'|'.join(NAMED_UNITS[unit])}))?" if unit in NAMED_UNITS else ""
+    places = []
+    for table, columns in tables.items():
+        numbers = [column for column in columns if not column.is_text]
+        found = {}
+        for component, pattern in wanted.items():
+            called = rf"({pattern}){ending}"
+            matching = [c for c in numbers if any(_is_called(name, called) for name in _spoken(table, c))]
+            if matching:
+                # Of "velocity.x" and "target.velocity.x" the shorter.
+                found[component] = min(matching, key=lambda column: len(column.name))
+        if found:
+            places.append(Found(table, found))
+    return sorted(places, key=lambda place: (len(place.columns), hint in place.table), reverse=True)
+
+
+def named_unit(name: str, unit: str) -> str:
+    """Unit that the end of a column's name states, of those that may stand for an SI unit; empty if it states none."""
+    ends = NAMED_UNITS.get(unit, {})
+    called = f"_{_plain(name)}"
+    return next((ends[end] for end in sorted(ends, key=len, reverse=True) if called.endswith(f"_{end}")), "")
+
+
+def find_in_logs(
+    logs: Mapping[str, Log], wanted: Mapping[str, str], hint: str = "", unit: str = ""
+) -> tuple[str, Found] | None:
+    """Log and columns that have the most of what is wanted, of those whose numbers ever change; none that is empty."""
+    places = [(name, place) for name, log in logs.items() for place in find_columns(wanted, log.tables(), hint, unit)]
+    for name, place in sorted(places, key=lambda one: len(one[1].columns), reverse=True):
+        values = logs[name].read(place.table, [column.name for column in place.columns.values()])
+        numbers = {key: np.asarray(values[column.name], np.float64) for key, column in place.columns.items()}
+        filled = {key: own for key, own in numbers.items() if np.isfinite(own).any()}
+        if any(np.nanmax(own) > np.nanmin(own) for own in filled.values()):
+            return name, Found(place.table, {key: place.columns[key] for key in filled})
+    return None
+
+
+def standard_message(columns: Iterable[Column]) -> str:
+    """Kind of message, of those whose axes a convention of ROS fixes, that has such columns; empty if it is none."""
+    names = {column.name for column in columns}
+    return next((kind for kind, own in _REP_103.items() if names.issuperset(own)), "")
+
+
+def find_time(columns: Iterable[Column]) -> Column | None:
+    """The column that most likely holds the times."""
+    columns = list(columns)
+    for name in (HEADER_STAMP, LOG_TIME):
+        if name in [column.name for column in columns]:
+            return next(column for column in columns if column.name == name)
+    for pattern in (_TIMES, _SOME_TIME):
+        for column in columns:
+            if _is_called(column.name, pattern):
+                return column
+    return None
+
+
+def _spoken(table: str, column: Column) -> tuple[str, ...]:
+    """What a column is called, with its unit too; where a message is nothing but numbers, by its topic."""
+    field = _BARE_FIELD.fullmatch(column.name)
+    if not table or field is None:
+        return (column.name, f"{column.name}_{column.unit}")
+    parts = table.strip("/").split("/")
+    axis = f"_{'xyz'[int(field['index'])]}" if field["index"] else ""
+    return tuple(f"{stem}{axis}" for stem in (".".join(parts), "_".join(parts[-2:])))
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\s-]+", "_", name.strip().lower())
+
+
+def _is_called(name: str, pattern: str) -> bool:
+    return re.fullmatch(rf"(.*\.)?({pattern})", _plain(name)) is not None

@@ -1,0 +1,1 @@
+"""An estimate on data that it has not seen."""

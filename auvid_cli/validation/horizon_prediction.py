@@ -1,0 +1,206 @@
+"""Predictions from many starts along the data, over several horizons, with what their uncertainty amounts to."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.dataset import Dataset, SensorRecord
+from auvid_cli.evaluation.measurement_errors import as_read
+from auvid_cli.identification.timeline import Timelines
+from auvid_cli.validation.fit import Fit
+from auvid_cli.validation.initial_states import Starts
+from auvid_cli.validation.prediction import move_side_by_side, unchanged_motion
+from auvid_cli.validation.results import AHEAD, Prediction
+from auvid_cli.validation.signals import SAME, Signal, is_angle
+from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
+
+Array = NDArray[np.float64]
+
+HORIZONS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+# A horizon needs so many starts whose readings it reaches.
+FEWEST_STARTS = 10
+# The reading that is compared comes at the horizon or, at the latest, so many times as long after the start.
+_LATEST = 1.5
+_SIGMAS = 2.0
+
+
+class Target(NamedTuple):
+    """A reading to be predicted: the horizon, s, the column of the motion, when, and what it says, SI."""
+
+    horizon: float
+    column: int
+    time: float
+    reading: float
+    deviation: float
+
+
+class Bundle(NamedTuple):
+    """Models that are moved side by side.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Those of the first rows, the identified model first; the other rows are drawn from its uncertainty.
+    coefficients : ndarray, shape (n, 22)
+        SI.
+    """
+
+    names: tuple[str, ...]
+    coefficients: Array
+
+
+class Sample(NamedTuple):
+    """What came out at one target.
+
+    Attributes
+    ----------
+    named : ndarray, shape (names,)
+        Predictions of the named models, SI.
+    unchanged : float
+        Prediction of a motion that goes on as it is.
+    variance : float
+        Of the error, as stated; NaN without draws.
+    """
+
+    target: Target
+    named: Array
+    unchanged: float
+    variance: float
+
+
+class Collected(NamedTuple):
+    """Samples of all starts, and which of the draws blew up."""
+
+    samples: list[Sample]
+    blown_up: NDArray[np.bool_]
+
+
+def evenly_spaced(begin: float, end: float, most: int) -> Array:
+    """Times at which to start, s, some time after the filter has begun and one shortest horizon before the end."""
+    settled = begin + min(5.0, 0.1 * (end - begin))
+    last = end - HORIZONS[0]
+    return np.linspace(settled, last, most) if last > settled else np.zeros(0)
+
+
+def targets_of(signals: Mapping[str, Signal], start: float) -> list[Target]:
+    """The first reading of each signal at or after each horizon."""
+    targets = []
+    for symbol, signal in signals.items():
+        for horizon in HORIZONS:
+            i = signal.since(start + horizon)
+            if i < signal.time.size and signal.time[i] <= start + _LATEST * horizon:
+                at, reading = float(signal.time[i]), float(signal.values[i])
+                targets.append(Target(horizon, MOTION_SYMBOLS.index(symbol), at, reading, signal.deviation))
+    return targets
+
+
+def predict_ahead(
+    dataset: Dataset,
+    measuring: Mapping[str, SensorRecord],
+    signals: Mapping[str, Signal],
+    starts: Starts,
+    bundle: Bundle,
+    rng: np.random.Generator,
+) -> Collected:
+    """Predict readings from every start, with the sensors' errors and the current that are known there.
+
+    The variance holds how unsure coefficients, start, readings and their additive errors are, each by itself. It leaves
+    out the uncertainty of the current and of the DVL's scale and yaw, and that these go with the start's velocity: what
+    the filter knows well is the velocity over ground, less well its share through the water.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        From `with_model`.
+    measuring : mapping
+        Its measuring sensors.
+    signals : mapping
+        Their signals.
+    starts : Starts
+    bundle : Bundle
+        A drawn model also starts from a motion that is drawn from the uncertainty of the start.
+    rng : numpy.random.Generator
+    """
+    parameters, named = dataset.experiment.vehicle.known_parameters(), len(bundle.names)
+    drawn = len(bundle.coefficients) - named
+    collected = Collected([], np.zeros(drawn, dtype=np.bool_))
+    for k, start in enumerate(starts.time):
+        targets = targets_of(signals, float(start))
+        if not targets:
+            continue
+        wanted = np.unique([target.time for target in targets])
+        motion = np.tile(starts.motion[k], (len(bundle.coefficients), 1))
+        motion[named:] += starts.deviation[k] * rng.standard_normal((drawn, N_MOTION))
+        timelines = _timelines(dataset, measuring, float(start), float(wanted[-1]))
+        predicted = move_side_by_side(timelines, motion, bundle.coefficients, parameters, wanted)
+        collected.blown_up[:] |= ~np.isfinite(predicted[:, named:]).all(axis=(0, 2))
+        errors = starts.errors[k]
+        unchanged = as_read(unchanged_motion(wanted - start, starts.motion[k]), errors)
+        read, first = as_read(predicted, errors), as_read(starts.motion[k], errors)
+        for target in targets:
+            at, column = int(np.searchsorted(wanted, target.time)), target.column
+            symbol = MOTION_SYMBOLS[column]
+            turns = signals[symbol].turns(float(start), first[column]) if is_angle(symbol) else 0.0
+            lanes = read[at, :, column] + turns
+            noise = target.deviation**2 + starts.errors_deviation[k].offset[column] ** 2
+            variance = _variance(lanes[named:], lanes[0]) + noise
+            collected.samples.append(Sample(target, lanes[:named], unchanged[at, column] + turns, variance))
+    return collected
+
+
+def _variance(drawn: Array, centre: float) -> float:
+    """Mean square of the draws about the identified model; of those that did not blow up, NaN if they are too few."""
+    sound = drawn[np.isfinite(drawn)]
+    return float(np.square(sound - centre).mean()) if sound.size > 0.5 * drawn.size else np.nan
+
+
+def _timelines(dataset: Dataset, measuring: Mapping[str, SensorRecord], start: float, end: float) -> Timelines:
+    """Events of a stretch of the data."""
+    stretch = {}
+    for name, record in measuring.items():
+        part = slice(*np.searchsorted(record.time, [start - SAME, end + SAME]))
+        if np.isfinite(record.values[part]).any():
+            stretch[name] = replace(record, time=record.time[part], values=record.values[part])
+    return Timelines(dataset.inputs, stretch, start, dataset.experiment.identification.integration_step)
+
+
+def rows_ahead(collected: Collected, names: Sequence[str], signals: Mapping[str, Signal]) -> Iterator[Prediction]:
+    """A row for each horizon that is reached often enough, and signal.
+
+    The fit relates errors to how far the readings of the whole run are from their mean, at every horizon alike: those
+    that are compared may all be of a steady turn.
+    """
+    drawn, blown_up = collected.blown_up.size, int(collected.blown_up.sum())
+    for horizon in HORIZONS:
+        for symbol, signal in signals.items():
+            column = MOTION_SYMBOLS.index(symbol)
+            own = [s for s in collected.samples if s.target.horizon == horizon and s.target.column == column]
+            if len(own) < FEWEST_STARTS:
+                continue
+            measured = np.array([sample.target.reading for sample in own])
+            predicted = np.array([sample.named for sample in own])
+            fits = {name: Fit.of(measured, predicted[:, i]) for i, name in enumerate(names)}
+            whole = fits["identified"]._replace(spread=len(own) * float(signal.values.var()))
+            deviation = np.sqrt([sample.variance for sample in own])
+            known = bool(np.isfinite(deviation).all() and fits["identified"].rmse is not None)
+            within = np.abs(measured - predicted[:, 0]) <= _SIGMAS * deviation
+            yield Prediction(
+                symbol,
+                MOTION[column].unit,
+                AHEAD,
+                horizon,
+                len(own),
+                signal.deviation,
+                whole.percent,
+                fits["identified"].rmse,
+                fits["prior"].rmse if "prior" in fits else None,
+                fits["vehicle_file"].rmse if "vehicle_file" in fits else None,
+                Fit.of(measured, np.array([sample.unchanged for sample in own])).rmse,
+                float(np.sqrt(np.square(deviation).mean())) if known else None,
+                float(within.mean()) if known else None,
+                drawn,
+                blown_up,
+            )

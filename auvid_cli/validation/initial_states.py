@@ -1,0 +1,161 @@
+"""Where predictions start: the motion that a filter finds in the readings so far, with the coefficients held."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.augmented_states import BiasName
+from auvid_cli.config.experiment import Prior, Use
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation.measurement_errors import ReadingErrors, found_errors
+from auvid_cli.filters.point_sets import cubature
+from auvid_cli.filters.problem import OK, Records, Timeline
+from auvid_cli.filters.square_root import run_square_root_filter
+from auvid_cli.identification.actuators import lagged
+from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
+
+Array = NDArray[np.float64]
+
+# Mean NIS of a component above which the settings do not hold.
+LARGEST_NIS = 1.5
+# By which the process noise is tried then.
+_NOISE_FACTORS = (10.0, 100.0, 1000.0)
+
+
+@dataclass(frozen=True)
+class Starts:
+    """Filtered motion at some events, from the readings up to there.
+
+    Attributes
+    ----------
+    time : ndarray, shape (k,)
+        s.
+    motion, deviation : ndarray, shape (k, 9)
+        Mean and standard deviation.
+        The velocity is that through the water where the filter looks for a current.
+    errors, errors_deviation : list of ReadingErrors
+        Mean and standard deviation of what the filter finds of the sensors' errors and of the current by then.
+    final_errors : ReadingErrors
+        The mean at the end.
+    nis : dict of float
+        Normalised innovation squared of each sensor, per component: 1 if readings are predicted as well from one to
+        the next as the model says.
+    status : str
+        "completed", or how far the filter came.
+    noise_factor : float
+        By how much its process noise is larger than the settings say.
+    """
+
+    time: Array
+    motion: Array
+    deviation: Array
+    errors: list[ReadingErrors]
+    errors_deviation: list[ReadingErrors]
+    final_errors: ReadingErrors
+    nis: dict[str, float]
+    status: str
+    noise_factor: float = 1.0
+
+
+def with_model(dataset: Dataset, estimate: Estimate) -> Dataset:
+    """The data as the identified model sees them: its vehicle, coefficients, fins, propeller and settings; no truth."""
+    earlier, identification = estimate.experiment, estimate.experiment.identification
+    table = earlier.vehicle.coefficients.model_validate(estimate.final_coefficients())
+    inputs = lagged(dataset.inputs, identification.fin_time_constant, identification.integration_step)
+    values = inputs.values.copy()
+    values[:, INPUT_SYMBOLS.index("surge_force")] *= estimate.final_thrust()
+    kept = tuple(block for block in identification.estimate.biases if block != BiasName.THRUST)
+    changes = {
+        "coefficients": (),
+        "prior": Prior(),
+        "fin_time_constant": 0.0,
+        "use": Use(),
+        "estimate": identification.estimate.model_copy(update={"biases": kept}),
+    }
+    settings = {
+        "vehicle": earlier.vehicle.model_copy(update={"coefficients": table}),
+        "identification": identification.model_copy(update=changes),
+    }
+    experiment = dataset.experiment.model_copy(update=settings)
+    return replace(dataset, truth=None, experiment=experiment, inputs=replace(inputs, values=values))
+
+
+def filtered_starts(dataset: Dataset, wanted: Array) -> Starts:
+    """Filter the motion alone, and keep it at the first events at or after some times.
+
+    Each start knows only readings before what is predicted from it, at whatever times each sensor spoke, and what
+    no sensor measures comes from the model. The process noise is that of the estimate's settings; where the
+    innovations of the whole run contradict it, it is made larger, so that the readings and not a wrong model say where
+    predictions start. The NIS stays that of the settings.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        From `with_model`.
+    wanted : ndarray, shape (k,)
+        s, increasing.
+
+    Raises
+    ------
+    DataError
+        As `augmented_problem`.
+    """
+    first = found = _filtered(dataset, wanted)
+    for factor in _NOISE_FACTORS:
+        if found.status == "completed" and max(found.nis.values()) <= LARGEST_NIS:
+            break
+        found = replace(_filtered(_with_noise(dataset, factor), wanted), noise_factor=factor)
+    return replace(found, nis=first.nis)
+
+
+def _with_noise(dataset: Dataset, factor: float) -> Dataset:
+    """With all densities of the process noise so many times as large."""
+    settings = dataset.experiment.identification
+    noise = settings.process_noise
+    larger = noise.model_copy(update={name: factor * density for name, density in noise.model_dump().items()})
+    identification = settings.model_copy(update={"process_noise": larger})
+    return replace(dataset, experiment=dataset.experiment.model_copy(update={"identification": identification}))
+
+
+def _filtered(dataset: Dataset, wanted: Array) -> Starts:
+    problem = augmented_problem(dataset)
+    motion = problem.layout.rows_of("motion")
+    kept, squares, components = [], np.zeros(len(problem.measuring)), np.zeros(len(problem.measuring))
+    timelines, prior = problem.stretches[0].timelines, problem.prior
+    reached, last = timelines.span[0], prior.mean
+
+    def receive(timeline: Timeline, records: Records) -> None:
+        nonlocal reached, last
+        good = len(records.mean)
+        if not good:
+            return
+        time = timeline.time[:good]
+        moments = wanted[(wanted > reached) & (wanted <= time[-1])]
+        # Where readings are far apart, the same event follows several times.
+        events = np.unique(np.searchsorted(time, moments))
+        kept.extend(zip(time[events], records.mean[events], records.standard_deviation[events], strict=True))
+        reached, last = float(time[-1]), records.mean[-1]
+        said = timeline.reading_sensor[: len(records.nis)]
+        for sensor in range(squares.size):
+            own = (said == sensor) & np.isfinite(records.nis)
+            squares[sensor] += records.nis[own].sum()
+            components[sensor] += np.isfinite(records.innovation_variance[own]).sum()
+
+    points = cubature(prior.mean.size)
+    ending = run_square_root_filter(points, problem.process, problem.sensors, timelines, prior, receive)
+    time, mean, deviation = (np.array(rows) for rows in zip(*kept, strict=True)) if kept else (np.zeros(0),) * 3
+    shape = len(kept), len(problem.layout.symbols)
+    mean, deviation = mean.reshape(shape), deviation.reshape(shape)
+    return Starts(
+        time,
+        mean[:, motion],
+        deviation[:, motion],
+        [found_errors(problem.layout.symbols, row) for row in mean],
+        [found_errors(problem.layout.symbols, row) for row in deviation],
+        found_errors(problem.layout.symbols, last),
+        {name: float(s / max(n, 1.0)) for name, s, n in zip(problem.measuring, squares, components, strict=True)},
+        "completed" if ending.culprit == OK else f"diverged at t = {reached:.3f} s",
+    )

@@ -1,0 +1,212 @@
+"""Standard manoeuvres, found in the data themselves: overshoots of a zigzag, the steady turn of a turning circle."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.dataset import InputRecord
+from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.validation.results import ManoeuvreNumber
+from auvid_cli.validation.signals import Signal
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
+
+Array = NDArray[np.float64]
+
+_RUDDER = INPUT_SYMBOLS.index("rudder")
+# rad; a rudder that never goes further does no manoeuvre.
+_SMALLEST = np.deg2rad(2.0)
+# A rudder is held while it is within so much of its level, for so many seconds; a reversal takes no longer than that.
+_STEADY, _SHORTEST, _LONGEST_REVERSAL = 0.1, 1.0, 3.0
+# Headings at which the rudder is reversed, relative to the course before, differ no more in size.
+_ALIKE = 0.2
+# Heading, rad, in which a turn becomes steady, and for which it then goes on at least.
+_TRANSIENT, _STEADY_TURN = np.pi, np.pi
+# s; heading and its extremes are read off a parabola through the readings around.
+_AROUND = 0.5
+_APPROACH = 10.0
+# What of the attitude tells how level a path is.
+TILT = "phi", "theta"
+
+
+class Hold(NamedTuple):
+    """A rudder that is held, from begin to end, s; level in rad."""
+
+    begin: float
+    end: float
+    level: float
+
+
+def rudder_holds(inputs: InputRecord) -> list[Hold]:
+    """Stretches of time in which the rudder is over and does not move."""
+    rudder = inputs.values[:, _RUDDER]
+    largest = float(np.abs(rudder).max())
+    if largest < _SMALLEST:
+        return []
+    over = np.where(np.abs(rudder) > 0.5 * largest, np.sign(rudder), 0.0)
+    edges = np.concatenate([[0], 1 + np.flatnonzero(np.diff(over)), [over.size]])
+    holds = []
+    for first, last in pairwise(edges):
+        level = float(np.median(rudder[first:last]))
+        held = np.flatnonzero(np.abs(rudder[first:last] - level) <= _STEADY * abs(level)) + first
+        if over[first] == 0.0 or held.size < 0.8 * (last - first):
+            continue
+        end = min(int(held[-1]) + 1, rudder.size - 1)
+        if inputs.time[end] - inputs.time[held[0]] >= _SHORTEST:
+            holds.append(Hold(float(inputs.time[held[0]]), float(inputs.time[end]), level))
+    return holds
+
+
+def manoeuvre_numbers(inputs: InputRecord, signals: Mapping[str, Signal], run: FreeRun) -> list[ManoeuvreNumber]:
+    """Numbers of the zigzags and turning circles in the data, measured and predicted.
+
+    Parameters
+    ----------
+    inputs : InputRecord
+    signals : mapping
+        Readings by motion symbol.
+    run : FreeRun
+        By the same inputs, as the sensors read it; of it too only what they measure is used.
+    """
+    if "psi" not in signals:
+        return []
+    predicted = {s: Signal(run.time, run.motion[:, i], 0.0) for i, s in enumerate(MOTION_SYMBOLS) if s in signals}
+    holds = [hold for hold in rudder_holds(inputs) if _covers(signals["psi"], hold)]
+    numbers = []
+    for chain in _chains(holds):
+        numbers += _zigzag(chain, signals["psi"], predicted["psi"])
+    for hold in holds:
+        numbers += _turning_circle(hold, signals, predicted)
+    return numbers
+
+
+def _covers(signal: Signal, hold: Hold) -> bool:
+    return bool(signal.time[0] <= hold.begin and hold.end <= signal.time[-1] + _AROUND)
+
+
+def _chains(holds: Sequence[Hold]) -> list[list[Hold]]:
+    """Holds to one side and to the other in turn, each right after the one before."""
+    chains: list[list[Hold]] = []
+    for hold in holds:
+        before = chains[-1][-1] if chains else None
+        follows = before is not None and hold.begin - before.end <= _LONGEST_REVERSAL
+        if before is not None and follows and np.isclose(hold.level, -before.level, rtol=_STEADY):
+            chains[-1].append(hold)
+        else:
+            chains.append([hold])
+    return [chain for chain in chains if len(chain) >= 3]
+
+
+def _zigzag(chain: Sequence[Hold], measured: Signal, predicted: Signal) -> list[ManoeuvreNumber]:
+    """Overshoots: how far the heading goes on after each reversal."""
+    course = heading_at(measured, chain[0].begin)
+    turned = np.array([heading_at(measured, hold.end) - course for hold in chain[:-1]])
+    alternates = bool((np.diff(np.sign(turned)) != 0.0).all())
+    sizes = np.abs(turned)
+    if not alternates or np.ptp(sizes) > _ALIKE * sizes.mean():
+        return []
+    numbers = []
+    for i, (hold, after) in enumerate(pairwise(chain), 1):
+        side = float(np.sign(turned[i - 1]))
+        found = overshoot(measured, hold.end, after.end, side)
+        if found is not None:
+            expected = overshoot(predicted, hold.end, after.end, side)
+            name = f"zigzag {np.rad2deg(abs(hold.level)):.3g}"
+            numbers.append(ManoeuvreNumber(name, f"overshoot {i}", hold.end, "rad", found, expected))
+    return numbers
+
+
+def overshoot(heading: Signal, reversal: float, end: float, side: float) -> float | None:
+    """How far a heading goes on to a side, 1 or -1, after the rudder's reversal, rad; None if it does not come back."""
+    span = slice(*np.searchsorted(heading.time, [reversal, end]))
+    time, values = heading.time[span], side * heading.values[span]
+    if time.size < 3 or not np.isfinite(values).all():
+        return None
+    farthest = float(time[values.argmax()])
+    if farthest > end - _AROUND:
+        return None
+    return side * (heading_at(heading, farthest) - heading_at(heading, reversal))
+
+
+def heading_at(heading: Signal, time: float) -> float:
+    """Heading at a time, from a parabola through the readings around it, rad."""
+    around = slice(*np.searchsorted(heading.time, [time - _AROUND, time + _AROUND]))
+    apart, values = heading.time[around] - time, heading.values[around]
+    if apart.size < 5:
+        return float(np.interp(time, heading.time, heading.values))
+    return float(np.linalg.lstsq(np.stack([np.ones(apart.size), apart, apart**2], axis=1), values)[0][0])
+
+
+def _turning_circle(
+    hold: Hold, measured: Mapping[str, Signal], predicted: Mapping[str, Signal]
+) -> list[ManoeuvreNumber]:
+    """Turn rate, and with a measured velocity radius, speed and speed lost, once the turn is steady."""
+    heading = measured["psi"]
+    inside = slice(*np.searchsorted(heading.time, [hold.begin, hold.end]))
+    turned = np.abs(heading.values[inside] - heading_at(heading, hold.begin))
+    if not turned.size or turned[-1] < _TRANSIENT + _STEADY_TURN:
+        return []
+    begin = float(heading.time[inside][np.argmax(turned >= _TRANSIENT)])
+    found, expected = (steady_turn(signals, hold.begin, begin, hold.end) for signals in (measured, predicted))
+    name = f"turning circle {np.rad2deg(abs(hold.level)):.3g}"
+    units = {"turn rate": "rad/s", "speed": "m/s", "radius": "m", "speed lost": "1"}
+    return [
+        ManoeuvreNumber(name, number, begin, units[number], value, _finite(expected.get(number)))
+        for number, value in found.items()
+    ]
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and np.isfinite(value) else None
+
+
+def steady_turn(signals: Mapping[str, Signal], execute: float, begin: float, end: float) -> dict[str, float]:
+    """Numbers of a turn that is steady from begin to end, s.
+
+    Parameters
+    ----------
+    signals : mapping
+        Heading, and for more than the turn rate u, v, w. Without roll or pitch the path is taken as level.
+    execute : float
+        When the rudder was put over, s: before it, the approach.
+    begin, end : float
+
+    Returns
+    -------
+    dict of float
+        Turn rate, rad/s; horizontal speed, m/s; radius of the path, m; share of the approach's speed that is lost.
+    """
+    heading = signals["psi"]
+    inside = slice(*np.searchsorted(heading.time, [begin, end]))
+    apart = heading.time[inside] - begin
+    slope = np.linalg.lstsq(np.stack([np.ones(apart.size), apart], axis=1), heading.values[inside])[0][1]
+    numbers = {"turn rate": float(slope)}
+    if not {"u", "v", "w"} <= set(signals):
+        return numbers
+    speed = _horizontal_speed(signals)
+    steady, before = (
+        speed.values[slice(*np.searchsorted(speed.time, span))]
+        for span in ([begin, end], [execute - _APPROACH, execute])
+    )
+    if steady.size:
+        numbers |= {"speed": float(steady.mean()), "radius": float(steady.mean() / abs(slope))}
+        if before.size and before.mean() > 0.0:
+            numbers["speed lost"] = float(1.0 - steady.mean() / before.mean())
+    return numbers
+
+
+def _horizontal_speed(signals: Mapping[str, Signal]) -> Signal:
+    """At the times of u, m/s; where no attitude tells how level the path is, the speed along it."""
+    time = signals["u"].time
+
+    def at_its_times(symbol: str) -> Array:
+        return np.interp(time, signals[symbol].time, signals[symbol].values)
+
+    u, v, w = (at_its_times(symbol) for symbol in "uvw")
+    down = np.zeros(time.size)
+    if set(TILT) <= set(signals):
+        phi, theta = (at_its_times(symbol) for symbol in TILT)
+        down = -np.sin(theta) * u + np.cos(theta) * (np.sin(phi) * v + np.cos(phi) * w)
+    return Signal(time, np.sqrt(u**2 + v**2 + w**2 - down**2), 0.0)

@@ -1,0 +1,104 @@
+"""Motion ahead of a start: of many models side by side, and as it would go on unchanged."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.filters.problem import Timeline
+from auvid_cli.lanes import LANES
+from auvid_cli.validation.signals import SAME
+from auvid_cli.vehicle.dynamics import N_WORK, runge_kutta_step, vehicle_constants
+from auvid_cli.vehicle.kinematics import rotation_matrix
+from auvid_cli.vehicle.parameters import N_MOTION
+
+Array = NDArray[np.float64]
+
+
+def move_side_by_side(
+    timelines: Iterable[Timeline], motion: Array, coefficients: Array, parameters: Mapping[str, float], wanted: Array
+) -> Array:
+    """Move up to `LANES` models by the same inputs.
+
+    Parameters
+    ----------
+    timelines : iterable of Timeline
+        Gone through as far as the last time wanted.
+    motion : ndarray, shape (n, 9)
+        At the start, of each model.
+    coefficients : ndarray, shape (n, 22)
+        SI.
+    parameters : mapping
+        Known parameters of all of them.
+    wanted : ndarray, shape (k,)
+        Times of events, s, increasing.
+
+    Returns
+    -------
+    ndarray, shape (k, n, 9)
+        Not finite where a model has blown up.
+    """
+    n = len(motion)
+    constants, work = vehicle_constants(parameters), np.zeros(N_WORK)
+    block, rows = (_in_lanes(each) for each in (motion, np.hstack([coefficients, np.ones((n, 1))])))
+    states, found = block.reshape(N_MOTION, LANES), np.empty((wanted.size, n, N_MOTION))
+    done = 0
+    for timeline in timelines:
+        inputs, durations = [timeline.inputs[i] for i in timeline.piece_input], timeline.piece_duration.tolist()
+        piece = 0
+        for event in np.searchsorted(timeline.time, wanted[done:] - SAME):
+            if event == timeline.time.size:
+                break
+            until = int(timeline.piece_offset[event + 1])
+            for held, duration in zip(inputs[piece:until], durations[piece:until], strict=True):
+                runge_kutta_step(block, rows, held, constants, n, duration, work)
+            found[done], piece, done = states[:, :n].T, until, done + 1
+        if done == wanted.size:
+            break
+        for held, duration in zip(inputs[piece:], durations[piece:], strict=True):
+            runge_kutta_step(block, rows, held, constants, n, duration, work)
+    return found[:done]
+
+
+def _in_lanes(values: Array) -> Array:
+    """Rows of quantities with a lane for each model; lanes without one repeat the first."""
+    lanes = np.tile(values[0], (LANES, 1))
+    lanes[: len(values)] = values
+    return np.ascontiguousarray(lanes.T).ravel()
+
+
+def unchanged_motion(elapsed: Array, motion: Array, angles: Array | None = None) -> Array:
+    """Velocities and rates held; the attitude follows from them in closed form (Rodrigues' formula).
+
+    Parameters
+    ----------
+    elapsed : ndarray, shape (n,)
+        s since the start, increasing, less than half a turn apart.
+    motion : ndarray, shape (9,)
+        At the start.
+    angles : ndarray, shape (3,), optional
+        Roll, pitch, yaw shortly before the first of these times, from which no angle jumps a turn; else at the start.
+
+    Returns
+    -------
+    ndarray, shape (n, 9)
+    """
+    rates, begin = motion[3:6], motion[6:9]
+    rate = float(np.linalg.norm(rates)) or 1.0
+    p, q, r = rates / rate
+    across = np.array([[0.0, -r, q], [r, 0.0, -p], [-q, p, 0.0]])
+    turned = rate * elapsed[:, None, None]
+    since_begin = np.eye(3) + np.sin(turned) * across + (1.0 - np.cos(turned)) * across @ across
+    rotation = rotation_matrix(begin) @ since_begin
+    level = np.hypot(rotation[:, 0, 0], rotation[:, 1, 0])
+    attitude = np.stack(
+        [
+            np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2]),
+            np.arctan2(-rotation[:, 2, 0], level),
+            np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0]),
+        ],
+        axis=1,
+    )
+    before = begin if angles is None else angles
+    attitude = np.unwrap(np.vstack([before, attitude]), axis=0)[1:]
+    return np.hstack([np.tile(motion[:6], (elapsed.size, 1)), attitude])

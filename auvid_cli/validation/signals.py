@@ -1,0 +1,60 @@
+"""Readings as one signal for each measured motion state."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS
+
+Array = NDArray[np.float64]
+
+_ANGLES = MOTION_SYMBOLS[6:]
+# s; times that differ by less are the same: those of events are whole nanoseconds, half of one away from a reading's.
+SAME = 0.75e-9
+
+
+class Signal(NamedTuple):
+    """What was measured of one motion state.
+
+    Attributes
+    ----------
+    time, values : ndarray, shape (n,)
+        Finite readings only, s and SI; angles without jumps of a turn.
+    deviation : float
+        Stated standard deviation of a reading, SI.
+    """
+
+    time: Array
+    values: Array
+    deviation: float
+
+    def since(self, time: float) -> int:
+        """Index of the first reading at or after a time."""
+        return int(np.searchsorted(self.time, time - SAME))
+
+    def turns(self, time: float, value: float) -> float:
+        """What to add to a value at a time to be on the same turn as the readings, rad; a multiple of a turn."""
+        reading = self.values[max(int(np.searchsorted(self.time, time + SAME)) - 1, 0)]
+        return 2.0 * np.pi * float(np.round((reading - value) / (2.0 * np.pi)))
+
+
+def is_angle(symbol: str) -> bool:
+    """Whether a motion state is known modulo a turn."""
+    return symbol in _ANGLES
+
+
+def measured_signals(measuring: Mapping[str, SensorRecord]) -> dict[str, Signal]:
+    """Signals by motion symbol, in the order of the motion states; those that are measured."""
+    signals = {}
+    for name, record in measuring.items():
+        for component, quantity in enumerate(SENSORS[name]):
+            values = record.values[:, component]
+            finite = np.isfinite(values)
+            if finite.any():
+                known = np.unwrap(values[finite]) if is_angle(quantity.symbol) else values[finite]
+                deviation = float(record.standard_deviation[component])
+                signals[quantity.symbol] = Signal(record.time[finite], known, deviation)
+    return {symbol: signals[symbol] for symbol in MOTION_SYMBOLS if symbol in signals}

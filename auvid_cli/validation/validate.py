@@ -1,0 +1,107 @@
+"""Everything that is said of an estimate on data that it has not seen."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.errors import DataError
+from auvid_cli.identification.timeline import initial_motion, measuring_sensors
+from auvid_cli.validation.data_leakage import other_vehicle
+from auvid_cli.validation.free_run_fit import fit_free_runs
+from auvid_cli.validation.horizon_prediction import Bundle, evenly_spaced, predict_ahead, rows_ahead
+from auvid_cli.validation.initial_states import Starts, filtered_starts, with_model
+from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
+from auvid_cli.validation.models import Models, drawn_coefficients, models_of
+from auvid_cli.validation.results import ManoeuvreNumber, Validation
+from auvid_cli.validation.signals import Signal, measured_signals
+from auvid_cli.validation.verdicts import verdicts
+from auvid_cli.vehicle.coefficients import SYMBOLS
+
+Array = NDArray[np.float64]
+
+# However long the data: starts, evenly spaced, and draws from the uncertainty, as many as fit into one block.
+STARTS, DRAWS = 100, 50
+
+
+def validate(dataset: Dataset, estimate: Estimate, starts: int = STARTS) -> Validation:
+    """Predict a manoeuvre with an identified model; no truth is looked at.
+
+    Vehicle, coefficients and settings are the estimate's, inputs and readings the dataset's.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        That the estimate has not seen, see `check_unseen`.
+    estimate : Estimate
+    starts : int
+        Most starts of predictions ahead.
+
+    Raises
+    ------
+    DataError
+        If the estimate did not end well, the dataset has no usable sensor, or is too short to predict anything.
+    """
+    if not estimate.completed:
+        raise DataError(f"the estimate {estimate.status}: it is no model to be validated")
+    seen, models = with_model(dataset, estimate), models_of(estimate)
+    measuring = measuring_sensors(seen)
+    signals = measured_signals(measuring)
+    begin, _ = initial_motion(seen, measuring)
+    end = max(float(signal.time[-1]) for signal in signals.values())
+    found = filtered_starts(seen, evenly_spaced(begin, end, starts))
+    if not found.time.size:
+        raise DataError(
+            f"there is no time at which a prediction can start: the readings from {begin:g} s to {end:g} s are too "
+            f"short, or this model cannot follow them ({found.status})"
+        )
+    free = fit_free_runs(seen, measuring, signals, models, found)
+    rng = np.random.default_rng(estimate.experiment.seed)
+    bundle = _bundle(models, drawn_coefficients(estimate, DRAWS, rng))
+    collected = predict_ahead(seen, measuring, signals, found, bundle, rng)
+    rows = [*free.rows, *rows_ahead(collected, bundle.names, signals)]
+    numbers = manoeuvre_numbers(seen.inputs, signals, free.run)
+    remarks = [*_remarks(dataset, estimate, found, collected.blown_up), *_taken_as_level(numbers, signals)]
+    return Validation(
+        estimate.filter,
+        rows,
+        numbers,
+        verdicts(estimate.filter, rows, free.excursion, found.nis, found.status),
+        free.run,
+        remarks,
+    )
+
+
+def _bundle(models: Models, drawn: Array | None) -> Bundle:
+    """The models that are known by name, and behind them what is drawn."""
+    named = {name: values for name, values in models._asdict().items() if values is not None}
+    table = np.array([[values[symbol] for symbol in SYMBOLS] for values in named.values()])
+    return Bundle(tuple(named), table if drawn is None else np.vstack([table, drawn]))
+
+
+def _remarks(dataset: Dataset, estimate: Estimate, starts: Starts, blown_up: NDArray[np.bool_]) -> Iterator[str]:
+    if other := other_vehicle(dataset, estimate):
+        yield (
+            f"the dataset states another vehicle ({', '.join(other)} differ); the model is the estimate's, of "
+            f"{estimate.experiment.vehicle.name}"
+        )
+    if starts.noise_factor > 1.0:
+        yield (
+            f"the filter that finds where predictions start got {starts.noise_factor:g} times the process noise of the "
+            "settings, which the readings contradict"
+        )
+    if not blown_up.size:
+        yield "the covariance of the coefficients is not finite and positive definite: errors have no band"
+    if blown_up.any():
+        yield (
+            f"{blown_up.sum()} of {blown_up.size} sets of coefficients drawn from the estimate's covariance blew up on "
+            "the way; the band is without them"
+        )
+
+
+def _taken_as_level(numbers: Sequence[ManoeuvreNumber], signals: Mapping[str, Signal]) -> Iterator[str]:
+    untold = [symbol for symbol in TILT if symbol not in signals]
+    if untold and any(one.number == "radius" for one in numbers):
+        yield f"turns are taken as level, their speed as that along the path: no sensor measures {' or '.join(untold)}"

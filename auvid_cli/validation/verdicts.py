@@ -1,0 +1,127 @@
+"""Verdicts on predictions."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+from auvid_cli.evaluation.check import Check
+from auvid_cli.validation.initial_states import LARGEST_NIS
+from auvid_cli.validation.results import AHEAD, Prediction
+
+# Standard deviations of a reading from which an error is more than noise.
+_SIGMAS = 3.0
+# Over a short time what is not known of the start makes all models nearly alike.
+_LARGEST_RATIO = 1.1
+# Times as far as the readings ever go from their mean.
+_LARGEST_EXCURSION = 10.0
+# Of the errors within two standard deviations it should be 95 %; starts that follow each other are alike.
+_SMALLEST_SHARE = 0.85
+
+
+def verdicts(
+    name: str, rows: Sequence[Prediction], excursion: Mapping[str, float], nis: Mapping[str, float], status: str
+) -> list[Check]:
+    """All verdicts on the predictions of one estimate.
+
+    Parameters
+    ----------
+    name : str
+        Of the filter.
+    rows : sequence of Prediction
+    excursion : mapping
+        Of the free run, see `FreeRunFit`.
+    nis : mapping
+        Of the filter that finds the starts, by sensor, see `Starts`.
+    status : str
+        Of that filter.
+    """
+    ahead = [row for row in rows if row.kind == AHEAD]
+    stable = Check.of_values(
+        name,
+        "free run",
+        "stable",
+        excursion,
+        _LARGEST_EXCURSION,
+        "times the reach of the readings",
+        "Left to itself the model runs away. A vehicle that is unstable in open loop does so too: judge it by the "
+        "predictions ahead; else the coefficients are wrong.",
+    )
+    followed = Check.of(
+        name,
+        "start",
+        "motion followed",
+        status,
+        "to the end of the data",
+        status == "completed",
+        "With this model no filter follows these readings: predictions were made as far as it came.",
+    )
+    checks = [stable, followed]
+    if ahead:
+        checks += [
+            _better(name, "constant velocity", ahead, lambda row: row.constant_velocity_rmse),
+            _better(name, "the prior", ahead, lambda row: row.prior_rmse),
+            *_band(name, ahead),
+        ]
+    checks.append(
+        Check.of_values(
+            name,
+            "one reading ahead",
+            "NIS",
+            nis,
+            LARGEST_NIS,
+            "of a component",
+            "From one reading to the next the model errs more than its settings say: its coefficients are off, it "
+            "misses something here, or these sensors are worse than stated.",
+            fails=False,
+        )
+    )
+    return checks
+
+
+def _better(name: str, other: str, rows: Sequence[Prediction], rmse_of: Callable[[Prediction], float | None]) -> Check:
+    """Whether the model errs less than another, wherever that errs by more than noise."""
+    ratios = []
+    for row in rows:
+        theirs = rmse_of(row)
+        if theirs is not None and theirs > _SIGMAS * row.noise:
+            ratios.append((row, row.rmse / theirs if row.rmse is not None else float("inf")))
+    if not ratios:
+        return Check.of(
+            name, "ahead", f"better than {other}", "-", "something to predict", None, "It errs by noise alone or fails."
+        )
+    return Check.of_values(
+        name,
+        "ahead",
+        f"better than {other}",
+        _worst(ratios),
+        _LARGEST_RATIO,
+        "times its error, where that is no noise",
+        "The model is no use there: the coefficients behind that motion are wrong, or the vehicle has changed.",
+    )
+
+
+def _band(name: str, rows: Sequence[Prediction]) -> list[Check]:
+    """Whether the stated uncertainty explains the errors, horizon by horizon."""
+    shares = [(row, row.share_within_band) for row in rows if row.share_within_band is not None]
+    if not shares:
+        return []
+    return [
+        Check.of_values(
+            name,
+            "ahead",
+            "explained by its uncertainty",
+            _worst(shares, is_least=True),
+            _SMALLEST_SHARE,
+            "of the errors within two sigma",
+            "The errors are larger than coefficients, start and sensors are uncertain; the band is without process "
+            "noise. The structure of the model does not hold for this manoeuvre, or the covariance is too small.",
+            fails=False,
+            is_least=True,
+        )
+    ]
+
+
+def _worst(values: Sequence[tuple[Prediction, float]], is_least: bool = False) -> dict[str, float]:
+    """Of each signal the largest value, or the least, with its horizon."""
+    worst: dict[str, tuple[Prediction, float]] = {}
+    for row, value in sorted(values, key=lambda pair: pair[1], reverse=not is_least):
+        worst.setdefault(row.signal, (row, value))
+    return {f"{row.signal} at {row.horizon_s:g} s": value for row, value in worst.values()}

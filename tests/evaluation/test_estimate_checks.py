@@ -1,0 +1,132 @@
+"""Every provoked fault is caught by a verdict that names it, and sound data pass."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.evaluation.bounds import BoundsOf
+from auvid_cli.evaluation.estimate_checks import check_estimate, failed
+from auvid_cli.identification.identify import identify
+
+
+def with_values(dataset, name, change):
+    """The dataset with some readings changed by a function of times and values."""
+    record = dataset.sensors[name]
+    values = record.values.copy()
+    change(record.time, values)
+    return replace(dataset, sensors=dataset.sensors | {name: replace(record, values=values)})
+
+
+def stuck(time, values):
+    values[(time > 30.0) & (time < 40.0)] = values[np.searchsorted(time, 30.0)]
+
+
+def silent(time, values):
+    values[(time > 30.0) & (time < 40.0)] = np.nan
+
+
+def wild(time, values):
+    values[20::40, 0] += 3.0
+
+
+@pytest.fixture(scope="module")
+def long_enough(simulated_with):
+    """White noise only, and long enough for every coefficient."""
+    return simulated_with("manoeuvre.duration=150 s", "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}")
+
+
+def verdicts(dataset, filter_name=FilterName.TUKF):
+    """All, and the names of those that failed, as (subject, check)."""
+    estimate = identify(dataset, filter_name)
+    checks = check_estimate(dataset, estimate, BoundsOf(dataset)(estimate))
+    return checks, {(check.subject, check.check) for check in failed(checks)}
+
+
+def test_sound_data_pass_everything(long_enough, filter_name):
+    checks, fails = verdicts(long_enough, filter_name)
+    assert fails == set()
+    assert {check.check for check in checks} >= {
+        "finished", "stuck", "gap", "NIS", "whiteness", "free of inputs", "information", "identified",
+        "near the bound", "not below the bound", "sign of drag", "sign of fins", "size",
+        "within 3 sigma of truth", "NEES",
+    }  # fmt: skip
+    assert all(check.passed for check in checks)
+    assert all(check.advice == "" for check in checks)
+
+
+@pytest.mark.parametrize("sensor", ["gyroscope", "dvl", "attitude"])
+def test_a_stuck_sensor_is_named_with_its_time(sensor, long_enough):
+    checks, fails = verdicts(with_values(long_enough, sensor, stuck))
+    assert {subject for subject, check in fails if check == "stuck"} == {sensor}
+    (advice,) = [check.advice for check in checks if (check.subject, check.check) == (sensor, "stuck")]
+    assert "from t = 30" in advice
+    assert any(check == "NIS" for _, check in fails)
+
+
+def test_time_between_two_stretches_is_no_gap(long_enough, with_settings):
+    two = with_settings(long_enough, "identification.use.spans=[[0, 60], [80, 150]]")
+    checks, _ = verdicts(two)
+    gaps = [check for check in checks if check.check == "gap"]
+    assert len(gaps) == 3
+    assert all(check.passed for check in gaps)
+    assert any(check.check == "near the bound" for check in checks)
+
+
+def test_a_gap_is_worth_knowing_but_no_failure(long_enough):
+    checks, fails = verdicts(with_values(long_enough, "dvl", silent))
+    assert fails == set()
+    (gap,) = [check for check in checks if check.passed is None]
+    assert (gap.subject, gap.check) == ("dvl", "gap")
+    assert "30" in gap.statistic
+
+
+def test_outliers_show_and_gated_ones_are_counted(long_enough, with_settings):
+    bad = with_values(long_enough, "dvl", wild)
+    _, fails = verdicts(bad)
+    assert ("dvl", "NIS") in fails
+    checks, fails = verdicts(with_settings(bad, "identification.gate=6"))
+    assert fails == set()
+    (gate,) = [check for check in checks if (check.subject, check.check) == ("dvl", "gate")]
+    assert gate.statistic.startswith(f"{len(bad.sensors['dvl'].values[20::40])} of ")
+    assert gate.passed is None
+
+
+def test_a_gate_that_shuts_the_sensor_out_fails(long_enough, with_settings):
+    _, fails = verdicts(with_settings(long_enough, "identification.gate=1"))
+    assert {subject for subject, check in fails if check == "gate"} == {"gyroscope", "dvl", "attitude"}
+
+
+def test_a_rudder_counted_the_other_way_is_found_by_its_signs(long_enough):
+    values = long_enough.inputs.values * [-1.0, 1.0, 1.0, 1.0]
+    turned = replace(long_enough, inputs=replace(long_enough.inputs, values=values), truth=None)
+    checks, fails = verdicts(turned)
+    assert fails == {("coefficients", "sign of fins")}
+    (signs,) = [check for check in checks if check.check == "sign of fins"]
+    assert signs.statistic == "Y_uudr, N_uudr"
+
+
+def test_half_the_mass_contradicts_the_data(long_enough, with_settings):
+    mass = long_enough.experiment.vehicle.known_parameters()["m"]
+    light = with_settings(long_enough, f"vehicle.parameters.m={0.5 * mass}")
+    _, fails = verdicts(replace(light, truth=None))
+    assert {("gyroscope", "NIS"), ("dvl", "NIS"), ("dvl", "free of inputs")} <= fails
+
+
+def test_a_diffuse_prior_diverges_and_says_so(long_enough, with_settings):
+    checks, fails = verdicts(with_settings(long_enough, "identification.prior.factor=300"))
+    assert ("run", "finished") in fails
+    assert "diverged at t =" in checks[0].advice
+
+
+def test_a_drag_term_that_is_not_excited_is_not_reported_as_known(simulated_with):
+    """Straight ahead, without any excitation: sway, heave and the rates stay where they are."""
+    still = simulated_with(
+        "manoeuvre={type: turning_circle, duration: 60 s, speed: 2 m/s, rudder: 0 deg, excitation: {}}",
+        "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}",
+    )
+    checks, fails = verdicts(still)
+    assert ("coefficients", "identified") in fails
+    (information,) = [check for check in checks if check.check == "information"]
+    assert "Y_r|r|" in information.statistic

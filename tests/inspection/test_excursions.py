@@ -1,0 +1,40 @@
+"""A heading that swings away smoothly, which no step shows."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.evaluation.estimate_checks import failed
+from auvid_cli.inspection.inspect import inspect_dataset
+
+
+def swing(column):
+    """Function: 12 degrees away and back within 1.5 s, every 20 s from t = 50 s on."""
+
+    def change(time, values):
+        phase = np.where(time > 50.0, (time - 50.0) % 20.0, 20.0)
+        values[:, column] += np.deg2rad(12.0) * np.where(phase < 1.5, np.sin(np.pi * phase / 1.5) ** 2, 0.0)
+
+    return change
+
+
+def fails_of(dataset):
+    return {(check.subject, check.check): check.statistic for check in failed(inspect_dataset(dataset).checks)}
+
+
+@pytest.mark.parametrize(("sensor", "column", "symbol"), [("attitude", 2, "psi"), ("magnetometer", 0, "heading")])
+def test_against_the_gyroscope(sensor, column, symbol, sound_run, changed):
+    fails = fails_of(changed(sound_run(), sensor, swing(column)))
+    assert list(fails) == [(sensor, f"excursions of {symbol} from integrated r")]
+    # At 50, 70, ..., 290 s, each beyond 4 degrees for about a second.
+    assert fails[sensor, f"excursions of {symbol} from integrated r"].startswith("13, largest 1")
+    assert "t = 50." in fails[sensor, f"excursions of {symbol} from integrated r"]
+
+
+def test_against_another_heading_where_there_is_no_gyroscope(sound_run, changed):
+    dataset = sound_run()
+    sensors = {name: record for name, record in dataset.sensors.items() if name != "gyroscope"}
+    bare = replace(dataset, sensors=sensors)
+    assert fails_of(bare) == {}
+    assert list(fails_of(changed(bare, "attitude", swing(2)))) == [("attitude", "excursions of psi from heading")]

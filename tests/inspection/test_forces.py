@@ -1,0 +1,52 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.inspection.inspect import inspect_dataset
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
+
+
+@pytest.fixture
+def judged(sound_run):
+    """Function: verdicts on the size of an input that is so many times what it was."""
+
+    def judge(symbol, factor):
+        run = sound_run()
+        factors = [factor if symbol == one else 1.0 for one in INPUT_SYMBOLS]
+        inputs = replace(run.inputs, values=run.inputs.values * factors)
+        found = inspect_dataset(replace(run, inputs=inputs)).checks
+        return {one.subject: one for one in found if one.check in ("size", "deflection")}
+
+    return judge
+
+
+def test_what_a_simulation_needs_is_not_doubted(judged):
+    verdicts = judged("rudder", 1.0)
+    assert set(verdicts) >= {"surge_force", "rudder", "elevator"}
+    assert {verdict.passed for verdict in verdicts.values()} == {True}
+
+
+@pytest.mark.parametrize(
+    ("symbol", "factor", "passed"),
+    [
+        ("surge_force", 3600.0, False),  # rpm for turns per second
+        ("surge_force", 60.0, None),
+        ("surge_force", 3e-3, None),
+        ("surge_force", 1e-5, False),
+        ("rudder", np.rad2deg(1.0), False),
+    ],
+)
+def test_an_input_in_another_unit_is_doubted(judged, symbol, factor, passed):
+    verdict = judged(symbol, factor)[symbol]
+    assert verdict.passed is passed
+    assert "unit" in verdict.advice
+
+
+def test_a_roll_moment_that_rolls_the_weight_over_is_doubted(sound_run):
+    run = sound_run()
+    for size, passed in ((1.0, True), (1e3, None), (1e5, False)):
+        values = run.inputs.values.copy()
+        values[:, INPUT_SYMBOLS.index("roll_moment")] = size
+        found = inspect_dataset(replace(run, inputs=replace(run.inputs, values=values))).checks
+        assert [one.passed for one in found if (one.subject, one.check) == ("roll_moment", "size")] == [passed]

@@ -1,0 +1,200 @@
+"""Sound data pass; every fault is caught by the verdict meant for it, and by no other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.config.experiment import ImportedRun, Recording
+from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.evaluation.estimate_checks import failed
+from auvid_cli.inspection.inspect import inspect_dataset
+from auvid_cli.simulation.simulate import simulate
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
+
+PLACES = {
+    **dict(zip("pqr", [("gyroscope", i) for i in range(3)], strict=True)),
+    **dict(zip("uvw", [("dvl", i) for i in range(3)], strict=True)),
+    **dict(zip(("phi", "theta", "psi"), [("attitude", i) for i in range(3)], strict=True)),
+    "heading": ("magnetometer", 0),
+}
+
+
+def verdicts(dataset):
+    """All, and those that failed as (subject, check)."""
+    inspection = inspect_dataset(dataset)
+    return inspection, {(check.subject, check.check) for check in failed(inspection.checks)}
+
+
+def advice_of(inspection, subject, check):
+    (found,) = [c for c in inspection.checks if (c.subject, c.check) == (subject, check)]
+    return found
+
+
+def scaled(changed, dataset, symbol, factor):
+    """The dataset with a component or an input times a factor."""
+    if symbol in INPUT_SYMBOLS:
+        values = dataset.inputs.values.copy()
+        values[:, INPUT_SYMBOLS.index(symbol)] *= factor
+        return replace(dataset, inputs=replace(dataset.inputs, values=values))
+    name, component = PLACES[symbol]
+
+    def scale(time, values):
+        values[:, component] *= factor
+
+    return changed(dataset, name, scale)
+
+
+def test_what_only_the_log_could_tell_is_said_again(sound_run):
+    dataset = sound_run("spiral", "direct", 1)
+    settings = dataset.experiment
+    remark = "@log_time wanders from @header_stamp by 276 s"
+    recording = Recording(files=(), map="by this test", origin=0.0, remarks={"dvl": (remark,)})
+    run = ImportedRun(name="log", vehicle=settings.vehicle, recording=recording)
+    inspection, _ = verdicts(replace(dataset, experiment=run))
+    told = advice_of(inspection, "dvl", "import")
+    assert told.passed is None
+    assert told.advice == f"At import: {remark}."
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("source", ["ahrs", "direct"])
+@pytest.mark.parametrize("manoeuvre", ["spiral", "zigzag_20_20"])
+def test_nothing_fails_on_sound_data(manoeuvre, source, seed, sound_run):
+    inspection, fails = verdicts(sound_run(manoeuvre, source, seed))
+    assert fails == set()
+    assert inspection.marks == []
+    assert all(check.advice == "" for check in inspection.checks if check.passed)
+    told = {check.check for check in inspection.checks if check.passed}
+    assert told >= {"pitch offset", "delay", "rudder and elevator", "lever arm"}
+
+
+@pytest.mark.parametrize("name", ["remus100", "lauv", "lrauv", "dive"])
+def test_nothing_fails_on_other_vehicles(name):
+    _, fails = verdicts(simulate(load_experiment(find_experiment(name), ("seed=4",))))
+    assert fails == set()
+
+
+TURNED = {
+    "p": {("gyroscope", "p against phi")},
+    "q": {("gyroscope", "q against theta")},
+    "r": {("gyroscope", "r against psi"), ("gyroscope", "r against heading")},
+    "psi": {("attitude", "r against psi")},
+    "heading": {("magnetometer", "r against heading")},
+    "u": {("dvl", "speed")},
+    "v": {("dvl", "v against accelerometer")},
+    "w": {("dvl", "w against accelerometer")},
+    "rudder": {("rudder", "response of r")},
+    "elevator": {("elevator", "response of q")},
+    "surge_force": {("surge_force", "response of u")},
+    "roll_moment": {("roll_moment", "response of p")},
+}
+
+
+@pytest.mark.parametrize("source", ["ahrs", "direct"])
+@pytest.mark.parametrize("symbol", TURNED)
+def test_a_turned_sign_is_caught_by_its_own_verdict_alone(symbol, source, sound_run, changed):
+    _, fails = verdicts(scaled(changed, sound_run("spiral", source), symbol, -1.0))
+    assert fails == TURNED[symbol]
+
+
+@pytest.mark.parametrize("symbol", ["r", "psi", "rudder", "v"])
+def test_a_zigzag_shows_the_signs_of_the_horizontal_plane(symbol, sound_run, changed):
+    _, fails = verdicts(scaled(changed, sound_run("zigzag_20_20"), symbol, -1.0))
+    assert fails == TURNED[symbol]
+
+
+@pytest.mark.parametrize(("symbol", "other"), [("p", "phi"), ("q", "theta"), ("r", "psi")])
+def test_degrees_taken_for_radians_are_named(symbol, other, sound_run, changed):
+    inspection, fails = verdicts(scaled(changed, sound_run(), symbol, 180.0 / np.pi))
+    assert (("gyroscope", f"{symbol} against {other}")) in fails
+    assert fails <= {("gyroscope", f"{symbol} against {angle}") for angle in (other, "heading")}
+    assert f"{symbol} is in deg/s" in advice_of(inspection, "gyroscope", f"{symbol} against {other}").advice
+
+
+def test_exchanged_axes_of_the_dvl_are_caught(sound_run, changed):
+    def exchange(time, values):
+        values[:, [0, 1]] = values[:, [1, 0]]
+
+    _, fails = verdicts(changed(sound_run(), "dvl", exchange))
+    assert fails == {("dvl", "speed")}
+
+
+def test_a_single_spike_is_named_with_its_time(sound_run, changed):
+    def spike(time, values):
+        values[np.searchsorted(time, 100.0), 0] += 1.0
+
+    inspection, fails = verdicts(changed(sound_run(), "dvl", spike))
+    assert fails == {("dvl", "spikes")}
+    assert "u" in advice_of(inspection, "dvl", "spikes").statistic
+    (mark,) = inspection.marks
+    assert (mark.sensor, mark.kind) == ("dvl", "spike")
+    assert mark.start == pytest.approx(100.0, abs=0.15)
+
+
+@pytest.mark.parametrize("sensor", ["gyroscope", "accelerometer", "magnetometer", "attitude"])
+def test_a_spike_of_any_sensor_is_caught(sensor, sound_run, changed):
+    def spike(time, values):
+        values[np.searchsorted(time, 50.0), -1] += 1.0
+
+    _, fails = verdicts(changed(sound_run(), sensor, spike))
+    assert fails == {(sensor, "spikes")}
+
+
+@pytest.mark.parametrize("source", ["ahrs", "direct"])
+def test_a_heading_that_jumps_away_and_returns_is_named_with_times(source, sound_run, changed):
+    def jump(time, values):
+        values[time % 4.0 >= 3.0, 2] += np.deg2rad(13.0)
+
+    inspection, fails = verdicts(changed(sound_run("spiral", source), "attitude", jump))
+    assert fails == {("attitude", "steps of psi")}
+    statistic = advice_of(inspection, "attitude", "steps of psi").statistic
+    assert statistic.startswith("75 times away by 13 deg and back after 1 s: t = 2.99, 6.99, 10.99")
+
+
+def test_a_clock_that_leaps_is_told_from_a_gap(sound_run, changed):
+    def leap(time, values):
+        time[time > 150.0] += 2.0
+
+    def silence(time, values):
+        values[(time > 150.0) & (time < 152.0)] = np.nan
+
+    for sensor in ("gyroscope", "dvl", "attitude"):
+        inspection, fails = verdicts(changed(sound_run(), sensor, leap))
+        assert fails == {(sensor, "clock")}
+        assert (
+            "2.0" in advice_of(inspection, sensor, "clock").statistic
+            or "2.1" in advice_of(inspection, sensor, "clock").statistic
+        )
+        inspection, fails = verdicts(changed(sound_run(), sensor, silence))
+        assert fails == set()
+        assert advice_of(inspection, sensor, "gap").passed is None
+        assert {mark.kind for mark in inspection.marks} == {"gap"}
+
+
+@pytest.mark.parametrize("sensor", ["gyroscope", "dvl", "attitude", "magnetometer"])
+def test_three_stuck_seconds_are_caught(sensor, sound_run, changed):
+    def stick(time, values):
+        values[(time >= 60.0) & (time <= 63.0)] = values[np.searchsorted(time, 60.0)]
+
+    _, fails = verdicts(changed(sound_run(), sensor, stick))
+    assert fails == {(sensor, "stuck")}
+
+
+def test_a_pitch_that_is_12_degrees_off_is_caught_with_its_size(sound_run, changed):
+    def lift(time, values):
+        values[:, 1] += np.deg2rad(12.0)
+
+    inspection, fails = verdicts(changed(sound_run(), "attitude", lift))
+    assert fails == {("attitude", "pitch offset")}
+    assert "+12 deg" in advice_of(inspection, "attitude", "pitch offset").statistic
+
+
+def test_a_slow_sensor_is_not_fit(sound_run):
+    dataset = sound_run()
+    record = dataset.sensors["dvl"]
+    slow = replace(record, time=record.time[::7], values=record.values[::7])
+    inspection, fails = verdicts(replace(dataset, sensors=dataset.sensors | {"dvl": slow}))
+    assert fails == {("dvl", "fast enough")}
+    # 2.194 m at 3.9 m/s, and one reading a second.
+    assert advice_of(inspection, "dvl", "fast enough").statistic.startswith("0.57")

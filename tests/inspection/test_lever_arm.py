@@ -1,0 +1,58 @@
+"""A DVL away from the accelerometer is found by what turning adds to it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.evaluation.estimate_checks import failed
+from auvid_cli.inspection.inspect import inspect_dataset
+
+
+@pytest.fixture(scope="module", params=[("spiral", "ahrs"), ("zigzag_20_20", "direct")], ids="-".join)
+def dataset(request, sound_run):
+    return sound_run(*request.param)
+
+
+def moved_ahead(dataset, metres):
+    """The dataset with the velocity of another place: ``v + x r`` and ``w - x q``, by the gyroscope, smoothed."""
+    dvl, gyroscope = dataset.sensors["dvl"], dataset.sensors["gyroscope"]
+    values, weights = dvl.values.copy(), np.ones(9) / 9.0
+    q, r = (
+        np.interp(dvl.time, gyroscope.time, np.convolve(gyroscope.values[:, column], weights, "same"))
+        for column in (1, 2)
+    )
+    values[:, 1] += metres * r
+    values[:, 2] -= metres * q
+    return replace(dataset, sensors=dataset.sensors | {"dvl": replace(dvl, values=values)})
+
+
+def lever_arm(dataset):
+    checks = inspect_dataset(dataset).checks
+    (check,) = [check for check in checks if check.check == "lever arm"]
+    return check, failed(checks)
+
+
+@pytest.mark.parametrize("metres", [0.5, -1.0])
+def test_a_dvl_ahead_of_the_accelerometer_is_noted_with_its_distance(metres, dataset):
+    check, fails = lever_arm(moved_ahead(dataset, metres))
+    assert fails == []
+    assert check.passed is None
+    distances = [float(part.split(" +- ")[0].split()[-1]) for part in check.statistic.split(", ")]
+    assert distances == pytest.approx([metres, metres], abs=0.1)
+    assert "position" in check.advice
+
+
+def test_a_turned_sway_is_no_lever_arm(dataset, changed):
+    def turn(time, values):
+        values[:, 1] *= -1.0
+
+    checks = inspect_dataset(changed(dataset, "dvl", turn)).checks
+    assert [check.check for check in failed(checks)] == ["v against accelerometer"]
+    assert "lever arm" not in {check.check for check in checks}
+
+
+def test_without_an_accelerometer_nothing_is_said(dataset):
+    sensors = {name: record for name, record in dataset.sensors.items() if name != "accelerometer"}
+    checks = inspect_dataset(replace(moved_ahead(dataset, 0.5), sensors=sensors)).checks
+    assert "lever arm" not in {check.check for check in checks}

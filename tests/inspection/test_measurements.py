@@ -1,0 +1,56 @@
+"""Spikes, noise floor and quantisation of series whose answer is known."""
+
+import numpy as np
+import pytest
+
+from auvid_cli.inspection.measurements import level_distance, noise_floor, spike_sizes
+
+TIME = 0.1 * np.arange(3000)
+
+
+def test_the_noise_floor_is_that_of_white_noise_on_any_smooth_course(rng):
+    smooth = 30.0 * np.sin(0.8 * TIME) + 0.01 * TIME**2
+    assert noise_floor(smooth + 0.02 * rng.standard_normal(TIME.size)) == pytest.approx(0.02, rel=0.1)
+    assert noise_floor(smooth) < 1e-4
+
+
+@pytest.mark.parametrize("step", [0.001, 0.1])
+def test_steps_are_told_of_a_signal_with_few_readings_on_each_level(step, rng):
+    values = step * np.round((3.0 * np.sin(TIME) + rng.standard_normal(TIME.size)) / step)
+    assert level_distance(values) == pytest.approx(step, rel=1e-6)
+
+
+def test_what_is_not_quantised_shows_no_step(rng):
+    assert level_distance(rng.standard_normal(2000)) == 0.0
+    assert level_distance(np.ones(2000)) == 0.0
+
+
+def test_a_constant_with_a_single_spike_has_no_step():
+    values = np.zeros(100)
+    values[40] = 1.0
+    assert level_distance(values) == 0.0
+    assert spike_sizes(TIME[:100], values, 0.01).argmax() == 40
+
+
+@pytest.mark.parametrize("at", [2, 700, 2997])
+def test_a_spike_stands_out_alone(at, rng):
+    values = np.sin(TIME) + 0.01 * rng.standard_normal(TIME.size)
+    sound = spike_sizes(TIME, values, 0.01)
+    assert sound.max() < 7.0
+    values[at] += 1.0
+    sizes = spike_sizes(TIME, values, 0.01)
+    # The cubic through four others has a noise of sqrt(1 + (16 + 16 + 1 + 1) / 36) of one.
+    assert sizes[at] == pytest.approx(1.0 / (0.01 * np.sqrt(70.0 / 36.0)), rel=0.15)
+    assert (np.delete(sizes, at) < 7.0).all()
+
+
+def test_a_step_is_no_spike(rng):
+    values = 0.01 * rng.standard_normal(TIME.size)
+    values[1000:] += 1.0
+    assert spike_sizes(TIME, values, 0.01).max() < 7.0
+
+
+def test_beside_a_gap_nothing_is_a_spike(rng):
+    time = TIME + np.where(TIME > 100.0, 20.0, 0.0)
+    values = 5.0 * np.sin(0.3 * time) + 0.001 * rng.standard_normal(time.size)
+    assert spike_sizes(time, values, 0.001).max() < 7.0

@@ -1,0 +1,98 @@
+"""When a sensor speaks, on times made by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.data.dataset import InputRecord, SensorRecord
+from auvid_cli.inspection.timing import clock_jumps, input_timing_checks, new_reading_rate, timing_checks
+
+
+def record_of(time, values):
+    return SensorRecord(time, np.repeat(values[:, None], 3, axis=1), np.ones(3))
+
+
+@pytest.fixture
+def turning(rng):
+    """100 s at 10 Hz of a sine whose course shows within a second."""
+    time = 0.1 * np.arange(1000)
+    return record_of(time, np.sin(time) + 0.001 * rng.standard_normal(1000))
+
+
+def judged(record):
+    return {check.check: check for check in timing_checks("dvl", record, clock_jumps(record))}
+
+
+def test_an_even_sensor_passes(turning):
+    checks = judged(turning)
+    assert all(check.passed for check in checks.values())
+    assert checks["rate"].statistic == "10 Hz"
+
+
+def test_copies_of_a_reading_are_counted_once(turning):
+    copied = record_of(0.02 * np.arange(5000), np.repeat(turning.values[:, 0], 5))
+    assert new_reading_rate(copied) == pytest.approx(10.0)
+    rate = judged(copied)["rate"]
+    assert rate.statistic == "50 Hz, new readings at 10 Hz"
+    assert rate.passed is None
+
+
+def test_uneven_intervals_are_worth_knowing(turning, rng):
+    shaken = replace(turning, time=turning.time + 0.04 * rng.random(1000))
+    jitter = judged(shaken)["jitter"]
+    assert jitter.passed is None
+    assert "of 0.1" in jitter.threshold
+
+
+def test_a_leap_without_motion_is_the_clock_and_one_with_motion_is_a_gap(turning):
+    leapt = replace(turning, time=turning.time + np.where(turning.time > 30.05, 2.0, 0.0))
+    assert clock_jumps(leapt).tolist() == [300]
+    assert not judged(leapt)["clock"].passed
+    kept = (turning.time < 30.05) | (turning.time > 32.05)
+    silent = SensorRecord(turning.time[kept], turning.values[kept], turning.standard_deviation)
+    assert clock_jumps(silent).size == 0
+
+
+def test_a_vehicle_at_rest_does_not_tell_a_leap_from_a_gap(rng):
+    time = 0.1 * np.arange(1000)
+    still = record_of(time + np.where(time > 30.05, 2.0, 0.0), 0.001 * rng.standard_normal(1000))
+    assert clock_jumps(still).size == 0
+
+
+@pytest.mark.parametrize(("share", "passed"), [(0, True), (20, None), (800, False)])
+def test_missing_values_are_judged_by_their_share(share, passed, turning):
+    values = turning.values.copy()
+    values[1 : 1 + share] = np.nan
+    missing = judged(replace(turning, values=values))["missing"]
+    assert missing.passed is passed
+    assert missing.statistic == f"{share / 1000:.2%} of values"
+
+
+def judged_inputs(time, time_constant):
+    record = InputRecord(np.asarray(time), np.zeros((len(time), 4)))
+    return {check.check: check for check in input_timing_checks(record, time_constant)}
+
+
+def test_even_inputs_pass():
+    checks = judged_inputs(0.1 * np.arange(1000), 0.5)
+    assert all(check.passed for check in checks.values())
+    assert checks["rate"].statistic == "10 Hz"
+
+
+@pytest.mark.parametrize(("time_constant", "passed"), [(0.1, None), (0.3, True), (None, True)])
+def test_inputs_slower_than_the_vehicle_are_worth_knowing(time_constant, passed):
+    checks = judged_inputs(0.2 * np.arange(500), time_constant)
+    assert checks["rate"].passed is passed
+    assert checks["gap"].passed is True
+
+
+def test_a_time_without_inputs_is_named():
+    time = 0.1 * np.arange(1000)
+    gap = judged_inputs(time[(time < 30.05) | (time > 42.05)], 1.0)["gap"]
+    assert gap.passed is None
+    assert gap.statistic == "12.1 s from t = 30 s on"
+
+
+def test_a_single_input_has_no_rate():
+    assert judged_inputs([0.0], 1.0) == {}

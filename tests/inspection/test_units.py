@@ -1,0 +1,36 @@
+"""Mistaken units by the factor that they make."""
+
+import pytest
+
+from auvid_cli.inspection.units import mistaken_unit, mistaken_units
+
+
+@pytest.mark.parametrize(
+    ("unit", "times", "name"),
+    [
+        ("m/s", 1.944, "knots"),
+        ("m/s", 3.281, "ft/s"),
+        ("m/s", 3.6, "km/h"),
+        ("m", 3.281, "feet"),
+        ("m", 1000.0, "mm"),
+        ("rad/s", 57.3, "deg/s"),
+        ("rad/s", 60.0, "rad/min"),
+        ("rad", 57.3, "degrees"),
+        ("m/s^2", 1 / 9.80665, "g"),
+    ],
+)
+def test_a_factor_names_the_unit_and_its_inverse_a_conversion_too_many(unit, times, name):
+    assert mistaken_unit("x", unit, times) == f"x is in {name}, taken for {unit}."
+    assert mistaken_unit("x", unit, 1.0 / times) == f"x was in {unit} and was converted as if it were in {name}."
+
+
+@pytest.mark.parametrize("times", [1.0, 1.3, 0.7, 2.5, 300.0])
+def test_no_usual_factor_names_nothing(times):
+    assert mistaken_unit("x", "m/s", times) == ""
+
+
+def test_either_of_two_signals_may_be_to_blame():
+    found = mistaken_units(-3.281, ("depth", "m"), ("u", "m/s"))
+    assert found == "depth is in feet, taken for m. Or: u was in m/s and was converted as if it were in ft/s."
+    assert mistaken_units(0.514, ("depth", "m"), ("u", "m/s")) == "u is in knots, taken for m/s."
+    assert mistaken_units(0.0, ("depth", "m"), ("u", "m/s")) == ""

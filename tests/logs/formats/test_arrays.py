@@ -1,0 +1,154 @@
+"""Files of named arrays, written by NumPy, SciPy and h5py themselves."""
+
+import os
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from auvid_cli.errors import FileError
+from auvid_cli.logs import arrays
+from auvid_cli.logs.formats.log import Column
+from auvid_cli.logs.formats.open_log import open_log
+
+TIME = np.arange(5) * 0.1
+ANGLES = np.arange(15.0).reshape(5, 3)
+
+
+def names(log):
+    return {table: [column.name for column in columns] for table, columns in log.tables().items()}
+
+
+def assert_reads(log, table, expected):
+    found = log.read(table, list(expected))
+    assert list(found) == list(expected)
+    for name, values in expected.items():
+        np.testing.assert_array_equal(found[name], values)
+
+
+def test_arrays_of_one_length_are_columns_of_one_table(tmp_path):
+    path = tmp_path / "log.npz"
+    np.savez(path, t=TIME, angles=ANGLES, flag=TIME > 0.15, clock=np.array(["10:31:54"] * 5), mass=np.array(18.7))
+    log = open_log(path)
+    assert log.tables() == {
+        "": (
+            Column("t"),
+            Column("angles[0]"),
+            Column("angles[1]"),
+            Column("angles[2]"),
+            Column("flag"),
+            Column("clock", is_text=True),
+        )
+    }
+    assert_reads(log, "", {"angles[2]": [2, 5, 8, 11, 14], "flag": [0, 0, 1, 1, 1], "clock": ["10:31:54"] * 5})
+
+
+def test_arrays_of_other_lengths_are_tables_called_by_their_first(tmp_path):
+    path = tmp_path / "log.npz"
+    np.savez(path, imu_time=TIME, p=TIME + 1, dvl_time=TIME[:2], u=TIME[:2] + 2)
+    assert names(open_log(path)) == {"imu_time": ["imu_time", "p"], "dvl_time": ["dvl_time", "u"]}
+    assert_reads(open_log(path), "dvl_time", {"u": [2.0, 2.1]})
+
+
+def test_a_structured_array_is_a_table_of_its_fields(tmp_path):
+    path = tmp_path / "log.npz"
+    np.savez(path, dvl=np.array([(0.0, 1.5), (0.2, 1.6)], dtype=[("time", "f8"), ("u", "f4")]))
+    assert_reads(open_log(path), "dvl", {"u": np.array([1.5, 1.6], np.float32), "time": [0.0, 0.2]})
+
+
+def test_time_may_run_along_the_rows(tmp_path):
+    path = tmp_path / "log.npz"
+    np.savez(path, t=TIME, angles=ANGLES.T)
+    assert_reads(open_log(path), "", {"angles[1]": [1, 4, 7, 10, 13], "t": TIME})
+
+
+def test_structs_of_matlab_are_tables_of_their_fields(tmp_path):
+    path = tmp_path / "log.mat"
+    savemat(
+        path,
+        {
+            "t": TIME[:, None],
+            "dvl": {"time": TIME[:3], "u": TIME[:3] + 1, "beams": {"range": TIME[:3] + 2}},
+            "run": {"imu": {"time": TIME, "q": ANGLES}, "depth": {"time": TIME[:2], "d": TIME[:2]}},
+            "name": "REMUS",
+        },
+    )
+    log = open_log(path)
+    assert names(log) == {
+        "": ["t"],
+        "dvl": ["time", "u", "beams.range"],
+        "run.imu": ["time", "q[0]", "q[1]", "q[2]"],
+        "run.depth": ["time", "d"],
+    }
+    assert_reads(log, "run.imu", {"q[1]": [1, 4, 7, 10, 13], "time": TIME})
+    assert_reads(log, "dvl", {"beams.range": TIME[:3] + 2})
+    assert_reads(log, "", {"t": TIME})
+
+
+def test_a_structure_with_time_of_simulink_is_a_table(tmp_path):
+    path = tmp_path / "log.mat"
+    signals = np.array([({"values": TIME + 1, "label": "u"},), ({"values": TIME + 2, "label": "v"},)], dtype=object)
+    savemat(path, {"out": {"time": TIME, "signals": signals[:, 0]}})
+    log = open_log(path)
+    assert names(log) == {"out": ["time", "signals[0].values", "signals[1].values"]}
+    assert_reads(log, "out", {"signals[1].values": TIME + 2})
+
+
+def test_a_matlab_file_of_version_7_3_reads_alike(tmp_path):
+    path = tmp_path / "log.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        # MATLAB keeps the columns of an array together: there its dimensions are in the other order.
+        file["t"] = TIME[None, :]
+        file["angles"] = ANGLES.T
+        file["dvl/u"] = TIME[None, :3]
+        file["dvl/time"] = TIME[None, :3] + 1
+        file["name"] = np.frombuffer(b"R\0E\0M\0", np.uint16)[:, None]
+        file["name"].attrs["MATLAB_class"] = np.bytes_("char")
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(116) + bytes(8) + b"\x00\x02IM")
+    log = open_log(path)
+    assert names(log) == {"": ["angles[0]", "angles[1]", "angles[2]", "t"], "dvl": ["time", "u"]}
+    assert_reads(log, "", {"t": TIME, "angles[2]": [2, 5, 8, 11, 14]})
+    assert_reads(log, "dvl", {"u": TIME[:3]})
+
+
+@pytest.mark.parametrize("suffix", ["npz", "mat"])
+def test_a_file_cut_short_is_one_clear_error(tmp_path, suffix):
+    path = tmp_path / f"log.{suffix}"
+    arrays = {"t": TIME, "noise": np.random.default_rng(0).normal(size=5000)}
+    if suffix == "npz":
+        np.savez(path, **arrays)
+    else:
+        savemat(path, arrays)
+    whole = path.read_bytes()
+    for length in (200, 1000, len(whole) // 2, len(whole) - 100):
+        path.write_bytes(whole[:length])
+        with pytest.raises(FileError, match=r"log\."):
+            open_log(path).tables()
+
+
+def test_a_file_without_arrays_is_refused(tmp_path):
+    path = tmp_path / "log.npz"
+    np.savez(path, mass=18.7, note="no log")
+    with pytest.raises(FileError, match="holds no arrays of numbers"):
+        open_log(path).tables()
+
+
+def test_what_is_not_there_is_answered_with_what_is(tmp_path):
+    path = tmp_path / "log.npz"
+    np.savez(path, time=TIME, depth=TIME)
+    with pytest.raises(FileError, match="no column named 'dept'; there is 'depth'"):
+        open_log(path).read("", ["dept"])
+
+
+def test_a_matlab_file_that_brings_down_its_reader_is_refused(tmp_path, monkeypatch):
+    savemat(tmp_path / "log.mat", {"t": TIME})
+    # In place of what SciPy does on some damaged files.
+    monkeypatch.setattr(arrays, "loadmat", _abort)
+    with pytest.raises(FileError, match=r"log\.mat: is damaged or not what it is called"):
+        open_log(tmp_path / "log.mat").tables()
+
+
+def _abort(path, **options):
+    os.abort()

@@ -1,0 +1,239 @@
+"""Delimited text of many makes, against the numbers that were written into it."""
+
+import gzip
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from auvid_cli.errors import FileError
+from auvid_cli.logs.formats.log import Column
+from auvid_cli.logs.formats.open_log import open_log
+from auvid_cli.logs.formats.text_layout import TextLayout
+
+
+@pytest.fixture
+def opened(tmp_path):
+    """Function: a log of that text, opened."""
+
+    def write(text, name="log.csv", encoding="utf-8", **layout):
+        path = tmp_path / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode(encoding))
+        return open_log(path, TextLayout(**layout))
+
+    return write
+
+
+def read(log, *names):
+    values = log.read("", names)
+    assert list(values) == list(names)
+    return [found.tolist() for found in values.values()]
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("time,depth\n1.5,2\n3,4e-1\n", "commas"),
+        ("time;depth\n1,5;2\n3;4e-1\n", "semicolons and decimal commas"),
+        ("time\tdepth\r\n1.5\t2\r\n3\t4e-1\r\n", "tabs and carriage returns"),
+        ("time|depth\n1.5|2\n3|4e-1", "bars, and no line feed at the end"),
+        ("time   depth\n 1.5  2\n 3  4e-1\n", "blanks"),
+        ("Vehicle: Iver\nrecorded, in Florida, in 2021\n\ntime,depth\n1.5,2\n3,4e-1\n", "a preamble"),
+        ("# by a logger\ntime,depth\n# switched on\n1.5,2\n\n,\n3,4e-1\n// off\n", "comments and empty rows"),
+        ("# time,depth\n1.5,2\n3,4e-1\n", "names in a comment"),
+        ("time,depth\n1.5,2,\n3,4e-1,\n", "rows that end with a delimiter"),
+        ("time,depth,\n1.5,2,\n3,4e-1,\n", "lines that end with a delimiter"),
+        ("\ufefftime ,depth  \n 1.5 ,2 \n3, 4e-1\n", "a byte order mark and blanks around"),
+        ('"time","depth"\n"1.5","2"\n"3","4e-1"\n', "quotation marks"),
+    ],
+    ids=lambda value: value if "\n" not in value else "",
+)
+def test_the_layout_is_found_out(opened, text, what):
+    assert read(opened(text), "time", "depth") == [[1.5, 3.0], [2.0, 0.4]], what
+
+
+def test_a_stated_layout_goes_before_what_is_found(opened):
+    log = opened("a,b\n1,2\ntime,depth\n3,4\n5,ERR\n", header_row=3, missing=("ERR",))
+    assert read(log, "time") == [[3.0, 5.0]]
+    np.testing.assert_array_equal(log.read("", ["depth"])["depth"], [4.0, np.nan])
+    assert read(opened("a;b,c\n1;2,3\n", delimiter=",", decimal="."), "c") == [[3.0]]
+
+
+def test_units_are_taken_from_the_headings(opened):
+    text = "Time(s),Depth (m),speed [m/s],x[0],DVL-Depth (m),Depth (ft),Temp (°C) ,\n1,2,3,4,5,6,7,8\n2,2,3,4,5,6,7,8\n"
+    assert opened(text).tables() == {
+        "": (
+            Column("Time", "s"),
+            Column("Depth (m)", "m"),
+            Column("speed", "m/s"),
+            Column("x[0]"),
+            Column("DVL-Depth", "m"),
+            Column("Depth (ft)", "ft"),
+            Column("Temp", "°C"),
+            Column("#8"),
+        )
+    }
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time,roll,note\ns,deg,\n0.5,1,dive\n1,-2.5,turn\n",
+        "# time,roll,note\n# [s],[deg],-\n0.5,1,dive\n1,-2.5,turn\n",
+        "by a logger\ntime;roll;note\n(s);(deg);(-)\n0,5;1;dive\n1;-2,5;turn\n",
+        "time,roll,note\n0.5s,1 deg,dive\n1.0s, -2.5deg ,turn\n",
+        "time;roll (deg);note\ns;;\n0,5;1 deg;dive\n1;-2,5 deg;turn\n",
+        'time,roll,note\ns,deg,-\n0.5,1 deg,dive,\n"1",-2.5e0 deg,turn,\n',
+    ],
+)
+def test_units_stand_in_a_row_of_their_own_or_in_each_cell(opened, text):
+    log = opened(text)
+    assert log.tables()[""] == (Column("time", "s"), Column("roll", "deg"), Column("note", is_text=True))
+    assert read(log, "time", "roll", "note") == [[0.5, 1.0], [1.0, -2.5], ["dive", "turn"]]
+
+
+def test_cells_with_units_may_be_missing_and_go_on_beyond_the_head(opened):
+    rows = "".join(f"{k / 8} s,{k} %,{k / 4} m/s\n" for k in range(150_000))
+    log = opened(f"t,share,u\n{rows}0 s,n/a,\n1 s,,nan m/s\n")
+    assert [column.unit for column in log.tables()[""]] == ["s", "%", "m/s"]
+    share, speed = log.read("", ["share", "u"]).values()
+    np.testing.assert_array_equal(share, [*range(150_000), np.nan, np.nan])
+    np.testing.assert_array_equal(speed, [*(np.arange(150_000) / 4), np.nan, np.nan])
+
+
+@pytest.mark.parametrize("row", ["ok,auto", "10:31:54,5 apples", "2021-06-09,dive 3", "1,3D"])
+def test_words_are_no_units(opened, row):
+    log = opened(f"a,b\n{row}\n{row}\n")
+    assert log.tables()[""][1] == Column("b", is_text=True)
+    assert read(log, "b") == [[row.split(",")[1]] * 2]
+
+
+def test_two_columns_of_one_name_are_told_apart(opened):
+    assert read(opened("t,t,u\n1,2,3\n4,5,6\n"), "t", "t #2", "u") == [[1, 4], [2, 5], [3, 6]]
+
+
+@pytest.mark.parametrize("time", ["54:20.5", "10:31:54.25", "2021-06-09T10:31:54Z", "2021-06-09 10:31:54"])
+def test_times_as_text_stay_text(opened, time):
+    log = opened(f"clock, u\n{time} ,1\n{time},2\n")
+    assert log.tables()[""] == (Column("clock", is_text=True), Column("u"))
+    assert read(log, "u", "clock") == [[1.0, 2.0], [time, time]]
+
+
+def test_missing_numbers_are_nan_and_flags_are_numbers(opened):
+    log = opened("t,u,valid\n1,,True\n2,NaN,FALSE\n3,n/a,\n4,1.5,true\n")
+    values = log.read("", ["u", "valid"])
+    np.testing.assert_array_equal(values["u"], [np.nan, np.nan, np.nan, 1.5])
+    np.testing.assert_array_equal(values["valid"], [1.0, 0.0, np.nan, 1.0])
+
+
+def test_a_delimiter_within_quotation_marks_divides_nothing(opened):
+    assert read(opened('t,note,u\n1,"left, then right",2\n3,none,4\n'), "note", "u") == [
+        ["left, then right", "none"],
+        [2.0, 4.0],
+    ]
+
+
+def test_latin_1_is_understood_wherever_it_begins(opened):
+    late = "t,note\n" + "1,plain\n" * 40_000 + "2,größer\n"
+    assert read(opened(late, encoding="latin-1"), "note")[0][-1] == "größer"
+    assert opened("t,Temp (°C)\n1,2\n", encoding="latin-1").tables()[""][1] == Column("Temp", "°C")
+
+
+def test_compressed_text_reads_like_plain(opened):
+    assert read(opened(gzip.compress(b"t,u\n1,2\n3,4\n"), name="log.csv.gz"), "t", "u") == [[1, 3], [2, 4]]
+
+
+def test_a_log_without_rows_is_empty(opened):
+    assert read(opened("t,u\n"), "t", "u") == [[], []]
+
+
+@given(
+    arrays(np.float64, (7, 3), elements=st.floats(allow_nan=False)),
+    st.sampled_from([",", ";", "\t", "|", " "]),
+    st.booleans(),
+)
+def test_numbers_come_back_to_the_last_digit(tmp_path_factory, values, delimiter, decimal_comma):
+    decimal = "," if decimal_comma and delimiter != "," else "."
+    rows = [delimiter.join(repr(float(value)).replace(".", decimal) for value in row) for row in values]
+    path = tmp_path_factory.mktemp("logs") / "log.csv"
+    path.write_text("\n".join([delimiter.join("abc"), *rows]) + "\n")
+    found = open_log(path, TextLayout(delimiter=delimiter, decimal=decimal)).read("", ["a", "b", "c"])
+    np.testing.assert_array_equal(np.column_stack(list(found.values())), values)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("t,u\n1,2\n3\n5,6\n", r"log\.csv:3: a row of 1 fields where the others have 2"),
+        ("t,u\n1,2\n\n3,4,5\n5,6\n", r"log\.csv:4: a row of 3 fields where the others have 2"),
+        ("t,u\n" + "1,2\n# note\n" * 200_000 + "3,oops\n", r"log\.csv:400002: 'u' is 'oops', which is not a number"),
+        ("t,ok\n" + "1,true\n" * 20_000 + "3,perhaps\n", r"log\.csv:20002: 'ok' is 'perhaps', which is not true or"),
+        ("t,u\n1,2 m/s\n2,3 m/s\n3,4 knot\n", r"log\.csv:4: 'u' is '4 knot', which is not a number in m/s, as in"),
+        ("t,u\n" + "1,2 s\n" * 200_000 + "3,4 ms\n", r"log\.csv:200002: 'u' is '4 ms', which is not a number in s,"),
+        ("t,u\n1,2 m/s\n\n# note\n3,4\n", r"log\.csv:5: 'u' is '4', which is not a number in m/s"),
+        ("t,u\ns,knot\n1,2 m/s\n", r"log\.csv:2: 'u' has more than one unit: m/s, knot"),
+        ("t,u\ns,m/s\n1,oops\n2,3\n4\n", r"log\.csv:5: a row of 1 fields where the others have 2"),
+        ("t,u\n1,2\n3,4\n\0\0\0\0", r"log\.csv:4: zero bytes"),
+        ("t,u\n" + "1,2\n" * 50_000 + "3,5_0\n", r"log\.csv:50002: 'u' is '5_0', which is not a number"),
+        ("t,u\n" + "1,2\n" * 50_000 + "3,\u0665\n", r"log\.csv:50002: 'u' is '\u0665', which is not a number"),
+        ("t,u\n1,2\n3," + "5" * 200_000 + ",6\n", r"log\.csv:3: a row of 1 fields where"),
+        ("t,u\n1,2\n3,4\r5,6\n7,8\n", r"log\.csv:3: a row of 1 fields where"),
+        ("t," + "u" * 200_000 + "\n1,2\n3,4\n", r"log\.csv:1: a line of more than 128 kB where names should be"),
+        ("1,2\n3,4\n", r"log\.csv:1: a row of 2 fields, but no names above it"),
+        ("just\nwords\n", r"log\.csv: looks like text, but not like a table"),
+    ],
+)
+def test_a_bad_row_is_named_by_its_line(opened, text, complaint):
+    with pytest.raises(FileError, match=complaint):
+        opened(text).read("", text.split("\n")[0].split(","))
+
+
+def test_a_quotation_mark_left_open_is_not_passed_over(opened):
+    with pytest.raises(FileError, match="quotation mark"):
+        read(opened('t,note,u\n1,"open,2\n3,4,5\n6,7,8\n'), "u")
+
+
+def test_a_missing_column_is_answered_with_the_nearest(opened):
+    with pytest.raises(FileError, match=r"no column named 'Deepth'; there is 'Depth'"):
+        opened("Time (s),Depth (m)\n1,2\n2,2\n").read("", ["Deepth"])
+    with pytest.raises(FileError, match="no table named 'dvl'"):
+        opened("t,u\n1,2\n").read("dvl", ["u"])
+
+
+def test_a_compressed_log_cut_short_is_an_error(tmp_path):
+    path = tmp_path / "log.csv.gz"
+    text = "t,u\n" + "".join(f"{k},{k**7 % 1013}\n" for k in range(200_000))
+    path.write_bytes(gzip.compress(text.encode())[:-400])
+    with pytest.raises(FileError, match="cannot be read"):
+        open_log(path).read("", ["t"])
+
+
+def test_a_first_row_of_ones_is_no_row_of_units(opened):
+    assert read(opened("time,u,v\n1,1,1\n2,1,1\n"), "time", "u") == [[1.0, 2.0], [1.0, 1.0]]
+
+
+def test_digits_of_other_scripts_are_text(opened):
+    assert opened("t,u\n1,\u0665\n2,5_0\n").tables()[""][1] == Column("u", is_text=True)
+
+
+def test_a_line_without_end_is_no_table(tmp_path):
+    (tmp_path / "log.csv.gz").write_bytes(gzip.compress(b"t,u\n1,2\n" + b"5" * (1 << 27), compresslevel=1))
+    with pytest.raises(FileError, match="a line of more than 64 MB"):
+        open_log(tmp_path / "log.csv.gz").read("", ["t"])
+
+
+def test_a_header_row_of_numbers_is_refused(opened):
+    with pytest.raises(FileError, match=r"log\.csv:2: a row of numbers where `header_row` says that the names are"):
+        opened("time,u\n1,2\n3,4\n", header_row=2)
+
+
+@pytest.mark.parametrize(
+    ("name", "there"),
+    [("spped", "'speed' (nearest of 7)"), ("zzz", "'time', 'speed', 'b1', 'b2', 'b3' (first of 7)")],
+)
+def test_names_that_are_left_out_are_counted(opened, name, there):
+    with pytest.raises(FileError) as caught:
+        opened("time,speed,b1,b2,b3,b4,b5\n1,2,3,4,5,6,7\n").read("", [name])
+    assert str(caught.value).endswith(f"there is no column named {name!r}; there is {there}")

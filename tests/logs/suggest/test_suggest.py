@@ -1,0 +1,291 @@
+"""The suggested map: what it finds in logs as they are written, and that it cannot be used unseen."""
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from auvid_cli.config.log_map import load_map
+from auvid_cli.errors import ConfigError
+from auvid_cli.logs.formats.log import Column, Log
+from auvid_cli.logs.formats.open_log import open_log
+from auvid_cli.logs.suggest.rows import quoted
+from auvid_cli.logs.suggest.suggest import suggest
+from auvid_cli.vehicle.parameters import PARAMETERS
+
+TIME = np.arange(200) * 0.1
+WAVE = np.sin(TIME)
+NOISE = np.random.default_rng(1).standard_normal(TIME.size)
+
+
+def written(path: Path, **columns: np.ndarray) -> Path:
+    header = ",".join(name.replace("__", " ") for name in columns)
+    np.savetxt(path, np.column_stack(list(columns.values())), delimiter=",", header=header, comments="", fmt="%.9g")
+    return path
+
+
+@pytest.fixture
+def suggested(tmp_path):
+    """Function: the suggested map of CSV columns, as text and as YAML."""
+
+    def run(**columns):
+        text = suggest([open_log(written(tmp_path / "dive 7.csv", **columns))], tmp_path)
+        return text, yaml.safe_load(text)
+
+    return run
+
+
+def test_names_and_values_tell_sensors_units_and_inputs(suggested):
+    text, found = suggested(
+        **{"timestamp": 1e3 * TIME, "gyro_x": 9 * WAVE, "gyro_y": WAVE, "gyro_z": WAVE, "acc_z": -9.8 + 0.1 * NOISE},
+        **{"roll": 20 * WAVE, "pitch": 10 * WAVE, "true_heading (deg)": 180 + 90 * WAVE, "depth": -3 + WAVE},
+        **{"rudder": 20 * WAVE, "rpm": 600 + WAVE},
+    )
+    assert found["name"] == "dive_7"
+    assert found["logs"] == {"dive_7": "dive 7.csv"}
+    gyroscope = found["sensors"]["gyroscope"]
+    assert gyroscope["columns"] == {"p": "gyro_x", "q": "gyro_y", "r": "gyro_z"}
+    assert (gyroscope["unit"], gyroscope["time"]) == ("deg/s", {"column": "timestamp", "unit": "ms"})
+    assert found["sensors"]["attitude"]["columns"] == {"phi": "roll", "theta": "pitch", "psi": "true_heading"}
+    assert found["sensors"]["attitude"]["unit"] == "deg"
+    assert found["sensors"]["depth"]["columns"]["down"] == {"column": "depth", "sign": -1}
+    assert found["sensors"]["accelerometer"]["frame"] == "FRD"
+    assert "no column found for fx, fy" in text
+    assert found["inputs"]["rudder"] == {"column": "rudder", "unit": "deg"}
+    assert found["inputs"]["thrust"]["revolutions"] == {"column": "rpm", "unit": "rpm"}
+    assert "dvl" not in found["sensors"]
+
+
+def test_noise_is_measured_and_left_to_the_user(suggested):
+    text, found = suggested(t=TIME, u=2.0 + 0.03 * NOISE, rudder=0.1 * WAVE)
+    assert found["sensors"]["dvl"]["standard_deviation"] is None
+    # Of white noise of this size.
+    assert "the signals look like 0.03" in text or "the signals look like 0.02" in text
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("one", "other", "said"),
+    [
+        ("fin_right", "fin_left", "right and left"),
+        ("fin_stbd", "fin_port", "right and left"),
+        ("fin_top", "fin_bottom", "top and bottom"),
+    ],
+)
+def test_fins_that_go_against_each_other_are_said(suggested, one, other, said, sign):
+    text, found = suggested(t=TIME, u=WAVE, **{one: 20 * WAVE, other: sign * 20 * WAVE + 0.1 * NOISE})
+    keys = said.split(" and ")
+    assert [found["inputs"]["fins"][key]["column"] for key in keys] == [one, other]
+    assert (f"{said} go against each other" in text) == (sign < 0)
+
+
+def test_ends_of_names_are_units(suggested):
+    """Although the numbers are so small that they might be radians."""
+    _, found = suggested(
+        **{"t_ins": TIME, "p_dps": 0.1 * WAVE, "q_dps": 0.1 * WAVE, "r_dps": 0.1 * WAVE, "roll_deg": 0.1 * WAVE},
+        **{"u_kn": WAVE, "depth_cm": 5 + WAVE, "acc_x_g": WAVE, "acc_z_g": -1 + 0.01 * WAVE, "rudder_deg": 20 * WAVE},
+    )
+    units = {name: (sensor["unit"], *sensor["columns"].values()) for name, sensor in found["sensors"].items()}
+    assert units == {
+        "gyroscope": ("deg/s", "p_dps", "q_dps", "r_dps"),
+        "accelerometer": ("g", "acc_x_g", "acc_z_g"),
+        "dvl": ("knot", "u_kn"),
+        "attitude": ("deg", "roll_deg"),
+        "depth": ("cm", "depth_cm"),
+    }
+    assert all(sensor["time"]["column"] == "t_ins" for sensor in found["sensors"].values())
+    # Of gravity, which the FRD axes of this one feel upwards.
+    assert found["sensors"]["accelerometer"]["frame"] == "FRD"
+
+
+@pytest.mark.parametrize(
+    ("thruster", "reading"),
+    [
+        (0.5 + 0.5 * WAVE, {"unit": "1"}),
+        (50 + 50 * WAVE, {"unit": "percent"}),
+        (128 + 100 * WAVE, {"centre": 128, "scale": "0.787 percent"}),
+        (1500 + 400 * WAVE, {"centre": 1500, "scale": "0.25 percent"}),
+    ],
+)
+def test_numbers_tell_the_unit_of_a_thruster(suggested, thruster, reading):
+    _, found = suggested(t=TIME, u=WAVE, thruster=thruster)
+    assert found["inputs"]["thrust"]["share"] == {"column": "thruster", **reading}
+
+
+@pytest.mark.parametrize(
+    ("heading", "reading"),
+    [
+        ("Thruster (rpm)", {"column": "Thruster"}),
+        ("Throttle [rev/s]", {"column": "Throttle"}),
+        ("prop_rpm", {"column": "prop_rpm", "unit": "rpm"}),
+        ("PropRPM", {"column": "PropRPM", "unit": "rpm"}),
+        ("motor_rps", {"column": "motor_rps", "unit": "turn/s"}),
+        ("rps", {"column": "rps", "unit": "turn/s"}),
+    ],
+)
+def test_revolutions_are_known_by_name_or_unit(suggested, heading, reading):
+    _, found = suggested(**{"t": TIME, "u": WAVE, heading: 600 + 100 * WAVE})
+    assert found["inputs"]["thrust"] == {"revolutions": reading, "a": None}
+
+
+def test_ends_of_names_are_units_of_inputs_too(suggested):
+    _, found = suggested(t=TIME, u=WAVE, rudder_deg=0.5 * WAVE, thruster_pct=0.5 + 0.5 * WAVE)
+    assert found["inputs"]["rudder"] == {"column": "rudder_deg", "unit": "deg"}
+    assert found["inputs"]["thrust"]["share"] == {"column": "thruster_pct", "unit": "percent"}
+
+
+@pytest.mark.parametrize(("hold", "said"), [(4, "75 % of the rows repeat the one before; `repeats: drop`"), (1, None)])
+def test_rows_that_repeat_a_slower_sensor_are_said(suggested, hold, said):
+    text, _ = suggested(t=TIME, u=2 + NOISE[(np.arange(TIME.size) // hold) * hold], rudder=WAVE)
+    assert said in text if said else "repeat" not in text
+
+
+class Topics(Log):
+    """A bag of topics, each a dictionary of fields."""
+
+    def __init__(self, **topics):
+        super().__init__(Path("dive.mcap"))
+        self.topics = {name.replace("__", "/"): {"@log_time": TIME} | fields for name, fields in topics.items()}
+
+    def tables(self):
+        return {name: tuple(map(Column, fields)) for name, fields in self.topics.items()}
+
+    def read(self, table, columns):
+        return {name: self.topics[table][name] for name in columns}
+
+
+def test_topics_of_bare_numbers_are_called_by_their_topics():
+    log = Topics(
+        **{"__auv__depth": {"data": 3 + WAVE}, "__gyro": {f"data[{k}]": 0.1 * WAVE for k in range(3)}},
+        **{"__fins__top": {"data": 20 * WAVE}, "__fins__stbd": {"data": 20 * WAVE}, "__rpm": {"data": 600 + WAVE}},
+    )
+    found = yaml.safe_load(suggest([log], Path()))
+    assert (found["sensors"]["depth"]["table"], found["sensors"]["depth"]["columns"]) == (
+        "/auv/depth",
+        {"down": "data"},
+    )
+    assert found["sensors"]["gyroscope"]["columns"] == {"p": "data[0]", "q": "data[1]", "r": "data[2]"}
+    inputs = found["inputs"]
+    readings = {**inputs["fins"], "rpm": inputs["thrust"]["revolutions"]}
+    places = {key: reading.get("table", inputs["table"]) for key, reading in readings.items()}
+    assert places == {"top": "/fins/top", "right": "/fins/stbd", "rpm": "/rpm"}
+    assert {reading["column"] for reading in readings.values()} == {"data"}
+
+
+def test_validity_of_the_message_and_not_of_a_part_of_it():
+    dvl = {"beams[0].valid": np.ones(TIME.size), "velocity_valid": np.ones(TIME.size), "velocity.x": WAVE}
+    found = yaml.safe_load(suggest([Topics(__dvl=dvl)], Path()))
+    assert found["sensors"]["dvl"]["valid"]["column"] == "velocity_valid"
+
+
+def test_a_list_that_may_be_fins_is_named():
+    text = suggest([Topics(__fins={"data[0]": WAVE, "data[1]": WAVE}, __rpm={"data": 600 + WAVE})], Path())
+    assert "these may be fins: /fins data[0], /fins data[1]" in text
+
+
+IMU = [f"orientation.{axis}" for axis in "wxyz"]
+IMU += [f"{stem}.{axis}" for stem in ("angular_velocity", "linear_acceleration") for axis in "xyz"]
+
+
+@pytest.mark.parametrize(("gravity", "frame", "reference"), [(9.8, "FLU", "ENU"), (-9.8, "FRD", "NED")])
+def test_sensors_of_one_standard_message_have_the_same_axes(gravity, frame, reference):
+    fields = {name: 0.1 * WAVE for name in IMU} | {"linear_acceleration.z": gravity + 0.1 * WAVE}
+    odometry = {"pose.pose.orientation.w": np.ones(TIME.size), "twist.twist.linear.x": 1 + WAVE}
+    text = suggest([Topics(__imu=fields, __odometry=odometry)], Path())
+    found = yaml.safe_load(text)["sensors"]
+    assert {found[name]["frame"] for name in ("gyroscope", "accelerometer", "attitude")} == {frame}
+    assert found["attitude"]["reference"] == reference
+    assert found["dvl"]["frame"] == "FLU"
+    assert "sensor_msgs/Imu is FLU by REP 103" in text
+
+
+def test_sensor_upside_down_and_flag_of_validity(suggested):
+    # The roll of a sensor that hangs from the deck: near +-180 degrees.
+    roll = np.degrees(np.arctan2(np.sin(np.pi + 0.1 * WAVE), np.cos(np.pi + 0.1 * WAVE)))
+    _, found = suggested(t=TIME, roll=roll, att_valid=np.ones(TIME.size), rudder=WAVE)
+    assert found["sensors"]["attitude"]["mount"] == "upside down"
+    assert found["sensors"]["attitude"]["valid"] == {"column": "att_valid", "values": [True, 1]}
+
+
+def test_column_without_a_number_is_left_out(suggested):
+    text, found = suggested(t=TIME, u=WAVE, v=np.full(TIME.size, np.nan), rudder=WAVE)
+    assert found["sensors"]["dvl"]["columns"] == {"u": "u"}
+    assert "no column found for v, w" in text
+
+
+def test_fins_in_counts(suggested):
+    _, found = suggested(t=TIME, u=WAVE, **{"Fin Yaw T": 128 + 90 * WAVE, "Fin Pitch R": 128 + 5 * WAVE})
+    assert found["inputs"]["fins"]["top"] == {"column": "Fin Yaw T", "centre": 128, "scale": None}
+    assert found["inputs"]["fins"]["right"]["scale"] is None
+
+
+def test_quaternion_that_changes_is_the_attitude(tmp_path):
+    still, moving = {axis: np.ones(TIME.size) for axis in "wxyz"}, {axis: WAVE for axis in "wxyz"}
+    first = written(tmp_path / "a.csv", t=TIME, **{f"orientation.{axis}": q for axis, q in still.items()})
+    second = written(tmp_path / "b.csv", t=TIME, **{f"orientation.{axis}": q for axis, q in moving.items()})
+    found = yaml.safe_load(suggest([open_log(first), open_log(second)], tmp_path))
+    attitude = found["sensors"]["attitude"]
+    assert (attitude["log"], attitude["frame"], attitude["reference"]) == ("b", "FLU", "ENU")
+    assert attitude["quaternion"]["w"] == "orientation.w"
+
+
+def test_clock_as_text_and_a_compressed_log(tmp_path):
+    path = tmp_path / "log.csv.gz"
+    rows = "\n".join(f"59:{50 + k % 10}.0,{k}.5,{k}" for k in range(20))
+    path.write_bytes(gzip.compress(f"Time,Vehicle depth (m),depth (m)\n{rows}\n".encode()))
+    found = yaml.safe_load(suggest([open_log(path)], tmp_path))
+    assert found["sensors"]["depth"]["time"] == {"column": "Time"}
+    assert found["sensors"]["depth"]["unit"] == "m"
+
+
+class OneColumn(Log):
+    """A log of times and one wave, of any names and unit."""
+
+    def __init__(self, path, table, column):
+        super().__init__(path)
+        self.table, self.column = table, column
+
+    def tables(self):
+        return {self.table: (Column("time"), self.column)}
+
+    def read(self, table, columns):
+        return {name: TIME if name == "time" else WAVE for name in columns}
+
+
+NAMES = st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs", "Zl", "Zp", "Cn", "Co")), max_size=12)
+
+
+@given(
+    NAMES, NAMES, st.sampled_from(["roll", "u", "rudder", "depth"]), st.sampled_from(["", "%", "deg", "m", "#", "°"])
+)
+def test_whatever_things_are_called_the_map_is_yaml(table, stem, ending, unit):
+    column = Column(f"{stem}.{ending}", unit)
+    found = yaml.safe_load(suggest([OneColumn(Path(f"{stem.replace('/', '')}7.csv"), table, column)], Path()))
+    assert isinstance(next(iter(found["logs"])), str)
+    rows = found["inputs"] if ending == "rudder" else next(iter(found["sensors"].values()))
+    readings = rows["rudder"] if ending == "rudder" else next(iter(rows["columns"].values()))
+    assert rows.get("table", "") == table
+    assert (readings["column"] if isinstance(readings, dict) else readings) == column.name
+
+
+def test_import_refuses_what_is_not_filled_in(suggested, tmp_path):
+    text, _ = suggested(t=TIME, u=2.0 + WAVE, rudder=0.1 * WAVE)
+    path = tmp_path / "map.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load_map(path)
+    for missing in ("vehicle.parameters.m: ", "vehicle.size.length: ", "sensors.dvl.standard_deviation: "):
+        assert missing in str(caught.value)
+    assert str(caught.value).count("got nothing") == text.count(": null # required") == len(PARAMETERS) + 2 + 1
+
+
+@given(st.text(st.characters(exclude_categories=["Cs"])))
+@example('\n" a: b\x1b\\\u202e')
+def test_any_name_of_a_column_comes_back_from_a_map(name):
+    written = quoted(name)
+    assert written.isprintable()
+    assert yaml.safe_load(f"column: {written} # check\n") == {"column": name}

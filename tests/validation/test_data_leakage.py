@@ -1,0 +1,92 @@
+"""Data that an estimate was made from are found, in another file, in part, and shifted in time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.config.experiment import ImportedRun, RecordedFile, Recording
+from auvid_cli.errors import DataError
+from auvid_cli.validation.data_leakage import check_unseen, have_run_in_common, other_vehicle
+
+
+@pytest.fixture
+def estimate(hand_made):
+    return replace(hand_made([0.0, 1.0], {}), dataset_sha256="abc")
+
+
+def part_of(dataset, since, until):
+    """As a log that was cut, with another origin of time."""
+    sensors = {}
+    for name, record in dataset.sensors.items():
+        kept = (record.time >= since) & (record.time < until)
+        sensors[name] = replace(record, time=record.time[kept] - since, values=record.values[kept])
+    return replace(dataset, sensors=sensors, sha256="other")
+
+
+def test_the_very_dataset_is_refused(short_run, estimate):
+    with pytest.raises(DataError, match="this time of these very data"):
+        check_unseen(replace(short_run, sha256="abc"), estimate)
+
+
+def test_of_the_very_dataset_a_time_that_was_left_out_is_new(short_run, hand_made):
+    estimate = replace(hand_made([0.0, 30.0], {}), dataset_sha256="abc")
+    later = replace(part_of(short_run, 0.0, 60.0), sha256="abc")
+    cut = {
+        name: replace(r, time=r.time[r.time > 31.0], values=r.values[r.time > 31.0])
+        for name, r in later.sensors.items()
+    }
+    check_unseen(replace(later, sensors=cut), estimate)
+    with pytest.raises(DataError, match="this time of these very data"):
+        check_unseen(later, estimate)
+
+
+def test_the_same_log_under_another_map_is_no_other_log(short_run, hand_made):
+    """Its numbers may all differ by an offset; its clock says that they are the same."""
+
+    def imported(origin):
+        experiment = short_run.experiment
+        recording = Recording(files=(RecordedFile(name="dive.csv", sha256="cde"),), map="a map", origin=origin)
+        return ImportedRun(name="dive", vehicle=experiment.vehicle, recording=recording)
+
+    estimate = replace(hand_made([0.0, 30.0], {}), experiment=imported(100.0), dataset_sha256="abc")
+    with pytest.raises(DataError, match="this time of these very data"):
+        check_unseen(replace(short_run, experiment=imported(110.0), sha256="other"), estimate)
+    check_unseen(replace(short_run, experiment=imported(131.0), sha256="other"), estimate)
+
+
+def test_copies_are_found_behind_missing_components_and_held_values(rng):
+    noise = rng.standard_normal((100, 3))
+    without = noise.copy()
+    without[:, 0] = np.nan
+    assert have_run_in_common(without[20:60], noise)
+    assert have_run_in_common(np.repeat(noise[20:60], 5, axis=0), noise)
+    assert not have_run_in_common(without, rng.standard_normal((100, 3)))
+
+
+@pytest.mark.parametrize(("since", "until"), [(0.0, 60.0), (20.0, 40.0)])
+def test_readings_that_it_has_seen_are_refused(short_run, estimate, since, until):
+    with pytest.raises(DataError, match="among those"):
+        check_unseen(part_of(short_run, since, until), estimate, short_run)
+
+
+def test_the_same_manoeuvre_with_other_noise_is_new(short_run, estimate, simulated_with):
+    again = simulated_with("manoeuvre.duration=60 s", "seed=2")
+    np.testing.assert_array_equal(again.inputs.values[:100], short_run.inputs.values[:100])
+    check_unseen(replace(again, sha256="other"), estimate, short_run)
+
+
+def test_a_sensor_that_stands_still_is_no_copy(rng):
+    still = np.ones((100, 3))
+    assert not have_run_in_common(still, still)
+    assert not have_run_in_common(np.full((100, 3), np.nan), still)
+    noise = rng.standard_normal((100, 3))
+    assert not have_run_in_common(noise[:7], noise)
+    assert have_run_in_common(noise[11:30], noise)
+
+
+def test_another_mass_is_another_vehicle_and_other_coefficients_are_not(short_run, estimate, with_settings):
+    assert other_vehicle(short_run, estimate) == []
+    assert other_vehicle(with_settings(short_run, "vehicle.coefficients.N_uvl=-1"), estimate) == []
+    changed = with_settings(short_run, "vehicle.parameters.m=50", "vehicle.size.length=3 m")
+    assert other_vehicle(changed, estimate) == ["m", "length"]

@@ -1,0 +1,47 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from auvid_cli.validation.models import drawn_coefficients, models_of
+from auvid_cli.vehicle.coefficients import SYMBOLS
+
+
+@pytest.fixture
+def estimate(hand_made):
+    made = hand_made([0.0, 1.0], {"X_u|u|": [-1.0, -3.0], "N_uvl": [2.0, 4.0]})
+    return replace(made, held=made.held | {"Y_uvl": -20.0})
+
+
+def test_the_prior_is_zero_but_for_what_is_held(estimate):
+    models = models_of(estimate)
+    assert models.identified["X_u|u|"] == -3.0
+    assert (models.prior["X_u|u|"], models.prior["N_uvl"], models.prior["Y_uvl"]) == (0.0, 0.0, -20.0)
+    assert set(models.prior) == set(SYMBOLS)
+    assert models.vehicle_file == estimate.experiment.vehicle.all_coefficients()
+
+
+def test_the_prior_from_an_earlier_estimate_is_where_the_filter_began(estimate, experiment_with):
+    later = replace(estimate, experiment=experiment_with("identification.prior.from_estimate=earlier.h5"))
+    assert models_of(later).prior["X_u|u|"] == -1.0
+    # A fit has no beginning.
+    assert models_of(replace(later, filter="output_error")).prior is None
+
+
+def test_draws_have_the_mean_and_the_covariance_of_the_estimate(estimate, rng):
+    covariance = estimate.covariance.copy()
+    covariance[:2, :2] = [[0.04, 0.054], [0.054, 0.09]]
+    drawn = drawn_coefficients(replace(estimate, covariance=covariance), 20_000, rng)
+    assert drawn.shape == (20_000, 22)
+    columns = [SYMBOLS.index("X_u|u|"), SYMBOLS.index("N_uvl")]
+    assert_allclose(drawn[:, columns].mean(axis=0), [-3.0, 4.0], atol=0.01)
+    assert_allclose(np.cov(drawn[:, columns].T), covariance[:2, :2], rtol=0.05)
+    assert_allclose(drawn[:, SYMBOLS.index("Y_uvl")], -20.0)
+
+
+@pytest.mark.parametrize("block", [[[0.04, 0.07], [0.07, 0.09]], [[np.inf, 0.0], [0.0, 0.09]]])
+def test_nothing_is_drawn_from_what_is_no_covariance(estimate, rng, block):
+    covariance = estimate.covariance.copy()
+    covariance[:2, :2] = block
+    assert drawn_coefficients(replace(estimate, covariance=covariance), 5, rng) is None

@@ -1,0 +1,90 @@
+"""Motion ahead of a start against closed forms and another integrator."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+
+from auvid_cli.filters.problem import Timeline
+from auvid_cli.validation.prediction import move_side_by_side, unchanged_motion
+from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS
+
+# Neutral, balanced, without any coupling: in surge it only coasts.
+PLAIN = dict.fromkeys(PARAMETER_SYMBOLS, 0.0) | {
+    **{"m": 60.0, "W": 600.0, "B": 600.0, "Ixx": 1.0, "Iyy": 20.0, "Izz": 20.0, "X_udot": -4.0},
+    **{"Y_vdot": -50.0, "Z_wdot": -50.0, "K_pdot": -0.1, "M_qdot": -10.0, "N_rdot": -10.0},
+}
+
+
+def coasting(first, last, before):
+    """A part of the timeline: an event each 0.1 s, reached in five pieces, without any input."""
+    events = np.arange(first, last)
+    pieces = 5 * (events.size if before else events.size - 1)
+    offset = 5 * np.arange(events.size + 1) if before else np.append(0, 5 * np.arange(events.size))
+    nothing = np.zeros(events.size + 1, dtype=np.int64), np.zeros(0, dtype=np.int8), np.zeros((0, 3))
+    durations, held = np.full(pieces, 0.02), np.zeros(pieces, dtype=np.int64)
+    return Timeline(0.1 * events, offset, durations, held, np.zeros((1, 4)), *nothing)
+
+
+def with_drag(*drags):
+    table = np.zeros((len(drags), len(SYMBOLS)))
+    table[:, SYMBOLS.index("X_u|u|")] = drags
+    return table
+
+
+def test_coasting_slows_down_as_one_over_time_at_any_event_of_any_part():
+    parts = [coasting(0, 30, before=False), coasting(30, 101, before=True)]
+    drags, wanted = np.array([-3.2, -6.4, 0.0]), np.array([0.0, 0.1, 2.9, 3.0, 7.7, 10.0])
+    motion = np.zeros((3, 9))
+    motion[:, 0] = 2.0
+    found = move_side_by_side(parts, motion, with_drag(*drags), PLAIN, wanted)
+    assert found.shape == (6, 3, 9)
+    # (m - X_udot) u' = X u^2
+    assert_allclose(found[:, :, 0], 2.0 / (1.0 - drags / 64.0 * 2.0 * wanted[:, None]), rtol=1e-9)
+    assert_allclose(found[:, :, 1:], 0.0, atol=1e-12)
+
+
+def test_a_model_that_blows_up_leaves_the_others_alone():
+    motion = np.zeros((3, 9))
+    motion[:, 0] = 2.0
+    table = with_drag(-3.2, 1e3, -3.2)
+    found = move_side_by_side([coasting(0, 51, before=False)], motion, table, PLAIN, np.array([5.0]))
+    assert not np.isfinite(found[0, 1, 0])
+    assert_allclose(found[0, [0, 2], 0], 2.0 / (1.0 + 3.2 / 64.0 * 2.0 * 5.0), rtol=1e-9)
+
+
+def test_what_the_timeline_does_not_reach_is_not_there():
+    found = move_side_by_side(
+        [coasting(0, 11, before=False)], np.zeros((1, 9)), with_drag(0.0), PLAIN, np.array([0.5, 4.0])
+    )
+    assert len(found) == 1
+
+
+def test_a_held_yaw_rate_turns_the_heading_on_and_on():
+    elapsed = np.linspace(0.0, 60.0, 601)
+    motion = np.array([3.0, 0.1, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 20.0])
+    found = unchanged_motion(elapsed, motion)
+    assert_allclose(found[:, 8], 20.0 + 0.5 * elapsed)
+    assert_allclose(found[:, :8], np.tile(motion[:8], (601, 1)), atol=1e-12)
+    later = unchanged_motion(elapsed[300:], motion, found[299, 6:9])
+    assert_allclose(later, found[300:])
+
+
+def test_held_rates_turn_the_attitude_as_the_equations_of_its_angles_say():
+    p, q, r = 0.1, -0.07, 0.2
+
+    def rates(_, angles):
+        phi, theta, _ = angles
+        turning = q * np.sin(phi) + r * np.cos(phi)
+        return [p + np.tan(theta) * turning, q * np.cos(phi) - r * np.sin(phi), turning / np.cos(theta)]
+
+    begin, elapsed = [0.3, -0.4, 2.0], np.linspace(0.0, 6.0, 61)
+    expected = solve_ivp(rates, (0.0, 6.0), begin, t_eval=elapsed, rtol=1e-10, atol=1e-12).y.T
+    found = unchanged_motion(elapsed, np.array([1.0, 0.0, 0.0, p, q, r, *begin]))
+    assert_allclose(found[:, 6:9], expected, atol=1e-8)
+
+
+def test_without_rates_nothing_turns():
+    motion = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.1, 0.2, 9.0])
+    assert unchanged_motion(np.array([0.0, 50.0]), motion) == pytest.approx(np.tile(motion, (2, 1)))

@@ -1,0 +1,224 @@
+"""A model is told from a wrong one by data that it has not seen."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.errors import DataError
+from auvid_cli.evaluation.estimate_checks import failed
+from auvid_cli.validation.horizon_prediction import HORIZONS
+from auvid_cli.validation.results import AHEAD, FREE_RUN
+from auvid_cli.validation.validate import validate
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
+
+from .conftest import WHITE, ZIGZAG
+
+CIRCLE = "manoeuvre={type: turning_circle, duration: 60 s, speed: 3.9 m/s, rudder: -15 deg, approach: 10 s}"
+
+
+def rows_of(found, kind):
+    return [row for row in found.predictions if row.kind == kind]
+
+
+def free_fits(found):
+    return {row.signal: row.fit_percent for row in rows_of(found, FREE_RUN)}
+
+
+@pytest.fixture(scope="module")
+def identified(simulated_with):
+    """From a spiral."""
+    from auvid_cli.identification.identify import identify
+
+    return identify(simulated_with("manoeuvre.duration=150 s", WHITE), FilterName.CKF)
+
+
+def test_true_coefficients_predict_to_within_the_noise(zigzag, with_coefficients):
+    found = validate(zigzag, with_coefficients(zigzag.truth.coefficients))
+    ahead = rows_of(found, AHEAD)
+    assert {row.horizon_s for row in ahead} == set(HORIZONS)
+    assert {row.signal for row in ahead} == set(MOTION_SYMBOLS)
+    for row in ahead:
+        low, high = chi2.ppf([1e-4, 1.0 - 1e-4], row.readings)
+        assert low < row.readings * (row.rmse / row.expected_rmse) ** 2 < high, row
+        assert row.noise <= row.expected_rmse < 1.3 * row.noise
+    shares = [row.share_within_band for row in ahead]
+    assert np.mean(shares) == pytest.approx(0.9545, abs=0.01)
+    for row in rows_of(found, FREE_RUN):
+        assert row.rmse == pytest.approx(row.noise, rel=0.15), row
+    assert not failed(found.checks)
+    assert all(check.passed for check in found.checks)
+    assert found.remarks == []
+
+
+def test_no_truth_is_looked_at(zigzag, with_coefficients):
+    estimate = with_coefficients(zigzag.truth.coefficients)
+    some = validate(zigzag, estimate, starts=5)
+    assert validate(zigzag.without_truth(), estimate, starts=5).predictions == some.predictions
+
+
+def test_a_spiral_teaches_the_zigzag(zigzag, identified):
+    found = validate(zigzag, identified)
+    fits = free_fits(found)
+    assert min(fits["u"], fits["r"], fits["psi"]) > 90.0
+    overshoots = np.array([(n.measured, n.predicted) for n in found.manoeuvres])
+    assert len(overshoots) > 10
+    np.testing.assert_allclose(overshoots[:, 1], overshoots[:, 0], atol=np.deg2rad(0.2))
+    assert not failed(found.checks)
+
+
+def test_a_rudder_of_the_wrong_sign_is_worse_than_the_mean(zigzag, with_coefficients):
+    true = zigzag.truth.coefficients
+    found = validate(zigzag, with_coefficients(true, N_uudr=-true["N_uudr"]))
+    assert free_fits(found)["r"] < 0.0
+    assert {row.fit_percent < 0.0 for row in rows_of(found, AHEAD) if row.signal == "r"} == {True}
+    assert "better than constant velocity" in {check.check for check in failed(found.checks)}
+    assert any("process noise" in remark for remark in found.remarks)
+    # What there was before is judged from the readings, not from where the wrong model says that they are.
+    known = next(row for row in rows_of(found, AHEAD) if (row.signal, row.horizon_s) == ("r", 5.0))
+    assert known.vehicle_file_rmse < 2.0 * known.noise
+    assert known.rmse > 100.0 * known.noise
+
+
+def test_an_error_that_was_stated_is_explained_and_one_that_was_not_is_noted(zigzag, with_coefficients):
+    true = zigzag.truth.coefficients
+    off = {"X_u|u|": 1.1 * true["X_u|u|"]}
+    told, untold = (validate(zigzag, with_coefficients(true, share, **off)) for share in (0.1, 1e-6))
+    name = "explained by its uncertainty"
+    (sound,), (noted,) = ([check for check in found.checks if check.check == name] for found in (told, untold))
+    assert sound.passed is True
+    assert noted.passed is None
+    assert "u at" in noted.statistic
+
+
+def test_draws_that_blow_up_are_counted_and_said(zigzag, with_coefficients):
+    found = validate(zigzag, with_coefficients(zigzag.truth.coefficients, share=20.0), starts=12)
+    ahead = rows_of(found, AHEAD)
+    assert {row.draws for row in ahead} == {50}
+    (blown_up,) = {row.draws_blown_up for row in ahead}
+    assert 0 < blown_up <= 50
+    assert any(remark.startswith(f"{blown_up} of 50") for remark in found.remarks)
+
+
+def test_without_a_covariance_there_is_no_band(zigzag, with_coefficients):
+    estimate = with_coefficients(zigzag.truth.coefficients)
+    found = validate(zigzag, replace(estimate, covariance=np.full_like(estimate.covariance, np.inf)), starts=12)
+    assert {row.share_within_band for row in rows_of(found, AHEAD)} == {None}
+    assert any("no band" in remark for remark in found.remarks)
+
+
+def test_a_model_that_runs_away_is_unstable(zigzag, with_coefficients):
+    true = zigzag.truth.coefficients
+    found = validate(zigzag, with_coefficients(true, **{"X_u|u|": 5.0}), starts=12)
+    assert "stable" in {check.check for check in failed(found.checks)}
+    assert free_fits(found)["u"] is None
+
+
+def test_another_vehicle_is_said_and_the_models_own_is_used(zigzag, with_coefficients, with_settings):
+    estimate = with_coefficients(zigzag.truth.coefficients)
+    heavier = with_settings(zigzag, "vehicle.parameters.m=200")
+    found = validate(heavier, estimate, starts=12)
+    assert found.predictions == validate(zigzag, estimate, starts=12).predictions
+    (remark,) = found.remarks
+    assert "another vehicle (m differ)" in remark
+
+
+def test_a_gyroscope_with_a_bias_is_seen_through_where_the_settings_ask_for_it(
+    simulated_with, with_coefficients, experiment_with
+):
+    biased = simulated_with(ZIGZAG, WHITE, "seed=31", "sensors.gyroscope.bias=0.5 deg/s")
+    plain = with_coefficients(biased.truth.coefficients)
+    asking = replace(plain, experiment=experiment_with("identification.estimate.biases=[gyro]"))
+    before, after = (validate(biased, estimate, starts=30) for estimate in (plain, asking))
+    rates = [row for row in rows_of(after, FREE_RUN) if row.signal in "pqr"]
+    assert [row.rmse for row in rates] == pytest.approx([row.noise for row in rates], rel=0.2)
+    assert min(row.rmse / row.noise for row in rows_of(before, FREE_RUN) if row.signal in "pqr") > 2.0
+
+
+def test_a_current_is_seen_through_where_the_settings_ask_for_it(simulated_with):
+    from auvid_cli.evaluation.free_run import free_run
+    from auvid_cli.identification.identify import identify
+
+    current = "manoeuvre.current_north=0.3 m/s", "manoeuvre.current_east=-0.2 m/s"
+    asking = "identification.estimate.biases=[current]", "identification.estimate.current.walk=0"
+    seen, unseen = (
+        simulated_with("manoeuvre.duration=100 s", WHITE, *current, *asking, f"seed={seed}") for seed in (1, 2)
+    )
+    estimate = identify(seen, FilterName.OUTPUT_ERROR)
+    _, errors = free_run(seen, estimate)
+    # Of white noise, the mean absolute value is 0.8 of its standard deviation, 1 mm/s.
+    assert max(error.mean_absolute_error for error in errors[:3]) < 2e-3
+    found = validate(unseen, estimate)
+    velocities = [row for row in found.predictions if row.signal in "uvw"]
+    assert min(row.fit_percent for row in velocities) > 97.0
+    assert max(row.rmse for row in velocities) < 1e-2
+    assert min(row.share_within_band for row in velocities if row.kind == AHEAD) > 0.85
+    assert not failed(found.checks)
+
+
+def test_a_turn_in_a_current_is_drawn_and_measured_over_ground(simulated_with, with_coefficients, experiment_with):
+    current = "manoeuvre.current_north=0.4 m/s", "manoeuvre.current_east=-0.3 m/s"
+    drifting = simulated_with(CIRCLE, "manoeuvre.duration=40 s", WHITE, "seed=31", *current)
+    asking = experiment_with("identification.estimate.biases=[current]", "identification.estimate.current.walk=0")
+    estimate = replace(with_coefficients(drifting.truth.coefficients), experiment=asking)
+    found = validate(drifting, estimate, starts=12)
+    dvl = drifting.sensors["dvl"]
+    after = dvl.time > found.run.time[0]
+    drawn = [np.interp(dvl.time[after], found.run.time, component) for component in found.run.motion[:, :3].T]
+    np.testing.assert_allclose(np.transpose(drawn), dvl.values[after], atol=0.02)
+    numbers = {number.number: number for number in found.manoeuvres}
+    time, (north, east, _) = drifting.truth.time, drifting.truth.position.T
+    steady = time >= numbers["speed"].time_s
+    way = np.hypot(np.diff(north[steady]), np.diff(east[steady])).sum()
+    over_ground = way / np.ptp(time[steady])
+    u, v, *_ = drifting.truth.motion[steady].T
+    assert abs(np.hypot(u, v).mean() - over_ground) > 0.1
+    for value in (numbers["speed"].measured, numbers["speed"].predicted):
+        assert value == pytest.approx(over_ground, abs=0.01)
+    assert numbers["radius"].predicted == pytest.approx(numbers["radius"].measured, rel=5e-3)
+
+
+def test_a_turn_without_a_roll_is_taken_as_level_and_that_is_said(simulated_with, with_coefficients):
+    whole = simulated_with(CIRCLE, WHITE, "seed=5")
+    attitude = whole.sensors["attitude"]
+    without_roll = replace(attitude, values=attitude.values * [np.nan, 1.0, 1.0])
+    blind = replace(whole, sensors=whole.sensors | {"attitude": without_roll})
+    seen, unseen = (validate(data, with_coefficients(whole.truth.coefficients), starts=12) for data in (whole, blind))
+    assert not any("level" in remark for remark in seen.remarks)
+    (remark,) = [remark for remark in unseen.remarks if "level" in remark]
+    assert remark.endswith("no sensor measures phi")
+    # Depth is held.
+    known = {number.number: number.measured for number in seen.manoeuvres}
+    for number in unseen.manoeuvres:
+        assert number.measured == pytest.approx(known[number.number], rel=0.01, abs=2e-3)
+        assert number.predicted == pytest.approx(number.measured, rel=0.01, abs=2e-3)
+
+
+def test_without_a_dvl_predictions_start_from_what_the_model_says_of_the_velocity(zigzag, with_coefficients):
+    blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "dvl"})
+    found = validate(blind, with_coefficients(zigzag.truth.coefficients), starts=30)
+    assert set(free_fits(found)) == set(MOTION_SYMBOLS[3:])
+    assert free_fits(found)["r"] > 90.0
+
+
+def test_a_short_run_has_short_horizons(simulated_with, with_coefficients):
+    short = simulated_with("manoeuvre.duration=15 s", WHITE)
+    found = validate(short, with_coefficients(short.truth.coefficients), starts=20)
+    assert {row.horizon_s for row in rows_of(found, AHEAD)} == {0.5, 1.0, 2.0, 5.0}
+
+
+def test_a_filter_that_diverged_left_no_model(zigzag, with_coefficients):
+    estimate = replace(with_coefficients(zigzag.truth.coefficients), status="diverged at t = 3 s: why")
+    with pytest.raises(DataError, match="no model"):
+        validate(zigzag, estimate)
+
+
+def test_a_moment_of_data_is_too_short(zigzag, with_coefficients):
+    sensors = {
+        name: replace(record, time=record.time[record.time < 0.4], values=record.values[record.time < 0.4])
+        for name, record in zigzag.sensors.items()
+    }
+    with pytest.raises(DataError, match="no time at which a prediction can start"):
+        validate(replace(zigzag, sensors=sensors), with_coefficients(zigzag.truth.coefficients))

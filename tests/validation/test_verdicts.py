@@ -1,0 +1,59 @@
+"""Verdicts on numbers made by hand."""
+
+import pytest
+
+from auvid_cli.validation.results import AHEAD, Prediction
+from auvid_cli.validation.verdicts import verdicts
+
+
+def row(signal="r", horizon=1.0, rmse=0.02, prior=1.0, unchanged=0.5, share=0.95):
+    return Prediction(signal, "rad/s", AHEAD, horizon, 50, 0.01, 90.0, rmse, prior, None, unchanged, 0.01, share, 50, 0)
+
+
+def verdict_on(check, rows, excursion=None, nis=None, status="completed"):
+    checks = verdicts("ckf", rows, excursion or {"u": 1.0}, nis or {"dvl": 1.0}, status)
+    (found,) = [one for one in checks if one.check == check]
+    return found
+
+
+def test_a_better_model_passes():
+    checks = verdicts("ckf", [row()], {"u": 1.0}, {"dvl": 1.0}, "completed")
+    assert len(checks) == 6
+    assert all(check.passed for check in checks)
+
+
+def test_one_horizon_at_which_nothing_done_is_better_fails():
+    found = verdict_on("better than constant velocity", [row(), row("v", 5.0, rmse=0.6), row("v", 10.0, rmse=1.5)])
+    assert found.passed is False
+    assert found.statistic == "v at 10 s 3"
+
+
+def test_where_there_is_only_noise_to_predict_nobody_has_to_win():
+    rows = [row(), row("v", rmse=0.025, unchanged=0.02)]
+    assert verdict_on("better than constant velocity", rows).passed is True
+    only = verdict_on("better than constant velocity", rows[1:])
+    assert (only.passed, only.statistic) == (None, "-")
+
+
+@pytest.mark.parametrize(("rmse", "passed"), [(0.9, True), (1.2, False), (None, False)])
+def test_the_prior_is_to_be_beaten(rmse, passed):
+    assert verdict_on("better than the prior", [row(rmse=rmse, unchanged=2.0)]).passed is passed
+
+
+def test_a_prior_that_blew_up_is_no_standard():
+    assert verdict_on("better than the prior", [row(prior=None)]).passed is None
+
+
+def test_errors_beyond_the_band_are_noted():
+    found = verdict_on("explained by its uncertainty", [row(), row("v", share=0.5), row("v", 5.0, share=0.2)])
+    assert (found.passed, found.statistic) == (None, "v at 5 s 0.2")
+
+
+def test_running_away_and_losing_the_motion_fail():
+    assert verdict_on("stable", [row()], excursion={"u": 1.0, "phi": float("inf")}).passed is False
+    assert verdict_on("motion followed", [row()], status="diverged at t = 3 s").passed is False
+
+
+def test_surprising_innovations_are_noted():
+    found = verdict_on("NIS", [row()], nis={"dvl": 2.0, "gyroscope": 1.0})
+    assert (found.passed, found.statistic) == (None, "dvl 2")
