@@ -42,14 +42,14 @@ def load_experiment(path: Path, overrides: Sequence[str] = ()) -> Experiment:
 
 
 def load_with_files(path: Path, overrides: Sequence[str] = ()) -> tuple[Experiment, list[Path]]:
-    """An experiment as of `load_experiment`, and the files that it is read from and that it names."""
+    """Load an experiment as `load_experiment` does, and list the files that it is read from and that it names."""
     tree, mistakes = assemble(open_source(path), overrides)
     experiment = validated(Experiment, tree, mistakes)
     return experiment, [*tree.files(), *experiment.data_files()]
 
 
 def open_source(path: Path) -> Source:
-    """A settings file as text.
+    """Read a settings file as text.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def parse_experiment(text: str, name: str, overrides: Sequence[str] = ()) -> Exp
 
 
 def dump_experiment(experiment: RunSettings) -> str:
-    """Resolved settings as YAML in SI numbers, which `parse_run` reads back to an equal object."""
+    """Write resolved settings as YAML in SI numbers, which `parse_run` reads back to an equal object."""
     settings = given_settings(experiment)
     # Where PyYAML was built without libyaml its own dumper writes the same, only more slowly.
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
@@ -109,7 +109,7 @@ def dump_experiment(experiment: RunSettings) -> str:
 
 
 def given_settings(experiment: RunSettings) -> dict[str, Any]:
-    """Resolved settings as plain values in SI, without those that are not given."""
+    """Return resolved settings as plain values in SI, without those that are not given."""
     return _given(experiment.model_dump(mode="json", by_alias=True))
 
 
@@ -155,7 +155,7 @@ AnySettings = TypeVar("AnySettings", bound=Settings)
 
 
 def validated(model: type[AnySettings], tree: Tree, mistakes: list[Mistake]) -> AnySettings:
-    """Settings of a class from a tree, or ConfigError with the mistakes found before and those in the tree."""
+    """Make settings of a class from a tree, or raise ConfigError with earlier mistakes and those in the tree."""
     try:
         settings = model.model_validate(tree.data)
     except ValidationError as error:

@@ -106,7 +106,7 @@ def _follow(model: type[BaseModel], location: Iterable[str | int]) -> _Place:
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:
-    """Settings classes that an annotation allows."""
+    """List the settings classes that an annotation allows."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     if get_origin(annotation) in (Union, UnionType, Annotated):
@@ -178,7 +178,7 @@ def _expectation(detail: ErrorDetails, place: _Place) -> str:
 
 
 def _meaning(field: FieldInfo | None) -> str:
-    """What a key is for and what it looks like, as far as its field says so."""
+    """Say what a key is for and what it looks like, as far as its field says so."""
     if field is None:
         return ""
     unit = _unit(field)

@@ -128,7 +128,7 @@ class InputsMap(Rows):
         return self
 
     def channels(self) -> dict[tuple[str, ...], InputReading]:
-        """Readings by where they stand in the settings."""
+        """Return the readings by where they stand in the settings."""
         found: dict[tuple[str, ...], Any] = {
             (name,): getattr(self, name) for name in ("rudder", "elevator", "surge_force", "roll_moment")
         }

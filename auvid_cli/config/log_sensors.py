@@ -68,7 +68,7 @@ class Columns(Settings):
         return self
 
     def readings(self) -> dict[str, Reading]:
-        """Readings by component, of the components that are given."""
+        """Return the readings by component, of the components that are given."""
         given = {symbol: getattr(self, symbol) for symbol in type(self).model_fields}
         return {symbol: reading for symbol, reading in given.items() if reading is not None}
 
@@ -131,7 +131,7 @@ class SensorMap(Rows):
         return deviations * (len(quantities) // len(deviations))
 
     def readings(self) -> dict[str, Reading]:
-        """Readings by component."""
+        """Return the readings by component."""
         return self.columns.readings()
 
 
@@ -213,7 +213,7 @@ class AttitudeMap(InBody):
         return self
 
     def readings(self) -> dict[str, Reading]:
-        """Readings by component, of the angles or of the quaternion."""
+        """Return the readings by component, of the angles or of the quaternion."""
         if self.quaternion is None:
             return super().readings()
         return {axis: getattr(self.quaternion, axis) for axis in "wxyz"}

@@ -58,7 +58,7 @@ class Position:
         return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
 
     def excerpt(self) -> str:
-        """The line with a caret under the column, indented; empty if there is no such line."""
+        """Return the line with a caret under the column, indented; empty if there is no such line."""
         if not self.text:
             return ""
         start = max(0, self.column - WIDTH // 2) if len(self.text) > WIDTH else 0
@@ -76,7 +76,7 @@ class Mistake:
     message: str
 
     def under(self, path: Path) -> "Mistake":
-        """The same mistake where its tree hangs at `path` of a larger one."""
+        """Return the same mistake where its tree hangs at `path` of a larger one."""
         return replace(self, path=path + self.path)
 
     def __str__(self) -> str:
@@ -84,12 +84,12 @@ class Mistake:
 
 
 def dotted(path: Path) -> str:
-    """A path as the user writes it in an override."""
+    """Write a path as the user does in an override."""
     return ".".join(map(str, path))
 
 
 def report(mistakes: Iterable[Mistake]) -> str:
-    """The first mistakes as text, file by file: a line each, then the line of the file for those at one place."""
+    """Write the first mistakes file by file: a line each, then the line of the file for those at one place."""
     found = list(mistakes)
     ranks = {file: rank for rank, file in enumerate(dict.fromkeys(mistake.at.file for mistake in found))}
     found.sort(key=lambda mistake: (ranks[mistake.at.file], mistake.at.line, mistake.at.column))

@@ -133,13 +133,13 @@ class Amount(Unit):
 
 
 def expected(unit: str) -> str:
-    """What a quantity of that unit looks like, as a phrase for messages."""
+    """Say what a quantity of that unit looks like, as a phrase for messages."""
     kind, example = EXAMPLES.get(unit, ("a quantity", f"0.1 {unit}"))
     return f"{kind} such as '{example}' or a bare number in {unit}"
 
 
 def describe(value: Any) -> str:
-    """A YAML value in a few words, for messages."""
+    """Describe a YAML value in a few words, for messages."""
     match value:
         case None:
             return "nothing"

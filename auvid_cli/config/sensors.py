@@ -81,7 +81,7 @@ class SensorSettings(Settings):
         return self._all(self.noise or tuple(value / 3.0 for value in self.range))
 
     def stated_standard_deviation(self) -> PerComponent:
-        """What a filter is told per component, SI."""
+        """Return what a filter is told per component, SI."""
         return self._all(self.standard_deviation) if self.standard_deviation else self.noise_standard_deviation()
 
     def _all(self, values: PerComponent) -> PerComponent:
@@ -169,7 +169,7 @@ class Attitude(SensorSettings):
         return data
 
     def stated_standard_deviation(self) -> PerComponent:
-        """What a filter is told per component, rad."""
+        """Return what a filter is told per component, rad."""
         return (self.ahrs.standard_deviation,) * 3 if self.source == "ahrs" else super().stated_standard_deviation()
 
 

@@ -59,7 +59,7 @@ class Tree:
         return self.key_at if same and self.key_at else self.at
 
     def child(self, part: str | int) -> "Tree | None":
-        """The child at a key or list index, None if there is none."""
+        """Return the child at a key or list index, None if there is none."""
         match self.content:
             case dict():
                 return self.content.get(part)
@@ -68,7 +68,7 @@ class Tree:
         return None
 
     def descend(self, path: Path) -> "Iterator[Tree]":
-        """The trees along a path, this one first, as far as they exist."""
+        """Yield the trees along a path, this one first, as far as they exist."""
         node: Tree | None = self
         yield self
         for part in path:
@@ -78,7 +78,7 @@ class Tree:
             yield node
 
     def files(self) -> set[FilePath]:
-        """The files in which the values are written."""
+        """Return the files in which the values are written."""
         own = {self.at.source.path} if self.at.source.path is not None else set()
         match self.content:
             case dict():
@@ -88,7 +88,7 @@ class Tree:
         return own
 
     def put(self, path: Path, new: "Tree") -> "Tree":
-        """A copy with `new` at `path`; mappings on the way are made where there is nothing.
+        """Return a copy with `new` at `path`; mappings on the way are made where there is nothing.
 
         Raises
         ------
@@ -163,7 +163,7 @@ class _Loader(yaml.SafeLoader):
         self._composed = self._depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        """The next node; while they come, since the whole may be long or do harm, they are counted and judged."""
+        """Compose the next node; count and judge nodes while they come, since the whole may be long or do harm."""
         event: Any = self.peek_event()
         tag = getattr(event, "tag", None)
         if tag is not None:

@@ -97,7 +97,7 @@ class VehicleSettings(Settings):
         return self.parameters.by_symbol()
 
     def all_coefficients(self) -> dict[str, float]:
-        """The 22 coefficients by symbol, SI, for a simulation.
+        """Return the 22 coefficients by symbol, SI, for a simulation.
 
         Raises
         ------
