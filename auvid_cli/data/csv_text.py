@@ -15,7 +15,7 @@ _FORMULA = re.compile("'*[=+@-]")
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
-    """A header and rows as CSV; None and NaN are empty cells, a float keeps all its digits, for text see `csv_cell`."""
+    """Write a header and rows as CSV; None and NaN are empty cells, floats keep all digits, for text see `csv_cell`."""
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(map(csv_cell, header))
@@ -33,5 +33,5 @@ def csv_cell(value: Any) -> Any:
 
 
 def csv_value(cell: str) -> str:
-    """The text of a cell that `csv_cell` made."""
+    """Return the text of a cell that `csv_cell` made."""
     return cell[1:] if cell.startswith("'") and _FORMULA.match(cell) else cell

@@ -68,5 +68,5 @@ class Dataset:
     sha256: str = ""
 
     def without_truth(self) -> "Dataset":
-        """The same as a vehicle would have logged it."""
+        """Return the same as a vehicle would have logged it."""
         return replace(self, truth=None)

@@ -144,7 +144,7 @@ def holds_data(path: Path, dataset: Dataset) -> bool:
 
 
 def _variables(dataset: Dataset) -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """What `write_dataset` writes, by its place in the file."""
+    """Yield what `write_dataset` writes, by its place in the file."""
     inputs, truth = dataset.inputs, dataset.truth
     tables = [("inputs", inputs.time, INPUTS, inputs.values)]
     for name, record in dataset.sensors.items():

@@ -78,7 +78,7 @@ class Innovations:
     whole: Tally | None = None
 
     def tally(self, start: float | None = None) -> Tally:
-        """Sums over all of them, also over those that were left out when they were read."""
+        """Sum over all of them, also over those that were left out when they were read."""
         if self.whole is not None:
             return self.whole
         start = start if start is not None else float(self.time[0]) if self.time.size else 0.0
@@ -221,7 +221,7 @@ class Estimate(EstimateHeader, EstimatePart, Outcome):
         return self.status == "completed"
 
     def course(self, symbols: Sequence[str], with_innovations: bool = False) -> "Course":
-        """Some components of the state over time, with or without the innovations."""
+        """Return some components of the state over time, with or without the innovations."""
         kept = [i for i, symbol in enumerate(self.state) if symbol in symbols]
         return Course(
             self.time,
@@ -242,5 +242,5 @@ class Estimate(EstimateHeader, EstimatePart, Outcome):
         )
 
     def final_coefficients(self) -> dict[str, float]:
-        """The 22 coefficients at the last time, estimated or held, SI."""
+        """Return the 22 coefficients at the last time, estimated or held, SI."""
         return self.held | {symbol: float(self.mean[-1, i]) for i, symbol in enumerate(self.state) if symbol in SYMBOLS}

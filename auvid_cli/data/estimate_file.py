@@ -51,7 +51,7 @@ class EstimateWriter:
                 append(group, name, getattr(innovations, name))
 
     def finish(self, outcome: Outcome) -> None:
-        """What is known at the end."""
+        """Write what is known at the end."""
         square = ("state", "state_of_column")
         write_variable(self._file, "covariance", outcome.covariance, square, "posterior covariance at the last time")
         self._file.attrs.update(
@@ -66,7 +66,7 @@ class EstimateWriter:
 
 @contextmanager
 def new_estimate(path: Path, header: EstimateHeader) -> Iterator[EstimateWriter]:
-    """A new file for an estimate; it gets its name when the block ends well, with the outcome written.
+    """Make a new file for an estimate; it gets its name when the block ends well, with the outcome written.
 
     Raises
     ------

@@ -19,7 +19,7 @@ _KINDS = {
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that takes its name when the block ends well.
+    """Yield a temporary path beside `path` that takes its name when the block ends well.
 
     Where `path` is a link, the file that it leads to is replaced, and the link stays.
 

@@ -27,7 +27,7 @@ _LIBRARIES = ("numpy", "scipy", "numba", "filterpy", "h5py", "pydantic", "pint",
 
 @contextmanager
 def new_file(path: Path, kind: str, settings: str, seed: int, **attributes: Any) -> Iterator[h5py.File]:
-    """A new file with its provenance written; it gets its name when the block ends well.
+    """Make a new file with its provenance written; it gets its name when the block ends well.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class _Disk:
 
 
 def write_dimension(group: h5py.Group, name: str, values: NDArray, long_name: str, unit: str = "") -> None:
-    """A coordinate variable: a dimension scale that later variables of the group attach to."""
+    """Write a coordinate variable: a dimension scale that later variables of the group attach to."""
     _create(group, name, values, long_name, unit).make_scale(name)
 
 
@@ -132,14 +132,14 @@ def _attach(data: h5py.Dataset, group: h5py.Group, dimensions: tuple[str, ...]) 
 def write_variable(
     group: h5py.Group, name: str, values: NDArray, dimensions: tuple[str, ...], long_name: str, unit: str = ""
 ) -> None:
-    """A variable on dimensions already written in the group."""
+    """Write a variable on dimensions already written in the group."""
     _attach(_create(group, name, values, long_name, unit), group, dimensions)
 
 
 def write_growing(
     group: h5py.Group, name: str, shape: tuple[int, ...], dimensions: tuple[str, ...], long_name: str, unit: str = ""
 ) -> None:
-    """A variable of doubles without rows yet; `shape` is that of a row. Named as its dimension, it is its scale."""
+    """Make a variable of doubles without rows yet, each of `shape`. Named as its dimension, it is its scale."""
     data = group.create_dataset(name, (0, *shape), np.float64, maxshape=(None, *shape), chunks=(_CHUNK_ROWS, *shape))
     _describe(data, long_name, unit)
     if dimensions == (name,):

@@ -33,7 +33,7 @@ Form = TypeVar("Form", bound=FileAttributes)
 
 @contextmanager
 def open_file(path: Path, kind: str) -> Iterator[h5py.File]:
-    """An existing file, checked to be auvid's, of this kind and of a schema that is understood.
+    """Open an existing file, checked to be auvid's, of this kind and of a schema that is understood.
 
     Raises
     ------
@@ -82,12 +82,12 @@ def read_attributes(file: h5py.File, form: type[Form]) -> Form:
 
 
 def _plain(value: Any) -> Any:
-    """A number of NumPy's as Python's own."""
+    """Return a number of NumPy's as Python's own."""
     return value.item() if isinstance(value, np.generic) else value
 
 
 def read_array(group: h5py.Group, name: str, every: int = 1, ndim: int = 1) -> NDArray[np.float64]:
-    """A numeric variable as doubles; of its rows every so many, and the last."""
+    """Read a numeric variable as doubles; of its rows every so many, and the last."""
     data = _variable(group, name, "numbers", ndim)
     rows = data[(data.shape[0] - 1) % every :: every] if every > 1 else data[...]
     return np.asarray(rows, dtype=np.float64)
@@ -150,7 +150,7 @@ def count_rows(group: h5py.Group, name: str) -> int:
 
 
 def read_names(group: h5py.Group, name: str) -> tuple[str, ...]:
-    """A variable of strings, of which there are not many."""
+    """Read a variable of strings, of which there are not many."""
     data = _variable(group, name, "text", 1)
     if data.shape[0] > _MOST_NAMES:
         raise ValueError(f"{data.name} has more entries than there are names")
@@ -158,14 +158,14 @@ def read_names(group: h5py.Group, name: str) -> tuple[str, ...]:
 
 
 def subgroups(group: h5py.Group, name: str) -> dict[str, h5py.Group]:
-    """The groups in a group, by name; none if that does not exist."""
+    """Return the groups in a group, by name; none if that does not exist."""
     if name not in group:
         return {}
     return {key: item for key, item in subgroup(group, name).items() if isinstance(item, h5py.Group)}
 
 
 def subgroup(group: h5py.Group, name: str) -> h5py.Group:
-    """A group that must be there."""
+    """Return a group that must be there."""
     item = group[name]
     if not isinstance(item, h5py.Group):
         raise KeyError(f"{name} is not a group")

@@ -113,7 +113,7 @@ def _replace(path: Path, inputs: Iterable[Path], write: Callable[[], object]) ->
 
 
 def other_run(path: Path, experiment: RunSettings) -> str:
-    """What of another run than that of an experiment stands where its dataset is to go; empty if nothing does."""
+    """Say what of another run than an experiment's stands where its dataset is to go; empty if nothing does."""
     if path.exists():
         return _difference(path, "dataset", experiment, "")
     return _without_dataset(path.parent) if path == dataset_in(path.parent) else ""
@@ -122,7 +122,7 @@ def other_run(path: Path, experiment: RunSettings) -> str:
 def other_estimates(
     folder: Path, experiment: RunSettings, sha256: str, filters: Collection[FilterName]
 ) -> dict[Path, str]:
-    """The estimates in a folder beside which those of some filters may not stand, and why.
+    """Find the estimates in a folder beside which those of some filters may not stand, and why.
 
     Parameters
     ----------
@@ -170,6 +170,6 @@ def _difference(path: Path, kind: str, experiment: RunSettings, own: str, sha256
 
 
 def _settings_for(own: str, run: RunSettings) -> RunSettings:
-    """A run's settings without those that concern other filters alone, and its name."""
+    """Return a run's settings without those that concern other filters alone, and without its name."""
     without = {"filters": Identification().filters} | {name: value for name, value in _OWN.items() if name != own}
     return run.model_copy(update={"name": "", "identification": run.identification.model_copy(update=without)})

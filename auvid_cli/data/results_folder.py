@@ -34,7 +34,7 @@ def dataset_in(folder: Path) -> Path:
 
 
 def estimates_in(folder: Path) -> dict[FilterName, Path]:
-    """The estimates that are there, in the order of `FilterName`."""
+    """Return the estimates that are there, in the order of `FilterName`."""
     paths = {name: folder / "estimates" / f"{name.value}.h5" for name in FilterName}
     return {name: path for name, path in paths.items() if path.exists()}
 

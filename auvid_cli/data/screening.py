@@ -50,7 +50,7 @@ def _identity(path: Path) -> _Identity:
 
 
 def _flaws(paths: Sequence[Path]) -> list[str]:
-    """What is wrong with each file, in their order, up to the first with which the process did not come to an end."""
+    """Say what is wrong with each file, in order, up to the first with which the process did not come to an end."""
     seconds = _SECONDS + ceil(sum(path.stat().st_size for path in paths) / _BYTES_PER_SECOND)
     command = [sys.executable, "-P", "-X", "utf8", str(_WALK), str(os.getpid()), str(seconds), *map(str, paths)]
     quiet, pipe = subprocess.DEVNULL, subprocess.PIPE

@@ -20,7 +20,7 @@ _OURS = re.compile(rf"{re.escape(_PREFIX)}[0-9a-f]{{{2 * _BYTES}}}")
 
 @contextmanager
 def temporary_in(folder: Path) -> Iterator[Path]:
-    """A new file in a folder, removed when the block ends; it may be moved away before.
+    """Make a new file in a folder, removed when the block ends; it may be moved away before.
 
     It is locked as long as its writer lives, whatever ends that. What is there of others and not locked was left behind
     by somebody who was killed, and is removed.

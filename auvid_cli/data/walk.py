@@ -25,7 +25,7 @@ _DIE_WITH_PARENT = 1
 
 
 def flaw_of(path: Path) -> str:
-    """What is wrong with a file, in one line; nothing if all of it can be read."""
+    """Say in one line what is wrong with a file; nothing if all of it can be read."""
     try:
         with h5py.File(path, "r") as file:
             most = max(_ALLOWED, _MOST_TIMES * path.stat().st_size)
@@ -39,7 +39,7 @@ def flaw_of(path: Path) -> str:
 
 
 def _items(file: h5py.File) -> Iterator[h5py.HLObject]:
-    """Groups and variables, each once, however many names it has; none that stands elsewhere."""
+    """Yield groups and variables, each once, however many names it has; none that stands elsewhere."""
     seen, ahead = set(), [file["/"]]
     while ahead:
         item = ahead.pop()
