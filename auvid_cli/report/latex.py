@@ -59,7 +59,7 @@ def _table(table: Table) -> str:
 
 
 def _group_headings(table: Table) -> list[str]:
-    """The line above the headings that names groups of columns, with rules; nothing without groups."""
+    """Write the line above the headings that names groups of columns, with rules; nothing without groups."""
     cells, rules, begin = [], [], 1
     for group, members in groupby(column.group for column in table.columns):
         width = len(list(members))

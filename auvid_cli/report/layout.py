@@ -94,7 +94,7 @@ def _marked(row: CoefficientResult, cell: float | PlusMinus | None) -> Cell:
 
 
 def mark_explained(evaluation: Evaluation) -> list[str]:
-    """The sentence that explains the mark, if anything is marked."""
+    """Return the sentence that explains the mark, if anything is marked."""
     return [] if all(row.identified for row in evaluation.coefficients) else [UNIDENTIFIED]
 
 
@@ -187,7 +187,7 @@ def _consistency(evaluation: Evaluation) -> Table:
 
 
 def rejections(evaluation: Evaluation) -> list[str]:
-    """A sentence for each filter whose gate rejected readings."""
+    """Return a sentence for each filter whose gate rejected readings."""
     sentences = []
     for name in _filters(evaluation):
         counts = [
@@ -219,7 +219,7 @@ def _sensor_errors(evaluation: Evaluation) -> Table:
 
 
 def unobserved(evaluation: Evaluation) -> list[str]:
-    """A sentence for each filter that was asked for a sensor error which the data do not determine."""
+    """Return a sentence for each filter that was asked for a sensor error which the data do not determine."""
     sentences = []
     for name in _filters(evaluation):
         states = [row.state for row in evaluation.sensor_errors if row.filter == name and not row.observed]

@@ -13,7 +13,7 @@ _COEFFICIENTS = {c.symbol: c for c in COEFFICIENTS}
 
 
 def symbol_math(symbol: str) -> str:
-    r"""A symbol as mathematics for LaTeX and mathtext, for example ``$X_{u|u|}$`` or ``$\psi$``."""
+    r"""Write a symbol as mathematics for LaTeX and mathtext, for example ``$X_{u|u|}$`` or ``$\psi$``."""
     if symbol in _WORDS:
         return _WORDS[symbol]
     if symbol in _GREEK:
@@ -34,21 +34,21 @@ def symbol_math(symbol: str) -> str:
 
 
 def unit_text(unit: str) -> str:
-    """A unit in Unicode, for example ``kg·m²/rad²``."""
+    """Write a unit in Unicode, for example ``kg·m²/rad²``."""
     raised = re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPTS), unit)
     return raised.replace("*", "·")
 
 
 def unit_latex(unit: str) -> str:
-    r"""A unit in LaTeX, for example ``kg\,m$^{2}$/rad$^{2}$``."""
+    r"""Write a unit in LaTeX, for example ``kg\,m$^{2}$/rad$^{2}$``."""
     return re.sub(r"\^(-?\d+)", r"$^{\1}$", unit).replace("*", r"\,")
 
 
 def filter_label(name: str) -> str:
-    """A filter's name as it is read: EKF, CKF, TUKF, UKF; OE for the output-error method."""
+    """Write a filter's name as it is read: EKF, CKF, TUKF, UKF; OE for the output-error method."""
     return "OE" if name == "output_error" else name.upper()
 
 
 def setting_text(value: object) -> str:
-    """A value of an axis of a campaign."""
+    """Write a value of an axis of a campaign."""
     return f"{value:g}" if isinstance(value, float) else str(value)

@@ -13,7 +13,7 @@ NOTE = (
 
 @cache
 def published(table: str) -> dict[str, dict[str, str]]:
-    """A published table.
+    """Read a published table.
 
     Parameters
     ----------

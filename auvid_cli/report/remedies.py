@@ -14,7 +14,7 @@ _NARROW, _NARROWER = 1.0, 0.3
 
 
 def remedies(estimates: Sequence[Estimate]) -> list[str]:
-    """A line for each remedy with the filters that it is for; none where nothing but a closer look will help."""
+    """Return a line for each remedy with the filters that it is for; none where only a closer look will help."""
     found: dict[str, list[str]] = {}
     for estimate in estimates:
         remedy = _remedy(estimate)

@@ -190,12 +190,12 @@ def _runs(console: Console, evaluation: Evaluation) -> Table:
 
 
 def printed(value: float | None, digits: int = 4) -> str:
-    """A number for the terminal, a dash where there is none."""
+    """Write a number for the terminal, a dash where there is none."""
     return _MISSING if value is None else number(value, digits) or _MISSING
 
 
 def _printable(console: Console, text: str, plain: str) -> str:
-    """The text, or plain letters where the terminal's encoding lacks its signs."""
+    """Return the text, or plain letters where the terminal's encoding lacks its signs."""
     try:
         text.encode(console.encoding)
     except UnicodeEncodeError:

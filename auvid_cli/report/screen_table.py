@@ -11,7 +11,7 @@ _UNLIMITED = 10_000
 
 
 def screen_table() -> Table:
-    """An empty table as all of them look: a rule under the headings, and nothing else."""
+    """Make an empty table as all of them look: a rule under the headings, and nothing else."""
     return Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
 
 
@@ -21,7 +21,7 @@ def fits(console: Console, table: Table) -> bool:
 
 
 def first_that_fits(console: Console, tables: Iterable[Table]) -> Table:
-    """The first of some ever narrower tables, at least one, for which there is room; the last if there is for none."""
+    """Return the first of ever narrower tables, at least one, for which there is room, or else the last."""
     table = Table()
     for table in tables:
         if fits(console, table):

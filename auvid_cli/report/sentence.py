@@ -2,5 +2,5 @@
 
 
 def sentence(remark: str) -> str:
-    """A remark, which begins small and ends open, with a capital letter and a full stop."""
+    """Make a sentence of a remark, which begins small and ends open: a capital letter and a full stop."""
     return f"{remark[0].upper()}{remark[1:]}."

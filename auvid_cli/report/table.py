@@ -75,7 +75,7 @@ class Table(NamedTuple):
 
 
 def number(value: float, digits: int = DIGITS) -> str | None:
-    """A number with so many significant digits, in decimal notation where that is readable.
+    """Write a number with so many significant digits, in decimal notation where that is readable.
 
     Returns
     -------

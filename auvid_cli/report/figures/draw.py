@@ -42,7 +42,7 @@ class FigureQueue:
         self._drawn: dict[str, Future[list[Path]]] = {}
 
     def add_innovations(self, estimate: Estimate) -> None:
-        """What only one filter is needed for."""
+        """Draw what only one filter is needed for."""
         if estimate.innovations:
             self._add(f"innovations_{estimate.filter}", "innovations", estimate.course((), with_innovations=True))
 
@@ -52,7 +52,7 @@ class FigureQueue:
             self._add("path", "path", dataset.truth, [estimate.course(MOTION_SYMBOLS) for estimate in estimates])
 
     def add_others(self, dataset: Dataset, estimates: list[Estimate], evaluation: "Evaluation") -> None:
-        """What shows all filters together, free runs against the measurements; those of many panels first."""
+        """Draw what shows all filters together, free runs against the measurements; those of many panels first."""
         wanted: list[tuple[Any, ...]] = []
         state = {symbol for estimate in estimates for symbol in estimate.state}
         true = dataset.truth.coefficients if dataset.truth is not None else {}
@@ -70,19 +70,19 @@ class FigureQueue:
         self.add_path(dataset, estimates)
 
     def add_identifiability(self, found: "Identifiability") -> None:
-        """What the data can say before any filter runs."""
+        """Draw what the data can say before any filter runs."""
         self._add("identifiability_bounds", "bounds", found)
         self._add("identifiability_correlation", "correlation", found)
 
     def add_validation(self, dataset: Dataset, found: "Validation") -> None:
-        """What a model predicts of data that it has not seen."""
+        """Draw what a model predicts of data that it has not seen."""
         for name, quantities in (("velocities", MOTION[:6]), ("attitude", MOTION[6:])):
             sensors = _seen(quantities, dataset.sensors)
             self._add(f"validation_{name}", "motion", quantities, sensors, {found.filter: found.run})
         self._add("validation_horizons", "horizons", found.filter, found.predictions)
 
     def add_timeline(self, inspection: "Inspection") -> None:
-        """What was recorded when, and where something is the matter with it."""
+        """Draw what was recorded when, and where something is the matter with it."""
         self._add("timeline", "timeline", inspection)
 
     def add_campaign(self, found: "Findings", filters: dict[str, str]) -> None:

@@ -20,13 +20,13 @@ def value_range(*series: Array) -> tuple[float, float] | None:
 
 
 def padded(low: float, high: float) -> tuple[float, float]:
-    """Some room on both sides; a point gets room of its own size."""
+    """Leave some room on both sides; a point gets room of its own size."""
     room = _MARGIN * (high - low) or 0.05 * abs(high) or 1.0
     return low - room, high + room
 
 
 def with_near_zero(low: float, high: float) -> tuple[float, float]:
-    """The same, or reaching to zero if that costs little."""
+    """Reach to zero if that costs little."""
     near = _NEAR * (high - low)
     return (0.0 if 0.0 < low <= near else low), (0.0 if -near <= high < 0.0 else high)
 

@@ -10,7 +10,7 @@ _JUMP, _LEAST_JUMP = 20.0, 1.0
 
 
 def finite(values: Array) -> Array:
-    """The same with NaN for what is infinite, which breaks a line instead of shooting off."""
+    """Put NaN for what is infinite, which breaks a line instead of shooting off."""
     return np.where(np.isfinite(values), values, np.nan)
 
 
@@ -47,7 +47,7 @@ def thin(time: Array, values: Array, points: int = 2000) -> tuple[Array, Array]:
 
 
 def _broken(time: Array, values: Array) -> tuple[Array, Array]:
-    """The same with a gap wherever time jumps on."""
+    """Put a gap wherever time jumps on."""
     steps = np.diff(time)
     if not steps.size:
         return time, values
@@ -56,7 +56,7 @@ def _broken(time: Array, values: Array) -> tuple[Array, Array]:
 
 
 def spaced(n: int, points: int) -> NDArray[np.int64]:
-    """Indices of at most `points` samples evenly spaced, with the first and the last; for smooth series."""
+    """Return indices of at most `points` samples evenly spaced, with the first and the last; for smooth series."""
     return np.unique(np.linspace(0, max(n - 1, 0), min(n, points)).astype(np.int64))
 
 

@@ -42,7 +42,7 @@ class FilterStyle(NamedTuple):
         }
 
     def marked_line(self, position: int, points: int) -> dict[str, Any]:
-        """The same with a few markers, which those of the other filters do not cover."""
+        """Return keywords for the line with a few markers, which those of the other filters do not cover."""
         step = max(points // 5, 1)
         every = (step * (2 * position + 1) // 8, step)
         return self.line() | self.mark() | {"markevery": every}
@@ -58,7 +58,7 @@ FILTER_STYLES = {
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, inches, that arranges its own panels."""
+    """Make an empty figure, inches, that arranges its own panels."""
     return Figure(figsize=(width, height), dpi=DPI, layout="constrained")
 
 
@@ -72,7 +72,7 @@ def filter_handles(names: Iterable[str], marked: bool = False) -> list[Line2D]:
 
 
 def legend_above(figure: Figure, handles: Sequence[Artist]) -> None:
-    """A legend outside all panels."""
+    """Put a legend outside all panels."""
     figure.legend(
         handles=list(handles), loc="outside upper center", ncols=max(len(handles), 1), frameon=False, handlelength=3.5
     )

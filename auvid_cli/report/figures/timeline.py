@@ -35,7 +35,7 @@ _HOUR, _MINUTE = 3600.0, 60.0
 
 
 def timeline_figure(inspection: Inspection) -> Figure:
-    """Inputs on top, and a strip for each sensor: how much of it there is, and its marks by kind."""
+    """Draw inputs on top, and a strip for each sensor: how much of it there is, and its marks by kind."""
     names = list(inspection.presence)
     n_inputs = len(INPUTS)
     figure = new_figure(11.0, 0.85 * n_inputs + 0.75 * len(names) + 1.2)

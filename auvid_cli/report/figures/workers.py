@@ -42,7 +42,7 @@ def _context() -> BaseContext:
 
 @contextmanager
 def figure_workers() -> Iterator[Submit]:
-    """Processes that are there from the first figure on; what they have not begun when the block ends is dropped.
+    """Keep processes from the first figure on; what they have not begun when the block ends is dropped.
 
     Yields
     ------
