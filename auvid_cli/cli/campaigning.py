@@ -43,7 +43,7 @@ class Choice(NamedTuple):
 
 
 def set_up(name: str, overrides: Sequence[str], output: Path | None) -> tuple[Plan, Path]:
-    """A campaign's runs, and where its results go.
+    """Return a campaign's runs, and where its results go.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def forecast(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: T
 
 
 def _seconds_of_a_run(plan: Plan) -> tuple[float | None, str]:
-    """What a run takes, by some that are cut short; if those fail None, and why."""
+    """Measure what a run takes, by some that are cut short; if those fail, return None, and why."""
     taken, failure, begin = [], "", perf_counter()
     for example in plan.examples(_PROBES):
         group, share = shortened(example, _PROBED)

@@ -80,12 +80,12 @@ def _layout(settings: LogMap, name: str) -> TextLayout:
 
 
 def _parts(log: Path) -> list[Path]:
-    """The files of a log; a bag may be a folder of them."""
+    """List the files of a log; a bag may be a folder of them."""
     return [part for part in sorted(log.rglob("*")) if part.is_file()] if log.is_dir() else [log]
 
 
 def _run(settings: LogMap, text: str, files: Sequence[Path], found: Conversion) -> ImportedRun:
-    """Settings of the dataset, with where it comes from."""
+    """Return the settings of the dataset, with where it comes from."""
     recorded = tuple(RecordedFile(name=file.name, sha256=digest(file)) for file in files)
     return ImportedRun(
         name=settings.name,

@@ -77,7 +77,7 @@ DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Print the resolve
 
 
 def overrides(settings: list[str] | None, seed: int | None = None, use: list[str] | None = None) -> tuple[str, ...]:
-    """Overrides in the order in which they apply; `--seed` and `--use` are short for one each.
+    """Return overrides in the order in which they apply; `--seed` and `--use` are short for one each.
 
     Raises
     ------

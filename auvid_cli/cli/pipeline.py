@@ -116,7 +116,7 @@ def assess_to(folder: Path, dataset: Dataset, at: Path | None, terminal: Termina
 
 
 def simulated(experiment: Experiment, terminal: Terminal) -> Dataset:
-    """An experiment's dataset, without a file."""
+    """Simulate an experiment's dataset, without a file."""
     with terminal.compiling():
         from auvid_cli.simulation.simulate import simulate
     with terminal.stage("simulate"):
@@ -197,7 +197,7 @@ def _run_filter(filter_run: "FilterRun", path: Path, progress: Callable[[float, 
 
 
 def bounds_of(dataset: Dataset, terminal: Terminal) -> "BoundsOf":
-    """What finds the bounds of a dataset's estimates."""
+    """Return what finds the bounds of a dataset's estimates."""
     with terminal.compiling():
         from auvid_cli.evaluation.bounds import BoundsOf
     return BoundsOf(dataset)
@@ -247,7 +247,7 @@ def exit_code(estimates: list[Estimate]) -> int:
 
 
 def dataset_of(experiment: RunSettings, folder: Path) -> Dataset:
-    """The simulated dataset of an experiment, with the experiment's present identification settings.
+    """Read the simulated dataset of an experiment, with the experiment's present identification settings.
 
     Raises
     ------
@@ -268,7 +268,7 @@ def dataset_of(experiment: RunSettings, folder: Path) -> Dataset:
 
 
 def foreign_dataset(path: Path, overrides: tuple[str, ...]) -> Dataset:
-    """A dataset file from anywhere, with the settings inside it and overrides of how to identify it.
+    """Read a dataset file from anywhere, with the settings inside it and overrides of how to identify it.
 
     Raises
     ------
@@ -287,7 +287,7 @@ def foreign_dataset(path: Path, overrides: tuple[str, ...]) -> Dataset:
 
 
 def dataset_path(source: str | None) -> Path | None:
-    """The path of a dataset file, or None where an experiment is meant."""
+    """Return the path of a dataset file, or None where an experiment is meant."""
     return Path(source) if source is not None and source.endswith((".h5", ".hdf5")) else None
 
 
@@ -323,5 +323,5 @@ def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:
 
 
 def print_settings(experiment: RunSettings) -> None:
-    """Resolved settings as YAML on the standard output."""
+    """Print resolved settings as YAML on the standard output."""
     print(dump_experiment(experiment), end="")

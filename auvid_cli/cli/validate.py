@@ -75,7 +75,7 @@ def validate(
 
 
 def _dataset_behind(path: Path, estimate: "Estimate") -> "Dataset | None":
-    """What an estimate of a results folder was made from, if it is still there."""
+    """Read what an estimate of a results folder was made from, if it is still there."""
     from auvid_cli.data.dataset_file import read_dataset
     from auvid_cli.data.netcdf import digest
 
