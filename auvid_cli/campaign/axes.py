@@ -34,7 +34,7 @@ class Option(NamedTuple):
 
 
 def options(axis: Axis, written: Tree, experiment: Mapping[str, Any]) -> list[Callable[[int], Option]]:
-    """The options of an axis, each as a function of the seed.
+    """Return the options of an axis, each as a function of the seed.
 
     Parameters
     ----------
@@ -74,17 +74,17 @@ def options(axis: Axis, written: Tree, experiment: Mapping[str, Any]) -> list[Ca
 
 
 def changes_in(mapping: Tree | None) -> list[Change]:
-    """The entries of a mapping from dotted keys to values."""
+    """List the entries of a mapping from dotted keys to values."""
     return [(setting_path(key), value) for key, value in (mapping.content or {}).items()] if mapping else []
 
 
 def setting_path(key: str) -> Path:
-    """A dotted key as a path."""
+    """Split a dotted key into a path."""
     return tuple(part.strip() for part in key.split("."))
 
 
 def _instead(place: Tree, value: float | list[float]) -> Tree:
-    """A value that is computed, but stands for one that is written there."""
+    """Put a computed value in the place of one that is written there."""
     content = [_instead(place, item) for item in value] if isinstance(value, list) else value
     return Tree(content, place.at, place.key_at)
 
@@ -105,7 +105,7 @@ def _draw(distribution: Distribution, random: np.random.Generator) -> float:
 
 
 def _times(factor: Any, setting: Path, experiment: Mapping[str, Any], place: Tree) -> float | list[float]:
-    """What the experiment states, times a factor."""
+    """Multiply what the experiment states by a factor."""
     stated: Any = experiment
     for part in setting:
         stated = stated.get(part) if isinstance(stated, dict) else None

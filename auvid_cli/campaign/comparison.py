@@ -21,7 +21,7 @@ FALSE_DISCOVERIES = 0.05
 
 
 def compare_filters(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
-    """A row for each combination of settings, pair of filters and measure.
+    """Compare filters in a row for each combination of settings, pair of filters and measure.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def compare_filters(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
 
 
 def _runs(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
-    """A row for each run, with its two measures."""
+    """Return a row for each run, with its two measures."""
     runs = rows[rows["kind"] == "run"]
     coefficients = rows[(rows["kind"] == "coefficient") & (rows["true"] != 0.0)]
     percent = 100.0 * coefficients["rmse"] / coefficients["true"].abs()

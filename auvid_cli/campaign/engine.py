@@ -32,7 +32,7 @@ _GONE = "the scheduler is gone; what was done is kept, and the same command goes
 
 @contextmanager
 def cluster_client(scheduler: str | None, workers: int | None) -> Iterator[Client]:
-    """A client of an existing scheduler, or of a cluster on this machine that ends with the block.
+    """Connect to an existing scheduler, or to a cluster on this machine that ends with the block.
 
     Parameters
     ----------

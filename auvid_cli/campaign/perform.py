@@ -62,7 +62,7 @@ def perform(group: Group, with_estimates: bool = False) -> list[Performed]:
 
 
 def shortened(group: Group, duration: float) -> tuple[Group, float]:
-    """A group on the beginning of its data, s, all of which counts, and what share of its data that is."""
+    """Cut a group to the beginning of its data, s, all of which counts; say what share of its data that is."""
     whole = Experiment.model_validate_json(group.simulated).manoeuvre.duration
     part = min(duration, whole)
 
@@ -100,7 +100,7 @@ def _data(simulated: str) -> Dataset:
 
 
 def _as_told(dataset: Dataset, told: Experiment) -> Dataset:
-    """The data with the settings that a filter is told, the noise of the sensors included."""
+    """Return the data with the settings that a filter is told, the noise of the sensors included."""
     records = {
         name: replace(record, standard_deviation=np.array(getattr(told.sensors, name).stated_standard_deviation()))
         for name, record in dataset.sensors.items()

@@ -47,7 +47,7 @@ class Run(NamedTuple):
     seed: int
 
     def settings(self) -> str:
-        """What the axes are, in words."""
+        """Say in words what the axes are."""
         return ", ".join(f"{column} = {label}" for column, label in self.labels.items())
 
 
@@ -156,7 +156,7 @@ class Plan:
             yield _group(list(self._runs([self._resolve(cell)], seed)), seed)
 
     def groups(self, done: Collection[str] = ()) -> Iterator[Group]:
-        """What is not done yet, all combinations of a seed before the next one."""
+        """Yield what is not done yet, all combinations of a seed before the next one."""
         for seed in self.campaign.seed_list:
             pending = [triple for triple in self._of_seed(seed) if triple[2].identity not in done]
             pending.sort(key=lambda triple: triple[0].data)
@@ -243,7 +243,7 @@ def _are_numbers(values: Sequence[Any] | None) -> bool:
 
 
 def _one_at_a_time(axes: Sequence[Sequence[_Chosen]]) -> list[tuple[_Chosen, ...]]:
-    """Combinations in which each option of each axis stands once: their sum, and not their product."""
+    """Return combinations in which each option of each axis stands once: their sum, and not their product."""
     first = tuple(axis[0] for axis in axes)
     return [first, *((*first[:k], other, *first[k + 1 :]) for k, axis in enumerate(axes) for other in axis[1:])]
 

@@ -15,7 +15,7 @@ CONFIDENCE = 0.95
 
 
 def by_filter(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
-    """A row for each combination of settings and filter.
+    """Summarise the runs in a row for each combination of settings and filter.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def by_filter(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
 
 
 def by_coefficient(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
-    """A row for each combination of settings, filter and coefficient.
+    """Summarise the runs in a row for each combination of settings, filter and coefficient.
 
     Parameters
     ----------

@@ -236,7 +236,7 @@ class Store:
 
 
 def _failure_row(failure: Failure) -> Measure:
-    """A run that failed among those that did not."""
+    """Make the row by which a failed run stands among those that did not fail."""
     return Measure(failure.run, failure.filter, failure.seed, "run", "", "", f"failed: {failure.reason}")
 
 
@@ -253,7 +253,7 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _new(folder: Path) -> Path:
-    """A name that was never there before: what is merged is told from what comes later by its name alone."""
+    """Return a name that was never there before: it alone tells what is merged from what comes later."""
     return folder / f"{uuid4().hex}.parquet"
 
 
