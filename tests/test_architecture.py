@@ -8,7 +8,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "auvid_cli"
 ROOMS = (
     *("config", "vehicle", "simulation", "data", "logs", "filters"),
-    *("identification", "evaluation", "campaign", "export", "report", "cli"),
+    *("identification", "evaluation", "campaign", "export", "report", "api", "cli"),
 )
 # Plain value types that an earlier room may name.
 VALUES = {

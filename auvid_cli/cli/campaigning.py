@@ -17,8 +17,7 @@ from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.config.campaign import load_campaign
 from auvid_cli.config.load import find_campaign
-from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.estimate_file import new_estimate
+from auvid_cli.data.estimate_file import write_estimate
 from auvid_cli.data.results_folder import dataset_in
 from auvid_cli.errors import FileError
 from auvid_cli.report.campaign import print_findings, write_findings
@@ -167,7 +166,7 @@ def _work(
             for group in perform_groups(client, plan.groups(skipped), estimates is not None):
                 for performed in group:
                     if estimates is not None and performed.estimate is not None:
-                        _write_estimate(estimates / f"{performed.run.identity}.h5", performed.estimate)
+                        write_estimate(estimates / f"{performed.run.identity}.h5", performed.estimate)
                 store.add(group)
                 ended += len(group)
                 failed += sum(bool(performed.failure) for performed in group)
@@ -175,12 +174,6 @@ def _work(
         except KeyboardInterrupt:
             terminal.say(f"{ended} of {total} runs are done and kept; the same command goes on with the others")
             raise
-
-
-def _write_estimate(path: Path, estimate: Estimate) -> None:
-    with new_estimate(path, estimate) as writer:
-        writer.append(estimate)
-        writer.finish(estimate)
 
 
 def _report(

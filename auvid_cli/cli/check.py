@@ -18,16 +18,14 @@ def check(
 
         terminal = Terminal(quiet, verbose)
         with terminal.compiling():
-            from auvid_cli.evaluation.bounds import BoundsOf
-            from auvid_cli.evaluation.estimate_checks import check_estimate, failed
-            from auvid_cli.report.csv_tables import write_checks
+            from auvid_cli.api import judgement
+            from auvid_cli.evaluation.checks import failed
+            from auvid_cli.report.csv_tables import write_csv_tables
             from auvid_cli.report.screen import print_checks
         dataset, estimates = pipeline.read_results(results)
-        bounds_of = BoundsOf(dataset)
         with terminal.stage("check"):
-            checks = [
-                verdict for estimate in estimates for verdict in check_estimate(dataset, estimate, bounds_of(estimate))
-            ]
+            checks = judgement.check(dataset, *estimates)
         print_checks(terminal.out, checks)
-        terminal.say(str(write_checks(checks, results / "tables")))
+        (path,) = write_csv_tables({"checks": checks.rows()}, results / "tables")
+        terminal.say(str(path))
         raise typer.Exit(VERDICT_FAILED if failed(checks) else DONE)

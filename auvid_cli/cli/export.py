@@ -42,9 +42,6 @@ def export(
 ) -> None:
     """Write an identified model for other programs, and say what they cannot hold of it."""
     with reporting_errors():
-        from datetime import UTC, datetime
-
-        from auvid_cli import __version__
         from auvid_cli.data.estimate_file import read_estimate
         from auvid_cli.data.files import keep_apart, write_text
         from auvid_cli.data.netcdf import digest
@@ -59,16 +56,13 @@ def export(
         estimate = read_estimate(path)
         data = _dataset_of(path, estimate.dataset_sha256, dataset_file)
         with terminal.compiling():
-            from auvid_cli.evaluation.bounds import BoundsOf
             from auvid_cli.export.formats import FORMATS, check_stem, default_stem
             from auvid_cli.export.heading import doubts
             from auvid_cli.export.losses import loss_lines
-            from auvid_cli.export.model import Origin, identified_model
-        created = datetime.now(UTC).isoformat(timespec="seconds")
-        origin = Origin(data.sha256, digest(path), __version__, created)
+            from auvid_cli.export.model import model_found_by
         with terminal.stage("bounds"):
-            bounds = BoundsOf(data)(estimate).of_data if estimate.completed else {}
-        model, form = identified_model(estimate, data, bounds, origin), FORMATS[target]
+            model = model_found_by(estimate, data, digest(path))
+        form = FORMATS[target]
         file = output or home / "export" / f"{default_stem(model)}{form.suffix}"
         check_stem(target, file.stem)
         keep_apart([file], [path, dataset_file])

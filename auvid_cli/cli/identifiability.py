@@ -44,6 +44,7 @@ def identifiability(
     simulation, else at those of the vehicle file.
     """
     with reporting_errors():
+        from auvid_cli.api.files import read_dataset
         from auvid_cli.cli import pipeline
         from auvid_cli.config.load import find_experiment, load_with_files
         from auvid_cli.data.files import keep_apart
@@ -54,7 +55,7 @@ def identifiability(
         changes, path = overrides(settings, seed, use), pipeline.dataset_path(data)
         earlier = [] if at is None else [at]
         if path:
-            dataset, folder = pipeline.foreign_dataset(path, changes), output or pipeline.home_of(path)
+            dataset, folder = read_dataset(path, *changes), output or pipeline.home_of(path)
             files = [path, *dataset.experiment.data_files(), *earlier]
             put_copy(path, dataset, folder, files, overwrite)
         else:

@@ -31,6 +31,7 @@ def identify(
 ) -> None:
     """Estimate coefficients from a dataset into results/NAME/estimates/FILTER.h5."""
     with reporting_errors():
+        from auvid_cli.api.files import read_dataset
         from auvid_cli.cli import pipeline
         from auvid_cli.config.load import find_experiment, load_with_files
         from auvid_cli.data.files import keep_apart
@@ -39,7 +40,7 @@ def identify(
 
         changes = overrides(settings, use=use)
         path = pipeline.dataset_path(source)
-        dataset = pipeline.foreign_dataset(path, changes) if path else None
+        dataset = read_dataset(path, *changes) if path else None
         if dataset:
             experiment, files = dataset.experiment, dataset.experiment.data_files()
         else:

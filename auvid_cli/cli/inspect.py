@@ -38,20 +38,21 @@ def inspect(
     knowing. The results folder gets all verdicts (tables/inspection.csv) and what was recorded when (figures/timeline).
     """
     with reporting_errors():
+        from auvid_cli.api.files import read_dataset
         from auvid_cli.cli import pipeline
         from auvid_cli.data.files import keep_apart
         from auvid_cli.data.replacement import put_copy
         from auvid_cli.data.results_folder import tables_and_figures
-        from auvid_cli.evaluation.estimate_checks import failed
-        from auvid_cli.inspection.inspect import inspect_dataset
-        from auvid_cli.inspection.time_window import part_of
-        from auvid_cli.report.csv_tables import write_inspection
+        from auvid_cli.evaluation.checks import failed
+        from auvid_cli.evaluation.inspection.inspect import inspect_dataset
+        from auvid_cli.evaluation.inspection.part import part_of
+        from auvid_cli.report.csv_tables import write_csv_tables
         from auvid_cli.report.screen import print_checks
 
         terminal = Terminal(quiet, verbose)
         folder = output or pipeline.home_of(dataset)
         with terminal.stage("read the dataset"):
-            read = pipeline.foreign_dataset(dataset, overrides(None, use=use))
+            read = read_dataset(dataset, *overrides(None, use=use))
         if use:
             if len(use) > 1:
                 raise ConfigError(f"--use: one part is inspected at a time, and there are {len(use)}")
@@ -61,7 +62,7 @@ def inspect(
         keep_apart(tables_and_figures(folder), files)
         with terminal.stage("inspect"):
             inspection = inspect_dataset(read)
-        paths = [write_inspection(inspection.checks, folder / "tables")]
+        paths = write_csv_tables({"inspection": inspection.rows()}, folder / "tables")
         with pipeline.drawing(folder) as figures, terminal.progress("figures") as (progress,):
             figures.add_timeline(inspection)
             paths += figures.finish(progress)

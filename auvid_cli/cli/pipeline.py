@@ -18,12 +18,12 @@ from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import read_dataset
 from auvid_cli.data.estimate import Estimate, EstimatePart
-from auvid_cli.data.estimate_file import new_estimate, read_estimate
+from auvid_cli.data.estimate_file import read_estimate, record_estimate
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.replacement import other_estimates, other_run, put_dataset, refuse_unless
 from auvid_cli.data.results_folder import dataset_in, estimates_in, products, remove, remove_former
 from auvid_cli.data.screening import screen
-from auvid_cli.errors import ConfigError, FileError
+from auvid_cli.errors import FileError
 from auvid_cli.report.remedies import remedies
 
 if TYPE_CHECKING:
@@ -101,11 +101,11 @@ def assess_to(folder: Path, dataset: Dataset, at: Path | None, terminal: Termina
             where += f", which is of another vehicle ({earlier.experiment.vehicle.name})"
     with terminal.compiling():
         from auvid_cli.evaluation.identifiability import assess_dataset
-        from auvid_cli.report.csv_tables import write_identifiability
+        from auvid_cli.report.csv_tables import write_csv_tables
         from auvid_cli.report.screen import print_identifiability
     with terminal.stage("sensitivities"):
         found = assess_dataset(dataset, known)
-    paths = write_identifiability(found, folder / "tables")
+    paths = write_csv_tables(found.tables(), folder / "tables")
     with drawing(folder) as figures, terminal.progress("figures") as (progress,):
         figures.add_identifiability(found)
         paths += figures.finish(progress)
@@ -183,17 +183,13 @@ class _StoppedError(Exception):
 
 
 def _run_filter(filter_run: "FilterRun", path: Path, progress: Callable[[float, float], None]) -> Estimate:
-    """Run a filter, write what it finds as it comes, and read it back, as any later step would."""
-    with new_estimate(path, filter_run.header) as writer:
-        begin, end = filter_run.span
+    begin, end = filter_run.span
 
-        def receive(part: EstimatePart) -> None:
-            writer.append(part)
-            if part.time.size:
-                progress(part.time[-1] - begin, end - begin)
+    def watch(part: EstimatePart) -> None:
+        if part.time.size:
+            progress(part.time[-1] - begin, end - begin)
 
-        writer.finish(filter_run.run(receive))
-    return read_estimate(path)
+    return record_estimate(path, filter_run.header, filter_run.run, watch)
 
 
 def bounds_of(dataset: Dataset, terminal: Terminal) -> "BoundsOf":
@@ -265,25 +261,6 @@ def dataset_of(experiment: RunSettings, folder: Path) -> Dataset:
                 "`auvid simulate` again, give the same --set here, or name the dataset file to identify it as it is"
             )
     return Dataset(dataset.inputs, dataset.sensors, experiment, dataset.truth, dataset.sha256)
-
-
-def foreign_dataset(path: Path, overrides: tuple[str, ...]) -> Dataset:
-    """Read a dataset file from anywhere, with the settings inside it and overrides of how to identify it.
-
-    Raises
-    ------
-    FileError
-        If it cannot be read.
-    ConfigError
-        If an override concerns what is already fixed in the data.
-    """
-    for override in overrides:
-        if not override.startswith(("identification.", "vehicle.", "name=")):
-            raise ConfigError(
-                f"--set {override}: would change nothing, the data of {path} are already recorded; "
-                "only vehicle.*, identification.* and name can be set for a dataset"
-            )
-    return read_dataset(path, overrides)
 
 
 def dataset_path(source: str | None) -> Path | None:

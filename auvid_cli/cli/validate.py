@@ -1,6 +1,5 @@
 """auvid validate."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -47,24 +46,21 @@ def validate(
         screen([estimate_file, dataset_file])
         estimate, whole = read_estimate(estimate_file), read_dataset(dataset_file, overrides(None, use=use))
         with terminal.compiling():
-            from auvid_cli.evaluation.estimate_checks import failed
-            from auvid_cli.identification.segments import the_only_segment, used_part
-            from auvid_cli.report.csv_tables import write_validation
+            from auvid_cli.evaluation.checks import failed
+            from auvid_cli.evaluation.validation.unseen import unseen_part
+            from auvid_cli.evaluation.validation.validate import validate as validated
+            from auvid_cli.report.csv_tables import write_csv_tables
             from auvid_cli.report.validation_screen import print_validation
             from auvid_cli.validation.data_leakage import check_unseen
             from auvid_cli.validation.validate import validate as validated
         with terminal.stage("compare with the estimate's own data"):
-            training = _dataset_behind(estimate_file, estimate)
-            if training is not None:
-                training = used_part(replace(training, experiment=estimate.experiment))
-            dataset = the_only_segment(whole)
-            check_unseen(dataset, estimate, training)
+            dataset = unseen_part(whole, estimate, _dataset_behind(estimate_file, estimate))
         folder = output or pipeline.home_of(dataset_file)
         put_copy(dataset_file, whole, folder, [estimate_file], overwrite)
         keep_apart(tables_and_figures(folder), [estimate_file, dataset_file])
         with terminal.stage("predict"):
             found = validated(dataset, estimate)
-        paths = write_validation(found, folder / "tables")
+        paths = write_csv_tables(found.tables(), folder / "tables")
         with pipeline.drawing(folder) as figures, terminal.progress("figures") as (progress,):
             figures.add_validation(dataset, found)
             paths += figures.finish(progress)

@@ -1,11 +1,16 @@
 """What was commanded and what was measured: the value object between simulation and identification."""
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import RunSettings
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -59,7 +64,21 @@ class TruthRecord:
 
 @dataclass(frozen=True)
 class Dataset:
-    """Inputs, sensors and settings of one run; `truth` only where a simulation made it."""
+    """Inputs, sensors and settings of one run.
+
+    Attributes
+    ----------
+    inputs : InputRecord
+        Rudder and elevator, rad, surge force, N, and roll moment, N m.
+    sensors : dict of SensorRecord
+        By the name of the sensor, see `SENSORS`; SI.
+    experiment : RunSettings
+        How it was made, and how it is to be identified.
+    truth : TruthRecord or None
+        Only where a simulation made it.
+    sha256 : str
+        Of the file that it was read from; empty if there is none.
+    """
 
     inputs: InputRecord
     sensors: dict[str, SensorRecord]
@@ -70,3 +89,33 @@ class Dataset:
     def without_truth(self) -> "Dataset":
         """Return the same as a vehicle would have logged it."""
         return replace(self, truth=None)
+
+    def to_pandas(self) -> "dict[str, pd.DataFrame]":
+        """Return tables over time.
+
+        Returns
+        -------
+        dict of pandas.DataFrame
+            ``inputs``, ``sensors/NAME`` of each sensor and, where there is one, ``truth``: SI, indexed by time, s;
+            ``attrs["units"]`` has the unit of each column.
+        """
+        from auvid_cli.data.labelled import dataset_series
+
+        return {name: series.to_pandas() for name, series in dataset_series(self).items()}
+
+    def to_xarray(self) -> "xr.DataTree":
+        """Return a tree with the groups and names of the dataset file.
+
+        Returns
+        -------
+        xarray.DataTree
+            ``inputs``, ``sensors/NAME`` and ``truth``, each over its own time; units are attributes.
+
+        Raises
+        ------
+        DataError
+            If xarray is not installed.
+        """
+        from auvid_cli.data.labelled import dataset_tree
+
+        return dataset_tree(self)

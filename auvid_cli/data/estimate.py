@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,10 @@ from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import DEPTH, MOTION
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -198,7 +202,10 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Estimate(EstimateHeader, EstimatePart, Outcome):
-    """Augmented state over time, of one filter; ends early where it diverged."""
+    """Augmented state over time, of one filter; ends early where it diverged.
+
+    What it has stands with `EstimateHeader`, `EstimatePart` and `Outcome`.
+    """
 
     @classmethod
     def of(cls, header: EstimateHeader, parts: Sequence[EstimatePart], outcome: Outcome) -> "Estimate":
@@ -244,3 +251,37 @@ class Estimate(EstimateHeader, EstimatePart, Outcome):
     def final_coefficients(self) -> dict[str, float]:
         """Return the 22 coefficients at the last time, estimated or held, SI."""
         return self.held | {symbol: float(self.mean[-1, i]) for i, symbol in enumerate(self.state) if symbol in SYMBOLS}
+
+    def to_pandas(self) -> "dict[str, pd.DataFrame]":
+        """Return tables.
+
+        Returns
+        -------
+        dict of pandas.DataFrame
+            ``coefficients``: the 22 at the last time, SI, with a row for each symbol and the columns ``value``,
+            ``standard_deviation`` (NaN of one that was held), ``unit`` and ``estimated``. ``mean`` and
+            ``standard_deviation``: the state over time, s, with a column for each symbol; ``attrs["units"]`` has
+            their units.
+        """
+        from auvid_cli.data.labelled import estimate_frames
+
+        return estimate_frames(self)
+
+    def to_xarray(self) -> "xr.DataTree":
+        """Return a tree of the state over time and the innovations.
+
+        Returns
+        -------
+        xarray.DataTree
+            ``state`` has ``mean`` and ``standard_deviation`` by time and state, ``covariance`` at the last time, and
+            the ``unit`` of each state; ``innovations/SENSOR`` has ``innovation`` and ``variance`` by time and
+            component, and ``nis`` by time.
+
+        Raises
+        ------
+        DataError
+            If xarray is not installed.
+        """
+        from auvid_cli.data.labelled import estimate_tree
+
+        return estimate_tree(self)

@@ -89,6 +89,51 @@ def new_estimate(path: Path, header: EstimateHeader) -> Iterator[EstimateWriter]
         yield EstimateWriter(file)
 
 
+def record_estimate(
+    path: Path,
+    header: EstimateHeader,
+    run: Callable[[Callable[[EstimatePart], None]], Outcome],
+    watch: Callable[[EstimatePart], None] = lambda part: None,
+) -> Estimate:
+    """Write an estimate as it comes, and read it back, as any later step would.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    header : EstimateHeader
+    run : callable
+        Hands what comes to its argument, part by part, and returns how it ended.
+    watch : callable
+        Called with each part when it is written.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    """
+    with new_estimate(path, header) as writer:
+
+        def receive(part: EstimatePart) -> None:
+            writer.append(part)
+            watch(part)
+
+        writer.finish(run(receive))
+    return read_estimate(path)
+
+
+def write_estimate(path: Path, estimate: Estimate) -> None:
+    """Write an estimate that is in memory, whole or not at all.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    """
+    with new_estimate(path, estimate) as writer:
+        writer.append(estimate)
+        writer.finish(estimate)
+
+
 def _prepare_innovations(group: h5py.Group, sensor: str, standard_deviation: NDArray[np.float64]) -> None:
     unit, symbols = SENSORS[sensor][0].unit, [quantity.symbol for quantity in SENSORS[sensor]]
     write_dimension(group, "component", np.array(symbols), "measured component")

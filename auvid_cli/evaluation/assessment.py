@@ -1,9 +1,16 @@
 """What is said of data before any filter runs: the value objects, apart from the compiled code that finds them."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from auvid_cli.data.labelled import import_xarray
+from auvid_cli.data.named_rows import NamedRows, frames
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -106,3 +113,38 @@ class Identifiability(NamedTuple):
     growth: list[tuple[float, Array]]
     sensor_errors: dict[str, SensorErrorBound]
     remark: str = ""
+
+    def tables(self) -> dict[str, NamedRows]:
+        """Return the rows of each CSV file, by its name."""
+        groups = [group._replace(members=" ".join(group.members)) for group in self.groups]
+        return {
+            "identifiability": NamedRows(CoefficientBound._fields, self.bounds),
+            "collinear": NamedRows(Collinear._fields, groups),
+        }
+
+    def to_pandas(self) -> "dict[str, pd.DataFrame]":
+        """Return tables with the names and columns of the CSV files: ``identifiability`` and ``collinear``."""
+        return frames(self.tables())
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return ``correlation``, ``share`` of each sensor, and ``bound`` in percent after each duration, s.
+
+        Raises
+        ------
+        DataError
+            If xarray is not installed.
+        """
+        names = [bound.coefficient for bound in self.bounds]
+        return import_xarray().Dataset(
+            {
+                "correlation": (("coefficient", "other"), self.correlation),
+                "share": (("sensor", "coefficient"), np.array(list(self.shares.values()))),
+                "bound": (("duration", "coefficient"), np.array([bound for _, bound in self.growth]), {"units": "%"}),
+            },
+            {
+                "coefficient": names,
+                "other": names,
+                "sensor": list(self.shares),
+                "duration": ("duration", [duration for duration, _ in self.growth], {"units": "s"}),
+            },
+        )

@@ -1,7 +1,12 @@
-"""One verdict."""
+"""Verdicts."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+from auvid_cli.data.named_rows import NamedRows
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class Check(NamedTuple):
@@ -74,3 +79,18 @@ class Check(NamedTuple):
         """A verdict that passes if no name is on a list."""
         passed = True if not names else False if fails else None
         return cls.of(filter_name, "coefficients", check, ", ".join(names) or "none", threshold, passed, advice)
+
+
+class Checks(list[Check]):
+    """Verdicts in the order in which they are reached."""
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return a table with a row for each verdict and the fields of `Check` as columns.
+
+        ``passed`` is missing of what is only worth knowing.
+        """
+        return self.rows().to_pandas()
+
+    def rows(self) -> NamedRows:
+        """Return the rows of ``checks.csv``."""
+        return NamedRows(Check._fields, self)

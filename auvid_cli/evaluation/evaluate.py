@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.named_rows import NamedRows, frames
 from auvid_cli.evaluation.accuracy import (
     CoefficientResult,
     average_steady_state_error,
@@ -16,6 +17,9 @@ from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor
 from auvid_cli.evaluation.free_run import VelocityError, free_run
 from auvid_cli.evaluation.motion import FreeRun
 from auvid_cli.evaluation.sensor_errors import SensorErrorResult, sensor_error_results
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 class FilterSummary(NamedTuple):
@@ -40,6 +44,20 @@ class Evaluation(NamedTuple):
     sensor_errors: list[SensorErrorResult]
     free_runs: dict[str, FreeRun]
     remarks: list[str]
+
+    def tables(self) -> dict[str, NamedRows]:
+        """Return the rows of each CSV file, by its name."""
+        return {
+            "coefficients": NamedRows(CoefficientResult._fields, self.coefficients),
+            "summary": NamedRows(FilterSummary._fields, self.summary),
+            "velocity_error": NamedRows(VelocityError._fields, self.velocity_errors),
+            "consistency": NamedRows(SensorConsistency._fields, self.consistency),
+            "sensor_errors": NamedRows(SensorErrorResult._fields, self.sensor_errors),
+        }
+
+    def to_pandas(self) -> "dict[str, pd.DataFrame]":
+        """Return tables with the names and columns of the CSV files: ``coefficients``, ``summary`` and so on."""
+        return frames(self.tables())
 
 
 def evaluate(dataset: Dataset, estimates: list[Estimate], bounds_of: Callable[[Estimate], Bounds]) -> Evaluation:

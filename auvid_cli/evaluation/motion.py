@@ -1,9 +1,16 @@
 """The value object of a free run, apart from the compiled code that makes one."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from auvid_cli.data.labelled import Series
+from auvid_cli.vehicle.parameters import MOTION
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -20,3 +27,17 @@ class FreeRun(NamedTuple):
 
     time: Array
     motion: Array
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return a table with a column for each motion state, indexed by time, s."""
+        return Series(self.time, MOTION, self.motion).to_pandas()
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return a variable over time for each motion state.
+
+        Raises
+        ------
+        DataError
+            If xarray is not installed.
+        """
+        return Series(self.time, MOTION, self.motion).to_xarray()

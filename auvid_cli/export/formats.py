@@ -56,6 +56,6 @@ def check_stem(target: FormatName, stem: str) -> None:
     called_by_name = target in (FormatName.PYTHON, FormatName.MATLAB)
     if called_by_name and not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,62}", stem):
         raise ConfigError(
-            f"--output: a {target} file is used by its name, and {stem!r} is none: "
+            f"{stem!r} is no name for a {target} file, which is used by it: "
             "letters, digits and _ only, a letter first, 63 at most"
         )

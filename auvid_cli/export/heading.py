@@ -11,8 +11,8 @@ def heading_lines(model: IdentifiedModel, losses: Losses) -> list[str]:
     return [
         f"{experiment.vehicle.name}: coefficients identified by {model.filter}",
         f"Exported by auvid {origin.auvid_version} at {origin.created}",
-        f"from the estimate with SHA-256 {origin.estimate_sha256},",
-        f"made from the dataset with SHA-256 {origin.dataset_sha256}",
+        f"from {origin.estimate},",
+        f"made from {origin.dataset}",
         f"(experiment {experiment.name}, seed {experiment.seed}; all settings stand in the estimate file).",
         *doubts(model),
         *loss_lines(losses),

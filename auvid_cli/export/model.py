@@ -2,16 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli import __version__
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import coefficient_results
+from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.export.actuation import Actuation, acting_inputs, actuation
 from auvid_cli.export.terms import TermSize, term_histories, term_sizes
@@ -64,7 +67,7 @@ class Origin(NamedTuple):
     Attributes
     ----------
     dataset_sha256, estimate_sha256 : str
-        Of the files, in hexadecimal.
+        Of the files, in hexadecimal; empty of what was in no file.
     auvid_version : str
     created : str
         When it was exported, UTC.
@@ -74,6 +77,16 @@ class Origin(NamedTuple):
     estimate_sha256: str
     auvid_version: str
     created: str
+
+    @property
+    def dataset(self) -> str:
+        """The dataset in words."""
+        return f"the dataset with SHA-256 {self.dataset_sha256}" if self.dataset_sha256 else "a dataset in memory"
+
+    @property
+    def estimate(self) -> str:
+        """The estimate in words."""
+        return f"the estimate with SHA-256 {self.estimate_sha256}" if self.estimate_sha256 else "an estimate in memory"
 
 
 @dataclass(frozen=True)
@@ -116,6 +129,27 @@ class IdentifiedModel:
     def not_identified(self) -> tuple[str, ...]:
         """Symbols of those that were estimated in vain."""
         return tuple(each.symbol for each in self.coefficients if each.identified is False)
+
+
+def model_found_by(estimate: Estimate, dataset: Dataset, estimate_sha256: str) -> IdentifiedModel:
+    """Take the model out of an estimate, with the bounds of its data and where it comes from, now.
+
+    Parameters
+    ----------
+    estimate : Estimate
+    dataset : Dataset
+        From which it was made.
+    estimate_sha256 : str
+        Of its file; empty if there is none.
+
+    Raises
+    ------
+    DataError
+        As of `identified_model`.
+    """
+    bounds = BoundsOf(dataset)(estimate).of_data if estimate.completed else {}
+    created = datetime.now(UTC).isoformat(timespec="seconds")
+    return identified_model(estimate, dataset, bounds, Origin(dataset.sha256, estimate_sha256, __version__, created))
 
 
 def identified_model(

@@ -34,16 +34,15 @@ def _estimated(coefficient: IdentifiedCoefficient, model: IdentifiedModel) -> di
         "value": f"{coefficient.value!r} {coefficient.unit}",
         "standard_deviation": f"{coefficient.standard_deviation!r} {coefficient.unit}",
         "status": f"estimated by {model.filter}{doubt}",
-        "source": f"estimate {model.origin.estimate_sha256[:12]}",
+        "source": f"estimate {model.origin.estimate_sha256[:12] or 'in memory'}",
     }
 
 
 def _provenance(model: IdentifiedModel) -> str:
     origin, experiment = model.origin, model.experiment
     return (
-        f"Coefficients estimated by {model.filter} ({model.verdict}) with auvid {origin.auvid_version}; estimate "
-        f"with SHA-256 {origin.estimate_sha256}, from the dataset with SHA-256 {origin.dataset_sha256}, "
-        f"experiment {experiment.name}, seed {experiment.seed}."
+        f"Coefficients estimated by {model.filter} ({model.verdict}) with auvid {origin.auvid_version}; "
+        f"{origin.estimate}, from {origin.dataset}, experiment {experiment.name}, seed {experiment.seed}."
     )
 
 

@@ -2,13 +2,17 @@
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import InputRecord
+from auvid_cli.data.named_rows import NamedRows
 from auvid_cli.evaluation.check import Check
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 
@@ -48,3 +52,11 @@ class Inspection:
     inputs: InputRecord
     presence: dict[str, Array]
     span: tuple[float, float]
+
+    def rows(self) -> NamedRows:
+        """Return the rows of ``inspection.csv``: a check begins with the filter that it is of, and data are of none."""
+        return NamedRows(Check._fields[1:], [check[1:] for check in self.checks])
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return a table with a row for each verdict; ``passed`` is missing of what is only worth knowing."""
+        return self.rows().to_pandas()

@@ -18,7 +18,7 @@ def write_tables(evaluation: Evaluation, folder: Path) -> list[Path]:
     FileError
         If one cannot be written; it is then not there, or as it was before.
     """
-    paths = write_csv_tables(evaluation, folder)
+    paths = write_csv_tables(evaluation.tables(), folder)
     markdown, latex = folder / "tables.md", folder / "tables.tex"
     write_text(markdown, render_markdown(lay_out(evaluation, with_paper=True)))
     write_text(latex, render_latex(lay_out(evaluation, with_paper=False)))

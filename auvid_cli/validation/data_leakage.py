@@ -1,5 +1,7 @@
 """Whether data are new to an estimate, and of the vehicle that it is of."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,6 +9,7 @@ from auvid_cli.config.experiment import ImportedRun
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
+from auvid_cli.identification.segments import the_only_segment, used_part
 
 Array = NDArray[np.float64]
 
@@ -14,6 +17,28 @@ Array = NDArray[np.float64]
 _RUN, _PLACES = 8, 1000
 # Relative difference between two values that are the same for a model.
 _SAME = 1e-6
+
+
+def unseen_part(dataset: Dataset, estimate: Estimate, training: Dataset | None = None) -> Dataset:
+    """Return what is used of a dataset, if an estimate was not made from it.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    estimate : Estimate
+    training : Dataset, optional
+        That the estimate was made from, with all that it left out.
+
+    Raises
+    ------
+    DataError
+        As of `check_unseen`, or if several segments of the dataset are used, or none.
+    """
+    if training is not None:
+        training = used_part(replace(training, experiment=estimate.experiment))
+    part = the_only_segment(dataset)
+    check_unseen(part, estimate, training)
+    return part
 
 
 def check_unseen(dataset: Dataset, estimate: Estimate, training: Dataset | None = None) -> None:

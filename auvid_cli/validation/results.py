@@ -1,9 +1,13 @@
 """What is said of a model on data that it has not seen: the value objects, apart from the compiled code."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+from auvid_cli.data.named_rows import NamedRows, frames
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.motion import FreeRun
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FREE_RUN, AHEAD = "free_run", "ahead"
 
@@ -102,6 +106,18 @@ class Validation(NamedTuple):
     checks: list[Check]
     run: FreeRun
     remarks: list[str]
+
+    def tables(self) -> dict[str, NamedRows]:
+        """Return the rows of each CSV file, by its name."""
+        return {
+            "validation": NamedRows(Prediction._fields, self.predictions),
+            "manoeuvres": NamedRows(ManoeuvreNumber._fields, self.manoeuvres),
+            "validation_checks": NamedRows(Check._fields, self.checks),
+        }
+
+    def to_pandas(self) -> "dict[str, pd.DataFrame]":
+        """Return tables as the CSV files: ``validation``, ``manoeuvres`` and ``validation_checks``."""
+        return frames(self.tables())
 
     def worse_than_the_mean(self, kind: str) -> list[str]:
         """Signals whose readings are nearer to their own mean than to a prediction of a kind."""

@@ -16,7 +16,7 @@ from auvid_cli.cli.export import export
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
-from auvid_cli.data.estimate_file import new_estimate
+from auvid_cli.data.estimate_file import write_estimate
 from auvid_cli.export.format_name import FormatName
 from auvid_cli.identification.identify import identify
 
@@ -34,9 +34,7 @@ def results(simulated_with, tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("results")
     write_dataset(folder / "dataset.h5", simulated_with("manoeuvre.duration=30 s"))
     estimate = identify(read_dataset(folder / "dataset.h5"), FilterName.TUKF)
-    with new_estimate(folder / "estimates/tukf.h5", estimate) as writer:
-        writer.append(estimate)
-        writer.finish(estimate)
+    write_estimate(folder / "estimates/tukf.h5", estimate)
     return folder
 
 

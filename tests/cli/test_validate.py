@@ -12,7 +12,7 @@ from auvid_cli.cli.validate import validate
 from auvid_cli.config.experiment import Use
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
-from auvid_cli.data.estimate_file import new_estimate
+from auvid_cli.data.estimate_file import new_estimate, write_estimate
 from auvid_cli.identification.identify import identify, set_up_filters
 
 WHITE = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
@@ -31,9 +31,7 @@ def results(simulated_with, tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("results")
     write_dataset(folder / "dataset.h5", simulated_with("manoeuvre.duration=100 s", WHITE))
     estimate = identify(read_dataset(folder / "dataset.h5"), FilterName.CKF)
-    with new_estimate(folder / "estimates/ckf.h5", estimate) as writer:
-        writer.append(estimate)
-        writer.finish(estimate)
+    write_estimate(folder / "estimates/ckf.h5", estimate)
     write_dataset(folder / "circle.h5", simulated_with(CIRCLE, WHITE, "seed=5"))
     return folder
 

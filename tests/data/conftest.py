@@ -5,10 +5,9 @@ import shutil
 import pytest
 
 from auvid_cli.config.experiment import FilterName
-from auvid_cli.data import screening
+from auvid_cli.data import estimate_file, screening
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import write_dataset
-from auvid_cli.data.estimate_file import new_estimate
 from auvid_cli.data.walk import flaw_of
 from auvid_cli.identification.identify import identify
 
@@ -30,13 +29,7 @@ def estimate(dataset):
 @pytest.fixture(scope="session")
 def write_estimate():
     """Function: write an estimate all in one part."""
-
-    def write(path, estimate):
-        with new_estimate(path, estimate) as writer:
-            writer.append(estimate)
-            writer.finish(estimate)
-
-    return write
+    return estimate_file.write_estimate
 
 
 @pytest.fixture(scope="session")

@@ -34,7 +34,7 @@ def tables(tmp_path_factory, request):
     folder = tmp_path_factory.mktemp("tables")
     if request.config.getoption("--update-reference"):
         folder = REFERENCE
-    write_csv_tables(evaluation, folder)
+    write_csv_tables(evaluation.tables(), folder)
     return folder
 
 

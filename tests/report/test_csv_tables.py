@@ -21,14 +21,14 @@ def read(path):
 
 
 def test_columns_are_exactly_those_promised(tmp_path, evaluation):
-    paths = write_csv_tables(evaluation, tmp_path / "tables")
+    paths = write_csv_tables(evaluation.tables(), tmp_path / "tables")
     assert [path.stem for path in paths] == list(COLUMNS)
     for path in paths:
         assert path.read_text(encoding="utf-8").splitlines()[0] == COLUMNS[path.stem]
 
 
 def test_every_row_is_there_with_all_its_digits(tmp_path, evaluation):
-    path = write_csv_tables(evaluation, tmp_path)[0]
+    path = write_csv_tables(evaluation.tables(), tmp_path)[0]
     rows = read(path)
     assert len(rows) == len(evaluation.coefficients) == 66
     for text, row in zip(rows, evaluation.coefficients, strict=True):
@@ -39,14 +39,14 @@ def test_every_row_is_there_with_all_its_digits(tmp_path, evaluation):
 
 def test_what_is_not_known_is_an_empty_cell(tmp_path, evaluation):
     rows = [row._replace(true=None, rmse=None, steady_state_error_percent=None) for row in evaluation.coefficients]
-    path = write_csv_tables(evaluation._replace(coefficients=rows), tmp_path)[0]
+    path = write_csv_tables(evaluation._replace(coefficients=rows).tables(), tmp_path)[0]
     assert all(row["true"] == row["rmse"] == row["steady_state_error_percent"] == "" for row in read(path))
 
 
 def test_a_status_with_commas_stays_one_cell(tmp_path, evaluation):
     status = "diverged at t = 1.000 s: this, that"
     changed = evaluation._replace(summary=[row._replace(status=status) for row in evaluation.summary])
-    assert {row["status"] for row in read(write_csv_tables(changed, tmp_path)[1])} == {status}
+    assert {row["status"] for row in read(write_csv_tables(changed.tables(), tmp_path)[1])} == {status}
 
 
 def test_what_is_no_number_is_an_empty_cell():

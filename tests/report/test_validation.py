@@ -10,7 +10,8 @@ from rich.console import Console
 
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.motion import FreeRun
-from auvid_cli.report.csv_tables import write_validation
+from auvid_cli.evaluation.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
+from auvid_cli.report.csv_tables import write_csv_tables
 from auvid_cli.report.figures.validation import horizon_figure
 from auvid_cli.report.validation_screen import print_validation
 from auvid_cli.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
@@ -42,7 +43,7 @@ def shown(found, width):
 
 
 def test_tables_hold_every_row(found, tmp_path):
-    paths = write_validation(found, tmp_path)
+    paths = write_csv_tables(found.tables(), tmp_path)
     assert [path.name for path in paths] == ["validation.csv", "manoeuvres.csv", "validation_checks.csv"]
     tables = [list(csv.DictReader(StringIO(path.read_text(encoding="utf-8")))) for path in paths]
     assert [len(table) for table in tables] == [9 + 63, 3, 1]

@@ -1,0 +1,133 @@
+"""Experiments, datasets and estimates from files."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from auvid_cli.config import load
+from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.load import find_experiment
+from auvid_cli.data import dataset_file, estimate_file
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.netcdf import digest
+from auvid_cli.errors import ConfigError
+
+
+def load_experiment(source: str | Path | None = None, *overrides: str) -> Experiment:
+    """Read the settings of an experiment.
+
+    Parameters
+    ----------
+    source : str or pathlib.Path, optional
+        A YAML file, or the name of an experiment that ships with auvid, such as ``"remus100"``. Default: the spiral.
+    *overrides : str
+        ``KEY=VALUE`` each, with units, as behind ``--set`` on the command line; applied in turn.
+
+    Returns
+    -------
+    Experiment
+        Resolved settings in SI.
+
+    Raises
+    ------
+    ConfigError
+        With every mistake at once, each at its file, line and column.
+
+    Examples
+    --------
+    >>> experiment = auvid.load_experiment("spiral", "manoeuvre.duration=60 s", "seed=7")
+    >>> experiment.manoeuvre.duration
+    60.0
+    """
+    return load.load_experiment(find_experiment(None if source is None else str(source)), overrides)
+
+
+def read_dataset(path: str | Path, *overrides: str) -> Dataset:
+    """Read a dataset file, whoever wrote it.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+    *overrides : str
+        ``KEY=VALUE`` each: changes of ``identification.*``, ``vehicle.*`` or ``name`` in the settings inside.
+
+    Returns
+    -------
+    Dataset
+        Inputs, sensors and, where a simulation made it, the truth; SI.
+
+    Raises
+    ------
+    FileError
+        If it is missing, damaged, foreign, of a newer schema, or holds what no vehicle can have recorded.
+    ConfigError
+        If the settings inside, with the overrides, are not valid, or an override concerns what is recorded already.
+
+    Examples
+    --------
+    >>> dataset = auvid.read_dataset("dataset.h5", "identification.gate=0.999")
+    >>> sorted(dataset.sensors)
+    ['accelerometer', 'attitude', 'dvl', 'gyroscope', 'magnetometer']
+    """
+    for override in overrides:
+        if not override.startswith(("identification.", "vehicle.", "name=")):
+            raise ConfigError(
+                f"{override}: would change nothing, the data of {path} are already recorded; "
+                "only vehicle.*, identification.* and name can be set for a dataset"
+            )
+    return dataset_file.read_dataset(Path(path), overrides)
+
+
+def write_dataset(path: str | Path, dataset: Dataset) -> Dataset:
+    """Write a dataset, whole or not at all; a file that stands there is replaced.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        HDF5, see the guide for its groups and units.
+    dataset : Dataset
+
+    Returns
+    -------
+    Dataset
+        The same with the SHA-256 of the file, by which estimates name the data that they are made from.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> dataset = auvid.write_dataset("copy.h5", dataset)
+    >>> len(dataset.sha256)
+    64
+    """
+    dataset_file.write_dataset(Path(path), dataset)
+    return replace(dataset, sha256=digest(Path(path)))
+
+
+def read_estimate(path: str | Path) -> Estimate:
+    """Read an estimate file; of a very long one evenly spaced events, as many as an evaluation needs.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+
+    Returns
+    -------
+    Estimate
+        Augmented state over time, SI.
+
+    Raises
+    ------
+    FileError
+        If it is missing, damaged, foreign, of a newer schema, or holds what no filter can have found.
+
+    Examples
+    --------
+    >>> estimate = auvid.read_estimate("tukf.h5")
+    >>> estimate.filter, estimate.completed
+    ('tukf', True)
+    """
+    return estimate_file.read_estimate(Path(path))

@@ -1,0 +1,80 @@
+"""Simulation and identification."""
+
+from pathlib import Path
+
+from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.named import named
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.estimate_file import record_estimate
+from auvid_cli.identification import identify as filters
+from auvid_cli.simulation import simulate as simulation
+
+
+def simulate(experiment: Experiment) -> Dataset:
+    """Simulate the vehicle and the sensors of an experiment.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        See `load_experiment`; the same seed gives the same data.
+
+    Returns
+    -------
+    Dataset
+        Inputs, sensors and truth, SI.
+
+    Raises
+    ------
+    SimulationError
+        If the vehicle leaves the model's validity.
+    ConfigError
+        If the vehicle's parameters are impossible or a recorded manoeuvre cannot be read.
+
+    Examples
+    --------
+    >>> dataset = auvid.simulate(auvid.load_experiment("spiral", "manoeuvre.duration=10 s"))
+    >>> dataset.sensors["dvl"].values.shape
+    (71, 3)
+    """
+    return simulation.simulate(experiment)
+
+
+def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None) -> Estimate:
+    """Estimate coefficients and motion from a dataset, by its settings; its truth is not looked at.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    filter_name : str
+        ``"ekf"``, ``"ckf"``, ``"tukf"``, ``"ukf"`` or ``"output_error"``.
+    file : str or pathlib.Path, optional
+        To write the estimate to as it comes, which hours of data need; it is then as `read_estimate` reads it.
+
+    Returns
+    -------
+    Estimate
+        Mean and standard deviation of the augmented state, shape (events, states), SI. One that diverged ends early,
+        and its ``status`` says why.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such filter, or the settings cannot be used with it.
+    DataError
+        If no sensor can be used, or the inputs end too early.
+    FileError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> estimate = auvid.identify(dataset, "tukf")
+    >>> estimate.status, round(estimate.final_coefficients()["X_u|u|"])
+    ('completed', -5)
+    """
+    name = named(FilterName, filter_name, "filter")
+    if file is None:
+        return filters.identify(dataset, name)
+    (run,) = filters.set_up_filters(dataset, [name])
+    return record_estimate(Path(file), run.header, run.run)

@@ -1,0 +1,172 @@
+"""Verdicts on data, on estimates, and on what data can tell at best."""
+
+from collections.abc import Mapping
+
+from auvid_cli.api.same_data import refuse_estimates_of_others
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation import evaluate as evaluation
+from auvid_cli.evaluation.assessment import Identifiability
+from auvid_cli.evaluation.bounds import BoundsOf
+from auvid_cli.evaluation.check import Checks
+from auvid_cli.evaluation.checks import check_estimate
+from auvid_cli.evaluation.evaluate import Evaluation
+from auvid_cli.evaluation.identifiability import assess_dataset
+from auvid_cli.evaluation.inspection.inspect import inspect_dataset
+from auvid_cli.evaluation.inspection.inspection import Inspection
+from auvid_cli.evaluation.inspection.part import part_of
+from auvid_cli.evaluation.validation import validate as validation
+from auvid_cli.evaluation.validation.results import Validation
+from auvid_cli.evaluation.validation.unseen import unseen_part
+
+
+def inspect(dataset: Dataset, use: tuple[float, float] | None = None) -> Inspection:
+    """Judge recorded data before anybody identifies from them: clocks, gaps, spikes, signs, units, excitation.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Its truth is not looked at.
+    use : tuple of float, optional
+        Begin and end, s, of the part to look at. Default: all.
+
+    Returns
+    -------
+    Inspection
+        Its ``checks`` are the verdicts; ``to_pandas()`` makes a table of them.
+
+    Raises
+    ------
+    DataError
+        If there are no data in that part.
+
+    Examples
+    --------
+    >>> verdicts = auvid.inspect(dataset).to_pandas()
+    >>> list(verdicts.columns)
+    ['subject', 'check', 'statistic', 'threshold', 'passed', 'advice']
+    """
+    return inspect_dataset(dataset if use is None else part_of(dataset, *use))
+
+
+def evaluate(dataset: Dataset, *estimates: Estimate) -> Evaluation:
+    """Compare estimates with the truth of their dataset, where it has one, with their bounds, and with each other.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        From which the estimates were made.
+    *estimates : Estimate
+
+    Returns
+    -------
+    Evaluation
+        Coefficients with their errors and Cramér-Rao bounds, a summary of each filter, errors of free runs,
+        consistency, sensor errors; ``to_pandas()`` makes tables of them by these names.
+
+    Raises
+    ------
+    DataError
+        If an estimate was made from another dataset.
+
+    Examples
+    --------
+    >>> tables = auvid.evaluate(dataset, estimate).to_pandas()
+    >>> list(tables)
+    ['coefficients', 'summary', 'velocity_error', 'consistency', 'sensor_errors']
+    """
+    refuse_estimates_of_others(dataset, estimates)
+    return evaluation.evaluate(dataset, list(estimates), BoundsOf(dataset))
+
+
+def check(dataset: Dataset, *estimates: Estimate) -> Checks:
+    """List verdicts on estimates: each a statistic, what it may be, and what to do where it is not.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        From which the estimates were made.
+    *estimates : Estimate
+
+    Returns
+    -------
+    Checks
+        A list of `Check`; ``passed`` is None of what is only worth knowing. ``to_pandas()`` makes a table.
+
+    Raises
+    ------
+    DataError
+        If an estimate was made from another dataset.
+
+    Examples
+    --------
+    >>> [verdict.check for verdict in auvid.check(dataset, estimate) if verdict.passed is False]
+    []
+    """
+    refuse_estimates_of_others(dataset, estimates)
+    bounds_of = BoundsOf(dataset)
+    return Checks(
+        verdict for estimate in estimates for verdict in check_estimate(dataset, estimate, bounds_of(estimate))
+    )
+
+
+def identifiability(dataset: Dataset, at: Mapping[str, float] | None = None) -> Identifiability:
+    """Say what data can tell of each coefficient at best, before any filter runs.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    at : mapping of float, optional
+        Coefficients by symbol, SI, at which to look, such as ``estimate.final_coefficients()``. Default: the true ones
+        of a simulation, else those of the vehicle.
+
+    Returns
+    -------
+    Identifiability
+        Cramér-Rao bounds with verdicts, and groups that go together, which ``to_pandas()`` makes tables of; shares of
+        the sensors, correlation, and bounds by duration, which ``to_xarray()`` labels.
+
+    Raises
+    ------
+    DataError
+        If a coefficient to be estimated has no value, or the model blows up with these values.
+
+    Examples
+    --------
+    >>> bounds = auvid.identifiability(dataset).to_pandas()["identifiability"]
+    >>> bounds.set_index("coefficient").loc["X_u|u|", "verdict"]
+    'within 1 %'
+    """
+    return assess_dataset(dataset, at)
+
+
+def validate(dataset: Dataset, estimate: Estimate, training: Dataset | None = None) -> Validation:
+    """Say how well an identified model predicts data that it has not seen, and whether its uncertainty is honest.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Of another run than the estimate was made from.
+    estimate : Estimate
+    training : Dataset, optional
+        That the estimate was made from: a copy of it, or of a part, is then refused as well. Data that were in no file
+        are recognised in no other way.
+
+    Returns
+    -------
+    Validation
+        Predictions by signal and horizon beside the prior and an unchanged motion, numbers of manoeuvres, verdicts,
+        which ``to_pandas()`` makes tables of; ``run`` is the free run, with ``to_xarray()``.
+
+    Raises
+    ------
+    DataError
+        If the estimate has seen the data or did not end well, or the data are too short or in several segments.
+
+    Examples
+    --------
+    >>> found = auvid.validate(other, estimate, training=dataset)
+    >>> found.run.to_xarray()["u"].attrs["units"]
+    'm/s'
+    """
+    return validation.validate(unseen_part(dataset, estimate, training), estimate)

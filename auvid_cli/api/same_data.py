@@ -1,0 +1,20 @@
+"""Whether estimates were made from a dataset."""
+
+from collections.abc import Iterable
+
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.errors import DataError
+
+
+def refuse_estimates_of_others(dataset: Dataset, estimates: Iterable[Estimate]) -> None:
+    """Refuse estimates of other data, as far as files tell: what was in no file may be of any.
+
+    Raises
+    ------
+    DataError
+        If the dataset of an estimate is another.
+    """
+    for estimate in estimates:
+        if estimate.dataset_sha256 and dataset.sha256 and estimate.dataset_sha256 != dataset.sha256:
+            raise DataError(f"the estimate of {estimate.filter} was made from another dataset than this one")

@@ -1,0 +1,180 @@
+"""Datasets and estimates with names and units on their axes: tables of pandas, trees of xarray.
+
+Names are those of the files, see `auvid_cli.data.dataset_file` and `auvid_cli.data.estimate_file`.
+"""
+
+from collections.abc import Sequence
+from types import ModuleType
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.dataset import SENSORS, Dataset
+from auvid_cli.data.estimate import Estimate, Innovations
+from auvid_cli.errors import DataError
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.parameters import INPUTS, MOTION, POSITION, Quantity
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+Array = NDArray[np.float64]
+
+
+class Series(NamedTuple):
+    """Quantities over time.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        s.
+    quantities : tuple of Quantity
+    values : ndarray, shape (n, len(quantities))
+        SI.
+    meaning : str
+        Of the time.
+    """
+
+    time: Array
+    quantities: tuple[Quantity, ...]
+    values: Array
+    meaning: str = "time"
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return a table with a column for each quantity; ``attrs["units"]`` has their units."""
+        symbols = [quantity.symbol for quantity in self.quantities]
+        return _over_time(self.time, symbols, self.values, {q.symbol: q.unit for q in self.quantities})
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return a variable for each quantity, with its unit and its meaning as attributes."""
+        columns = zip(self.quantities, self.values.T, strict=True)
+        variables = {q.symbol: ("time", column, {"long_name": q.meaning, "units": q.unit}) for q, column in columns}
+        return import_xarray().Dataset(variables, {"time": _times(self.time, self.meaning)})
+
+
+def import_xarray() -> ModuleType:
+    """Load xarray.
+
+    Raises
+    ------
+    DataError
+        If it is not installed: auvid itself does not need it.
+    """
+    try:
+        import xarray
+    except ModuleNotFoundError as error:
+        raise DataError("to_xarray() needs the package xarray: pip install 'auvid[xarray]'") from error
+    return xarray
+
+
+def dataset_series(dataset: Dataset) -> dict[str, Series]:
+    """Return what a dataset has over time, by the group of its file."""
+    series = {
+        "inputs": Series(
+            dataset.inputs.time, INPUTS, dataset.inputs.values, "start of the interval in which inputs hold"
+        )
+    }
+    for name, record in dataset.sensors.items():
+        series[f"sensors/{name}"] = Series(record.time, SENSORS[name], record.values, "time of measurement")
+    if dataset.truth is not None:
+        true = np.hstack([dataset.truth.motion, dataset.truth.position])
+        series["truth"] = Series(dataset.truth.time, (*MOTION, *POSITION), true)
+    return series
+
+
+def dataset_tree(dataset: Dataset) -> "xr.DataTree":
+    """Return a dataset as a tree with the groups of its file."""
+    groups = {name: series.to_xarray() for name, series in dataset_series(dataset).items()}
+    for name, record in dataset.sensors.items():
+        stated = {"long_name": "stated standard deviation of the noise", "units": SENSORS[name][0].unit}
+        groups[f"sensors/{name}"] = (
+            groups[f"sensors/{name}"]
+            .assign_coords(component=_components(name))
+            .assign(standard_deviation=("component", record.standard_deviation, stated))
+        )
+    if dataset.truth is not None:
+        true, units = [dataset.truth.coefficients[symbol] for symbol in SYMBOLS], [c.unit for c in COEFFICIENTS]
+        named = "coefficient", list(SYMBOLS), {"long_name": "hydrodynamic coefficient"}
+        groups["truth"] = (
+            groups["truth"]
+            .assign_coords(coefficient=named, unit=("coefficient", units, {"long_name": "unit of each coefficient"}))
+            .assign(true_coefficient=("coefficient", true, {"long_name": "true value, SI; units in `unit`"}))
+        )
+    return import_xarray().DataTree.from_dict(groups, name=dataset.experiment.name)
+
+
+def estimate_frames(estimate: Estimate) -> "dict[str, pd.DataFrame]":
+    """Return the coefficients at the last time, and the state over time, see `Estimate.to_pandas`."""
+    import pandas as pd
+
+    values, place = estimate.final_coefficients(), {symbol: i for i, symbol in enumerate(estimate.state)}
+    deviations = [
+        float(estimate.standard_deviation[-1, place[symbol]]) if symbol in place else np.nan for symbol in SYMBOLS
+    ]
+    coefficients = pd.DataFrame(
+        {
+            "value": [values[symbol] for symbol in SYMBOLS],
+            "standard_deviation": deviations,
+            "unit": [c.unit for c in COEFFICIENTS],
+            "estimated": [symbol in place for symbol in SYMBOLS],
+        },
+        index=pd.Index(SYMBOLS, name="coefficient"),
+    )
+    units = dict(zip(estimate.state, estimate.unit, strict=True))
+    return {
+        "coefficients": coefficients,
+        "mean": _over_time(estimate.time, estimate.state, estimate.mean, units),
+        "standard_deviation": _over_time(estimate.time, estimate.state, estimate.standard_deviation, units),
+    }
+
+
+def estimate_tree(estimate: Estimate) -> "xr.DataTree":
+    """Return an estimate as a tree: the state over time, and the innovations of each sensor."""
+    xarray, both, square = import_xarray(), ("time", "state"), ("state", "state_of_column")
+    symbols = list(estimate.state)
+    state = xarray.Dataset(
+        {
+            "mean": (both, estimate.mean, {"long_name": "posterior mean; units in `unit`"}),
+            "standard_deviation": (both, estimate.standard_deviation, {"long_name": "posterior standard deviation"}),
+            "covariance": (square, estimate.covariance, {"long_name": "posterior covariance at the last time"}),
+        },
+        {
+            "time": _times(estimate.time, "time after each event"),
+            "state": symbols,
+            "state_of_column": symbols,
+            "unit": ("state", list(estimate.unit)),
+        },
+        {"filter": estimate.filter, "status": estimate.status},
+    )
+    groups = {f"innovations/{name}": _innovations(name, own) for name, own in estimate.innovations.items()}
+    return xarray.DataTree.from_dict({"state": state, **groups}, name=estimate.filter)
+
+
+def _innovations(sensor: str, innovations: Innovations) -> "xr.Dataset":
+    unit, both = SENSORS[sensor][0].unit, ("time", "component")
+    return import_xarray().Dataset(
+        {
+            "innovation": (both, innovations.innovation, {"long_name": "measured less predicted", "units": unit}),
+            "variance": (both, innovations.variance, {"long_name": "its variance", "units": f"({unit})^2"}),
+            "nis": ("time", innovations.nis, {"long_name": "normalised innovation squared", "units": "1"}),
+        },
+        {"time": _times(innovations.time, "time of measurement"), "component": _components(sensor)},
+    )
+
+
+def _over_time(time: Array, symbols: Sequence[str], values: Array, units: dict[str, str]) -> "pd.DataFrame":
+    import pandas as pd
+
+    frame = pd.DataFrame(values, pd.Index(time, name="time"), pd.Index(symbols))
+    frame.attrs["units"] = units
+    return frame
+
+
+def _times(time: Array, meaning: str) -> tuple[str, Array, dict[str, str]]:
+    return "time", time, {"long_name": meaning, "units": "s"}
+
+
+def _components(sensor: str) -> tuple[str, list[str], dict[str, str]]:
+    return "component", [quantity.symbol for quantity in SENSORS[sensor]], {"long_name": "measured component"}
