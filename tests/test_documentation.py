@@ -2,17 +2,20 @@ import importlib.util
 import re
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 
 
-def test_the_reference_is_what_the_tables_and_settings_say():
-    spec = importlib.util.spec_from_file_location("make_reference", ROOT / "docs/make_reference.py")
+@pytest.mark.parametrize("name", ["reference", "api"])
+def test_a_page_is_what_the_package_says(name):
+    spec = importlib.util.spec_from_file_location(f"make_{name}", ROOT / f"docs/make_{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    assert (ROOT / "docs/reference.md").read_text(encoding="utf-8") == module.reference(), (
-        "docs/reference.md is out of date: python docs/make_reference.py"
+    assert (ROOT / f"docs/{name}.md").read_text(encoding="utf-8") == getattr(module, name)(), (
+        f"docs/{name}.md is out of date: python docs/make_{name}.py"
     )
 
 

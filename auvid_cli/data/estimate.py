@@ -204,7 +204,30 @@ class Outcome:
 class Estimate(EstimateHeader, EstimatePart, Outcome):
     """Augmented state over time, of one filter; ends early where it diverged.
 
-    What it has stands with `EstimateHeader`, `EstimatePart` and `Outcome`.
+    Attributes
+    ----------
+    filter : str
+        "ekf", "ckf", "tukf", "ukf" or "output_error".
+    status : str
+        "completed", "diverged at t = ...: why", or "unconverged: why".
+    state, unit : tuple of str
+        Symbols of the augmented state, and their units.
+    time : ndarray, shape (n,)
+        s, after each event.
+    mean, standard_deviation : ndarray, shape (n, len(state))
+        SI.
+    covariance : ndarray, shape (len(state), len(state))
+        At the last time, SI.
+    innovations : dict of Innovations
+        By sensor.
+    held : dict of float
+        Coefficients that are not estimated, SI.
+    experiment : RunSettings
+        Settings it is made with.
+    steps, cpu_time, wall_time
+        Events that went well, and what the filter took, s.
+    dataset_sha256 : str
+        Of the file of the dataset that it comes from; empty if there is none.
     """
 
     @classmethod
