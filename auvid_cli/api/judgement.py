@@ -9,15 +9,15 @@ from auvid_cli.evaluation import evaluate as evaluation
 from auvid_cli.evaluation.assessment import Identifiability
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.check import Checks
-from auvid_cli.evaluation.checks import check_estimate
+from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.identifiability import assess_dataset
-from auvid_cli.evaluation.inspection.inspect import inspect_dataset
-from auvid_cli.evaluation.inspection.inspection import Inspection
-from auvid_cli.evaluation.inspection.part import part_of
-from auvid_cli.evaluation.validation import validate as validation
-from auvid_cli.evaluation.validation.results import Validation
-from auvid_cli.evaluation.validation.unseen import unseen_part
+from auvid_cli.inspection.inspect import inspect_dataset
+from auvid_cli.inspection.inspection import Inspection
+from auvid_cli.inspection.time_window import part_of
+from auvid_cli.validation import validate as validation
+from auvid_cli.validation.data_leakage import unseen_part
+from auvid_cli.validation.results import Validation
 
 
 def inspect(dataset: Dataset, use: tuple[float, float] | None = None) -> Inspection:

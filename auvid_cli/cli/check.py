@@ -19,7 +19,7 @@ def check(
         terminal = Terminal(quiet, verbose)
         with terminal.compiling():
             from auvid_cli.api import judgement
-            from auvid_cli.evaluation.checks import failed
+            from auvid_cli.evaluation.estimate_checks import failed
             from auvid_cli.report.csv_tables import write_csv_tables
             from auvid_cli.report.screen import print_checks
         dataset, estimates = pipeline.read_results(results)

@@ -10,9 +10,9 @@ from auvid_cli.data.files import keep_apart, write_text
 from auvid_cli.data.replacement import put_dataset
 from auvid_cli.errors import FileError
 from auvid_cli.logs.dataset import dataset_from_logs, recorded_files
-from auvid_cli.logs.open import open_log
-from auvid_cli.logs.suggest import suggest
-from auvid_cli.report.accounts import print_accounts
+from auvid_cli.logs.formats.open_log import open_log
+from auvid_cli.logs.suggest.suggest import suggest
+from auvid_cli.report.import_report import print_accounts
 
 
 def import_logs(map_file: Path, given: Sequence[str], output: Path | None, overwrite: bool, terminal: Terminal) -> None:

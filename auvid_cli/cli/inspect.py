@@ -43,9 +43,9 @@ def inspect(
         from auvid_cli.data.files import keep_apart
         from auvid_cli.data.replacement import put_copy
         from auvid_cli.data.results_folder import tables_and_figures
-        from auvid_cli.evaluation.checks import failed
-        from auvid_cli.evaluation.inspection.inspect import inspect_dataset
-        from auvid_cli.evaluation.inspection.part import part_of
+        from auvid_cli.evaluation.estimate_checks import failed
+        from auvid_cli.inspection.inspect import inspect_dataset
+        from auvid_cli.inspection.time_window import part_of
         from auvid_cli.report.csv_tables import write_csv_tables
         from auvid_cli.report.screen import print_checks
 

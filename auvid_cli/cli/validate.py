@@ -46,12 +46,10 @@ def validate(
         screen([estimate_file, dataset_file])
         estimate, whole = read_estimate(estimate_file), read_dataset(dataset_file, overrides(None, use=use))
         with terminal.compiling():
-            from auvid_cli.evaluation.checks import failed
-            from auvid_cli.evaluation.validation.unseen import unseen_part
-            from auvid_cli.evaluation.validation.validate import validate as validated
+            from auvid_cli.evaluation.estimate_checks import failed
             from auvid_cli.report.csv_tables import write_csv_tables
             from auvid_cli.report.validation_screen import print_validation
-            from auvid_cli.validation.data_leakage import check_unseen
+            from auvid_cli.validation.data_leakage import unseen_part
             from auvid_cli.validation.validate import validate as validated
         with terminal.stage("compare with the estimate's own data"):
             dataset = unseen_part(whole, estimate, _dataset_behind(estimate_file, estimate))

@@ -40,7 +40,7 @@ class Doubt(NamedTuple):
 
 
 def doubts(vehicle: VehicleSettings) -> list[Doubt]:
-    """What is doubtful about a vehicle.
+    """Say what is doubtful about a vehicle.
 
     Raises
     ------

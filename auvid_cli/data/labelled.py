@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.dataset import SENSORS, Dataset
+from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate, Innovations
 from auvid_cli.errors import DataError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.parameters import INPUTS, MOTION, POSITION, Quantity
+from auvid_cli.vehicle.parameters import INPUTS, MOTION, POSITION, SENSORS, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -52,7 +52,7 @@ def estimate_noise(values: Array, is_angle: bool = False) -> Noise:
 
 
 def noise_standard_deviation(values: Array, is_angle: bool = False) -> float:
-    """Standard deviation of white noise on a signal that changes slowly from sample to sample.
+    """Find the standard deviation of white noise on a signal that changes slowly from sample to sample.
 
     Second differences leave of such a signal little but the noise, times the root of six; their median size does not
     mind spikes.

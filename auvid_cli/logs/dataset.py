@@ -9,10 +9,10 @@ from auvid_cli.config.tree import Tree
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.netcdf import digest
 from auvid_cli.logs.convert import Conversion, convert
-from auvid_cli.logs.joined import JoinedLog
-from auvid_cli.logs.layout import TextLayout
-from auvid_cli.logs.log import Log
-from auvid_cli.logs.open import open_log
+from auvid_cli.logs.formats.joined import JoinedLog
+from auvid_cli.logs.formats.log import Log
+from auvid_cli.logs.formats.open_log import open_log
+from auvid_cli.logs.formats.text_layout import TextLayout
 
 # Of each log by its name, all that continue each other.
 LogFiles = Mapping[str, Sequence[Path]]

@@ -10,7 +10,6 @@ from rich.console import Console
 
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.motion import FreeRun
-from auvid_cli.evaluation.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
 from auvid_cli.report.csv_tables import write_csv_tables
 from auvid_cli.report.figures.validation import horizon_figure
 from auvid_cli.report.validation_screen import print_validation
