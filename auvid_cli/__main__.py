@@ -6,6 +6,12 @@ import sys
 from auvid_cli.cli.exit_codes import INTERRUPTED, WRONG_INPUT
 from auvid_cli.cli.streams import complain_of, finish, prepare
 
+if "__mp_main__" in sys.modules:
+    # A worker of a campaign begins by loading this program again, long before anything that looks after it is loaded.
+    from auvid_cli.children import watch_parent
+
+    watch_parent()
+
 
 def main() -> None:
     """Run the command line."""

@@ -22,7 +22,13 @@ def reporting_errors() -> Iterator[None]:
     from auvid_cli.errors import AuvidError
 
     # Ended from outside as by Ctrl-C: whoever is writing takes away what is half written.
-    before = signal.signal(signal.SIGTERM, _end)
+    asked: list[int] = []
+
+    def end(number: int, frame: FrameType | None) -> None:
+        asked.append(number)
+        raise SystemExit(128 + number)
+
+    before = signal.signal(signal.SIGTERM, end)
     try:
         yield
     except AuvidError as error:
@@ -43,10 +49,9 @@ def reporting_errors() -> Iterator[None]:
         raise typer.Exit(WRONG_INPUT) from None
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-def _end(number: int, frame: FrameType | None) -> None:
-    raise SystemExit(128 + number)
+        if asked:
+            # Whoever was importing or compiling at that moment may have swallowed it.
+            raise SystemExit(128 + asked[0])
 
 
 class Advance(Protocol):

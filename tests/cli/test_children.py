@@ -75,3 +75,19 @@ os.kill(os.getpid(), signal.SIGKILL)
     process, marked = begun("-c", code, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
     assert process.wait(60) == -signal.SIGKILL
     assert left_of(marked) == []
+
+
+def test_a_worker_of_a_command_that_is_killed_ends_with_it(begun, tmp_path):
+    """Whatever the worker was doing, and however early."""
+    program = tmp_path / "program.py"
+    program.write_text("""
+import multiprocessing, os, signal, time
+from auvid_cli.__main__ import main
+if __name__ == "__main__":
+    multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,)).start()
+    time.sleep(1.0)
+    os.kill(os.getpid(), signal.SIGKILL)
+""")
+    process, marked = begun(str(program))
+    assert process.wait(60) == -signal.SIGKILL
+    assert left_of(marked) == []

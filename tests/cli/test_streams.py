@@ -1,10 +1,15 @@
 """Standard streams that are full, closed, or know few signs."""
 
 import os
+import signal
 import subprocess
 import sys
+import time
+from contextlib import suppress
 
 import pytest
+
+from auvid_cli.cli.terminal import reporting_errors
 
 COMPLAINT = "auvid: output: No space left on device\n"
 
@@ -45,3 +50,15 @@ def test_a_name_that_is_no_text_is_said_on_any_stream():
     command = [sys.executable, "-c", line]
     result = subprocess.run(command, capture_output=True, env=os.environ | {"PYTHONIOENCODING": "ascii"}, timeout=60)
     assert result.stdout == b"\\udcff \\xe9\n"
+
+
+def swallow_an_end():
+    with reporting_errors(), suppress(SystemExit):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(0.01)
+
+
+def test_an_end_that_a_library_swallows_ends_the_command_all_the_same():
+    with pytest.raises(SystemExit) as ended:
+        swallow_an_end()
+    assert ended.value.code == 128 + signal.SIGTERM
