@@ -16,12 +16,11 @@ import auvid_cli as auvid
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import shipped_configs
 from auvid_cli.data import screening
-from auvid_cli.data.dataset import SENSORS
 from auvid_cli.data.estimate_file import write_estimate
 from auvid_cli.data.walk import flaw_of
 from auvid_cli.errors import AuvidError, ConfigError, DataError
 from auvid_cli.vehicle.coefficients import SYMBOLS
-from auvid_cli.vehicle.parameters import INPUTS
+from auvid_cli.vehicle.parameters import INPUTS, SENSORS
 
 FUNCTIONS = [name for name in auvid.__all__ if name not in ("Dataset", "Estimate")]
 HEAVY = ("numba", "numpy", "scipy", "pandas", "h5py", "pydantic", "yaml")

@@ -5,12 +5,10 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.config.augmented_states import CURRENT, DVL_SCALE, DVL_YAW, THRUST_SCALE
 from auvid_cli.identification.state_layout import StateLayout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import N_CONSTANTS
-from auvid_cli.vehicle.parameters import DEPTH
 
 Array = NDArray[np.float64]
 
@@ -18,7 +16,7 @@ _vector = types.float64[::1]
 
 # States that compiled code looks for by name. Their rows stand at the end of the constants, behind the vehicle, the 22
 # held values and one scale for each estimated coefficient, and before the number of parameters.
-ROWS = (DEPTH.symbol, DVL_SCALE.symbol, DVL_YAW.symbol, *(q.symbol for q in CURRENT), THRUST_SCALE.symbol)
+ROWS = ("down", "dvl_scale", "dvl_yaw", "current_north", "current_east", "thrust_scale")
 ROW_DEPTH, ROW_DVL_SCALE, ROW_DVL_YAW, ROW_CURRENT_NORTH, ROW_CURRENT_EAST, ROW_THRUST = range(len(ROWS))
 HELD = N_CONSTANTS
 SCALE = N_CONSTANTS + N_COEFFICIENTS
@@ -28,6 +26,13 @@ _N_ROWS = len(ROWS)
 
 def model_constants(vehicle: Array, held: Array, layout: StateLayout) -> Array:
     """Constants of an augmented model; see `auvid_cli.identification.process.vehicle_process`."""
+    compiled_in = {
+        quantity.symbol
+        for block in layout.blocks
+        if block.error is not None and not block.error.additive
+        for quantity in block.quantities
+    }
+    assert compiled_in <= set(ROWS), f"no compiled code knows of {', '.join(sorted(compiled_in - set(ROWS)))}"
     rows = [row if (row := layout.row(symbol)) is not None else _NOWHERE for symbol in ROWS]
     return np.concatenate([vehicle, held, layout.scale[layout.rows_of("coefficients")], rows, [layout.n_parameters]])
 

@@ -1,7 +1,7 @@
 import pytest
 
+from auvid_cli.config import plausibility
 from auvid_cli.errors import ConfigError
-from auvid_cli.vehicle import plausibility
 
 
 @pytest.fixture

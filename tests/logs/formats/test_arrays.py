@@ -8,7 +8,7 @@ import pytest
 from scipy.io import savemat
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs import arrays
+from auvid_cli.logs.formats import arrays
 from auvid_cli.logs.formats.log import Column
 from auvid_cli.logs.formats.open_log import open_log
 

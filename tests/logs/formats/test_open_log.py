@@ -84,7 +84,7 @@ def test_a_pipe_or_a_device_is_no_log(tmp_path):
     ],
 )
 def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch, package, reader, name, content, extra):
-    monkeypatch.delitem(sys.modules, f"auvid_cli.logs.{reader}", raising=False)
+    monkeypatch.delitem(sys.modules, f"auvid_cli.logs.formats.{reader}", raising=False)
     monkeypatch.setitem(sys.modules, package, None)
     path = tmp_path / name
     path.write_bytes(content)

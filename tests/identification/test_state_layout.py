@@ -1,0 +1,55 @@
+"""The augmented state as blocks: parameters first, every component where its symbol says."""
+
+import numpy as np
+import pytest
+
+from auvid_cli.config.augmented_states import ERROR_STATES, ErrorBlock
+from auvid_cli.config.experiment import Identification
+from auvid_cli.identification.compiled_layout import ROWS, model_constants
+from auvid_cli.identification.state_layout import StateBlock, StateLayout, state_layout
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
+from auvid_cli.vehicle.dynamics import N_CONSTANTS
+from auvid_cli.vehicle.parameters import DEPTH, MOTION_SYMBOLS, Quantity
+
+
+@pytest.fixture
+def layout(experiment_with):
+    asked = {"biases": ("gyro", "current", "dvl"), "dvl": {"yaw_walk": 1e-3}}
+    settings = Identification(coefficients=("X_u|u|", "N_uvl"), estimate=asked)
+    return state_layout(settings, experiment_with().vehicle.size, has_depth=True)
+
+
+def test_parameters_stand_before_moving_states(layout):
+    assert layout.symbols == (
+        *("X_u|u|", "N_uvl", "bias_p", "bias_q", "bias_r", "dvl_scale"),
+        *(*MOTION_SYMBOLS, "down", "current_north", "current_east", "dvl_yaw"),
+    )
+    assert layout.n_parameters == 6
+    assert layout.noise_density.size == len(layout.symbols) - 6
+
+
+def test_a_block_stands_where_its_symbols_do(layout):
+    for block in layout.blocks:
+        symbols = tuple(quantity.symbol for quantity in block.quantities)
+        rows = layout.rows_of(block.name)
+        assert layout.symbols[rows] == symbols
+        assert layout.rows(symbols) == list(range(rows.start, rows.stop))
+    assert layout.row("thrust_scale") is None
+    assert layout.symbols[layout.rows_of("thrust")] == ()
+
+
+def test_scaled_components_have_a_prior_of_one(layout):
+    own = layout.rows_of("coefficients")
+    np.testing.assert_array_equal(layout.prior_std[own], 1.0)
+    assert (layout.scale[own] != 1.0).all()
+
+
+def test_compiled_code_looks_for_states_that_there_are():
+    assert set(ROWS) <= {DEPTH.symbol, *(quantity.symbol for quantity in ERROR_STATES)}
+
+
+def test_an_error_that_no_compiled_code_knows_is_never_left_out_silently(layout):
+    quantity = Quantity("dvl_pitch", "rad", "", "")
+    new = StateBlock("new", (quantity,), (0.1,), error=ErrorBlock("new", (quantity,), 0.1, 0.0, "dvl"))
+    with pytest.raises(AssertionError, match="dvl_pitch"):
+        model_constants(np.zeros(N_CONSTANTS), np.zeros(N_COEFFICIENTS), StateLayout([*layout.blocks, new]))
