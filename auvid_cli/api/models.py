@@ -56,7 +56,7 @@ def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str,
     model, form = model_found_by(estimate, dataset, sha256), FORMATS[kind]
     path = Path(default_stem(model) if file is None else file)
     check_stem(kind, path.stem)
-    text = form.text(model, form.losses(model), path.stem)
+    text = form.file_text(model, form.losses(model), path.stem)
     if file is not None:
         keep_apart([path], inputs)
         write_text(path, text)

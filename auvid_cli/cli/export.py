@@ -8,7 +8,6 @@ import typer
 from auvid_cli.cli.options import OverwriteOption, QuietOption, VerboseOption
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.export.format_name import FormatName
-from auvid_cli.printable import printable
 
 if TYPE_CHECKING:
     from auvid_cli.data.dataset import Dataset
@@ -69,7 +68,7 @@ def export(
         if file.exists() and exported_from(file) != data.sha256:
             refuse_unless(overwrite, f"{file}: is there, and was not exported from the same data")
         losses = form.losses(model)
-        write_text(file, form.text(model, losses, printable(file.stem)))
+        write_text(file, form.file_text(model, losses, file.stem))
         for line in [*doubts(model), *loss_lines(losses), str(file)]:
             terminal.say(line)
 

@@ -20,6 +20,7 @@ from auvid_cli.data.netcdf import digest
 from auvid_cli.data.netcdf_reading import FileAttributes, open_file, read_attributes
 from auvid_cli.data.results_folder import dataset_in, estimates_in, products, remove, tables_and_figures
 from auvid_cli.errors import AuvidError, FileError
+from auvid_cli.printable import one_line
 
 # Settings that concern one filter alone, by its name.
 _OWN = {"ekf": EkfSettings(), "ukf": UkfSettings(), "output_error": OutputErrorSettings()}
@@ -161,7 +162,7 @@ def _difference(path: Path, kind: str, experiment: RunSettings, own: str, sha256
         there = parse_run(made.settings, f"{path} (settings)")
     except AuvidError as error:
         # Whatever it is, it is not what would be written.
-        return " ".join(str(error).splitlines()[0].split())
+        return one_line(str(error).splitlines()[0])
     here = experiment
     if kind == "estimate":
         here, there = (_settings_for(own, run) for run in (here, there))

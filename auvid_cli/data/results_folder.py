@@ -22,9 +22,9 @@ _TABLES = (
     *("identifiability", "collinear", "validation", "manoeuvres", "validation_checks"),
 )
 _EXPORTS = (".yaml", ".json", ".py", ".m", ".sdf")
-# As it stands in the heading of an exported model, or in its JSON.
 # Characters; no exported model comes near.
 _LONGEST_EXPORT = 10_000_000
+# As it stands in the heading of an exported model, or in its JSON.
 _EXPORTED_FROM = re.compile(r'dataset(?: with SHA-256 |_sha256": ")([0-9a-f]{64})\b')
 
 

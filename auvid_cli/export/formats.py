@@ -13,6 +13,7 @@ from auvid_cli.export.matlab_function import matlab_text
 from auvid_cli.export.model import IdentifiedModel
 from auvid_cli.export.python_function import python_text
 from auvid_cli.export.vehicle_yaml import yaml_text
+from auvid_cli.printable import printable
 
 
 class Format(NamedTuple):
@@ -25,12 +26,16 @@ class Format(NamedTuple):
     losses : callable
         What it cannot hold of a model.
     text : callable
-        The file's text from the model, those losses, and the file's name without suffix.
+        The file's text from the model, those losses, and the file's name without suffix, printable.
     """
 
     suffix: str
     losses: Callable[[IdentifiedModel], Losses]
     text: Callable[[IdentifiedModel, Losses, str], str]
+
+    def file_text(self, model: IdentifiedModel, losses: Losses, stem: str) -> str:
+        """Return the text of a file that may be called what is no text."""
+        return self.text(model, losses, printable(stem))
 
 
 FORMATS = {

@@ -15,6 +15,7 @@ from auvid_cli.logs.formats.log import ColumnValues
 from auvid_cli.logs.formats.overlap import Overlap, find_overlaps
 from auvid_cli.logs.refusals import RefusedError
 from auvid_cli.logs.requests import Request
+from auvid_cli.printable import one_line
 
 Array = NDArray[np.float64]
 
@@ -75,7 +76,7 @@ def read_rows(
     try:
         seconds, rollovers = columns.take_time(request)
     except ValueError as error:
-        raise RefusedError((*request.path, "time"), " ".join(str(error).split())) from None
+        raise RefusedError((*request.path, "time"), one_line(str(error))) from None
     length = next(iter(raw.values())).size
     if seconds.size != length:
         raise RefusedError(
