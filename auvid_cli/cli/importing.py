@@ -7,7 +7,7 @@ from auvid_cli.cli.pipeline import say_doubts
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.config.log_map import load_map
 from auvid_cli.data.files import keep_apart, write_text
-from auvid_cli.data.replacement import put_dataset
+from auvid_cli.data.replacement import other_run, put_dataset
 from auvid_cli.errors import FileError
 from auvid_cli.logs.dataset import dataset_from_logs, recorded_files
 from auvid_cli.logs.formats.open_log import open_log
@@ -34,7 +34,7 @@ def import_logs(map_file: Path, given: Sequence[str], output: Path | None, overw
     with terminal.stage("read the logs"):
         dataset, found = dataset_from_logs(settings, tree, files)
     with terminal.stage("write the dataset"):
-        put_dataset(path, dataset, inputs, overwrite)
+        put_dataset(path, dataset, inputs, overwrite, other_run(path, dataset.experiment))
     print_accounts(terminal.out, found.accounts, found.remarks)
     terminal.say(f"{path}: t = 0 is {found.origin:.6f} s by the log's clock")
     terminal.say(f"next: auvid inspect {path}")

@@ -22,7 +22,7 @@ from auvid_cli.data.estimate_file import read_estimate, record_estimate
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.replacement import other_estimates, other_run, put_dataset, refuse_unless
 from auvid_cli.data.results_folder import dataset_in, estimates_in, products, remove, remove_former
-from auvid_cli.data.screening import screen
+from auvid_cli.data.screening import begin, screen
 from auvid_cli.errors import FileError
 from auvid_cli.report.remedies import remedies
 
@@ -67,6 +67,10 @@ def simulate_to(
         If results of another run stand in the folder, and `overwrite` is not said.
     """
     path = dataset_in(folder)
+    # What stands there is gone through by another process, while this one loads what it needs anyway.
+    begin([path, *estimates_in(folder).values()])
+    with terminal.compiling():
+        import auvid_cli.simulation.simulate  # noqa: F401
     objection = other_run(path, experiment)
     if not objection and filters and path.exists():
         objection = next(iter(other_estimates(folder, experiment, digest(path), filters).values()), "")

@@ -19,6 +19,7 @@ from auvid_cli.data.files import keep_apart, replacing
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.netcdf_reading import FileAttributes, open_file, read_attributes
 from auvid_cli.data.results_folder import dataset_in, estimates_in, products, remove, tables_and_figures
+from auvid_cli.data.screening import begin
 from auvid_cli.errors import AuvidError, FileError
 from auvid_cli.printable import one_line
 
@@ -45,7 +46,7 @@ def refuse_unless(overwrite: bool, objection: str) -> None:
         raise FileError(f"{objection}; name another place with --output, or replace it with --overwrite")
 
 
-def put_dataset(path: Path, dataset: Dataset, inputs: Iterable[Path], overwrite: bool, objection: str = "") -> None:
+def put_dataset(path: Path, dataset: Dataset, inputs: Iterable[Path], overwrite: bool, objection: str) -> None:
     """Write a dataset, unless the very same stands there: then what was made from it remains true.
 
     Parameters
@@ -57,14 +58,13 @@ def put_dataset(path: Path, dataset: Dataset, inputs: Iterable[Path], overwrite:
     overwrite : bool
         Whether anything else that stands there may be replaced.
     objection : str
-        What of that is known already.
+        What `other_run` says of it.
 
     Raises
     ------
     FileError
         If it may not, or cannot.
     """
-    objection = objection or other_run(path, dataset.experiment)
     if path.exists() and not objection:
         if holds_data(path, dataset):
             return
@@ -135,8 +135,9 @@ def other_estimates(
     filters : collection of FilterName
         Of these the settings that are theirs alone count as well.
     """
-    found = {}
-    for name, path in estimates_in(folder).items():
+    found, estimates = {}, estimates_in(folder)
+    begin(estimates.values())
+    for name, path in estimates.items():
         own = name.value if name in filters else ""
         if why := _difference(path, "estimate", experiment, own, sha256):
             found[path] = why

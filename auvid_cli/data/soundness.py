@@ -118,7 +118,7 @@ def check_innovations(sensor: str, found: Innovations, filter_name: str) -> None
 
 def _may_be_infinite(filter_name: str) -> bool:
     """Whether a standard deviation may be: the output-error method says so of what the data do not determine at all."""
-    return filter_name == FilterName.OUTPUT_ERROR
+    return FilterName(filter_name).in_one_batch
 
 
 def _check_state(state: Sequence[str], unit: Sequence[str], held: dict[str, float]) -> None:
