@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from auvid_cli.config.augmented_states import ERROR_STATES, THRUST_SCALE
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import DEPTH, MOTION
 
@@ -21,91 +22,6 @@ Array = NDArray[np.float64]
 
 # Unit of everything that an augmented state may be made of: coefficients, motion, depth, errors of sensors and thrust.
 STATES = {each.symbol: each.unit for each in (*COEFFICIENTS, *MOTION, DEPTH, *ERROR_STATES)}
-
-# s; innovations are also judged by windows of this length.
-WINDOW = 20.0
-
-
-class Tally(NamedTuple):
-    """Sums over all innovations of a sensor.
-
-    Attributes
-    ----------
-    start : float
-        Time of the first, s.
-    squares, components : ndarray, shape (k,)
-        Sum of the NIS, and number of components used, in each `WINDOW` from `start` on.
-    readings, rejected : int
-        Readings used; components beyond the gate.
-    """
-
-    start: float
-    squares: Array
-    components: Array
-    readings: int
-    rejected: int
-
-    def plus(self, other: "Tally") -> "Tally":
-        """Together with later ones, of windows from the same start on."""
-        size = max(self.squares.size, other.squares.size)
-        squares, components = np.zeros(size), np.zeros(size)
-        for part in (self, other):
-            squares[: part.squares.size] += part.squares
-            components[: part.components.size] += part.components
-        readings, rejected = self.readings + other.readings, self.rejected + other.rejected
-        return Tally(self.start, squares, components, readings, rejected)
-
-
-@dataclass(frozen=True)
-class Innovations:
-    """One sensor's innovations.
-
-    Attributes
-    ----------
-    time : ndarray, shape (k,)
-    innovation, variance : ndarray, shape (k, c)
-        SI; NaN where a component was missing or the filter had ended. Of a component that the gate rejected
-        only the variance is NaN.
-    nis : ndarray, shape (k,)
-        Normalised innovation squared.
-    standard_deviation : ndarray, shape (c,)
-        Of the measurement noise, as the filter was told.
-    whole : Tally or None
-        Of all, where these are but evenly spaced ones.
-    """
-
-    time: Array
-    innovation: Array
-    variance: Array
-    nis: Array
-    standard_deviation: Array
-    whole: Tally | None = None
-
-    def tally(self, start: float | None = None) -> Tally:
-        """Sum over all of them, also over those that were left out when they were read."""
-        if self.whole is not None:
-            return self.whole
-        start = start if start is not None else float(self.time[0]) if self.time.size else 0.0
-        used = self.used().sum(axis=1)
-        window = ((self.time - start) // WINDOW).astype(int)
-        squares, components = (np.bincount(window, w).astype(np.float64) for w in (np.nan_to_num(self.nis), used))
-        rejected = int((np.isfinite(self.innovation) & ~self.used()).sum())
-        return Tally(start, squares, components, int(np.isfinite(self.nis).sum()), rejected)
-
-    def used(self) -> NDArray[np.bool_]:
-        """Components that the filter took, shape (k, c)."""
-        return np.isfinite(self.variance)
-
-    @classmethod
-    def joined(cls, parts: Sequence["Innovations"]) -> "Innovations":
-        """Parts in time order as one."""
-        return cls(
-            time=np.concatenate([part.time for part in parts]),
-            innovation=np.concatenate([part.innovation for part in parts]),
-            variance=np.concatenate([part.variance for part in parts]),
-            nis=np.concatenate([part.nis for part in parts]),
-            standard_deviation=parts[0].standard_deviation,
-        )
 
 
 @dataclass(frozen=True)

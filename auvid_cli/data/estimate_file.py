@@ -14,7 +14,8 @@ from pydantic import Field
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import dump_experiment, parse_run
-from auvid_cli.data.estimate import Estimate, EstimateHeader, EstimatePart, Innovations, Outcome
+from auvid_cli.data.estimate import Estimate, EstimateHeader, EstimatePart, Outcome
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.data.netcdf import append, new_file, write_dimension, write_growing, write_variable
 from auvid_cli.data.netcdf_reading import (
     FileAttributes,

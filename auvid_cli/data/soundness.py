@@ -7,7 +7,8 @@ import numpy as np
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.magnitudes import magnitude_of
 from auvid_cli.data.dataset import Array, Dataset, SensorRecord, TruthRecord
-from auvid_cli.data.estimate import STATES, Estimate, Innovations
+from auvid_cli.data.estimate import STATES, Estimate
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import INPUTS, MOTION_SYMBOLS, SENSORS
 

@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.estimate import WINDOW, Estimate, Innovations
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.innovations import WINDOW, Innovations
 
 
 class SensorConsistency(NamedTuple):

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.data.estimate import EstimateHeader, EstimatePart, Innovations, Outcome
+from auvid_cli.data.estimate import EstimateHeader, EstimatePart, Outcome
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.filters import problem
 from auvid_cli.filters.estimators import Estimator
 from auvid_cli.filters.problem import Belief, Ending, Records, Timeline

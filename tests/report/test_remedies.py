@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.data.estimate import Innovations
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.report.remedies import remedies
 
 from .conftest import make_estimate

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from auvid_cli.data.estimate import Course, Innovations
+from auvid_cli.data.estimate import Course
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.report.figures.limits import value_range, with_near_zero
 from auvid_cli.report.figures.series import spaced
 from auvid_cli.report.figures.style import head, legend_above, new_figure, say, tidy
