@@ -12,7 +12,7 @@ from pydantic import Field
 
 from auvid_cli.config.quantity import Amount
 from auvid_cli.config.settings import Settings
-from auvid_cli.vehicle.parameters import MOTION, Quantity
+from auvid_cli.vehicle.parameters import SENSORS, Quantity
 
 DVL_SCALE = Quantity("dvl_scale", "1", "scale error of the DVL", "measurement")
 DVL_YAW = Quantity("dvl_yaw", "rad", "mounting yaw of the DVL", "measurement")
@@ -59,41 +59,44 @@ class ErrorBlock(NamedTuple):
     additive: bool = False
 
 
-def _biases(measured: tuple[Quantity, ...]) -> tuple[Quantity, ...]:
-    return tuple(
-        Quantity(f"bias_{quantity.symbol}", quantity.unit, f"bias of the measured {quantity.meaning}", "measurement")
-        for quantity in measured
-    )
+class _AdditiveBias(Settings):
+    """One bias of each component of a sensor."""
+
+    sensor: ClassVar[str]
+    spread: float
+    walk: float
+
+    def blocks(self) -> tuple[ErrorBlock, ...]:
+        """Return the states, a bias for each component."""
+        biases = tuple(
+            Quantity(
+                f"bias_{measured.symbol}", measured.unit, f"bias of the measured {measured.meaning}", "measurement"
+            )
+            for measured in SENSORS[self.sensor]
+        )
+        return (ErrorBlock(f"{self.sensor}_bias", biases, self.spread, self.walk, self.sensor, additive=True),)
 
 
-class GyroBias(Settings):
+class GyroBias(_AdditiveBias):
     """Bias of the gyroscope, three components."""
 
-    quantities: ClassVar = _biases(MOTION[3:6])
+    sensor = "gyroscope"
 
     spread: Annotated[float, Amount("rad/s"), Field(gt=0, description="standard deviation before any data")] = 0.01
     walk: Annotated[
         float, Amount("rad/s/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
     ] = 0.0
 
-    def blocks(self) -> tuple[ErrorBlock, ...]:
-        """Return the states, three biases."""
-        return (ErrorBlock("gyroscope_bias", self.quantities, self.spread, self.walk, "gyroscope", additive=True),)
 
-
-class AttitudeBias(Settings):
+class AttitudeBias(_AdditiveBias):
     """Offsets of roll, pitch and heading."""
 
-    quantities: ClassVar = _biases(MOTION[6:9])
+    sensor = "attitude"
 
     spread: Annotated[float, Amount("rad"), Field(gt=0, description="standard deviation before any data")] = 0.05
     walk: Annotated[
         float, Amount("rad/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
     ] = 0.0
-
-    def blocks(self) -> tuple[ErrorBlock, ...]:
-        """Return the states, three offsets."""
-        return (ErrorBlock("attitude_bias", self.quantities, self.spread, self.walk, "attitude", additive=True),)
 
 
 class DvlError(Settings):
