@@ -7,7 +7,7 @@ from multiprocessing import resource_tracker
 
 
 @contextmanager
-def deaf_to_interrupts() -> Iterator[None]:
+def block_sigint() -> Iterator[None]:
     """Keep interrupts from the processes and threads that are started in a block; here they wait until it ends."""
     if not hasattr(signal, "pthread_sigmask"):
         yield

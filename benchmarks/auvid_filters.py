@@ -13,10 +13,10 @@ def _filter(name: str) -> Callable[[Problem], Callable[[], Answer]]:
 
         def run() -> Answer:
             records.clear()
-            ending = problem.filters[name]([problem.timeline], lambda _, part: records.append(part))
-            if ending.culprit != OK:
-                raise ArithmeticError(f"auvid {name} diverged after {ending.n_good} events")
-            return Answer(records[-1].mean[-1], ending.covariance)
+            outcome = problem.filters[name]([problem.timeline], lambda _, part: records.append(part))
+            if outcome.failure != OK:
+                raise ArithmeticError(f"auvid {name} diverged after {outcome.n_good} events")
+            return Answer(records[-1].mean[-1], outcome.covariance)
 
         return run
 

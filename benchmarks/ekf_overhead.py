@@ -12,9 +12,9 @@ def filterpy_alone(problem: Problem) -> Callable[[], None]:
     process = problem.process
     transition = np.eye(N_STATE)
     event = problem.events[-1]
-    piece = event.held[None, :], np.zeros(1, dtype=np.int64), np.array([event.duration])
+    substep = event.held[None, :], np.zeros(1, dtype=np.int64), np.array([event.duration])
     scratch = np.zeros(process.scratch_size)
-    process.transition(problem.prior.mean.copy(), *piece, process.constants, process.selection, transition, scratch)
+    process.transition(problem.prior.mean.copy(), *substep, process.constants, process.selection, transition, scratch)
 
     def run() -> None:
         ekf = ExtendedKalmanFilter(N_STATE, 1)
@@ -24,9 +24,9 @@ def filterpy_alone(problem: Problem) -> Callable[[], None]:
             if heard.duration:
                 ekf.predict()
             ekf.update(
-                heard.reading,
+                heard.measurement,
                 HJacobian=lambda _, matrix=heard.matrix: matrix,
-                Hx=lambda _, reading=heard.reading: 0.0 * reading,
+                Hx=lambda _, measurement=heard.measurement: 0.0 * measurement,
                 R=heard.noise,
             )
 

@@ -27,7 +27,7 @@ def _cubature(problem: Problem, *, plain: bool = False, redrawn: bool = False) -
     else:
         move = compiled_point(problem.process)
     # Sensors differ in their number of components, and the filter keeps an array of one size for what they see.
-    seen_points = {event.reading.size: np.zeros((2 * N_STATE, event.reading.size)) for event in problem.events}
+    seen_points = {event.measurement.size: np.zeros((2 * N_STATE, event.measurement.size)) for event in problem.events}
 
     def run() -> Answer:
         ckf = CubatureKalmanFilter(N_STATE, 3, 0.01, _seen, move)
@@ -40,9 +40,9 @@ def _cubature(problem: Problem, *, plain: bool = False, redrawn: bool = False) -
                 ckf.predict(event.duration, event.held)
                 if redrawn:
                     ckf.sigmas_f = spherical_radial_sigmas(ckf.x, ckf.P)
-            ckf.sigmas_h = seen_points[event.reading.size]
-            # A column: a 1-d reading would broadcast against the predicted one to a matrix, without an error.
-            ckf.update(event.reading[:, None], R=event.noise, hx_args=event.measured)
+            ckf.sigmas_h = seen_points[event.measurement.size]
+            # A column: a 1-d measurement would broadcast against the predicted one to a matrix, without an error.
+            ckf.update(event.measurement[:, None], R=event.noise, hx_args=event.measured)
         return Answer(ckf.x.ravel(), ckf.P)
 
     return run
@@ -60,7 +60,7 @@ def _unscented(problem: Problem) -> Callable[[], Answer]:
             if event.duration:
                 ukf.Q = event.process_noise
                 ukf.predict(event.duration, held=event.held)
-            ukf.update(event.reading, R=event.noise, measured=event.measured)
+            ukf.update(event.measurement, R=event.noise, measured=event.measured)
         return Answer(ukf.x, ukf.P)
 
     return run
@@ -72,25 +72,25 @@ class _Ekf(ExtendedKalmanFilter):
     def __init__(self, problem: Problem) -> None:
         super().__init__(N_STATE, 3)
         self.x, self.P = problem.prior.mean.copy(), problem.covariance.copy()
-        self.piece = np.zeros((1, 4)), np.zeros(1, dtype=np.int64), np.zeros(1)
+        self.substep = np.zeros((1, 4)), np.zeros(1, dtype=np.int64), np.zeros(1)
         self._process = problem.process
         self._scratch = np.zeros(problem.process.scratch_size)
 
     def predict_x(self, u: float = 0) -> None:
         process = self._process
-        process.transition(self.x, *self.piece, process.constants, process.selection, self.F, self._scratch)
+        process.transition(self.x, *self.substep, process.constants, process.selection, self.F, self._scratch)
 
 
 def _extended(problem: Problem) -> Callable[[], Answer]:
     def run() -> Answer:
         ekf = _Ekf(problem)
-        inputs, _, duration = ekf.piece
+        inputs, _, duration = ekf.substep
         for event in problem.events:
             if event.duration:
                 inputs[0], duration[0], ekf.Q = event.held, event.duration, event.process_noise
                 ekf.predict()
             ekf.update(
-                event.reading,
+                event.measurement,
                 HJacobian=lambda _, matrix=event.matrix: matrix,
                 Hx=lambda x, measured=event.measured: x[measured],
                 R=event.noise,

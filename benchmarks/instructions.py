@@ -29,11 +29,12 @@ def run_filter(name: str, passes: int) -> None:
     from auvid_cli.config.filter_name import FilterName
     from auvid_cli.config.load import find_experiment, load_experiment
     from auvid_cli.identification.identify import set_up_filters
+    from auvid_cli.identification.prepared_data import prepare
     from auvid_cli.simulation.simulate import simulate
 
     experiment = load_experiment(find_experiment(None), (f"manoeuvre.duration={_DURATION}",))
-    (run,) = set_up_filters(simulate(experiment), [FilterName(name)])
-    outcomes = [run.run(lambda part: None) for _ in range(passes)]
+    (run,) = set_up_filters(prepare(simulate(experiment)), [FilterName(name)])
+    outcomes = [run.run(lambda chunk: None) for _ in range(passes)]
     print(outcomes[0].steps)
 
 

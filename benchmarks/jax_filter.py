@@ -29,7 +29,7 @@ def _arrays(problem: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     for row, event in enumerate(problem.events):
         deviation = np.sqrt(event.variance)
         place = event.measured - N_COEFFICIENTS
-        emissions[row, place], weights[row, place] = event.reading / deviation, 1.0 / deviation
+        emissions[row, place], weights[row, place] = event.measurement / deviation, 1.0 / deviation
     steps = np.array([[*event.held, event.duration] for event in problem.events])
     return emissions, np.hstack([steps, weights]), np.stack([event.process_noise for event in problem.events])
 
@@ -72,7 +72,7 @@ def _filter(problem: Problem, *, unscented: bool) -> Callable[[], Answer]:
 
 _ABSENT = (
     "dynamax has one measurement of a fixed size: nine components, of which those that an event lacks have a row of "
-    "zeros. Inputs and durations are its per-step inputs (of the step itself from 1.0.3 on). Readings are divided "
+    "zeros. Inputs and durations are its per-step inputs (of the step itself from 1.0.3 on). Measurements are divided "
     "by their standard deviation, since it adds 1e-9 to the variance of every innovation. Compilation is left out: see "
     "above."
 )

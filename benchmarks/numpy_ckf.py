@@ -25,7 +25,7 @@ def _cubature(problem: Problem) -> Callable[[], Answer]:
             measured = event.measured
             cross = covariance[:, measured]
             gain = np.linalg.solve(cross[measured] + event.noise, cross.T).T
-            mean = mean + gain @ (event.reading - mean[measured])
+            mean = mean + gain @ (event.measurement - mean[measured])
             covariance = covariance - gain @ cross.T
         return Answer(mean, covariance)
 

@@ -69,7 +69,7 @@ def _environment(problem: "Problem", repetitions: int) -> dict[str, str]:
         **described_machine(),
         "packages": ", ".join(f"{name} {metadata.version(name)}" for name in _PACKAGES if name in installed),
         "data": f"{len(problem.events)} events of the first {problem.timeline.time[-1]:.1f} s, "
-        f"{len(problem.timeline.reading)} readings; {repetitions} rounds",
+        f"{len(problem.timeline.measurement)} measurements; {repetitions} rounds",
     }
 
 

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import find_experiment, load_experiment
-from auvid_cli.filters.problem import Belief, Ending, Process, Receiver, Sensors, Timeline
+from auvid_cli.filters.problem import FilterOutcome, Gaussian, OnChunk, Process, Sensors, Timeline
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.filter_run import FilterRun
 from auvid_cli.identification.identify import set_up_filters
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.process import first_order_transition
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
@@ -46,8 +47,8 @@ class Event(NamedTuple):
     time : float
         s.
     measured : ndarray of int, shape (c,)
-        States that are measured; all readings of an event at once.
-    reading, variance : ndarray, shape (c,)
+        States that are measured; all measurements of an event at once.
+    measurement, variance : ndarray, shape (c,)
     matrix : ndarray, shape (c, 31)
         Selects the measured states.
     noise : ndarray, shape (c, c)
@@ -58,7 +59,7 @@ class Event(NamedTuple):
     process_noise: Array
     time: float
     measured: NDArray[np.int64]
-    reading: Array
+    measurement: Array
     variance: Array
     matrix: Array
     noise: Array
@@ -84,10 +85,10 @@ class Problem:
         alpha, beta, kappa of auvid's UKF.
     """
 
-    filters: dict[str, Callable[[list[Timeline], Receiver], Ending]]
+    filters: dict[str, Callable[[list[Timeline], OnChunk], FilterOutcome]]
     process: Process
     sensors: Sensors
-    prior: Belief
+    prior: Gaussian
     timeline: Timeline
     events: tuple[Event, ...]
     covariance: Array
@@ -134,18 +135,18 @@ class Peer:
 def make_problem(n_events: int) -> Problem:
     """The beginning of the default experiment, with its own prior, noise and settings."""
     dataset = simulate(load_experiment(find_experiment(None), []))
-    runs = set_up_filters(dataset, list(FilterName))
+    runs = set_up_filters(prepare(dataset), list(FilterName))
     settings = dataset.experiment.identification
     exact = settings.model_copy(update={"ekf": settings.ekf.model_copy(update={"transition": "exact"})})
     experiment = dataset.experiment.model_copy(update={"identification": exact})
-    (exact_ekf,) = set_up_filters(replace(dataset, experiment=experiment), [FilterName.EKF])
+    (exact_ekf,) = set_up_filters(prepare(replace(dataset, experiment=experiment)), [FilterName.EKF])
 
-    problem = augmented_problem(dataset)
+    problem = augmented_problem(prepare(dataset))
     process, sensors = problem.process._replace(transition=first_order_transition), problem.sensors
-    whole = next(iter(problem.stretches[0].timelines))
+    whole = next(iter(problem.segments[0].timelines))
     if not 0 < n_events <= whole.time.size:
         raise ValueError(f"--events must be from 1 to {whole.time.size}")
-    timeline = _first(whole._replace(reading=_unwrapped(whole, sensors)), n_events)
+    timeline = _first(whole._replace(measurement=_unwrapped(whole, sensors)), n_events)
     prior = problem.prior
     filters = {run.header.filter: _from_prior(run, prior) for run in runs} | {
         "ekf exact": _from_prior(exact_ekf, prior)
@@ -162,55 +163,55 @@ def units_of(process: Process) -> Array:
     return process.constants[N_CONSTANTS + N_COEFFICIENTS : N_CONSTANTS + 2 * N_COEFFICIENTS]
 
 
-def _from_prior(run: FilterRun, prior: Belief) -> Callable[[list[Timeline], Receiver], Ending]:
+def _from_prior(run: FilterRun, prior: Gaussian) -> Callable[[list[Timeline], OnChunk], FilterOutcome]:
     """auvid's filter with other data than its own."""
     return lambda timelines, receive: run.estimator.estimate([timelines], prior, receive)
 
 
 def _first(timeline: Timeline, n_events: int) -> Timeline:
-    n_pieces, n_readings = timeline.piece_offset[n_events], timeline.reading_offset[n_events]
+    n_substeps, n_measurements = timeline.substep_offset[n_events], timeline.measurement_offset[n_events]
     return Timeline(
         timeline.time[:n_events],
-        timeline.piece_offset[: n_events + 1],
-        timeline.piece_duration[:n_pieces],
-        timeline.piece_input[:n_pieces],
+        timeline.substep_offset[: n_events + 1],
+        timeline.substep_duration[:n_substeps],
+        timeline.substep_input[:n_substeps],
         timeline.inputs,
-        timeline.reading_offset[: n_events + 1],
-        timeline.reading_sensor[:n_readings],
-        timeline.reading[:n_readings],
+        timeline.measurement_offset[: n_events + 1],
+        timeline.measurement_sensor[:n_measurements],
+        timeline.measurement[:n_measurements],
     )
 
 
 def _unwrapped(timeline: Timeline, sensors: Sensors) -> Array:
     """Angles without jumps, because not every library can wrap an innovation."""
-    reading = timeline.reading.copy()
+    measurement = timeline.measurement.copy()
     for sensor in np.flatnonzero(sensors.angular.any(axis=1)):
-        own = timeline.reading_sensor == sensor
-        reading[own] = np.unwrap(reading[own], axis=0)
-    return reading
+        own = timeline.measurement_sensor == sensor
+        measurement[own] = np.unwrap(measurement[own], axis=0)
+    return measurement
 
 
 def _events(timeline: Timeline, process: Process, sensors: Sensors) -> tuple[Event, ...]:
-    pieces = np.diff(timeline.piece_offset)
-    if pieces[0] != 0 or (pieces[1:] != 1).any() or np.isnan(timeline.reading).any():
-        raise ValueError("the peers are written for one integration step from event to event and whole readings")
+    substeps = np.diff(timeline.substep_offset)
+    if substeps[0] != 0 or (substeps[1:] != 1).any() or np.isnan(timeline.measurement).any():
+        raise ValueError("the peers are written for one integration step from event to event and whole measurements")
     events = []
     noises = {0.0: np.zeros((N_STATE, N_STATE))}
     for k in range(timeline.time.size):
         duration, held = 0.0, timeline.inputs[0]
         if k:
-            piece = timeline.piece_offset[k]
-            duration, held = float(timeline.piece_duration[piece]), timeline.inputs[timeline.piece_input[piece]]
+            substep = timeline.substep_offset[k]
+            duration, held = float(timeline.substep_duration[substep]), timeline.inputs[timeline.substep_input[substep]]
         if duration not in noises:
             noises[duration] = np.zeros((N_STATE, N_STATE))
             noises[duration][N_COEFFICIENTS:, N_COEFFICIENTS:] = np.diag(process.noise_density**2 * duration)
-        heard = slice(timeline.reading_offset[k], timeline.reading_offset[k + 1])
-        rows = timeline.reading_sensor[heard]
+        heard = slice(timeline.measurement_offset[k], timeline.measurement_offset[k + 1])
+        rows = timeline.measurement_sensor[heard]
         matrix, variance = np.concatenate(sensors.matrix[rows]), np.concatenate(sensors.variance[rows])
         measured = matrix.argmax(axis=1)
-        reading = timeline.reading[heard].ravel()
+        measurement = timeline.measurement[heard].ravel()
         time = float(timeline.time[k])
         events.append(
-            Event(duration, held, noises[duration], time, measured, reading, variance, matrix, np.diag(variance))
+            Event(duration, held, noises[duration], time, measured, measurement, variance, matrix, np.diag(variance))
         )
     return tuple(events)

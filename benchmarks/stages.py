@@ -12,6 +12,7 @@ from auvid_cli.data.estimate_file import new_estimate, read_estimate
 from auvid_cli.evaluation.bounds import Bounds, BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.identification.identify import set_up_filters
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.simulation.simulate import simulate
 
 _FILTERS = "all filters"
@@ -62,7 +63,7 @@ def one_round(folder: Path, stages: Stages) -> None:
         write_dataset(folder / "dataset.h5", dataset)
     with stages.step("read the dataset"):
         dataset = read_dataset(folder / "dataset.h5")
-    runs = set_up_filters(dataset, experiment.identification.filters)
+    runs = set_up_filters(prepare(dataset), experiment.identification.filters)
     found = []
     with stages.step(_FILTERS):
         for run in runs:
@@ -77,8 +78,8 @@ def one_round(folder: Path, stages: Stages) -> None:
     with stages.step("read the estimates"):
         estimates = [read_estimate(folder / f"{run.header.filter}.h5") for run in runs]
     with stages.step("evaluate"):
-        evaluate(dataset, estimates, lambda estimate: Bounds({}, {}))
-    bounds_of = BoundsOf(dataset)
+        evaluate(prepare(dataset), estimates, lambda estimate: Bounds({}, {}))
+    bounds_of = BoundsOf(prepare(dataset))
     with stages.step("bounds, found while a filter runs"):
         for estimate in estimates:
             bounds_of(estimate)

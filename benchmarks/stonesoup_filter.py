@@ -43,7 +43,7 @@ class _VehicleModel(TransitionModel, GaussianModel):
 def _detection(event: Event) -> Detection:
     model = LinearGaussian(ndim_state=N_STATE, mapping=event.measured.tolist(), noise_covar=event.noise)
     time = _START + timedelta(seconds=event.time)
-    return Detection(StateVector(event.reading), timestamp=time, measurement_model=model)
+    return Detection(StateVector(event.measurement), timestamp=time, measurement_model=model)
 
 
 def _cubature(problem: Problem, updater_class: type) -> Callable[[], Answer]:

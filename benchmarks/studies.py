@@ -22,6 +22,7 @@ from auvid_cli.evaluation.consistency import sensor_consistency, verdict
 from auvid_cli.evaluation.identifiability import assess_dataset
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
 from auvid_cli.identification.identify import identify
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.report.notation import filter_label
 from auvid_cli.simulation.simulate import simulate
 
@@ -62,7 +63,7 @@ def outcomes(job: tuple[str, int]) -> list[Outcome]:
     setting, seed = job
     experiment, overrides = _SETTINGS[setting]
     dataset = simulate(load_experiment(find_experiment(experiment), (f"seed={seed}", *overrides)))
-    found, bounds_of = [], BoundsOf(dataset)
+    found, bounds_of = [], BoundsOf(prepare(dataset))
     for name in FilterName:
         estimate = identify(dataset, name)
         bounds = bounds_of(estimate).of_data

@@ -23,7 +23,7 @@ _HEADER = (
 )
 _INTRODUCTION = """\
 One problem, one core: the beginning of the default experiment, 31 states, every filter from the same prior.
-Processor time per event (a prediction, and the readings of that instant), median of the rounds; all filters take turns
+Processor time per event (a prediction, and the measurements of then), median of the rounds; all filters take turns
 in each round. Made by `python benchmarks/peers.py`.
 """
 _EXPLANATION = """\
@@ -31,9 +31,9 @@ _EXPLANATION = """\
 in posterior standard deviations of the latter. `sd / auvid's`: ratio of the posterior standard deviations, smallest and
 largest. Ratios of times are medians of the ratios within a round.
 
-What does not depend on the state (Q, R, H, readings by event) is prepared before the clock starts. auvid also writes
-down mean, standard deviations, innovations and NIS of every event, and its sigma-point filters update with one reading
-after the other; the others keep their last state, and update with all readings of an event at once.
+What does not depend on the state (Q, R, H, measurements by event) is prepared before the clock starts. auvid also
+writes down mean, standard deviations, innovations and NIS of every event, and its sigma-point filters update with one
+measurement after the other; the others keep their last state, and update with all measurements of an event at once.
 """
 
 

@@ -29,7 +29,7 @@ VEHICLE_FILES = tuple(sorted(path.name for path in (shipped_configs() / "vehicle
 
 
 def pytest_generate_tests(metafunc):
-    """`filter_name` stands for each filter, `kalman_filter` for those that go from reading to reading.
+    """`filter_name` stands for each filter, `kalman_filter` for those that go from measurement to measurement.
 
     `vehicle_file` stands for each shipped vehicle.
     """

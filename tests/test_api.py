@@ -83,7 +83,7 @@ def test_importing_the_package_loads_nothing_heavy_and_names_all_it_offers():
     assert not set(HEAVY) & set(run_python(code))
 
 
-def test_reading_files_loads_no_compiled_code():
+def test_measurement_files_loads_no_compiled_code():
     names = "load_experiment, read_dataset, read_estimate, Dataset, Estimate"
     assert run_python(f"import sys; from auvid_cli import {names}; print('numba' in sys.modules)") == ["False"]
 

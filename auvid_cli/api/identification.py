@@ -9,6 +9,7 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.estimate_file import record_estimate
 from auvid_cli.identification import identify as filters
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.simulation import simulate as simulation
 
 
@@ -76,5 +77,5 @@ def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None)
     name = named(FilterName, filter_name, "filter")
     if file is None:
         return filters.identify(dataset, name)
-    (run,) = filters.set_up_filters(dataset, [name])
+    (run,) = filters.set_up_filters(prepare(dataset), [name])
     return record_estimate(Path(file), run.header, run.run)

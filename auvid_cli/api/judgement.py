@@ -12,11 +12,12 @@ from auvid_cli.evaluation.check import Checks
 from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.identifiability import assess_dataset
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.inspection.inspection import Inspection
-from auvid_cli.inspection.time_window import part_of
+from auvid_cli.inspection.time_window import within
 from auvid_cli.validation import validate as validation
-from auvid_cli.validation.data_leakage import unseen_part
+from auvid_cli.validation.data_leakage import unseen_data
 from auvid_cli.validation.results import Validation
 
 
@@ -46,7 +47,7 @@ def inspect(dataset: Dataset, use: tuple[float, float] | None = None) -> Inspect
     >>> list(verdicts.columns)
     ['subject', 'check', 'statistic', 'threshold', 'passed', 'advice']
     """
-    return inspect_dataset(dataset if use is None else part_of(dataset, *use))
+    return inspect_dataset(dataset if use is None else within(dataset, *use))
 
 
 def evaluate(dataset: Dataset, *estimates: Estimate) -> Evaluation:
@@ -76,7 +77,8 @@ def evaluate(dataset: Dataset, *estimates: Estimate) -> Evaluation:
     ['coefficients', 'summary', 'velocity_error', 'consistency', 'sensor_errors']
     """
     refuse_estimates_of_others(dataset, estimates)
-    return evaluation.evaluate(dataset, list(estimates), BoundsOf(dataset))
+    prepared = prepare(dataset)
+    return evaluation.evaluate(prepared, list(estimates), BoundsOf(prepared))
 
 
 def check(dataset: Dataset, *estimates: Estimate) -> Checks:
@@ -104,9 +106,10 @@ def check(dataset: Dataset, *estimates: Estimate) -> Checks:
     []
     """
     refuse_estimates_of_others(dataset, estimates)
-    bounds_of = BoundsOf(dataset)
+    prepared = prepare(dataset)
+    bounds_of = BoundsOf(prepared)
     return Checks(
-        verdict for estimate in estimates for verdict in check_estimate(dataset, estimate, bounds_of(estimate))
+        verdict for estimate in estimates for verdict in check_estimate(prepared, estimate, bounds_of(estimate))
     )
 
 
@@ -169,4 +172,4 @@ def validate(dataset: Dataset, estimate: Estimate, training: Dataset | None = No
     >>> found.run.to_xarray()["u"].attrs["units"]
     'm/s'
     """
-    return validation.validate(unseen_part(dataset, estimate, training), estimate)
+    return validation.validate(unseen_data(dataset, estimate, training), estimate)

@@ -12,7 +12,7 @@ from auvid_cli import __version__
 from auvid_cli.campaign.perform import Performed, perform
 from auvid_cli.campaign.plan import Group
 from auvid_cli.errors import ClusterError
-from auvid_cli.interrupts import deaf_to_interrupts
+from auvid_cli.interrupts import block_sigint
 
 # Groups that wait at the scheduler for each thread: no worker is ever idle, and no more is handed out than that.
 _AHEAD = 3
@@ -73,7 +73,7 @@ def cluster_client(scheduler: str | None, workers: int | None) -> Iterator[Clien
 
 def _local_cluster(workers: int | None) -> LocalCluster:
     try:
-        with deaf_to_interrupts():
+        with block_sigint():
             return LocalCluster(
                 n_workers=workers or os.cpu_count(),
                 threads_per_worker=1,

@@ -20,6 +20,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import AuvidError, ConfigError, DataError
 from auvid_cli.evaluation.bounds import bounds_at
 from auvid_cli.identification.identify import identify
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.simulation.simulate import simulate
 
 # What of the settings of a filter its bound depends on.
@@ -76,10 +77,10 @@ def shortened(group: Group, duration: float) -> tuple[Group, float]:
     return group._replace(simulated=cut(group.simulated), told=[cut(text) for text in group.told]), part / whole
 
 
-def _perform(simulated: str, run: Run, belief: str, with_estimates: bool) -> Performed:
+def _perform(simulated: str, run: Run, given: str, with_estimates: bool) -> Performed:
     try:
         dataset = _data(simulated)
-        told = Experiment.model_validate_json(belief)
+        told = Experiment.model_validate_json(given)
         (name,) = told.identification.filters
         estimate = identify(_as_told(dataset, told), name)
         bounds = _bounds(simulated, told.identification.model_dump_json(include=_OF_THE_DATA, exclude_none=True))
@@ -128,4 +129,4 @@ def _bounds(simulated: str, identification: str) -> Mapping[str, float]:
     dataset = _data(simulated)
     settings = Identification.model_validate_json(identification)
     data = replace(dataset, experiment=dataset.experiment.model_copy(update={"identification": settings}))
-    return bounds_at(data, _truth(dataset).coefficients).of_data
+    return bounds_at(prepare(data), _truth(dataset).coefficients).of_data

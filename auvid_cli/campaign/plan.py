@@ -213,14 +213,14 @@ class Plan:
         told = [self._told(k, known) for k in range(len(self.filters))]
         labels = dict(zip(self.columns, (option.label for option in chosen), strict=True))
         data = given_settings(simulated)
-        beliefs = [given_settings(experiment) for experiment in told]
+        given = [given_settings(experiment) for experiment in told]
         return _Resolved(
             labels,
             data,
             _hash(
                 *(data[section] for section in ("vehicle", "sensors", "manoeuvre")), _digest(data["manoeuvre"], "file")
             ),
-            [(one, _hash_of_belief(one)) for one in beliefs],
+            [(one, _hash_of_given(one)) for one in given],
         )
 
     def _told(self, variant: int, known: list[Change]) -> Experiment:
@@ -249,8 +249,8 @@ def _one_at_a_time(axes: Sequence[Sequence[_Chosen]]) -> list[tuple[_Chosen, ...
 
 
 def _group(triples: Sequence[_Triple], seed: int) -> Group:
-    cells, beliefs, runs = zip(*triples, strict=True)
-    return Group(_text(cells[0].simulated, seed), list(runs), [_text(told, seed) for told in beliefs])
+    cells, given, runs = zip(*triples, strict=True)
+    return Group(_text(cells[0].simulated, seed), list(runs), [_text(told, seed) for told in given])
 
 
 def _refuse_twins(path: Path, triples: Iterable[_Triple]) -> None:
@@ -269,7 +269,7 @@ def _hash(*settings: Any) -> str:
     return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:_LENGTH]
 
 
-def _hash_of_belief(told: dict[str, Any]) -> str:
+def _hash_of_given(told: dict[str, Any]) -> str:
     prior = told["identification"].get("prior", {})
     sections = (told[section] for section in ("vehicle", "sensors", "identification"))
     return _hash(*sections, _digest(prior, "from_estimate"))

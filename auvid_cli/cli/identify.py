@@ -56,7 +56,8 @@ def identify(
         chosen = tuple(filters or experiment.identification.filters)
         terminal = Terminal(quiet, verbose)
         pipeline.say_doubts(dataset.experiment.vehicle, terminal)
-        estimates = pipeline.identify_to(folder, dataset, chosen, terminal, overwrite)
+        prepared = pipeline.prepare(dataset, terminal)
+        estimates = pipeline.identify_to(folder, prepared, chosen, terminal, overwrite)
         code = pipeline.exit_code(estimates)
         terminal.say(f"next: auvid report {folder}")
         if code == DONE:

@@ -12,7 +12,7 @@ from auvid_cli.errors import FileError
 from auvid_cli.logs.dataset import dataset_from_logs, recorded_files
 from auvid_cli.logs.formats.open_log import open_log
 from auvid_cli.logs.suggest.suggest import suggest
-from auvid_cli.report.import_report import print_accounts
+from auvid_cli.report.import_report import print_import_report
 
 
 def import_logs(map_file: Path, given: Sequence[str], output: Path | None, overwrite: bool, terminal: Terminal) -> None:
@@ -35,7 +35,7 @@ def import_logs(map_file: Path, given: Sequence[str], output: Path | None, overw
         dataset, found = dataset_from_logs(settings, tree, files)
     with terminal.stage("write the dataset"):
         put_dataset(path, dataset, inputs, overwrite, other_run(path, dataset.experiment))
-    print_accounts(terminal.out, found.accounts, found.remarks)
+    print_import_report(terminal.out, found.accounts, found.remarks)
     terminal.say(f"{path}: t = 0 is {found.origin:.6f} s by the log's clock")
     terminal.say(f"next: auvid inspect {path}")
 

@@ -45,7 +45,7 @@ def inspect(
         from auvid_cli.data.results_folder import tables_and_figures
         from auvid_cli.evaluation.estimate_checks import failed
         from auvid_cli.inspection.inspect import inspect_dataset
-        from auvid_cli.inspection.time_window import part_of
+        from auvid_cli.inspection.time_window import within
         from auvid_cli.report.csv_tables import write_csv_tables
         from auvid_cli.report.screen import print_checks
 
@@ -56,7 +56,7 @@ def inspect(
         if use:
             if len(use) > 1:
                 raise ConfigError(f"--use: one part is inspected at a time, and there are {len(use)}")
-            read = part_of(read, *read.experiment.identification.use.spans[0])
+            read = within(read, *read.experiment.identification.use.spans[0])
         files = [dataset, *read.experiment.data_files()]
         put_copy(dataset, read, folder, files, overwrite)
         keep_apart(tables_and_figures(folder), files)

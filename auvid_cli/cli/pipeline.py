@@ -17,7 +17,7 @@ from auvid_cli.config.plausibility import doubts
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import read_dataset
-from auvid_cli.data.estimate import Estimate, EstimatePart
+from auvid_cli.data.estimate import Estimate, EstimateChunk
 from auvid_cli.data.estimate_file import read_estimate, record_estimate
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.replacement import other_estimates, other_run, put_dataset, refuse_unless
@@ -29,6 +29,7 @@ from auvid_cli.report.remedies import remedies
 if TYPE_CHECKING:
     from auvid_cli.evaluation.bounds import BoundsOf
     from auvid_cli.identification.filter_run import FilterRun
+    from auvid_cli.identification.prepared_data import PreparedData
     from auvid_cli.report.figures.draw import FigureQueue
 
 
@@ -129,13 +130,13 @@ def simulated(experiment: Experiment, terminal: Terminal) -> Dataset:
 
 def identify_to(
     folder: Path,
-    dataset: Dataset,
+    prepared: "PreparedData",
     filters: tuple[FilterName, ...],
     terminal: Terminal,
     overwrite: bool,
-    look_at: Callable[[Estimate], None] = lambda estimate: None,
+    on_estimate: Callable[[Estimate], None] = lambda estimate: None,
 ) -> list[Estimate]:
-    """Run filters on a dataset side by side, each writing its estimate as it goes; `look_at` each when it is there.
+    """Run filters on a dataset side by side, each writing its estimate as it goes; `on_estimate` each when it is there.
 
     Raises
     ------
@@ -143,7 +144,7 @@ def identify_to(
         If estimates stand there that are of other data, or were made with other settings, and `overwrite` is not said;
         else those, and all that was made from them, go when the new ones are there.
     """
-    others = other_estimates(folder, dataset.experiment, dataset.sha256, filters)
+    others = other_estimates(folder, prepared.experiment, prepared.dataset.sha256, filters)
     refuse_unless(overwrite, next(iter(others.values()), ""))
     with terminal.compiling():
         from auvid_cli.evaluation.consistency import verdict
@@ -152,12 +153,12 @@ def identify_to(
         names = list(dict.fromkeys(filters))
         stopping = Event()
 
-        def go_on() -> None:
+        def raise_if_cancelled() -> None:
             if stopping.is_set():
                 raise _StoppedError
 
         # Some filters load libraries of their own here, which may swallow an interrupt as well.
-        runs = set_up_filters(dataset, names, go_on)
+        runs = set_up_filters(prepared, names, raise_if_cancelled)
     paths = [folder / "estimates" / f"{name.value}.h5" for name in names]
     with (
         terminal.progress(*(name.value for name in names), unit=" s of data") as bars,
@@ -167,9 +168,9 @@ def identify_to(
             jobs = zip(runs, paths, bars, strict=True)
             futures = [threads.submit(_run_filter, *job) for job in jobs]
             for future in as_completed(futures):
-                look_at(future.result())
+                on_estimate(future.result())
         finally:
-            # Whatever went wrong, an interrupt included, ends the others at their next part.
+            # Whatever went wrong, an interrupt included, ends the others at their next chunk.
             stopping.set()
     estimates = [future.result() for future in futures]
     if others:
@@ -189,23 +190,30 @@ class _StoppedError(Exception):
 def _run_filter(filter_run: "FilterRun", path: Path, progress: Callable[[float, float], None]) -> Estimate:
     begin, end = filter_run.span
 
-    def watch(part: EstimatePart) -> None:
-        if part.time.size:
-            progress(part.time[-1] - begin, end - begin)
+    def watch(chunk: EstimateChunk) -> None:
+        if chunk.time.size:
+            progress(chunk.time[-1] - begin, end - begin)
 
     return record_estimate(path, filter_run.header, filter_run.run, watch)
 
 
-def bounds_of(dataset: Dataset, terminal: Terminal) -> "BoundsOf":
+def prepare(dataset: Dataset, terminal: Terminal) -> "PreparedData":
+    """Prepare a dataset once for all that goes through it."""
+    with terminal.compiling():
+        from auvid_cli.identification import prepared_data
+    return prepared_data.prepare(dataset)
+
+
+def bounds_of(prepared: "PreparedData", terminal: Terminal) -> "BoundsOf":
     """Return what finds the bounds of a dataset's estimates."""
     with terminal.compiling():
         from auvid_cli.evaluation.bounds import BoundsOf
-    return BoundsOf(dataset)
+    return BoundsOf(prepared)
 
 
 def report_to(
     folder: Path,
-    dataset: Dataset,
+    prepared: "PreparedData",
     estimates: list[Estimate],
     bounds_of: "BoundsOf",
     terminal: Terminal,
@@ -217,8 +225,8 @@ def report_to(
         from auvid_cli.report.screen import print_files, print_summary
         from auvid_cli.report.write import write_tables
     with terminal.stage("evaluate"):
-        evaluation = evaluate(dataset, estimates, bounds_of)
-    figures.add_others(dataset, estimates, evaluation)
+        evaluation = evaluate(prepared, estimates, bounds_of)
+    figures.add_others(prepared.dataset, estimates, evaluation)
     paths = write_tables(evaluation, folder / "tables")
     print_summary(terminal.out, evaluation)
     with terminal.progress("figures") as (progress,):

@@ -20,8 +20,9 @@ def report(
 
         terminal = Terminal(quiet, verbose)
         dataset, estimates = pipeline.read_results(results)
-        bounds_of = pipeline.bounds_of(dataset, terminal)
+        prepared = pipeline.prepare(dataset, terminal)
+        bounds_of = pipeline.bounds_of(prepared, terminal)
         with pipeline.drawing(results) as figures:
             for estimate in estimates:
                 figures.add_innovations(estimate)
-            raise typer.Exit(pipeline.report_to(results, dataset, estimates, bounds_of, terminal, figures))
+            raise typer.Exit(pipeline.report_to(results, prepared, estimates, bounds_of, terminal, figures))

@@ -60,12 +60,13 @@ def run(
                 with terminal.compiling():
                     import auvid_cli.identification.process  # noqa: F401
             figures.add_path(dataset)
-            bounds_of = pipeline.bounds_of(dataset, terminal)
+            prepared = pipeline.prepare(dataset, terminal)
+            bounds_of = pipeline.bounds_of(prepared, terminal)
 
-            def look_at(estimate: "Estimate") -> None:
+            def on_estimate(estimate: "Estimate") -> None:
                 figures.add_innovations(estimate)
                 # The same for all filters, and known before the slowest of them is done.
                 bounds_of(estimate)
 
-            estimates = pipeline.identify_to(folder, dataset, chosen, terminal, overwrite, look_at)
-            raise typer.Exit(pipeline.report_to(folder, dataset, estimates, bounds_of, terminal, figures))
+            estimates = pipeline.identify_to(folder, prepared, chosen, terminal, overwrite, on_estimate)
+            raise typer.Exit(pipeline.report_to(folder, prepared, estimates, bounds_of, terminal, figures))

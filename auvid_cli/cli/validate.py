@@ -49,10 +49,10 @@ def validate(
             from auvid_cli.evaluation.estimate_checks import failed
             from auvid_cli.report.csv_tables import write_csv_tables
             from auvid_cli.report.validation_screen import print_validation
-            from auvid_cli.validation.data_leakage import unseen_part
+            from auvid_cli.validation.data_leakage import unseen_data
             from auvid_cli.validation.validate import validate as validated
         with terminal.stage("compare with the estimate's own data"):
-            dataset = unseen_part(whole, estimate, _dataset_behind(estimate_file, estimate))
+            dataset = unseen_data(whole, estimate, _dataset_behind(estimate_file, estimate))
         folder = output or pipeline.home_of(dataset_file)
         put_copy(dataset_file, whole, folder, [estimate_file], overwrite)
         keep_apart(tables_and_figures(folder), [estimate_file, dataset_file])

@@ -68,7 +68,7 @@ class InitialMotion(Settings):
 
 
 class Use(Settings):
-    """Which of the data are used; each stretch starts with a motion of its own and the coefficients found so far."""
+    """Which of the data are used; each segment starts with a motion of its own and the coefficients found so far."""
 
     spans: Annotated[
         SeparateSpans, Field(description="[begin, end], s, each; null: as far as there are data; empty: all")
@@ -77,9 +77,9 @@ class Use(Settings):
         float | None, Amount("m/s"), Field(gt=0, description="leave out what is slower by the DVL")
     ] = None
     longest_gap: Annotated[
-        float | None, Amount("s"), Field(gt=0, description="a sensor that is silent for longer ends a stretch")
+        float | None, Amount("s"), Field(gt=0, description="a sensor that is silent for longer ends a segment")
     ] = None
-    shortest: Annotated[float, Amount("s"), Field(ge=0, description="leave out stretches that last less")] = 2.0
+    shortest: Annotated[float, Amount("s"), Field(ge=0, description="leave out segments that last less")] = 2.0
 
 
 class EkfSettings(Settings):
@@ -200,7 +200,7 @@ class Identification(Settings):
         """Raise ConfigError or FileError if filters cannot run with these settings, whatever the data."""
         if self.gate is not None and any(name.in_one_batch for name in filters):
             raise ConfigError(
-                "identification.gate has no meaning for output_error, which weighs all readings at once; leave out "
+                "identification.gate has no meaning for output_error, which weighs all measurements at once; leave out "
                 "the gate or the filter"
             )
         earlier = self.prior.from_estimate

@@ -68,7 +68,7 @@ def check_unit(stated: str | None, unit: str) -> str | None:
     return stated
 
 
-class Reading(Settings):
+class Signal(Settings):
     """A column, or a message's field, and how its numbers become SI: sign x (raw - centre) x scale + offset.
 
     A bare name is a column without further ado.
@@ -121,49 +121,49 @@ class Reading(Settings):
         return low, high
 
     @model_validator(mode="after")
-    def _one_size(self) -> "Reading":
+    def _one_size(self) -> "Signal":
         if self.unit is not None and self.scale is not None:
             raise ValueError("expected 'unit' or 'scale', not both: a scale such as '0.35 deg' has its unit in it")
         return self
 
 
-class Angle(Reading):
-    """A reading of an angle."""
+class Angle(Signal):
+    """A signal of an angle."""
 
     si = "rad"
 
 
-class AngularRate(Reading):
-    """A reading of an angular rate."""
+class AngularRate(Signal):
+    """A signal of an angular rate."""
 
     si = "rad/s"
 
 
-class Speed(Reading):
-    """A reading of a velocity."""
+class Speed(Signal):
+    """A signal of a velocity."""
 
     si = "m/s"
 
 
-class Acceleration(Reading):
-    """A reading of a specific force."""
+class Acceleration(Signal):
+    """A signal of a specific force."""
 
     si = "m/s^2"
 
 
-class Length(Reading):
-    """A reading of a length; of a depth also a pressure, by its scale in metres."""
+class Length(Signal):
+    """A signal of a length; of a depth also a pressure, by its scale in metres."""
 
     si = "m"
 
 
-class Number(Reading):
-    """A reading of a pure number."""
+class Number(Signal):
+    """A signal of a pure number."""
 
     si = "dimensionless"
 
 
-READINGS: dict[str, type[Reading]] = {kind.si: kind for kind in (Angle, AngularRate, Speed, Acceleration, Length)}
+SIGNALS: dict[str, type[Signal]] = {kind.si: kind for kind in (Angle, AngularRate, Speed, Acceleration, Length)}
 
 
 class TimeSource(Settings):

@@ -4,40 +4,40 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from auvid_cli.config.log_columns import Reading, Rows
+from auvid_cli.config.log_columns import Rows, Signal
 from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.config.settings import Settings
 
 
-class InputReading(Reading, Rows):
-    """A reading with a place of its own."""
+class InputSignal(Signal, Rows):
+    """A signal with a place of its own."""
 
 
-class Fin(InputReading):
+class Fin(InputSignal):
     """Deflection of a fin, or of all that stand for one input."""
 
     si = "rad"
 
 
-class Force(InputReading):
+class Force(InputSignal):
     """A force."""
 
     si = "N"
 
 
-class Moment(InputReading):
+class Moment(InputSignal):
     """A moment."""
 
     si = "N*m"
 
 
-class Revolutions(InputReading):
+class Revolutions(InputSignal):
     """Revolutions per second of a propeller."""
 
     si = "turn/s"
 
 
-class Share(InputReading):
+class Share(InputSignal):
     """A thruster's command in percent, or with the unit '1' as a fraction."""
 
     si = "percent"
@@ -127,8 +127,8 @@ class InputsMap(Rows):
             raise ValueError(f"expected at least one of {', '.join(InputsMap.model_fields)}")
         return self
 
-    def channels(self) -> dict[tuple[str, ...], InputReading]:
-        """Return the readings by where they stand in the settings."""
+    def channels(self) -> dict[tuple[str, ...], InputSignal]:
+        """Return the signals by where they stand in the settings."""
         found: dict[tuple[str, ...], Any] = {
             (name,): getattr(self, name) for name in ("rudder", "elevator", "surge_force", "roll_moment")
         }
@@ -136,4 +136,4 @@ class InputsMap(Rows):
             found |= {("fins", name): fin for name, fin in self.fins.given().items()}
         if self.thrust is not None:
             found |= {("thrust", name): getattr(self.thrust, name) for name in ("revolutions", "share")}
-        return {path: reading for path, reading in found.items() if isinstance(reading, InputReading)}
+        return {path: signal for path, signal in found.items() if isinstance(signal, InputSignal)}

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, create_model, field_validator, model_validator
 
-from auvid_cli.config.log_columns import READINGS, Number, Reading, Rows, Validity, check_unit
+from auvid_cli.config.log_columns import SIGNALS, Number, Rows, Signal, Validity, check_unit
 from auvid_cli.config.magnitudes import check_amount
 from auvid_cli.config.quantity import Unit, parse_components
 from auvid_cli.config.settings import Settings
@@ -59,18 +59,18 @@ class Mount(Settings):
 
 
 class Columns(Settings):
-    """A reading for each component, as far as the log has it."""
+    """A signal for each component, as far as the log has it."""
 
     @model_validator(mode="after")
     def _at_least_one(self) -> "Columns":
-        if not self.readings():
+        if not self.signals():
             raise ValueError(f"expected a column for at least one of {', '.join(type(self).model_fields)}")
         return self
 
-    def readings(self) -> dict[str, Reading]:
-        """Return the readings by component, of the components that are given."""
+    def signals(self) -> dict[str, Signal]:
+        """Return the signals by component, of the components that are given."""
         given = {symbol: getattr(self, symbol) for symbol in type(self).model_fields}
-        return {symbol: reading for symbol, reading in given.items() if reading is not None}
+        return {symbol: signal for symbol, signal in given.items() if signal is not None}
 
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ else:
             "Columns",
             __base__=Columns,
             __doc__=f"Columns of the components of `{sensor}`, as far as the log has them.",
-            **{q.symbol: (READINGS[q.unit] | None, Field(None, description=q.meaning)) for q in SENSORS[sensor]},
+            **{q.symbol: (SIGNALS[q.unit] | None, Field(None, description=q.meaning)) for q in SENSORS[sensor]},
         )
         for sensor in ("gyroscope", "accelerometer", "magnetometer", "dvl", "attitude", "depth")
     )
@@ -130,9 +130,9 @@ class SensorMap(Rows):
             raise ValueError("expected standard deviations greater than 0")
         return deviations * (len(quantities) // len(deviations))
 
-    def readings(self) -> dict[str, Reading]:
-        """Return the readings by component."""
-        return self.columns.readings()
+    def signals(self) -> dict[str, Signal]:
+        """Return the signals by component."""
+        return self.columns.signals()
 
 
 class InBody(SensorMap):
@@ -212,10 +212,10 @@ class AttitudeMap(InBody):
             raise ValueError("a quaternion has no unit")
         return self
 
-    def readings(self) -> dict[str, Reading]:
-        """Return the readings by component, of the angles or of the quaternion."""
+    def signals(self) -> dict[str, Signal]:
+        """Return the signals by component, of the angles or of the quaternion."""
         if self.quaternion is None:
-            return super().readings()
+            return super().signals()
         return {axis: getattr(self.quaternion, axis) for axis in "wxyz"}
 
 

@@ -33,6 +33,11 @@ class SensorRecord:
     values: Array
     standard_deviation: Array
 
+    def between(self, begin: float, end: float) -> "SensorRecord":
+        """Return the samples from one time to another, s, both included."""
+        first, past = np.searchsorted(self.time, begin), np.searchsorted(self.time, end, side="right")
+        return replace(self, time=self.time[first:past], values=self.values[first:past])
+
 
 @dataclass(frozen=True)
 class InputRecord:
@@ -40,6 +45,12 @@ class InputRecord:
 
     time: Array
     values: Array
+
+    def between(self, begin: float, end: float) -> "InputRecord":
+        """Return the inputs from one time to another, s; one that holds when these begin is known from there on."""
+        first = max(int(np.searchsorted(self.time, begin, side="right")) - 1, 0)
+        past = max(int(np.searchsorted(self.time, end, side="right")), first + 1)
+        return InputRecord(np.maximum(self.time[first:past], begin), self.values[first:past])
 
 
 @dataclass(frozen=True)
@@ -89,6 +100,10 @@ class Dataset:
     def without_truth(self) -> "Dataset":
         """Return the same as a vehicle would have logged it."""
         return replace(self, truth=None)
+
+    def sensors_between(self, begin: float, end: float) -> "Dataset":
+        """Return the same with the samples of all sensors from one time to another, s; the inputs stay whole."""
+        return replace(self, sensors={name: record.between(begin, end) for name, record in self.sensors.items()})
 
     def to_pandas(self) -> "dict[str, pd.DataFrame]":
         """Return tables over time.

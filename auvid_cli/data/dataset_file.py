@@ -1,4 +1,4 @@
-"""dataset.h5: reading and writing a Dataset."""
+"""dataset.h5: measurement and writing a Dataset."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -57,7 +57,7 @@ class EstimateHeader:
 
 
 @dataclass(frozen=True)
-class EstimatePart:
+class EstimateChunk:
     """Consecutive events of a filter's run, SI.
 
     Attributes
@@ -66,7 +66,7 @@ class EstimatePart:
         s, after each event.
     mean, standard_deviation : ndarray, shape (n, len(state))
     innovations : dict of Innovations
-        By sensor; every part has every sensor.
+        By sensor; every chunk has every sensor.
     """
 
     time: Array
@@ -76,7 +76,7 @@ class EstimatePart:
 
 
 @dataclass(frozen=True)
-class Course(EstimatePart):
+class Course(EstimateChunk):
     """As much of an estimate as a figure shows; no more, because it may travel to another process.
 
     Attributes
@@ -117,7 +117,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Estimate(EstimateHeader, EstimatePart, Outcome):
+class Estimate(EstimateHeader, EstimateChunk, Outcome):
     """Augmented state over time, of one filter; ends early where it diverged.
 
     Attributes
@@ -147,16 +147,17 @@ class Estimate(EstimateHeader, EstimatePart, Outcome):
     """
 
     @classmethod
-    def of(cls, header: EstimateHeader, parts: Sequence[EstimatePart], outcome: Outcome) -> "Estimate":
-        """Join the parts of a run."""
+    def of(cls, header: EstimateHeader, chunks: Sequence[EstimateChunk], outcome: Outcome) -> "Estimate":
+        """Join the chunks of a run."""
         innovations = {
-            sensor: Innovations.joined([part.innovations[sensor] for part in parts]) for sensor in parts[0].innovations
+            sensor: Innovations.joined([chunk.innovations[sensor] for chunk in chunks])
+            for sensor in chunks[0].innovations
         }
         return cls(
             **vars(outcome),
-            time=np.concatenate([part.time for part in parts]),
-            mean=np.concatenate([part.mean for part in parts]),
-            standard_deviation=np.concatenate([part.standard_deviation for part in parts]),
+            time=np.concatenate([chunk.time for chunk in chunks]),
+            mean=np.concatenate([chunk.mean for chunk in chunks]),
+            standard_deviation=np.concatenate([chunk.standard_deviation for chunk in chunks]),
             innovations=innovations,
             **vars(header),
         )

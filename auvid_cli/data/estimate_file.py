@@ -1,4 +1,4 @@
-"""estimates/<filter>.h5: reading and writing an Estimate."""
+"""estimates/<filter>.h5: measurement and writing an Estimate."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,7 +14,7 @@ from pydantic import Field
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import dump_experiment, parse_run
-from auvid_cli.data.estimate import Estimate, EstimateHeader, EstimatePart, Outcome
+from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, Outcome
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.data.netcdf import append, new_file, write_dimension, write_growing, write_variable
 from auvid_cli.data.netcdf_reading import (
@@ -30,21 +30,21 @@ from auvid_cli.data.netcdf_reading import (
 from auvid_cli.data.soundness import check_estimate, check_innovations
 from auvid_cli.vehicle.parameters import SENSORS
 
-# Of more than so many events or readings of a sensor, every so many are read: evenly spaced, they say the same.
+# Of more than so many events or measurements of a sensor, every so many are read: evenly spaced, they say the same.
 _MOST_ROWS = 50_000
 
 
 class EstimateWriter:
-    """Writes an estimate part by part; see `new_estimate`."""
+    """Writes an estimate chunk by chunk; see `new_estimate`."""
 
     def __init__(self, file: h5py.File) -> None:
         self._file = file
 
-    def append(self, part: EstimatePart) -> None:
+    def append(self, chunk: EstimateChunk) -> None:
         """More of the run."""
         for name in ("time", "mean", "standard_deviation"):
-            append(self._file, name, getattr(part, name))
-        for sensor, innovations in part.innovations.items():
+            append(self._file, name, getattr(chunk, name))
+        for sensor, innovations in chunk.innovations.items():
             group = self._file.require_group(f"innovations/{sensor}")
             if "time" not in group:
                 _prepare_innovations(group, sensor, innovations.standard_deviation)
@@ -93,8 +93,8 @@ def new_estimate(path: Path, header: EstimateHeader) -> Iterator[EstimateWriter]
 def record_estimate(
     path: Path,
     header: EstimateHeader,
-    run: Callable[[Callable[[EstimatePart], None]], Outcome],
-    watch: Callable[[EstimatePart], None] = lambda part: None,
+    run: Callable[[Callable[[EstimateChunk], None]], Outcome],
+    watch: Callable[[EstimateChunk], None] = lambda chunk: None,
 ) -> Estimate:
     """Write an estimate as it comes, and read it back, as any later step would.
 
@@ -103,9 +103,9 @@ def record_estimate(
     path : pathlib.Path
     header : EstimateHeader
     run : callable
-        Hands what comes to its argument, part by part, and returns how it ended.
+        Hands what comes to its argument, chunk by chunk, and returns how it ended.
     watch : callable
-        Called with each part when it is written.
+        Called with each chunk when it is written.
 
     Raises
     ------
@@ -114,9 +114,9 @@ def record_estimate(
     """
     with new_estimate(path, header) as writer:
 
-        def receive(part: EstimatePart) -> None:
-            writer.append(part)
-            watch(part)
+        def receive(chunk: EstimateChunk) -> None:
+            writer.append(chunk)
+            watch(chunk)
 
         writer.finish(run(receive))
     return read_estimate(path)
@@ -160,7 +160,7 @@ class _Attributes(FileAttributes):
 
 
 def read_estimate(path: Path) -> Estimate:
-    """Read an estimate; of a very long one every k-th event and reading, as many as an evaluation needs.
+    """Read an estimate; of a very long one every k-th event and measurement, as many as an evaluation needs.
 
     Raises
     ------

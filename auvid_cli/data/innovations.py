@@ -22,14 +22,14 @@ class Tally(NamedTuple):
         Time of the first, s.
     squares, components : ndarray, shape (k,)
         Sum of the NIS, and number of components used, in each `WINDOW` from `start` on.
-    readings, rejected : int
-        Readings used; components beyond the gate.
+    measurements, rejected : int
+        Measurements used; components beyond the gate.
     """
 
     start: float
     squares: Array
     components: Array
-    readings: int
+    measurements: int
     rejected: int
 
     def plus(self, other: "Tally") -> "Tally":
@@ -39,8 +39,8 @@ class Tally(NamedTuple):
         for part in (self, other):
             squares[: part.squares.size] += part.squares
             components[: part.components.size] += part.components
-        readings, rejected = self.readings + other.readings, self.rejected + other.rejected
-        return Tally(self.start, squares, components, readings, rejected)
+        measurements, rejected = self.measurements + other.measurements, self.rejected + other.rejected
+        return Tally(self.start, squares, components, measurements, rejected)
 
 
 @dataclass(frozen=True)
@@ -84,12 +84,12 @@ class Innovations:
         return np.isfinite(self.variance)
 
     @classmethod
-    def joined(cls, parts: Sequence["Innovations"]) -> "Innovations":
-        """Parts in time order as one."""
+    def joined(cls, chunks: Sequence["Innovations"]) -> "Innovations":
+        """Chunks in time order as one."""
         return cls(
-            time=np.concatenate([part.time for part in parts]),
-            innovation=np.concatenate([part.innovation for part in parts]),
-            variance=np.concatenate([part.variance for part in parts]),
-            nis=np.concatenate([part.nis for part in parts]),
-            standard_deviation=parts[0].standard_deviation,
+            time=np.concatenate([chunk.time for chunk in chunks]),
+            innovation=np.concatenate([chunk.innovation for chunk in chunks]),
+            variance=np.concatenate([chunk.variance for chunk in chunks]),
+            nis=np.concatenate([chunk.nis for chunk in chunks]),
+            standard_deviation=chunks[0].standard_deviation,
         )

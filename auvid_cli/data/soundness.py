@@ -14,6 +14,8 @@ from auvid_cli.vehicle.parameters import INPUTS, MOTION_SYMBOLS, SENSORS
 
 # s, from the beginning of the data: three years.
 LONGEST = 1e8
+# Of the variance of the measurement noise, what that of an innovation cannot be below; the rest is for rounding.
+_OF_NOISE = 0.999
 # Of the standard deviations, what a covariance may lack in symmetry.
 _ASYMMETRY = 1e-6
 
@@ -113,6 +115,9 @@ def check_innovations(sensor: str, found: Innovations, filter_name: str) -> None
     _check_not_infinite(where, found.innovation, found.nis)
     if not _may_be_infinite(filter_name):
         _check_not_infinite(where, found.variance)
+        # S = H P H' + R, of which R alone is this: only a residual of a fit varies less than the noise.
+        if (found.variance < _OF_NOISE * found.standard_deviation**2).any():
+            raise ValueError(f"{where} has variances below that of the measurement noise")
     if (found.variance < 0.0).any() or (found.nis < 0.0).any():
         raise ValueError(f"{where} has negative squares")
 

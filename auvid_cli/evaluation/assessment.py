@@ -33,7 +33,7 @@ class CoefficientBound(NamedTuple):
     verdict : str
         One of `CLASSES`.
     best_sensor : str
-        Whose readings say most of it.
+        Whose measurements say most of it.
     best_share : float
         Its share of the information, 0 to 1.
     group : str

@@ -1,17 +1,15 @@
 """What estimates are held against: the least standard deviation that their data allow."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.identification.fisher import information_at
-from auvid_cli.identification.segments import stretches
+from auvid_cli.identification.prepared_data import PreparedData
 
 Array = NDArray[np.float64]
 
@@ -48,21 +46,21 @@ class BoundsOf:
 
     Parameters
     ----------
-    dataset : Dataset
+    prepared : PreparedData
         From which the estimates were made.
     """
 
-    def __init__(self, dataset: Dataset) -> None:
-        self._dataset = dataset
+    def __init__(self, prepared: PreparedData) -> None:
+        self._prepared = prepared
         self._found: dict[str, Bounds] = {}
 
     def __call__(self, estimate: Estimate) -> Bounds:
         """Bounds of an estimate, with the settings with which it was made."""
         key = estimate.experiment.model_dump_json()
-        if self._dataset.truth is None:
+        if self._prepared.dataset.truth is None:
             key += estimate.filter
         if key not in self._found:
-            self._found[key] = _bounds(self._dataset, estimate)
+            self._found[key] = _bounds(self._prepared, estimate)
         found = self._found[key]
         settings = estimate.experiment.identification.output_error
         if estimate.in_one_batch and not settings.use_prior:
@@ -70,28 +68,29 @@ class BoundsOf:
         return found
 
 
-def _bounds(dataset: Dataset, estimate: Estimate) -> Bounds:
+def _bounds(prepared: PreparedData, estimate: Estimate) -> Bounds:
     settings = estimate.experiment.identification
     # An earlier estimate may have gone since.
     prior = settings.prior.model_copy(update={"from_estimate": None})
     identification = settings.model_copy(update={"prior": prior})
     experiment = estimate.experiment.model_copy(update={"identification": identification})
-    values = dataset.truth.coefficients if dataset.truth is not None else estimate.final_coefficients()
-    found = bounds_at(replace(dataset, experiment=experiment), values)
+    truth = prepared.dataset.truth
+    values = truth.coefficients if truth is not None else estimate.final_coefficients()
+    found = bounds_at(prepared.with_settings(experiment), values)
     return found._replace(with_prior={}) if settings.prior.from_estimate else found
 
 
-def bounds_at(dataset: Dataset, values: Mapping[str, float]) -> Bounds:
-    """Bounds with a dataset's own settings.
+def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
+    """Find bounds with the settings that data are prepared for.
 
     Parameters
     ----------
-    dataset : Dataset
+    prepared : PreparedData
     values : mapping
         Of the coefficients, by symbol, SI.
     """
     try:
-        information = information_at(dataset, values, true_starts(dataset))
+        information = information_at(prepared, values, true_initial_motions(prepared))
     except DataError as error:
         return Bounds({}, {}, str(error))
     if information.lost_after is not None:
@@ -99,10 +98,10 @@ def bounds_at(dataset: Dataset, values: Mapping[str, float]) -> Bounds:
     return Bounds(information.bound(), information.bound_with_prior())
 
 
-def true_starts(dataset: Dataset) -> list[Array] | None:
-    """The true motion next to where each stretch starts, shape (9,); None without truth."""
-    truth = dataset.truth
+def true_initial_motions(prepared: PreparedData) -> list[Array] | None:
+    """The true motion next to where each segment starts, shape (9,); None without truth."""
+    truth = prepared.dataset.truth
     if truth is None:
         return None
-    starts = [stretch.timelines.span[0] for stretch in stretches(dataset)]
+    starts = [segment.timelines.span[0] for segment in prepared.segments]
     return [truth.motion[np.argmin(np.abs(truth.time - start))] for start in starts]

@@ -15,8 +15,8 @@ class SensorConsistency(NamedTuple):
     Attributes
     ----------
     filter, sensor : str
-    readings : int
-        Readings used.
+    measurements : int
+        Measurements used.
     rejected : int
         Components beyond the gate.
     mean_nis : float
@@ -26,7 +26,7 @@ class SensorConsistency(NamedTuple):
 
     filter: str
     sensor: str
-    readings: int
+    measurements: int
     rejected: int
     mean_nis: float
 
@@ -38,7 +38,7 @@ def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
         tally = innovations.tally()
         components = tally.components.sum()
         mean = float(tally.squares.sum() / components) if components else float("nan")
-        results.append(SensorConsistency(estimate.filter, name, tally.readings, tally.rejected, mean))
+        results.append(SensorConsistency(estimate.filter, name, tally.measurements, tally.rejected, mean))
     return results
 
 
@@ -69,7 +69,7 @@ def verdict(estimate: Estimate) -> str:
 
 
 def windowed_nis(innovations: Innovations) -> NDArray[np.float64]:
-    """Start, s, and mean NIS per component of every `WINDOW` that has enough readings to tell.
+    """Start, s, and mean NIS per component of every `WINDOW` that has enough measurements to tell.
 
     Returns
     -------

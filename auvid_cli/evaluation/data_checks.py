@@ -1,4 +1,4 @@
-"""Verdicts on the readings themselves: what no filter can mend."""
+"""Verdicts on the measurements themselves: what no filter can mend."""
 
 from collections.abc import Sequence
 
@@ -6,21 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import Dataset, SensorRecord
+from auvid_cli.data.gaps import gap_limit
 from auvid_cli.evaluation.check import Check
 
 Array = NDArray[np.float64]
 
 # A sensor with noise does not repeat itself to the last bit; some quantised ones do for a while.
 _LONGEST_REPEAT = 2.0
-# s, and times the usual interval.
-_LONGEST_GAP, _INTERVALS = 1.0, 10.0
 
 
-def data_checks(stretches: Sequence[Dataset], filter_name: str, sensors: Sequence[str]) -> list[Check]:
-    """Stuck values and gaps of the sensors that a filter used; time between two stretches is no gap."""
+def data_checks(segments: Sequence[Dataset], filter_name: str, sensors: Sequence[str]) -> list[Check]:
+    """Stuck values and gaps of the sensors that a filter used; time between two segments is no gap."""
     checks = []
     for name in sensors:
-        records = [stretch.sensors[name] for stretch in stretches]
+        records = [segment.sensors[name] for segment in segments]
         told = [record for record in records if np.isfinite(record.values).any(axis=1).sum() > 1]
         if told:
             for judge in (_stuck, _gap):
@@ -30,7 +29,7 @@ def data_checks(stretches: Sequence[Dataset], filter_name: str, sensors: Sequenc
 
 
 def repeats(record: SensorRecord) -> Array:
-    """First and last time, s, of every run of the same reading, shape (n, 2); a reading alone is a run."""
+    """First and last time, s, of every run of the same measurement, shape (n, 2); a measurement alone is a run."""
     present = np.isfinite(record.values).any(axis=1)
     time, values = record.time[present], record.values[present]
     moved = np.flatnonzero(np.any((values[1:] != values[:-1]) & np.isfinite(values[1:]), axis=1)) + 1
@@ -44,13 +43,8 @@ def stuck_times(record: SensorRecord) -> Array:
     return runs[runs[:, 1] - runs[:, 0] > _LONGEST_REPEAT]
 
 
-def gap_limit(intervals: Array) -> float:
-    """Longest interval between readings that is not a gap, s."""
-    return max(_LONGEST_GAP, _INTERVALS * float(np.median(intervals)))
-
-
 def gaps(record: SensorRecord) -> Array:
-    """Begin and end, s, of every time without a reading, shape (n, 2)."""
+    """Begin and end, s, of every time without a measurement, shape (n, 2)."""
     time = record.time[np.isfinite(record.values).any(axis=1)]
     intervals = np.diff(time)
     long = np.flatnonzero(intervals > gap_limit(intervals)) if intervals.size else []
@@ -58,7 +52,7 @@ def gaps(record: SensorRecord) -> Array:
 
 
 def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Check]:
-    """The longest time over which a reading is repeated exactly, s, and the verdict on it."""
+    """The longest time over which a measurement is repeated exactly, s, and the verdict on it."""
     runs = repeats(record)
     start, end = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
     return float(end - start), Check.of(
@@ -66,15 +60,15 @@ def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Ch
         name,
         "stuck",
         f"{end - start:.4g} s from t = {start:.6g} s on",
-        f"<= {_LONGEST_REPEAT:g} s of the same reading",
+        f"<= {_LONGEST_REPEAT:g} s of the same measurement",
         bool(end - start <= _LONGEST_REPEAT),
-        f"{name} repeats one reading from t = {start:.6g} s to {end:.6g} s: it has failed or was logged twice. "
+        f"{name} repeats one measurement from t = {start:.6g} s to {end:.6g} s: it has failed or was logged twice. "
         "Mark that time as not valid.",
     )
 
 
 def _gap(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Check]:
-    """The longest time without a reading, s, and the verdict on it."""
+    """The longest time without a measurement, s, and the verdict on it."""
     time = record.time[np.isfinite(record.values).any(axis=1)]
     intervals = np.diff(time)
     longest = int(intervals.argmax())
@@ -84,7 +78,7 @@ def _gap(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Chec
         name,
         "gap",
         f"{intervals[longest]:.4g} s from t = {time[longest]:.6g} s on",
-        f"<= {limit:.3g} s without a reading",
+        f"<= {limit:.3g} s without a measurement",
         True if intervals[longest] <= limit else None,
         f"{name} is silent from t = {time[longest]:.6g} s to {time[longest + 1]:.6g} s. The filter bridges it with "
         "the model alone: see in the innovations whether it caught up.",

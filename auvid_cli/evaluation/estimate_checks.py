@@ -1,12 +1,11 @@
 """The list of verdicts on an estimate: each a number, what it may be, and what to do where it is not."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2
 
-from auvid_cli.data.dataset import Dataset, TruthRecord
+from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import (
     LARGEST_SHARE_OF_VALUE,
@@ -18,8 +17,8 @@ from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.data_checks import data_checks
 from auvid_cli.evaluation.innovation_checks import innovation_checks
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
+from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.prior import natural_magnitude, prior_standard_deviations
-from auvid_cli.identification.segments import segments
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
 # Share of the prior's standard deviation that may be left.
@@ -38,9 +37,10 @@ _FIN_SIGNS = {"Y_uudr": 1, "N_uudr": -1, "Z_uude": -1, "M_uude": -1}
 _CONFIDENCE = 0.99
 
 
-def check_estimate(dataset: Dataset, estimate: Estimate, bounds: Bounds) -> list[Check]:
+def check_estimate(prepared: PreparedData, estimate: Estimate, bounds: Bounds) -> list[Check]:
     """All verdicts on one estimate; of one that did not end well only those on the data and the innovations."""
-    used = segments(replace(dataset, experiment=estimate.experiment))
+    dataset = prepared.dataset
+    used = [segment.dataset for segment in prepared.with_settings(estimate.experiment).segments]
     checks = [_finished(estimate), *data_checks(used, estimate.filter, list(estimate.innovations))]
     checks += innovation_checks(dataset, estimate)
     if not estimate.completed:

@@ -1,10 +1,8 @@
 """Everything the report needs to know of a dataset and its estimates."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.named_rows import NamedRows, frames
 from auvid_cli.evaluation.accuracy import (
@@ -17,6 +15,7 @@ from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor
 from auvid_cli.evaluation.free_run import VelocityError, free_run
 from auvid_cli.evaluation.motion import FreeRun
 from auvid_cli.evaluation.sensor_errors import SensorErrorResult, sensor_error_results
+from auvid_cli.identification.prepared_data import PreparedData
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,14 +59,14 @@ class Evaluation(NamedTuple):
         return frames(self.tables())
 
 
-def evaluate(dataset: Dataset, estimates: list[Estimate], bounds_of: Callable[[Estimate], Bounds]) -> Evaluation:
+def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Callable[[Estimate], Bounds]) -> Evaluation:
     """Evaluate estimates against the dataset they came from, its truth where it has one, and their bounds."""
     bounds = {estimate.filter: bounds_of(estimate) for estimate in estimates}
     remarks = {f"no Cramer-Rao bound: {found.remark}" for found in bounds.values() if found.remark}
     evaluation = Evaluation([], [], [], [], [], {}, [*sorted(remarks), *_of_different_data(estimates)])
     for estimate in estimates:
-        run, errors = free_run(replace(dataset, experiment=estimate.experiment), estimate)
-        results = coefficient_results(estimate, dataset.truth, bounds[estimate.filter].of_data)
+        run, errors = free_run(prepared.with_settings(estimate.experiment), estimate)
+        results = coefficient_results(estimate, prepared.dataset.truth, bounds[estimate.filter].of_data)
         steps = max(estimate.steps, 1)
         evaluation.coefficients.extend(results)
         evaluation.summary.append(

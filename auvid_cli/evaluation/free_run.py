@@ -7,14 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.dataset import Dataset, SensorRecord
+from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.measurement_errors import as_read, behind_reading, found_errors
+from auvid_cli.evaluation.measurement_errors import as_read, estimated_errors, motion_behind
 from auvid_cli.evaluation.motion import FreeRun
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.free_motion import move_freely
-from auvid_cli.identification.segments import stretches
-from auvid_cli.identification.timeline import measuring_sensors
+from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import N_WORK, factors, vehicle_constants
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION, SENSORS
@@ -40,28 +39,28 @@ class Keeper:
     Parameters
     ----------
     measuring : dict of SensorRecord
-        Sensors whose readings the run passes.
+        Sensors whose measurements the run passes.
     """
 
     def __init__(self, measuring: Mapping[str, SensorRecord]) -> None:
         self._every = 1 + sum(record.time.size for record in measuring.values()) // _MOST_KEPT
-        self._parts: list[FreeRun] = []
+        self._chunks: list[FreeRun] = []
         self._n_events = 0
 
     def keep(self, time: Array, motion: Array) -> None:
-        """The next part of the run."""
+        """Take the next chunk of the run."""
         kept = slice(-self._n_events % self._every, None, self._every)
-        self._parts.append(FreeRun(time[kept], motion[kept].copy()))
+        self._chunks.append(FreeRun(time[kept], motion[kept].copy()))
         self._n_events += time.size
 
     def interrupt(self) -> None:
-        """Break the line that is drawn through, where another stretch begins."""
-        if self._parts:
-            self._parts.append(FreeRun(self._parts[-1].time[-1:], np.full((1, N_MOTION), np.nan)))
+        """Break the line that is drawn through, where another segment begins."""
+        if self._chunks:
+            self._chunks.append(FreeRun(self._chunks[-1].time[-1:], np.full((1, N_MOTION), np.nan)))
 
     def kept(self) -> FreeRun:
         """What was kept."""
-        return FreeRun(*(np.concatenate(rows) for rows in zip(*self._parts, strict=True)))
+        return FreeRun(*(np.concatenate(rows) for rows in zip(*self._chunks, strict=True)))
 
 
 def free_motion(
@@ -99,10 +98,10 @@ def free_motion(
         yield timeline, predicted
 
 
-def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[VelocityError]]:
+def free_run(prepared: PreparedData, estimate: Estimate) -> tuple[FreeRun, list[VelocityError]]:
     """Run the model with an estimate's final coefficients from where the filter started, without any correction.
 
-    Readings are predicted with the sensors' errors and the current that the estimate ends with.
+    Measurements are predicted with the sensors' errors and the current that the estimate ends with.
 
     Returns
     -------
@@ -110,27 +109,27 @@ def free_run(dataset: Dataset, estimate: Estimate) -> tuple[FreeRun, list[Veloci
         As the sensors would read it, where a current is estimated over ground; of a long run evenly spaced samples, no
         more than are drawn.
     errors : list of VelocityError
-        Mean absolute difference from every reading of a velocity or rate, as in the paper's Table V.
+        Mean absolute difference from every measurement of a velocity or rate, as in the paper's Table V.
     """
-    measuring = measuring_sensors(dataset)
-    model = dataset.experiment.vehicle.known_parameters(), estimate.final_coefficients(), estimate.final_thrust()
-    found = found_errors(estimate.state, estimate.mean[-1])
+    measuring = prepared.measuring
+    model = prepared.experiment.vehicle.known_parameters(), estimate.final_coefficients(), estimate.final_thrust()
+    found = estimated_errors(estimate.state, estimate.mean[-1])
     sums, counts = np.zeros(N_MOTION), np.zeros(N_MOTION)
     keeper = Keeper(measuring)
-    for stretch in stretches(dataset):
+    for segment in prepared.segments:
         keeper.interrupt()
-        for timeline, predicted in free_motion(stretch.timelines, behind_reading(stretch.motion, found), *model):
+        for timeline, predicted in free_motion(segment.timelines, motion_behind(segment.motion, found), *model):
             read = as_read(predicted, found)
             keeper.keep(timeline.time, read)
-            event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.reading_offset))
+            event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
             for sensor, name in enumerate(measuring):
-                own = timeline.reading_sensor == sensor
+                own = timeline.measurement_sensor == sensor
                 for component, quantity in enumerate(SENSORS[name]):
                     if quantity.symbol not in MOTION_SYMBOLS:
                         continue
                     column = MOTION_SYMBOLS.index(quantity.symbol)
-                    said = own & ~np.isnan(timeline.reading[:, component])
-                    sums[column] += np.abs(read[event[said], column] - timeline.reading[said, component]).sum()
+                    said = own & ~np.isnan(timeline.measurement[:, component])
+                    sums[column] += np.abs(read[event[said], column] - timeline.measurement[said, component]).sum()
                     counts[column] += np.count_nonzero(said)
     errors = []
     for column, quantity in enumerate(MOTION[:6]):

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Collinear, Identifiability, SensorErrorBound
-from auvid_cli.evaluation.bounds import UNSTABLE, true_starts
+from auvid_cli.evaluation.bounds import UNSTABLE, true_initial_motions
 from auvid_cli.evaluation.sensor_errors import is_observed
 from auvid_cli.filters.information import Information
 from auvid_cli.identification.fisher import information_at
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.prior import natural_magnitude
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 
@@ -48,7 +49,8 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
             f"no value is known of {', '.join(missing)}: sensitivities need one of each coefficient; name an estimate "
             "that has them (--at FILE), or give the vehicle those of a similar one"
         )
-    information = information_at(dataset, known, true_starts(dataset))
+    prepared = prepare(dataset)
+    information = information_at(prepared, known, true_initial_motions(prepared))
     size = dataset.experiment.vehicle.size
     values = {
         c.symbol: Assessed(known[c.symbol], c.unit, abs(known[c.symbol]) or natural_magnitude(c, size))
@@ -79,9 +81,9 @@ def assess(
     Parameters
     ----------
     by_sensor : mapping of Information
-        About the joint state of all stretches, see `auvid_cli.filters.segments`.
+        About the joint state of all segments, see `auvid_cli.filters.segments`.
     growing : sequence of (float, Information)
-        Of all sensors together after so many seconds, the whole last; about the own state of a stretch.
+        Of all sensors together after so many seconds, the whole last; about the own state of a segment.
     values : mapping of Assessed
         In the order of the state.
     to_si : ndarray, shape (n,)

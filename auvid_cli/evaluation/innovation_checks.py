@@ -81,7 +81,7 @@ def _nis_in_windows(filter_name: str, sensor: str, innovations: Innovations) -> 
 
 
 def _gate(filter_name: str, sensor: str, innovations: Innovations) -> Check:
-    """A few rejected readings are worth knowing; many mean that the filter no longer listens."""
+    """A few rejected measurements are worth knowing; many mean that the filter no longer listens."""
     rejected, used = innovations.tally().rejected, int(innovations.tally().components.sum())
     share = rejected / (rejected + used)
     return Check.of(
@@ -105,7 +105,7 @@ def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check
             correlations = [_correlation(values[lag:], values[:-lag]) for lag in range(1, _LAGS + 1)]
             found[quantity.symbol] = float(np.max(np.abs(correlations)))
     if not found:
-        return Check.of(filter_name, sensor, "whiteness", "too few readings", "", True, "")
+        return Check.of(filter_name, sensor, "whiteness", "too few measurements", "", True, "")
     return _uncorrelated(
         filter_name,
         sensor,
@@ -163,7 +163,9 @@ def _uncorrelated(
 
 
 def _normalised(innovations: Innovations, column: int) -> Array:
-    return innovations.innovation[:, column] / np.sqrt(innovations.variance[:, column])
+    """Divide innovations by their standard deviations; NaN where a fit left a residual no room."""
+    variance = innovations.variance[:, column]
+    return innovations.innovation[:, column] / np.sqrt(np.where(variance > 0.0, variance, np.nan))
 
 
 def _correlation(a: Array, b: Array) -> float:

@@ -13,13 +13,13 @@ from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 Array = NDArray[np.float64]
 
 
-class ReadingErrors(NamedTuple):
-    """Why readings of a motion are not that motion; zero where no filter looked.
+class MeasurementErrors(NamedTuple):
+    """Why measurements of a motion are not that motion; zero where no filter looked.
 
     Attributes
     ----------
     offset : ndarray, shape (9,)
-        Adds to the readings of each motion state, SI.
+        Adds to the measurements of each motion state, SI.
     dvl : ndarray, shape (4,)
         Scale error of the DVL, its mounting yaw, rad, and the current that carries it over ground, north and east, m/s.
     """
@@ -28,16 +28,16 @@ class ReadingErrors(NamedTuple):
     dvl: Array
 
 
-def found_errors(state: Sequence[str], values: Array) -> ReadingErrors:
+def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
     """Those among the components of a state, shape (len(state),)."""
     known = dict(zip(state, values, strict=True))
-    return ReadingErrors(
+    return MeasurementErrors(
         np.array([known.get(f"bias_{symbol}", 0.0) for symbol in MOTION_SYMBOLS]),
         np.array([known.get(quantity.symbol, 0.0) for quantity in (DVL_SCALE, DVL_YAW, *CURRENT)]),
     )
 
 
-def as_read(motion: Array, errors: ReadingErrors) -> Array:
+def as_read(motion: Array, errors: MeasurementErrors) -> Array:
     """What noiseless sensors would say of a motion.
 
     Of the velocity a DVL, see `auvid_cli.identification.observation`.
@@ -46,7 +46,7 @@ def as_read(motion: Array, errors: ReadingErrors) -> Array:
     ----------
     motion : ndarray, shape (..., 9)
         Its velocity is that through the water; not finite where a model blew up.
-    errors : ReadingErrors
+    errors : MeasurementErrors
 
     Returns
     -------
@@ -61,10 +61,10 @@ def as_read(motion: Array, errors: ReadingErrors) -> Array:
     return read
 
 
-def behind_reading(reading: Array, errors: ReadingErrors) -> Array:
+def motion_behind(measurement: Array, errors: MeasurementErrors) -> Array:
     """The motion, shape (..., 9), of which noiseless sensors would say this: the inverse of `as_read`."""
     scale, yaw, *current = errors.dvl
-    motion = reading - errors.offset
+    motion = measurement - errors.offset
     over_ground = motion[..., :3] @ np.linalg.inv(dvl_axes(scale, yaw)).T
     motion[..., :3] = over_ground - current_in_body_axes(motion[..., 6:], *current)
     return motion

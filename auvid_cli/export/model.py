@@ -18,6 +18,7 @@ from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.export.actuation import Actuation, acting_inputs, actuation
 from auvid_cli.export.terms import TermSize, term_histories, term_sizes
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import DEPTH, MOTION_SYMBOLS
 
@@ -147,7 +148,7 @@ def model_found_by(estimate: Estimate, dataset: Dataset, estimate_sha256: str) -
     DataError
         As of `identified_model`.
     """
-    bounds = BoundsOf(dataset)(estimate).of_data if estimate.completed else {}
+    bounds = BoundsOf(prepare(dataset))(estimate).of_data if estimate.completed else {}
     created = datetime.now(UTC).isoformat(timespec="seconds")
     return identified_model(estimate, dataset, bounds, Origin(dataset.sha256, estimate_sha256, __version__, created))
 

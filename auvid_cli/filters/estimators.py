@@ -8,17 +8,17 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.filters.problem import Belief, Ending, Process, Receiver, Sensors, Timeline
+from auvid_cli.filters.problem import FilterOutcome, Gaussian, OnChunk, Process, Sensors, Timeline
 from auvid_cli.filters.segments import one_after_the_other
 
 Array = NDArray[np.float64]
 
-# Filters one stretch of data: process, sensors, timelines, prior, receiver.
-FilterStretch = Callable[[Process, Sensors, Iterable[Timeline], Belief, Receiver], Ending]
+# Filters one segment of data: process, sensors, timelines, prior, receiver.
+FilterSegment = Callable[[Process, Sensors, Iterable[Timeline], Gaussian, OnChunk], FilterOutcome]
 
 
 class Estimator(Protocol):
-    """What finds the joint state of stretches of data."""
+    """What finds the joint state of segments of data."""
 
     @property
     def name(self) -> str:
@@ -30,34 +30,34 @@ class Estimator(Protocol):
         """Whether it goes through all data many times, instead of from measurement to measurement."""
         ...
 
-    def estimate(self, stretches: Sequence[Iterable[Timeline]], prior: Belief, receive: Receiver) -> Ending:
-        """Estimate the joint state of stretches, see `auvid_cli.filters.segments`, and hand over what is found."""
+    def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+        """Estimate the joint state of segments, see `auvid_cli.filters.segments`, and hand over what is found."""
         ...
 
 
 @dataclass(frozen=True)
 class KalmanFilter:
-    """A filter that goes from measurement to measurement, and from stretch to stretch.
+    """A filter that goes from measurement to measurement, and from segment to segment.
 
     Attributes
     ----------
     name : str
     process : Process
     sensors : Sensors
-    filter_stretch : callable
+    filter_segment : callable
         Such as `run_extended_filter`, or `run_square_root_filter` with a set of points.
     """
 
     name: str
     process: Process
     sensors: Sensors
-    filter_stretch: FilterStretch
+    filter_segment: FilterSegment
     in_one_batch = False
 
-    def estimate(self, stretches: Sequence[Iterable[Timeline]], prior: Belief, receive: Receiver) -> Ending:
-        """Filter one stretch after the other."""
-        run = partial(self.filter_stretch, self.process, self.sensors)
-        return one_after_the_other(run, self.process.noise_density.size, stretches, prior, receive)
+    def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+        """Filter one segment after the other."""
+        run = partial(self.filter_segment, self.process, self.sensors)
+        return one_after_the_other(run, self.process.noise_density.size, segments, prior, on_chunk)
 
 
 @dataclass(frozen=True)
@@ -83,10 +83,10 @@ class OutputErrorMethod:
     use_prior: bool
     in_one_batch = True
 
-    def estimate(self, stretches: Sequence[Iterable[Timeline]], prior: Belief, receive: Receiver) -> Ending:
-        """Fit all stretches at once."""
+    def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+        """Fit all segments at once."""
         # No other estimator needs scipy's optimisers.
         from auvid_cli.filters.output_error import run_output_error
 
-        problem = self.process, self.sensors, stretches, prior, receive
+        problem = self.process, self.sensors, segments, prior, on_chunk
         return run_output_error(*problem, self.max_evaluations, self.bounds, self.use_prior)

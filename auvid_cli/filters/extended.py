@@ -13,10 +13,10 @@ from scipy.linalg import LinAlgWarning
 from auvid_cli.filters.problem import (
     OK,
     PREDICTION,
-    Belief,
-    Ending,
+    FilterOutcome,
+    Gaussian,
+    OnChunk,
     Process,
-    Receiver,
     Records,
     Sensors,
     Timeline,
@@ -38,11 +38,11 @@ class _ProcessEkf(ExtendedKalmanFilter):
     to a matrix without an error.
     """
 
-    def __init__(self, process: Process, belief: Belief) -> None:
-        n = belief.mean.size
+    def __init__(self, process: Process, gaussian: Gaussian) -> None:
+        n = gaussian.mean.size
         super().__init__(dim_x=n, dim_z=1)
-        self.x = belief.mean.copy()
-        self.P = belief.factor @ belief.factor.T
+        self.x = gaussian.mean.copy()
+        self.P = gaussian.factor @ gaussian.factor.T
         self.F = np.eye(n)
         self.Q = np.zeros((n, n))
         self._process = process
@@ -51,25 +51,27 @@ class _ProcessEkf(ExtendedKalmanFilter):
         self._density = process.noise_density**2
         self._scratch = np.zeros(process.scratch_size)
 
-    def move(self, inputs: Array, piece_input: NDArray[np.int64], piece_duration: Array) -> None:
-        """Predict over consecutive pieces of constant input."""
-        self._pieces = inputs, piece_input, piece_duration
-        self._noise[:] = self._density * piece_duration.sum()
+    def move(self, inputs: Array, substep_input: NDArray[np.int64], substep_duration: Array) -> None:
+        """Predict over consecutive substeps of constant input."""
+        self._substeps = inputs, substep_input, substep_duration
+        self._noise[:] = self._density * substep_duration.sum()
         self.predict()
 
-    def beyond(self, gate: float, stack: Stack, reading: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def outside_gate(self, gate: float, stack: Stack, measurement: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Innovation of every present component, and whether its square is beyond so many times its variance."""
-        predicted, matrix = self._see(stack)
-        innovation = stack.residual(reading, predicted)
+        predicted, matrix = self._predicted_measurement(stack)
+        innovation = stack.residual(measurement, predicted)
         variance = np.einsum("ij,jk,ik->i", matrix, self.P, matrix) + stack.noise.diagonal()
         return innovation, innovation**2 > gate * variance
 
-    def hear(self, stack: Stack, reading: Array) -> None:
-        """Update with the present components of some readings."""
-        predicted, matrix = self._see(stack)
-        self.update(reading, HJacobian=lambda x: matrix, Hx=lambda x: predicted, R=stack.noise, residual=stack.residual)
+    def update_with(self, stack: Stack, measurement: Array) -> None:
+        """Update with the present components of some measurements."""
+        predicted, matrix = self._predicted_measurement(stack)
+        self.update(
+            measurement, HJacobian=lambda x: matrix, Hx=lambda x: predicted, R=stack.noise, residual=stack.residual
+        )
 
-    def _see(self, stack: Stack) -> tuple[Array, Array]:
+    def _predicted_measurement(self, stack: Stack) -> tuple[Array, Array]:
         """What is predicted to be read, and its derivative."""
         if stack.nonlinear:
             assert self._process.linearise is not None, "a nonlinear sensor needs `Process.linearise`"
@@ -80,11 +82,11 @@ class _ProcessEkf(ExtendedKalmanFilter):
     def predict_x(self, u: float = 0) -> None:
         """Integrate the mean and set F to its transition matrix."""
         process = self._process
-        process.transition(self.x, *self._pieces, process.constants, process.selection, self.F, self._scratch)
+        process.transition(self.x, *self._substeps, process.constants, process.selection, self.F, self._scratch)
 
 
 class _BrokenError(Exception):
-    """A reading left nothing to go on with."""
+    """A measurement left nothing to go on with."""
 
     def __init__(self, sensor: int) -> None:
         super().__init__(sensor)
@@ -92,54 +94,54 @@ class _BrokenError(Exception):
 
 
 class _Listener:
-    """Updates a filter with the readings of a timeline, and writes down what they say."""
+    """Updates a filter with the measurements of a timeline, and writes down what they say."""
 
     def __init__(self, ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, records: Records) -> None:
         self._ekf = ekf
         self._gate = sensors.gate
-        self._reading = timeline.reading
+        self._measurement = timeline.measurement
         self._records = records
         self._stack_of = cache(partial(Stack, sensors))
-        missing = np.isnan(timeline.reading)
+        missing = np.isnan(timeline.measurement)
         patterns = (missing @ (1 << np.arange(missing.shape[1]))).tolist()
-        self._kinds = list(zip(timeline.reading_sensor.tolist(), patterns, strict=True))
-        # What is rejected of a reading, and where a nonlinear sensor is linearised, depends on those before it.
+        self._kinds = list(zip(timeline.measurement_sensor.tolist(), patterns, strict=True))
+        # What is rejected of a measurement, and where a nonlinear sensor is linearised, depends on those before it.
         self._at_once = sensors.gate == np.inf and not sensors.nonlinear.any()
 
-    def hear(self, begin: int, end: int) -> int:
-        """Update with consecutive readings of one moment; the last sensor heard, `PREDICTION` if there was none.
+    def update_with(self, begin: int, end: int) -> int:
+        """Update with consecutive measurements of one moment; the last sensor heard, `PREDICTION` if there was none.
 
         Raises
         ------
         _BrokenError
-            If a reading has no positive, finite innovation covariance.
+            If a measurement has no positive, finite innovation covariance.
         """
         spans = [(begin, end)] if self._at_once else [(k, k + 1) for k in range(begin, end)]
-        last_heard = PREDICTION
+        last_sensor = PREDICTION
         for first, last in spans:
             stack = self._stack_of(tuple(self._kinds[first:last]))
             if self._gate < np.inf:
                 stack = self._accepted(stack, first)
             self._records.nis[first:last] = 0.0
             if stack.sensors:
-                last_heard = stack.sensors[-1]
+                last_sensor = stack.sensors[-1]
                 self._update(stack, slice(first, last))
-        return last_heard
+        return last_sensor
 
     def _accepted(self, stack: Stack, k: int) -> Stack:
-        """What a gate leaves of a reading."""
+        """What a gate leaves of a measurement."""
         if not stack.sensors:
             return stack
-        innovation, rejected = self._ekf.beyond(self._gate, stack, self._reading[k, stack.places])
+        innovation, rejected = self._ekf.outside_gate(self._gate, stack, self._measurement[k, stack.places])
         self._records.innovation[k, stack.places] = innovation
         sensor, missing = self._kinds[k]
-        components = np.arange(self._reading.shape[1])[stack.places][rejected]
+        components = np.arange(self._measurement.shape[1])[stack.places][rejected]
         return self._stack_of(((sensor, missing | int((1 << components).sum())),))
 
     def _update(self, stack: Stack, span: slice) -> None:
         ekf, places = self._ekf, stack.places
         try:
-            ekf.hear(stack, self._reading[span].reshape(-1)[places])
+            ekf.update_with(stack, self._measurement[span].reshape(-1)[places])
             innovation, variance, nis = stack.one_by_one(ekf.y, ekf.S, ekf.SI)
         except (np.linalg.LinAlgError, ValueError):
             # Of scipy's inverse: a singular matrix, or one that is not finite.
@@ -147,43 +149,43 @@ class _Listener:
         else:
             self._records.innovation[span].reshape(-1)[places] = innovation
             self._records.innovation_variance[span].reshape(-1)[places] = variance
-        self._records.nis[span][stack.readings] = nis
+        self._records.nis[span][stack.measurements] = nis
         if not isfinite(nis.sum()):
             raise _BrokenError(stack.first_broken(ekf.y, ekf.S))
 
 
 def run_extended_filter(
-    process: Process, sensors: Sensors, timelines: Iterable[Timeline], prior: Belief, receive: Receiver
-) -> Ending:
+    process: Process, sensors: Sensors, timelines: Iterable[Timeline], prior: Gaussian, on_chunk: OnChunk
+) -> FilterOutcome:
     """Filter data with the EKF; arguments and result as of `run_square_root_filter`.
 
-    Sabet et al. 2018, Table A1. A reading with missing components is shortened to the rest:
+    Sabet et al. 2018, Table A1. A measurement with missing components is shortened to the rest:
     filterpy's ``update(None)`` would skip all of it.
     """
     ekf = _ProcessEkf(process, prior)
-    n_good, ending = 0, Ending(ekf.P, 0, OK)
+    n_good, outcome = 0, FilterOutcome(ekf.P, 0, OK)
     with np.errstate(all="ignore"), warnings.catch_warnings():
         # What overflows or is nearly singular is judged after every step, and reported as divergence.
         warnings.simplefilter("ignore", LinAlgWarning)
         for timeline in timelines:
-            ending = _run(ekf, sensors, timeline, receive)
-            n_good += ending.n_good
-            if ending.culprit != OK:
+            outcome = _run(ekf, sensors, timeline, on_chunk)
+            n_good += outcome.n_good
+            if outcome.failure != OK:
                 break
-    return ending._replace(n_good=n_good)
+    return outcome._replace(n_good=n_good)
 
 
-def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, receive: Receiver) -> Ending:
+def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, on_chunk: OnChunk) -> FilterOutcome:
     """Filter a part; its end is sound, or the end of all."""
     n_events = timeline.time.size
     sound, covariance = 0, ekf.P
     records = empty_records(timeline, ekf.x.size)
     listener = _Listener(ekf, sensors, timeline, records)
-    culprit, event = OK, 0
+    failure, event = OK, 0
     for event in range(n_events):
         before = ekf.P
-        culprit = _step(ekf, listener, timeline, event)
-        if culprit != OK:
+        failure = _step(ekf, listener, timeline, event)
+        if failure != OK:
             if is_definite(before):
                 sound, covariance = event, before
             break
@@ -191,23 +193,23 @@ def _run(ekf: _ProcessEkf, sensors: Sensors, timeline: Timeline, receive: Receiv
         records.standard_deviation[event] = np.sqrt(ekf.P.diagonal())
         if event % _CHECK == _CHECK - 1 or event == n_events - 1:
             if not is_definite(ekf.P):
-                culprit = PREDICTION
+                failure = PREDICTION
                 break
             sound, covariance = event + 1, ekf.P
-    receive(timeline, until(records, sound, timeline.reading_offset[min(event + 1, n_events)]))
-    return Ending(covariance, sound, culprit)
+    on_chunk(timeline, until(records, sound, timeline.measurement_offset[min(event + 1, n_events)]))
+    return FilterOutcome(covariance, sound, failure)
 
 
 def _step(ekf: _ProcessEkf, listener: _Listener, timeline: Timeline, event: int) -> int:
-    """Predict to an event and update with its readings; what failed, or `OK`."""
-    first, last = timeline.piece_offset[event], timeline.piece_offset[event + 1]
+    """Predict to an event and update with its measurements; what failed, or `OK`."""
+    first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
     if last > first:
-        ekf.move(timeline.inputs, timeline.piece_input[first:last], timeline.piece_duration[first:last])
+        ekf.move(timeline.inputs, timeline.substep_input[first:last], timeline.substep_duration[first:last])
     try:
-        last_heard = listener.hear(timeline.reading_offset[event], timeline.reading_offset[event + 1])
+        last_sensor = listener.update_with(timeline.measurement_offset[event], timeline.measurement_offset[event + 1])
     except _BrokenError as broken:
         return broken.sensor if _was_sound(ekf) else PREDICTION
-    return OK if _is_sound(ekf) else last_heard
+    return OK if _is_sound(ekf) else last_sensor
 
 
 def _was_sound(ekf: _ProcessEkf) -> bool:

@@ -1,4 +1,4 @@
-"""Fisher information of readings as a square root: what whitened rows ``r = J dx + noise`` say about dx.
+"""Fisher information of measurements as a square root: what whitened rows ``r = J dx + noise`` say about dx.
 
 The normal equations are never formed, and the rows are compressed as they come, so the memory does not grow with
 the run.
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.problem import Belief, Indices
+from auvid_cli.filters.problem import Gaussian, Indices
 from auvid_cli.filters.segments import places
 from auvid_cli.filters.sensitivities import Response
 
@@ -70,7 +70,7 @@ class Uncertainty(NamedTuple):
     ----------
     root : ndarray, shape (n, m)
     blind : ndarray, shape (n, q)
-        Directions of which the readings say nothing; of a whole state orthonormal in units of `unit`.
+        Directions of which the measurements say nothing; of a whole state orthonormal in units of `unit`.
     unit : ndarray, shape (n,)
         By which entries of the state are made comparable.
     """
@@ -102,9 +102,9 @@ class Uncertainty(NamedTuple):
 
 
 class Information(NamedTuple):
-    """What readings say about a state, as the least-squares problem ``|factor dx - projected|^2 + remaining^2``.
+    """What measurements say about a state, as the least-squares problem ``|factor dx - projected|^2 + remaining^2``.
 
-    With the derivative J and the innovation r of all readings, both whitened, it has the same sum of squares
+    With the derivative J and the innovation r of all measurements, both whitened, it has the same sum of squares
     ``|J dx - r|^2`` for every dx. No estimate without bias has a covariance below the inverse of ``factor' factor``
     at the true state (Cramer and Rao).
 
@@ -116,14 +116,14 @@ class Information(NamedTuple):
         ``factor' projected = J' r``.
     remaining : float
         Norm of the part of r that no dx explains.
-    n_readings : int
-        Scalar readings, components that are present.
+    n_measurements : int
+        Scalar measurements, components that are present.
     """
 
     factor: Array
     projected: Array
     remaining: float
-    n_readings: int
+    n_measurements: int
 
     @classmethod
     def none(cls, n: int) -> "Information":
@@ -131,10 +131,10 @@ class Information(NamedTuple):
         return cls(np.zeros((n, n)), np.zeros(n), 0.0, 0)
 
     @classmethod
-    def of_belief(cls, belief: Belief, state: Array) -> "Information":
-        """What a Gaussian says, as rows about `state`; it counts no readings."""
-        about_state = np.column_stack([np.eye(state.size), belief.mean - state])
-        rows = solve_triangular(belief.factor, about_state, lower=True)
+    def of_gaussian(cls, gaussian: Gaussian, state: Array) -> "Information":
+        """What a Gaussian says, as rows about `state`; it counts no measurements."""
+        about_state = np.column_stack([np.eye(state.size), gaussian.mean - state])
+        rows = solve_triangular(gaussian.factor, about_state, lower=True)
         return cls.none(state.size).with_rows(rows, 0)
 
     @property
@@ -144,28 +144,28 @@ class Information(NamedTuple):
             np.isfinite(self.remaining) and np.isfinite(self.factor).all() and np.isfinite(self.projected).all()
         )
 
-    def with_rows(self, rows: Array, n_readings: int) -> "Information":
-        """Together with further rows ``[J, r]``, shape (m, n + 1), of so many readings."""
+    def with_rows(self, rows: Array, n_measurements: int) -> "Information":
+        """Together with further rows ``[J, r]``, shape (m, n + 1), of so many measurements."""
         n = self.projected.size
         triangle = np.zeros((n + 1, n + 1))
         triangle[:n, :n], triangle[:n, n], triangle[n, n] = self.factor, self.projected, self.remaining
         _compress(triangle, np.ascontiguousarray(rows), np.empty((n + 1, n + 1 + _CHUNK)))
         return Information(
-            triangle[:n, :n].copy(), triangle[:n, n].copy(), float(triangle[n, n]), self.n_readings + n_readings
+            triangle[:n, :n].copy(), triangle[:n, n].copy(), float(triangle[n, n]), self.n_measurements + n_measurements
         )
 
     def with_response(self, response: Response, of: NDArray[np.bool_] | slice = slice(None)) -> "Information":
-        """Together with the readings of a part of the motion, or with some of them."""
+        """Together with the measurements of a part of the motion, or with some of them."""
         rows = response.whitened[of]
         return self.with_rows(
             rows.reshape(-1, rows.shape[-1]), int(np.count_nonzero(~np.isnan(response.innovation[of])))
         )
 
     def join(self, other: "Information") -> "Information":
-        """Together with what independent readings say about the same state."""
+        """Together with what independent measurements say about the same state."""
         rows = np.column_stack([other.factor, other.projected])
         last = np.append(np.zeros(other.projected.size), other.remaining)
-        return self.with_rows(np.vstack([rows, last]), other.n_readings)
+        return self.with_rows(np.vstack([rows, last]), other.n_measurements)
 
     def split(self, n: int) -> "tuple[Array, Information]":
         """Tell what it says of the first n components, whatever the others are, from what it says of these besides.
@@ -186,16 +186,16 @@ class Information(NamedTuple):
         rest = whole - directions @ rows
         rest[:, n:-1] = 0.0
         last = np.append(np.zeros(self.projected.size), self.remaining)
-        return rows, Information.none(self.projected.size).with_rows(np.vstack([rest, last]), self.n_readings)
+        return rows, Information.none(self.projected.size).with_rows(np.vstack([rest, last]), self.n_measurements)
 
     def uncertainty(self) -> Uncertainty:
-        """The inverse: the bound of Cramer and Rao, infinite where the readings say nothing."""
+        """The inverse: the bound of Cramer and Rao, infinite where the measurements say nothing."""
         scale, values, directions, seen = self._decomposed()
         basis = directions.T / scale[:, None]
         return Uncertainty(basis[:, seen] / values[seen], basis[:, ~seen], 1.0 / scale)
 
-    def unseen(self) -> Array:
-        """Rows, shape (q, n), of which a dx has a part in the directions of which the readings say nothing.
+    def unobserved(self) -> Array:
+        """Rows, shape (q, n), of which a dx has a part in the directions of which the measurements say nothing.
 
         They complete `factor` to full rank, with singular values like its largest.
         """
@@ -211,7 +211,7 @@ class Information(NamedTuple):
 
 
 def jointly(parts: Sequence[Information], n_parameters: int) -> Information:
-    """What stretches say of their joint state, see `auvid_cli.filters.segments`."""
+    """What segments say of their joint state, see `auvid_cli.filters.segments`."""
     n_own = parts[0].projected.size
     n_moving = n_own - n_parameters
     n = n_parameters + len(parts) * n_moving
@@ -223,4 +223,4 @@ def jointly(parts: Sequence[Information], n_parameters: int) -> Information:
         projected[place[n_parameters:]] = rows[:, -1]
     factor[:n_parameters, :n_parameters] = shared.factor[:n_parameters, :n_parameters]
     projected[:n_parameters] = shared.projected[:n_parameters]
-    return Information(factor, projected, shared.remaining, shared.n_readings)
+    return Information(factor, projected, shared.remaining, shared.n_measurements)

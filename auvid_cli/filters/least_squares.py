@@ -8,7 +8,7 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from auvid_cli.filters.information import Information, jointly
-from auvid_cli.filters.problem import Belief, Process, Sensors, Timeline
+from auvid_cli.filters.problem import Gaussian, Process, Sensors, Timeline
 from auvid_cli.filters.segments import places
 from auvid_cli.filters.sensitivities import responses
 
@@ -25,7 +25,7 @@ class Fit(NamedTuple):
     ----------
     state : ndarray, shape (n,)
     information : Information
-        Of the readings, at this state.
+        Of the measurements, at this state.
     converged : bool
     evaluations : int
         How often the motion was computed along the data.
@@ -40,24 +40,24 @@ class Fit(NamedTuple):
 def fit(
     process: Process,
     sensors: Sensors,
-    stretches: Sequence[Iterable[Timeline]],
+    segments: Sequence[Iterable[Timeline]],
     start: Array,
-    belief: Belief | None,
+    gaussian: Gaussian | None,
     bounds: tuple[Array, Array],
     tolerance: float,
     max_evaluations: int,
 ) -> Fit | None:
-    """Fit parameters and initial motions to readings, and to a belief about them if there is one.
+    """Fit parameters and initial motions to measurements, and to a Gaussian about them if there is one.
 
     Parameters
     ----------
     process, sensors
         See `auvid_cli.filters.problem`.
-    stretches : sequence of iterable of Timeline
+    segments : sequence of iterable of Timeline
         Gone through once for each evaluation.
     start : ndarray, shape (n,)
         Of the joint state, see `auvid_cli.filters.segments`; within the bounds.
-    belief : Belief or None
+    gaussian : Gaussian or None
     bounds : tuple of ndarray, shape (n,)
         Lower and upper.
     tolerance : float
@@ -71,7 +71,7 @@ def fit(
     Fit or None
         None if the motion from `start` blows up. A trial step from which it does is taken back and made shorter.
     """
-    problem = _Problem(process, sensors, stretches, start.size, belief)
+    problem = _Problem(process, sensors, segments, start.size, gaussian)
     if problem.information(start) is None:
         return None
     found = least_squares(
@@ -96,27 +96,32 @@ class _Problem:
     """What the solver asks for; it asks for residuals and derivative at one state after the other."""
 
     def __init__(
-        self, process: Process, sensors: Sensors, stretches: Sequence[Iterable[Timeline]], n: int, belief: Belief | None
+        self,
+        process: Process,
+        sensors: Sensors,
+        segments: Sequence[Iterable[Timeline]],
+        n: int,
+        gaussian: Gaussian | None,
     ) -> None:
-        self._model, self._stretches = (process, sensors), stretches
+        self._model, self._segments = (process, sensors), segments
         self._n, n_moving = n, process.noise_density.size
-        self._n_parameters = n - len(stretches) * n_moving
-        self._places = places(n, n_moving, len(stretches))
-        self._mean = np.zeros(n) if belief is None else belief.mean
-        self._weight = np.zeros((0, n)) if belief is None else np.linalg.inv(belief.factor).astype(np.float64)
+        self._n_parameters = n - len(segments) * n_moving
+        self._places = places(n, n_moving, len(segments))
+        self._mean = np.zeros(n) if gaussian is None else gaussian.mean
+        self._weight = np.zeros((0, n)) if gaussian is None else np.linalg.inv(gaussian.factor).astype(np.float64)
         self._latest: tuple[Array, Information | None] | None = None
 
     def information(self, state: Array) -> Information | None:
-        """Of all readings; None if the motion from that state blows up."""
+        """Of all measurements; None if the motion from that state blows up."""
         if self._latest is None or not np.array_equal(self._latest[0], state):
-            parts = self._of_stretches(state)
+            parts = self._of_segments(state)
             self._latest = state.copy(), jointly(parts, self._n_parameters) if parts else None
         return self._latest[1]
 
-    def _of_stretches(self, state: Array) -> list[Information]:
-        """Of the readings of each; none if the motion or its squares blow up in one."""
+    def _of_segments(self, state: Array) -> list[Information]:
+        """Of the measurements of each; none if the motion or its squares blow up in one."""
         parts = []
-        for timelines, place in zip(self._stretches, self._places, strict=True):
+        for timelines, place in zip(self._segments, self._places, strict=True):
             part = Information.none(place.size)
             for response in responses(*self._model, timelines, state[place]):
                 if response.blew_up:
@@ -132,17 +137,17 @@ class _Problem:
         found = self.information(state)
         if found is None:
             return np.full(2 * self._n + 1 + len(self._weight), np.inf)
-        of_belief = self._weight @ (state - self._mean)
-        return np.concatenate([-found.projected, [found.remaining], np.zeros(self._n), of_belief])
+        of_gaussian = self._weight @ (state - self._mean)
+        return np.concatenate([-found.projected, [found.remaining], np.zeros(self._n), of_gaussian])
 
     def jacobian(self, state: Array) -> Array:
         """Of `residuals`."""
         found = self.information(state)
         assert found is not None, "the solver steps only to where the residuals are finite"
-        # A zero residual that grows along directions of which the readings say nothing: the state stays where it is
+        # A zero residual that grows along directions of which the measurements say nothing: the state stays where it is
         # along these, and the solver's matrix has full rank, without which its steps are as long as they may be.
         kept = np.zeros((self._n, self._n))
         if not self._weight.size:
-            unseen = found.unseen()
+            unseen = found.unobserved()
             kept[: len(unseen)] = unseen
         return np.vstack([found.factor, np.zeros(self._n), kept, self._weight])

@@ -86,8 +86,8 @@ def predict_nonlinearly(model, state, sensor, n_components, work):
     reassociate=True,
     inline=True,
 )
-def select(model, state, sensors, sensor, reading, innovation, variance, work):
-    """Predict the components of a reading that are present and within the gate, one behind the other.
+def select(model, state, sensors, sensor, measurement, innovation, variance, work):
+    """Predict the components of a measurement that are present and within the gate, one behind the other.
 
     ``work.error`` and ``work.noise`` get their innovations and the variances of their noise; returns how many they
     are. Parameters as of `update`.
@@ -95,12 +95,12 @@ def select(model, state, sensors, sensor, reading, innovation, variance, work):
     n, mean, columns, m = state.n, state.mean, state.columns, model.basis.present.size
     nonlinear = sensors.nonlinear[sensor]
     if nonlinear:
-        predict_nonlinearly(model, state, sensor, reading.size, work)
+        predict_nonlinearly(model, state, sensor, measurement.size, work)
     n_present = 0
-    for c in range(reading.size):
+    for c in range(measurement.size):
         innovation[c] = np.nan
         variance[c] = np.nan
-        if np.isnan(reading[c]):
+        if np.isnan(measurement[c]):
             continue
         s, noise = n_present, sensors.variance[sensor, c]
         total = noise
@@ -112,13 +112,13 @@ def select(model, state, sensors, sensor, reading, innovation, variance, work):
                 even = work.spread[c, k]
                 work.spread[s, k] = even
                 total += even * even
-            for k in range(reading.size):
+            for k in range(measurement.size):
                 work.spread[s, m + 1 + k] = np.sqrt(noise) if k == s else 0.0
         else:
             predict_linearly(sensors.matrix[sensor, c], state, n + s)
         for j in range(n):
             total += columns[j, n + s] * columns[j, n + s]
-        innovation[c] = wrapped(reading[c] - mean[n + s], sensors.angular[sensor, c])
+        innovation[c] = wrapped(measurement[c] - mean[n + s], sensors.angular[sensor, c])
         if innovation[c] ** 2 > sensors.gate * total:
             continue
         n_present += 1
@@ -172,8 +172,8 @@ def condition(state, n_present, work):
     reassociate=True,
     inline=True,
 )
-def update(model, state, sensors, sensor, reading, innovation, variance, work):
-    """Condition on one reading; components that are missing or outside the gate are left out.
+def update(model, state, sensors, sensor, measurement, innovation, variance, work):
+    """Condition on one measurement; components that are missing or outside the gate are left out.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def update(model, state, sensors, sensor, reading, innovation, variance, work):
     sensors : Sensors
     sensor : int
         Its row there.
-    reading : ndarray, shape (c,)
+    measurement : ndarray, shape (c,)
         NaN where a component is missing.
     innovation, variance : ndarray, shape (c,)
         Filled with the joint innovation before the update and the variance of each component; the latter is
@@ -194,9 +194,9 @@ def update(model, state, sensors, sensor, reading, innovation, variance, work):
     Returns
     -------
     float
-        Normalised innovation squared of the whole reading; NaN or negative where the update failed.
+        Normalised innovation squared of the whole measurement; NaN or negative where the update failed.
     """
-    n_present = select(model, state, sensors, sensor, reading, innovation, variance, work)
+    n_present = select(model, state, sensors, sensor, measurement, innovation, variance, work)
     if sensors.nonlinear[sensor] and not decorrelate(state, n_present, work):
         return np.nan
     return condition(state, n_present, work)

@@ -1,4 +1,4 @@
-"""Output-error method: parameters and initial motions from which motions, left to themselves, fit all readings best.
+"""Output-error method: parameters and initial motions from which motions left to themselves fit all measurements best.
 
 Maximum likelihood for white measurement noise and no process noise.
 """
@@ -16,10 +16,10 @@ from auvid_cli.filters.problem import (
     NOT_CONVERGED,
     OK,
     PREDICTION,
-    Belief,
-    Ending,
+    FilterOutcome,
+    Gaussian,
+    OnChunk,
     Process,
-    Receiver,
     Records,
     Sensors,
     Timeline,
@@ -31,7 +31,7 @@ from auvid_cli.filters.square_root import run_square_root_filter
 
 Array = NDArray[np.float64]
 
-# Events of the first span of a stretch, some 40 s of a 100 Hz sensor: few enough for parameters that are somewhat off
+# Events of the first span of a segment, some 40 s of a 100 Hz sensor: few enough for parameters that are somewhat off
 # not to lose the motion altogether, and enough to correct them. Parameters that are far off lose it within seconds.
 _FIRST_SPAN, _FIRST_SPAN_FROM_AFAR = 4000, 250
 # A fit of a span that is not the whole only has to come near enough for the next.
@@ -43,28 +43,28 @@ _COARSE, _FINE = 1e-5, 1e-9
 def run_output_error(
     process: Process,
     sensors: Sensors,
-    stretches: Sequence[Iterable[Timeline]],
-    prior: Belief,
-    receive: Receiver,
+    segments: Sequence[Iterable[Timeline]],
+    prior: Gaussian,
+    on_chunk: OnChunk,
     max_evaluations: int = 100,
     bounds: tuple[Array, Array] | None = None,
     use_prior: bool = False,
-) -> Ending:
-    """Fit parameters, and the initial motion of each stretch, to data.
+) -> FilterOutcome:
+    """Fit parameters, and the initial motion of each segment, to data.
 
     It starts from the final parameters of a CKF, or from the prior's if that diverged, and from the prior's motions.
     The free motion over all of a run is soon lost where parameters are off, its sum of squares full of local minima. So
-    it fits the beginning of each stretch first, held by the prior's spread about where it starts, and goes on to twice
+    it fits the beginning of each segment first, held by the prior's spread about where it starts, and goes on to twice
     as much.
 
     Parameters
     ----------
-    process, sensors, receive
+    process, sensors, on_chunk
         As of `run_square_root_filter`. The process noise serves only the CKF. What is received is the solution, see
-        `hand_over`, stretch after stretch.
-    stretches : sequence of iterable of Timeline
+        `hand_over`, segment after segment.
+    segments : sequence of iterable of Timeline
         In time order; gone through many times.
-    prior : Belief
+    prior : Gaussian
         About their joint state, see `auvid_cli.filters.segments`. It serves only the CKF, unless `use_prior`.
     max_evaluations : int
         Of the motion along the data.
@@ -75,25 +75,25 @@ def run_output_error(
 
     Returns
     -------
-    Ending
+    FilterOutcome
         `NOT_CONVERGED` if `max_evaluations` were not enough; `PREDICTION` if a motion from the best state that was
-        found blows up. The covariance is of the own state of the last stretch.
+        found blows up. The covariance is of the own state of the last segment.
     """
     n, n_moving = prior.mean.size, process.noise_density.size
     box = bounds or (np.full(n, -np.inf), np.full(n, np.inf))
-    sizes = [sum(timeline.time.size for timeline in timelines) for timelines in stretches]
+    sizes = [sum(timeline.time.size for timeline in timelines) for timelines in segments]
     longest = max(sizes)
-    guess = _filtered(process, sensors, stretches, prior)
+    guess = _filtered(process, sensors, segments, prior)
     state, span = (prior.mean, _FIRST_SPAN_FROM_AFAR) if guess is None else (guess, _FIRST_SPAN)
     state = np.clip(state, *box)
     known, converged, left = Information.none(n), False, max_evaluations
 
     fitted, span = 0, min(span, longest)
     while left > 0 and fitted < span:
-        belief = Belief(state, prior.factor) if span < longest else prior if use_prior else None
+        gaussian = Gaussian(state, prior.factor) if span < longest else prior if use_prior else None
         tolerance, most = (_COARSE, min(left, _EVALUATIONS_OF_A_SPAN)) if span < longest else (_FINE, left)
-        firsts = [FirstEvents(timelines, span) for timelines in stretches]
-        part = fit(process, sensors, firsts, state, belief, box, tolerance, most)
+        firsts = [FirstEvents(timelines, span) for timelines in segments]
+        part = fit(process, sensors, firsts, state, gaussian, box, tolerance, most)
         left -= part.evaluations if part is not None else 1
         if part is None:
             span = (fitted + span) // 2
@@ -101,34 +101,34 @@ def run_output_error(
             state, known, converged = part.state, part.information, part.converged and span == longest
             fitted, span = span, min(2 * span, longest)
     if use_prior:
-        known = known.join(Information.of_belief(prior, state))
+        known = known.join(Information.of_gaussian(prior, state))
 
-    uncertainty, culprit, n_good = known.uncertainty(), OK if converged else NOT_CONVERGED, 0
+    uncertainty, failure, n_good = known.uncertainty(), OK if converged else NOT_CONVERGED, 0
     covariance = np.zeros((0, 0))
-    for timelines, size, place in zip(stretches, sizes, places(n, n_moving, len(stretches)), strict=True):
+    for timelines, size, place in zip(segments, sizes, places(n, n_moving, len(segments)), strict=True):
         solution = responses(process, sensors, timelines, state[place])
-        covariance, reached = hand_over(solution, sensors, uncertainty.of(place), receive)
+        covariance, reached = hand_over(solution, sensors, uncertainty.of(place), on_chunk)
         n_good += reached
         if reached < size:
-            culprit = PREDICTION
+            failure = PREDICTION
             break
-    return Ending(covariance, n_good, culprit)
+    return FilterOutcome(covariance, n_good, failure)
 
 
 def _filtered(
-    process: Process, sensors: Sensors, stretches: Sequence[Iterable[Timeline]], prior: Belief
+    process: Process, sensors: Sensors, segments: Sequence[Iterable[Timeline]], prior: Gaussian
 ) -> Array | None:
     """Parameters as a CKF leaves them at the end, motions as the prior has them; None if the CKF fails."""
     guess, n_moving = prior.mean.copy(), process.noise_density.size
-    n_parameters = guess.size - len(stretches) * n_moving
+    n_parameters = guess.size - len(segments) * n_moving
 
     def keep_last(timeline: Timeline, records: Records) -> None:
         if len(records.mean):
             guess[:n_parameters] = records.mean[-1, :n_parameters]
 
     run = partial(run_square_root_filter, cubature(n_parameters + n_moving), process, sensors)
-    ending = one_after_the_other(run, n_moving, stretches, prior, keep_last)
-    return guess if ending.culprit == OK else None
+    outcome = one_after_the_other(run, n_moving, segments, prior, keep_last)
+    return guess if outcome.failure == OK else None
 
 
 class FirstEvents:
@@ -154,14 +154,14 @@ class FirstEvents:
 
 
 def _cut(timeline: Timeline, n_events: int) -> Timeline:
-    pieces, readings = timeline.piece_offset[n_events], timeline.reading_offset[n_events]
+    substeps, measurements = timeline.substep_offset[n_events], timeline.measurement_offset[n_events]
     return Timeline(
         timeline.time[:n_events],
-        timeline.piece_offset[: n_events + 1],
-        timeline.piece_duration[:pieces],
-        timeline.piece_input[:pieces],
+        timeline.substep_offset[: n_events + 1],
+        timeline.substep_duration[:substeps],
+        timeline.substep_input[:substeps],
         timeline.inputs,
-        timeline.reading_offset[: n_events + 1],
-        timeline.reading_sensor[:readings],
-        timeline.reading[:readings],
+        timeline.measurement_offset[: n_events + 1],
+        timeline.measurement_sensor[:measurements],
+        timeline.measurement[:measurements],
     )

@@ -20,8 +20,8 @@ _indices = types.int64[::1]
 
 
 @compiled(types.boolean(MODEL, STATE, _matrix, _indices, _vector, WORKSPACE), reassociate=True, inline=True)
-def predict(model, state, inputs, piece_input, piece_duration, work):
-    """Move a state over consecutive pieces of constant input, in place.
+def predict(model, state, inputs, substep_input, substep_duration, work):
+    """Move a state over consecutive substeps of constant input, in place.
 
     Returns
     -------
@@ -34,15 +34,15 @@ def predict(model, state, inputs, piece_input, piece_duration, work):
     n_parameters = n - n_moving
     m = basis.present.size
     elapsed = 0.0
-    for piece in range(piece_duration.size):
-        elapsed += piece_duration[piece]
+    for substep in range(substep_duration.size):
+        elapsed += substep_duration[substep]
     draw_points(basis, mean, columns, n, n_moving, work.product, work.points)
     n_blocks, last_lanes = blocks_and_lanes(basis)
     for b in range(n_blocks):
         moving, parameters = work.points[b, : n_moving * LANES], work.points[b, n_moving * LANES :]
         n_lanes = np.uint64(last_lanes if b == n_blocks - 1 else LANES)
-        for piece in range(piece_duration.size):
-            held, duration = inputs[piece_input[piece]], piece_duration[piece]
+        for substep in range(substep_duration.size):
+            held, duration = inputs[substep_input[substep]], substep_duration[substep]
             model.advance(moving, parameters, held, model.constants, model.selection, n_lanes, duration, work.process)
 
     spread = work.spread

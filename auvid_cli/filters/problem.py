@@ -24,7 +24,7 @@ _indices = types.int64[::1]
 # A compiled process has exactly this signature, explicit so that numba finds the filters in its
 # cache again in another interpreter session.
 PROCESS_SIGNATURE = types.void(_vector, _vector, _vector, _vector, _indices, types.uint64, types.float64, _vector)
-# transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix, scratch): one state, in place.
+# transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch): one state, in place.
 TRANSITION_SIGNATURE = types.void(_vector, _matrix, _indices, _vector, _vector, _indices, _matrix, _vector)
 # observe(moving, parameters, sensor, constants, selection, n_lanes, seen): rows of `seen` are filled.
 OBSERVATION_SIGNATURE = types.void(_vector, _vector, types.int64, _vector, types.int64[::1], types.uint64, _vector)
@@ -43,7 +43,7 @@ class Process(NamedTuple):
     advance : compiled function of `PROCESS_SIGNATURE`
         Moves up to one block of states on by one integration step.
     transition : compiled function of `TRANSITION_SIGNATURE`
-        Moves one state over consecutive pieces, and fills in the moving rows of its transition matrix, shape (n, n).
+        Moves one state over consecutive substeps, and fills in the moving rows of its transition matrix, shape (n, n).
     constants, selection : ndarray
         Handed to these functions as they are.
     scratch_size : int
@@ -92,36 +92,36 @@ class Sensors(NamedTuple):
 
 
 class Timeline(NamedTuple):
-    """Consecutive events in time order: all of a dataset, or a part of them that follows another.
+    """Consecutive events in time order: all of a dataset, or a chunk of them that follows another.
 
     Attributes
     ----------
     time : ndarray, shape (n_events,)
         s, strictly increasing.
-    piece_offset : ndarray of int, shape (n_events + 1,)
-        Pieces ``piece_offset[k] : piece_offset[k + 1]`` lead to event k from the event before, which of
-        the first is the last of the part before; nothing leads to the first event of all.
-    piece_duration : ndarray, shape (n_pieces,)
+    substep_offset : ndarray of int, shape (n_events + 1,)
+        Substeps ``substep_offset[k] : substep_offset[k + 1]`` lead to event k from the event before, which of
+        the first is the last of the chunk before; nothing leads to the first event of all.
+    substep_duration : ndarray, shape (n_substeps,)
         s; no longer than the integration step, and the input is constant within each.
-    piece_input : ndarray of int, shape (n_pieces,)
-        Row of `inputs` that holds during a piece.
+    substep_input : ndarray of int, shape (n_substeps,)
+        Row of `inputs` that holds during a substep.
     inputs : ndarray, shape (n, n_inputs)
-    reading_offset : ndarray of int, shape (n_events + 1,)
-        Readings ``reading_offset[k] : reading_offset[k + 1]`` were taken at event k.
-    reading_sensor : ndarray of int8, shape (n_readings,)
+    measurement_offset : ndarray of int, shape (n_events + 1,)
+        Measurements ``measurement_offset[k] : measurement_offset[k + 1]`` were taken at event k.
+    measurement_sensor : ndarray of int8, shape (n_measurements,)
         Row in `Sensors`.
-    reading : ndarray, shape (n_readings, c)
+    measurement : ndarray, shape (n_measurements, c)
         NaN where a component is missing.
     """
 
     time: Array
-    piece_offset: Indices
-    piece_duration: Array
-    piece_input: Indices
+    substep_offset: Indices
+    substep_duration: Array
+    substep_input: Indices
     inputs: Array
-    reading_offset: Indices
-    reading_sensor: NDArray[np.int8]
-    reading: Array
+    measurement_offset: Indices
+    measurement_sensor: NDArray[np.int8]
+    measurement: Array
 
 
 TIMELINE = types.NamedTuple(
@@ -129,7 +129,7 @@ TIMELINE = types.NamedTuple(
 )
 
 
-class Belief(NamedTuple):
+class Gaussian(NamedTuple):
     """Gaussian over the state: mean, and a square root of the covariance.
 
     Attributes
@@ -145,15 +145,15 @@ class Belief(NamedTuple):
 
 
 class Records(NamedTuple):
-    """What a filter writes down of consecutive events and of their readings.
+    """What a filter writes down of consecutive events and of their measurements.
 
     Attributes
     ----------
     mean, standard_deviation : ndarray, shape (events, n)
         After each event.
-    innovation, innovation_variance : ndarray, shape (readings, c)
+    innovation, innovation_variance : ndarray, shape (measurements, c)
         NaN where missing; of a component that was rejected only the variance is NaN.
-    nis : ndarray, shape (readings,)
+    nis : ndarray, shape (measurements,)
         Normalised innovation squared; its expectation is the number of components present.
     """
 
@@ -166,24 +166,24 @@ class Records(NamedTuple):
 
 def empty_records(timeline: Timeline, n: int) -> Records:
     """Records of a timeline for a state of n components, to be filled in."""
-    n_readings, n_components = timeline.reading.shape
-    rows = (timeline.time.size, n), (timeline.time.size, n), *[(n_readings, n_components)] * 2, n_readings
+    n_measurements, n_components = timeline.measurement.shape
+    rows = (timeline.time.size, n), (timeline.time.size, n), *[(n_measurements, n_components)] * 2, n_measurements
     return Records(*(np.full(shape, np.nan) for shape in rows))
 
 
-def until(records: Records, n_events: int, n_readings: int) -> Records:
+def until(records: Records, n_events: int, n_measurements: int) -> Records:
     """The first rows of records."""
-    return Records(*(a[:n_events] for a in records[:2]), *(a[:n_readings] for a in records[2:]))
+    return Records(*(a[:n_events] for a in records[:2]), *(a[:n_measurements] for a in records[2:]))
 
 
-# Told every part of the timeline, and the records of those of its events that went well.
-Receiver = Callable[[Timeline, Records], None]
+# Told every chunk of the timeline, and the records of those of its events that went well.
+OnChunk = Callable[[Timeline, Records], None]
 
 # What ended a run: a sensor's row in `Sensors`, or one of these.
 OK, PREDICTION, NOT_CONVERGED = -1, -2, -3
 
 
-class Ending(NamedTuple):
+class FilterOutcome(NamedTuple):
     """How a run of a filter ended.
 
     Attributes
@@ -192,11 +192,11 @@ class Ending(NamedTuple):
         After the last good event.
     n_good : int
         Events that went well.
-    culprit : int
+    failure : int
         `OK`; or what ended the filter after event ``n_good - 1``: `PREDICTION`, or the sensor whose
-        reading it was. `NOT_CONVERGED` if it went to the end with what an iteration had not finished.
+        measurement it was. `NOT_CONVERGED` if it went to the end with what an iteration had not finished.
     """
 
     covariance: Array
     n_good: int
-    culprit: int
+    failure: int

@@ -6,19 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.filters.information import Uncertainty
-from auvid_cli.filters.problem import Receiver, Records, Sensors
+from auvid_cli.filters.problem import OnChunk, Records, Sensors
 from auvid_cli.filters.sensitivities import Response
 
 Array = NDArray[np.float64]
 
-# Shares of a residual's variance below this are rounding: readings that the fit meets exactly say nothing.
+# Shares of a residual's variance below this are rounding: measurements that the fit meets exactly say nothing.
 _ROUNDING = 1e-9
 
 
 def hand_over(
-    solution: Iterable[Response], sensors: Sensors, uncertainty: Uncertainty, receive: Receiver
+    solution: Iterable[Response], sensors: Sensors, uncertainty: Uncertainty, on_chunk: OnChunk
 ) -> tuple[Array, int]:
-    """Pass on the motion from a fitted state, part by part.
+    """Pass on the motion from a fitted state, chunk by chunk.
 
     Parameters
     ----------
@@ -27,9 +27,10 @@ def hand_over(
     sensors : Sensors
     uncertainty : Uncertainty
         Of the fitted state, P.
-    receive : callable
-        Told every part. Standard deviations are those of ``X_k P X_k'``. For readings that were fitted the variance of
-        a residual is what the fit leaves of the noise, ``S = noise - H X_k P X_k' H'``; the NIS is ``r' S^-1 r``.
+    on_chunk : callable
+        Told every chunk. Standard deviations are those of ``X_k P X_k'``. For measurements that were fitted the
+        variance of a residual is what the fit leaves of the noise, ``S = noise - H X_k P X_k' H'``; the NIS is ``r'
+        S^-1 r``.
 
     Returns
     -------
@@ -41,7 +42,7 @@ def hand_over(
     n = len(uncertainty.root)
     n_good, last = 0, np.eye(n)
     for response in solution:
-        receive(response.timeline, _records(response, sensors, uncertainty))
+        on_chunk(response.timeline, _records(response, sensors, uncertainty))
         if len(response.mean):
             moving = response.sensitivity[-1]
             last = np.vstack([np.eye(n)[: n - len(moving)], moving])
@@ -60,10 +61,10 @@ def _records(response: Response, sensors: Sensors, uncertainty: Uncertainty) -> 
 
 
 def _left_over(response: Response, sensors: Sensors, uncertainty: Uncertainty) -> tuple[Array, Array]:
-    """Variance of each residual and normalised residual squared of each reading."""
+    """Variance of each residual and normalised residual squared of each measurement."""
     explained = response.whitened[..., :-1] @ uncertainty.root
     share = explained @ explained.swapaxes(-1, -2)
-    sensor = response.timeline.reading_sensor[: len(share)]
+    sensor = response.timeline.measurement_sensor[: len(share)]
     left = np.maximum(1.0 - np.diagonal(share, axis1=1, axis2=2), 0.0)
     variance = np.where(np.isnan(response.innovation), np.nan, sensors.variance[sensor] * left)
     # Missing components have rows of zeros: a residual of nothing.

@@ -26,19 +26,19 @@ _LARGEST = 1e100
 
 
 class Response(NamedTuple):
-    """Consecutive events of the motion left to itself, and their readings; fewer than asked for where it blew up.
+    """Consecutive events of the motion left to itself, and their measurements; fewer than asked for where it blew up.
 
     Attributes
     ----------
     timeline : Timeline
-        The part of the data that was asked for.
+        The chunk of the data that was asked for.
     mean : ndarray, shape (events, n)
         State after each event.
     sensitivity : ndarray, shape (events, n_moving, n)
         Derivative of its moving part by the state at the start.
-    innovation : ndarray, shape (readings, c)
+    innovation : ndarray, shape (measurements, c)
         Measured less predicted; NaN where missing.
-    whitened : ndarray, shape (readings, c, n + 1)
+    whitened : ndarray, shape (measurements, c, n + 1)
         Of each component the derivative of what is predicted, then the innovation, over the standard deviation of
         the noise; zero where missing.
     """
@@ -51,12 +51,12 @@ class Response(NamedTuple):
 
     @property
     def blew_up(self) -> bool:
-        """Whether the motion is not finite, or beyond all measure, before the end of the part."""
+        """Whether the motion is not finite, or beyond all measure, before the end of the chunk."""
         return len(self.mean) < self.timeline.time.size
 
 
 def responses(process: Process, sensors: Sensors, timelines: Iterable[Timeline], start: Array) -> Iterator[Response]:
-    """Move a state along the data without correction, part by part, until the end or until the motion blows up.
+    """Move a state along the data without correction, chunk by chunk, until the end or until the motion blows up.
 
     Parameters
     ----------
@@ -72,16 +72,16 @@ def responses(process: Process, sensors: Sensors, timelines: Iterable[Timeline],
     sensitivity = np.eye(n)[n - n_moving :].copy()
     moved, scratch = np.empty((n_moving, n)), np.zeros(process.scratch_size)
     for timeline in timelines:
-        n_events, (n_readings, n_components) = timeline.time.size, timeline.reading.shape
+        n_events, (n_measurements, n_components) = timeline.time.size, timeline.measurement.shape
         means, sensitivities = np.empty((n_events, n)), np.empty((n_events, n_moving, n))
-        innovation, whitened = np.empty((n_readings, n_components)), np.zeros((n_readings, n_components, n + 1))
+        innovation, whitened = np.empty((n_measurements, n_components)), np.zeros((n_measurements, n_components, n + 1))
         model = process.transition, process.constants, process.selection
         good = _move(*model, timeline, mean, sensitivity, matrix, moved, scratch, means, sensitivities)
-        heard = timeline.reading_offset[good]
-        _see(sensors, timeline, good, means, sensitivities, innovation, whitened)
+        n_measured = timeline.measurement_offset[good]
+        _predict_measurements(sensors, timeline, good, means, sensitivities, innovation, whitened)
         if sensors.nonlinear.any():
             _see_nonlinearly(process, sensors, timeline, good, means, sensitivities, innovation, whitened)
-        yield Response(timeline, means[:good], sensitivities[:good], innovation[:heard], whitened[:heard])
+        yield Response(timeline, means[:good], sensitivities[:good], innovation[:n_measured], whitened[:n_measured])
         if good < n_events:
             return
 
@@ -100,10 +100,10 @@ def _move(transition, constants, selection, timeline, mean, sensitivity, matrix,
     n_moving, n = sensitivity.shape
     n_parameters = n - n_moving
     for event in range(timeline.time.size):
-        first, last = timeline.piece_offset[event], timeline.piece_offset[event + 1]
+        first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
         if last > first:
-            pieces = timeline.piece_input[first:last], timeline.piece_duration[first:last]
-            transition(mean, timeline.inputs, pieces[0], pieces[1], constants, selection, matrix, scratch)
+            substeps = timeline.substep_input[first:last], timeline.substep_duration[first:last]
+            transition(mean, timeline.inputs, substeps[0], substeps[1], constants, selection, matrix, scratch)
             size = 0.0
             for i in range(n_moving):
                 row = matrix[n_parameters + i]
@@ -128,15 +128,15 @@ def _move(transition, constants, selection, timeline, mean, sensitivity, matrix,
 
 
 @compiled(types.void(SENSORS, TIMELINE, types.int64, _matrix, _stack, _matrix, _stack))
-def _see(sensors, timeline, n_events, means, sensitivities, innovation, whitened):
+def _predict_measurements(sensors, timeline, n_events, means, sensitivities, innovation, whitened):
     """Fill in what the linear sensors say at the first events."""
     n = means.shape[1]
     n_parameters = n - sensitivities.shape[1]
     for event in range(n_events):
-        for k in range(timeline.reading_offset[event], timeline.reading_offset[event + 1]):
-            sensor = timeline.reading_sensor[k]
+        for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
+            sensor = timeline.measurement_sensor[k]
             for c in range(innovation.shape[1]):
-                measured = timeline.reading[k, c]
+                measured = timeline.measurement[k, c]
                 innovation[k, c] = np.nan
                 if np.isnan(measured) or sensors.nonlinear[sensor]:
                     continue
@@ -170,14 +170,14 @@ def _see_nonlinearly(
     assert process.linearise is not None, "a nonlinear sensor needs `Process.linearise`"
     n_parameters = means.shape[1] - sensitivities.shape[1]
     for event in range(n_events):
-        for k in range(timeline.reading_offset[event], timeline.reading_offset[event + 1]):
-            sensor = timeline.reading_sensor[k]
+        for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
+            sensor = timeline.measurement_sensor[k]
             if not sensors.nonlinear[sensor]:
                 continue
             predicted, derivative = process.linearise(means[event], int(sensor))
             by_start = derivative[:, n_parameters:] @ sensitivities[event]
             by_start[:, :n_parameters] += derivative[:, :n_parameters]
-            for c in np.flatnonzero(~np.isnan(timeline.reading[k])):
-                error = wrapped(timeline.reading[k, c] - predicted[c], sensors.angular[sensor, c])
+            for c in np.flatnonzero(~np.isnan(timeline.measurement[k])):
+                error = wrapped(timeline.measurement[k, c] - predicted[c], sensors.angular[sensor, c])
                 innovation[k, c] = error
                 whitened[k, c] = np.append(by_start[c], error) / np.sqrt(sensors.variance[sensor, c])

@@ -1,4 +1,4 @@
-"""Antipodal sigma points: draw them from the factor, map them, and collect what a map does to the belief.
+"""Antipodal sigma points: draw them from the factor, map them, and collect what a map does to the Gaussian.
 
 What a map does to a pair of points ``+delta, -delta`` splits into an odd part (what a linear map does) and an
 even part (curvature). In the basis of the factor S the odd part is the matrix ``O = 2 w sum o_k delta_k'``;

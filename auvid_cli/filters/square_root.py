@@ -1,6 +1,6 @@
 """One square-root filter for every antipodal sigma-point set: CKF, TUKF and UKF.
 
-Points are drawn anew from the factor for each prediction, and for each reading of a nonlinear sensor. Where a
+Points are drawn anew from the factor for each prediction, and for each measurement of a nonlinear sensor. Where a
 measurement is linear, every set that integrates degree two gives the Kalman update.
 """
 
@@ -17,10 +17,10 @@ from auvid_cli.filters.problem import (
     OK,
     PREDICTION,
     TIMELINE,
-    Belief,
-    Ending,
+    FilterOutcome,
+    Gaussian,
+    OnChunk,
     Process,
-    Receiver,
     Records,
     Sensors,
     Timeline,
@@ -77,14 +77,14 @@ def _run(
     model = Model(advance, observe, constants, selection, noise_density, basis)
     n, mean, columns = state.n, state.mean, state.columns
     for event in range(stop):
-        first, last = timeline.piece_offset[event], timeline.piece_offset[event + 1]
-        pieces = timeline.piece_input[first:last], timeline.piece_duration[first:last]
-        if last > first and not predict(model, state, timeline.inputs, pieces[0], pieces[1], work):
+        first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
+        substeps = timeline.substep_input[first:last], timeline.substep_duration[first:last]
+        if last > first and not predict(model, state, timeline.inputs, substeps[0], substeps[1], work):
             return event, PREDICTION
-        for k in range(timeline.reading_offset[event], timeline.reading_offset[event + 1]):
-            sensor = timeline.reading_sensor[k]
+        for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
+            sensor = timeline.measurement_sensor[k]
             innovation, variance = records.innovation[k], records.innovation_variance[k]
-            nis = update(model, state, sensors, sensor, timeline.reading[k], innovation, variance, work)
+            nis = update(model, state, sensors, sensor, timeline.measurement[k], innovation, variance, work)
             records.nis[k] = nis
             if not (all_finite(n, mean) and nis >= 0.0):
                 return event, sensor
@@ -99,9 +99,9 @@ def run_square_root_filter(
     process: Process,
     sensors: Sensors,
     timelines: Iterable[Timeline],
-    prior: Belief,
-    receive: Receiver,
-) -> Ending:
+    prior: Gaussian,
+    on_chunk: OnChunk,
+) -> FilterOutcome:
     """Filter data with a sigma-point set.
 
     Parameters
@@ -111,13 +111,13 @@ def run_square_root_filter(
     process, sensors, prior
         See `auvid_cli.filters.problem`; the prior is that at the first event.
     timelines : iterable of Timeline
-        Parts of the data in time order; a part is worked on at once.
-    receive : callable
-        Told every part, and the records of those of its events that went well.
+        Chunks of the data in time order; a chunk is worked on at once.
+    on_chunk : callable
+        Told every chunk, and the records of those of its events that went well.
 
     Returns
     -------
-    Ending
+    FilterOutcome
         Early, with the reason, where the state is not finite or the factor cannot be propagated.
     """
     n, n_components = prior.mean.size, sensors.matrix.shape[1]
@@ -125,15 +125,15 @@ def run_square_root_filter(
     model = Model.of(process, basis_of(point_set))
     work = new_workspace(model.basis, process, n, n_components, width)
     state = State.of(prior, model.basis.present.size, width)
-    n_good, culprit = 0, OK
+    n_good, failure = 0, OK
     for timeline in timelines:
         before, records = state.copy(), empty_records(timeline, n)
-        done, culprit = _run(*model, sensors, timeline, timeline.time.size, state, records, work)
+        done, failure = _run(*model, sensors, timeline, timeline.time.size, state, records, work)
         n_good += done
-        receive(timeline, until(records, done, int(timeline.reading_offset[min(done + 1, timeline.time.size)])))
-        if culprit != OK:
-            # Once more from before the part, to stop at the last good state.
+        on_chunk(timeline, until(records, done, int(timeline.measurement_offset[min(done + 1, timeline.time.size)])))
+        if failure != OK:
+            # Once more from before the chunk, to stop at the last good state.
             state = before
             _run(*model, sensors, timeline, done, state, records, work)
             break
-    return Ending(state.covariance(), n_good, culprit)
+    return FilterOutcome(state.covariance(), n_good, failure)

@@ -6,7 +6,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.filters.problem import OBSERVATION_SIGNATURE, PROCESS_SIGNATURE, Belief, Indices, Process
+from auvid_cli.filters.problem import OBSERVATION_SIGNATURE, PROCESS_SIGNATURE, Gaussian, Indices, Process
 from auvid_cli.filters.sigma_points import BASIS, Basis
 
 Array = NDArray[np.float64]
@@ -68,11 +68,11 @@ class State(NamedTuple):
     columns: Array
 
     @classmethod
-    def of(cls, belief: Belief, n_columns: int, width: int) -> "State":
+    def of(cls, gaussian: Gaussian, n_columns: int, width: int) -> "State":
         """A Gaussian laid out."""
-        n = belief.mean.size
+        n = gaussian.mean.size
         state = cls(n, np.zeros(width), np.zeros((n_columns, width)))
-        state.mean[:n], state.columns[:n, :n] = belief.mean, belief.factor.T
+        state.mean[:n], state.columns[:n, :n] = gaussian.mean, gaussian.factor.T
         return state
 
     def copy(self) -> "State":

@@ -1,4 +1,4 @@
-"""Readings that a filter with a covariance hears at once."""
+"""Measurements that a filter with a covariance hears at once."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,27 +9,27 @@ from auvid_cli.filters.problem import Sensors
 
 Array = NDArray[np.float64]
 
-# A sensor, and what its reading lacks: bit c for component c.
+# A sensor, and what its measurement lacks: bit c for component c.
 Kind = tuple[int, int]
 
 
 class Stack:
-    """What does not change between readings of the same sensors with the same components missing.
+    """What does not change between measurements of the same sensors with the same components missing.
 
     Parameters
     ----------
     sensors : Sensors
     kinds : tuple of (int, int)
-        One nonlinear sensor, or any number of linear ones; each with what its reading lacks.
+        One nonlinear sensor, or any number of linear ones; each with what its measurement lacks.
 
     Attributes
     ----------
-    sensors, readings : list of int
-        Sensors that say anything, and the places of their readings in the stack.
+    sensors, measurements : list of int
+        Sensors that say anything, and the places of their measurements in the stack.
     begins : ndarray of int
         Where the components of each of them begin.
     places : slice or ndarray of int
-        Of the components that are present, in readings laid end to end.
+        Of the components that are present, in measurements laid end to end.
     nonlinear : bool
     matrix, noise : ndarray
         Measurement matrix and noise covariance.
@@ -38,11 +38,11 @@ class Stack:
     def __init__(self, sensors: Sensors, kinds: tuple[Kind, ...]) -> None:
         width = sensors.variance.shape[1]
         present = [(k, c) for k, (_, missing) in enumerate(kinds) for c in range(width) if not missing >> c & 1]
-        of_reading = np.array([k for k, _ in present], dtype=np.int64)
-        self.readings = np.unique(of_reading).tolist()
-        self.sensors = [kinds[k][0] for k in self.readings]
-        self.begins = np.searchsorted(of_reading, self.readings)
-        self._same_reading = np.equal.outer(of_reading, of_reading).astype(np.float64)
+        of_measurement = np.array([k for k, _ in present], dtype=np.int64)
+        self.measurements = np.unique(of_measurement).tolist()
+        self.sensors = [kinds[k][0] for k in self.measurements]
+        self.begins = np.searchsorted(of_measurement, self.measurements)
+        self._same_measurement = np.equal.outer(of_measurement, of_measurement).astype(np.float64)
         # A slice is several times faster than a list of places.
         places = [k * width + c for k, c in present]
         self.places = slice(len(places)) if places == list(range(len(places))) else np.array(places)
@@ -52,18 +52,18 @@ class Stack:
         self.noise = np.diag(sensors.variance[rows])
         self._angular = sensors.angular[rows] if sensors.angular[rows].any() else None
 
-    def residual(self, reading: Array, predicted: Array) -> Array:
+    def residual(self, measurement: Array, predicted: Array) -> Array:
         """Difference of the components present, angles wrapped to [-pi, pi)."""
-        difference = reading - predicted
+        difference = measurement - predicted
         if self._angular is None:
             return difference
         return np.where(self._angular, wrap(difference), difference)
 
     def one_by_one(self, innovation: Array, covariance: Array, inverse: Array) -> tuple[Array, Array, Array]:
-        """What the innovations would have been, had the readings been heard one after the other.
+        """What the innovations would have been, had the measurements been heard one after the other.
 
-        With the factor L of their covariance, L^-1 y is white, and its part of a reading is what this says beyond
-        those before; the diagonal block of L carries it back to the units of the reading.
+        With the factor L of their covariance, L^-1 y is white, and its part of a measurement is what this says beyond
+        those before; the diagonal block of L carries it back to the units of the measurement.
 
         Parameters
         ----------
@@ -87,7 +87,7 @@ class Stack:
         if failed:
             raise np.linalg.LinAlgError("the innovation covariance is not positive definite")
         white = factor.T @ (inverse @ innovation)
-        own = factor * self._same_reading
+        own = factor * self._same_measurement
         return own @ white, np.einsum("ij,ij->i", own, own), np.add.reduceat(white**2, self.begins)
 
     def first_broken(self, innovation: Array, covariance: Array) -> int:

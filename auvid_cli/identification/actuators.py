@@ -9,8 +9,8 @@ Array = NDArray[np.float64]
 
 # Rudder and elevator are the first of the inputs.
 _FINS = 2
-# Pieces in which a fin is held, per time constant: the mean over each is exact, its shape within is left out.
-_PIECES = 4
+# Substeps in which a fin is held, per time constant: the mean over each is exact, its shape within is left out.
+_SUBSTEPS = 4
 
 
 def lagged(commands: InputRecord, time_constant: float, step: float) -> InputRecord:
@@ -22,17 +22,17 @@ def lagged(commands: InputRecord, time_constant: float, step: float) -> InputRec
     time_constant : float
         s; with 0 the commands come back as they are.
     step : float
-        s; pieces of the integration are no longer.
+        s; substeps of the integration are no longer.
 
     Returns
     -------
     InputRecord
-        Constant over short pieces, over each of which it is the exact mean of the fin.
+        Constant over short substeps, over each of which it is the exact mean of the fin.
     """
     if time_constant == 0.0:
         return commands
-    longest = min(step, time_constant / _PIECES)
-    # Long after a command changed the fin has arrived: pieces are needed only for so long.
+    longest = min(step, time_constant / _SUBSTEPS)
+    # Long after a command changed the fin has arrived: substeps are needed only for so long.
     settling = 40.0 * time_constant
     lengths = np.diff(commands.time, append=commands.time[-1] + settling)
     counts = np.maximum(np.ceil(np.minimum(lengths, settling) / longest).astype(np.int64), 1)
@@ -52,7 +52,7 @@ def lagged(commands: InputRecord, time_constant: float, step: float) -> InputRec
 
 
 def _response(command: Array, decay: Array) -> Array:
-    """Fin at the beginning of each piece."""
+    """Fin at the beginning of each substep."""
     fin, before = np.empty(command.size), command[0]
     for k, (wanted, share) in enumerate(zip(command.tolist(), decay.tolist(), strict=True)):
         fin[k] = before

@@ -8,14 +8,14 @@ import numpy as np
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import ConfigError
-from auvid_cli.filters.problem import Belief, Indices, Process, Sensors
-from auvid_cli.filters.segments import joint_belief, places
-from auvid_cli.identification.initial_state import starting_belief
-from auvid_cli.identification.prior import earlier_belief
+from auvid_cli.filters.problem import Gaussian, Indices, Process, Sensors
+from auvid_cli.filters.segments import joint_gaussian, places
+from auvid_cli.identification.initial_state import initial_gaussian
+from auvid_cli.identification.prepared_data import PreparedData, Segment
+from auvid_cli.identification.prior import earlier_gaussian
 from auvid_cli.identification.process import vehicle_process
-from auvid_cli.identification.segments import Stretch, stretches
 from auvid_cli.identification.state_layout import StateLayout, state_layout
-from auvid_cli.identification.timeline import PART, measurement_model, measuring_sensors
+from auvid_cli.identification.timeline import measurement_model
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.dynamics import vehicle_constants
 
@@ -34,10 +34,10 @@ class AugmentedProblem:
     sensors : Sensors
     measuring : dict of SensorRecord
         Records of these sensors by name, in their order.
-    stretches : list of Stretch
+    segments : tuple of Segment
         In time order.
-    prior : Belief
-        About the joint state of the stretches, see `auvid_cli.filters.segments`.
+    prior : Gaussian
+        About the joint state of the segments, see `auvid_cli.filters.segments`.
     """
 
     layout: StateLayout
@@ -45,65 +45,61 @@ class AugmentedProblem:
     process: Process
     sensors: Sensors
     measuring: dict[str, SensorRecord]
-    stretches: list[Stretch]
-    prior: Belief
+    segments: tuple[Segment, ...]
+    prior: Gaussian
 
     @property
     def places(self) -> list[Indices]:
-        """Where in the joint state the state of each stretch stands."""
-        return places(self.prior.mean.size, self.process.noise_density.size, len(self.stretches))
+        """Where in the joint state the state of each segment stands."""
+        return places(self.prior.mean.size, self.process.noise_density.size, len(self.segments))
 
     @property
     def span(self) -> tuple[float, float]:
         """First and last time, s."""
-        return self.stretches[0].timelines.span[0], self.stretches[-1].timelines.span[1]
+        return self.segments[0].timelines.span[0], self.segments[-1].timelines.span[1]
 
 
-def augmented_problem(dataset: Dataset, part: int = PART) -> AugmentedProblem:
+def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     """Set up the estimation of a dataset's coefficients; no truth is looked at.
 
     Parameters
     ----------
-    dataset : Dataset
-    part : int
-        Most readings of one sensor that are worked on at once.
+    prepared : PreparedData
 
     Raises
     ------
     ConfigError
         If a coefficient that is to be held has no value.
     DataError
-        If no sensor measures motion, a sensor whose error is asked for is missing, or an earlier estimate does not fit.
+        If a sensor whose error is asked for is missing, or an earlier estimate does not fit.
     FileError
         If an earlier estimate cannot be read.
     """
-    experiment = dataset.experiment
+    experiment, measuring = prepared.experiment, prepared.measuring
     settings = experiment.identification
     held = held_coefficients(experiment)
-    measuring = measuring_sensors(dataset)
     layout = state_layout(settings, experiment.vehicle.size, "depth" in measuring)
     process = vehicle_process(vehicle_constants(experiment.vehicle.known_parameters()), held, layout)
-    found = stretches(dataset, part)
-    parameters = _prior_of_parameters(layout, dataset)
-    beliefs = [starting_belief(layout, parameters, stretch.measured) for stretch in found]
+    parameters = _prior_of_parameters(layout, prepared.dataset)
+    gaussians = [initial_gaussian(layout, parameters, segment.measured) for segment in prepared.segments]
     return AugmentedProblem(
         layout=layout,
         held=held,
         process=process,
         sensors=measurement_model(measuring, layout, np.inf if settings.gate is None else settings.gate),
         measuring=measuring,
-        stretches=found,
-        prior=joint_belief(beliefs, process.noise_density.size),
+        segments=prepared.segments,
+        prior=joint_gaussian(gaussians, process.noise_density.size),
     )
 
 
-def _prior_of_parameters(layout: StateLayout, dataset: Dataset) -> Belief:
+def _prior_of_parameters(layout: StateLayout, dataset: Dataset) -> Gaussian:
     """Zero mean and the layout's spread; of the coefficients what an earlier estimate says, if one is named."""
     n, coefficients = layout.n_parameters, layout.rows_of("coefficients")
-    parameters = Belief(np.zeros(n), np.diag(layout.prior_std[:n]))
+    parameters = Gaussian(np.zeros(n), np.diag(layout.prior_std[:n]))
     earlier = dataset.experiment.identification.prior.from_estimate
     if earlier is not None:
-        known = earlier_belief(Path(earlier), dataset, layout.symbols[coefficients], layout.scale[coefficients])
+        known = earlier_gaussian(Path(earlier), dataset, layout.symbols[coefficients], layout.scale[coefficients])
         parameters.mean[coefficients], parameters.factor[coefficients, coefficients] = known
     return parameters
 

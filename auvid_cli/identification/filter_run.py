@@ -1,4 +1,4 @@
-"""An estimator set up on a dataset: running it, and putting what it finds into SI units, part by part."""
+"""An estimator set up on a dataset: running it, and putting what it finds into SI units, chunk by chunk."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.data.estimate import EstimateHeader, EstimatePart, Outcome
+from auvid_cli.data.estimate import EstimateChunk, EstimateHeader, Outcome
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.filters import problem
 from auvid_cli.filters.estimators import Estimator
-from auvid_cli.filters.problem import Belief, Ending, Records, Timeline
-from auvid_cli.filters.segments import of_stretch
+from auvid_cli.filters.problem import FilterOutcome, Gaussian, Records, Timeline
+from auvid_cli.filters.segments import of_segment
 from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
@@ -30,8 +30,8 @@ class FilterRun:
         First and last time of the data, s.
     estimator : Estimator
         In scaled units: coefficients as multiples of their priors.
-    stretches : sequence of iterable of Timeline
-    prior : Belief
+    segments : sequence of iterable of Timeline
+    prior : Gaussian
         About their joint state.
     scale : ndarray, shape (n,)
         SI value of one unit of each component of the state.
@@ -42,18 +42,18 @@ class FilterRun:
     header: EstimateHeader
     span: tuple[float, float]
     estimator: Estimator
-    stretches: Sequence[Iterable[Timeline]]
-    prior: Belief
+    segments: Sequence[Iterable[Timeline]]
+    prior: Gaussian
     scale: Array
     measuring: dict[str, SensorRecord]
 
-    def run(self, receive: Callable[[EstimatePart], None]) -> Outcome:
+    def run(self, on_chunk: Callable[[EstimateChunk], None]) -> Outcome:
         """Estimate from the dataset.
 
         Parameters
         ----------
-        receive : callable
-            Told every part as it comes. Of the states every ``identification.keep_every``-th is handed
+        on_chunk : callable
+            Told every chunk as it comes. Of the states every ``identification.keep_every``-th is handed
             over, and the last good one; of the innovations all.
 
         Returns
@@ -61,28 +61,28 @@ class FilterRun:
         Outcome
             Of an estimator that diverged: with the reason as its status.
         """
-        course = _Course(self, receive)
+        course = _Course(self, on_chunk)
         course.clocks -= _clocks()
-        ending = self.estimator.estimate(self.stretches, self.prior, course.take)
+        outcome = self.estimator.estimate(self.segments, self.prior, course.take)
         course.clocks += _clocks()
         course.hand_over_the_last()
-        covariance = ending.covariance * np.outer(self.scale, self.scale)
-        return Outcome(self._status(ending, course), covariance, course.n_good, *course.clocks.tolist())
+        covariance = outcome.covariance * np.outer(self.scale, self.scale)
+        return Outcome(self._status(outcome, course), covariance, course.n_good, *course.clocks.tolist())
 
-    def part(
+    def chunk(
         self, rows: tuple[Array, Array, Array], innovations: dict[str, Innovations], kept: slice = slice(None)
-    ) -> EstimatePart:
+    ) -> EstimateChunk:
         """Time, mean and standard deviation in scaled units, of which some rows are kept, with innovations."""
         time, mean, deviation = (row[kept] for row in rows)
-        return EstimatePart(time, mean * self.scale, deviation * self.scale, innovations)
+        return EstimateChunk(time, mean * self.scale, deviation * self.scale, innovations)
 
     def by_sensor(self, timeline: Timeline, records: Records) -> dict[str, Innovations]:
-        """Return the innovations of each sensor, of a part of the data."""
-        n_readings = len(records.nis)
-        time = np.repeat(timeline.time, np.diff(timeline.reading_offset))[:n_readings]
+        """Return the innovations of each sensor, of a chunk of the data."""
+        n_measurements = len(records.nis)
+        time = np.repeat(timeline.time, np.diff(timeline.measurement_offset))[:n_measurements]
         by_sensor = {}
         for sensor, (name, record) in enumerate(self.measuring.items()):
-            own = (timeline.reading_sensor[:n_readings] == sensor) & ~np.isnan(records.nis)
+            own = (timeline.measurement_sensor[:n_measurements] == sensor) & ~np.isnan(records.nis)
             width = len(SENSORS[name])
             by_sensor[name] = Innovations(
                 time[own],
@@ -93,9 +93,9 @@ class FilterRun:
             )
         return by_sensor
 
-    def _status(self, ending: Ending, course: "_Course") -> str:
+    def _status(self, outcome: FilterOutcome, course: "_Course") -> str:
         names, at = tuple(self.measuring), f"diverged at t = {course.reached:.3f} s"
-        match ending.culprit:
+        match outcome.failure:
             case problem.OK:
                 return "completed"
             case problem.NOT_CONVERGED:
@@ -108,16 +108,16 @@ class FilterRun:
                 return f"{at}: no fit was found whose motion reaches the end of the data"
             case problem.PREDICTION:
                 why = (
-                    f"after a reading of {names[course.sensor]} the state or its covariance could not be propagated "
-                    "to this time"
+                    f"after a measurement of {names[course.sensor]} the state or its covariance could not be "
+                    "propagated to this time"
                 )
             case sensor:
-                why = f"the state was not finite after a reading of {names[sensor]}"
-        return f"{at}: {why}{_state_of_the_factor(ending, course.sigmas)}"
+                why = f"the state was not finite after a measurement of {names[sensor]}"
+        return f"{at}: {why}{_state_of_the_factor(outcome, course.sigmas)}"
 
 
 class _Course:
-    """What is known of a run so far; `take` is what the estimator hands its parts to.
+    """What is known of a run so far; `take` is what the estimator hands its chunks to.
 
     Attributes
     ----------
@@ -126,37 +126,37 @@ class _Course:
     reached : float
         Time of the event after these, s.
     sensor : int
-        Whose reading was taken last.
+        Whose measurement was taken last.
     sigmas : float
         Size of the last innovation, standard deviations.
     clocks : ndarray, shape (2,)
-        Processor and wall time of the estimator alone, without that of whoever receives, s.
+        Processor and wall time of the estimator alone, without that of whoever takes them, s.
     """
 
-    def __init__(self, run: FilterRun, receive: Callable[[EstimatePart], None]) -> None:
+    def __init__(self, run: FilterRun, on_chunk: Callable[[EstimateChunk], None]) -> None:
         self.n_good, self.reached, self.sensor, self.sigmas = 0, run.span[0], 0, np.nan
         self.clocks = np.zeros(2)
-        self._run, self._receive = run, receive
+        self._run, self._on_chunk = run, on_chunk
         self._every = run.header.experiment.identification.keep_every
         # Before the first event the last good state is the prior.
-        prior = of_stretch(run.prior, np.arange(run.scale.size))
+        prior = of_segment(run.prior, np.arange(run.scale.size))
         rows = np.array([self.reached]), prior.mean[None, :], np.diag(prior.factor)[None, :]
-        self._latest = run.part(rows, {name: _no_innovations(record) for name, record in run.measuring.items()})
+        self._latest = run.chunk(rows, {name: _no_innovations(record) for name, record in run.measuring.items()})
 
     def take(self, timeline: Timeline, records: Records) -> None:
-        """Hand on a part of the data, and note how far it went well."""
+        """Hand on a chunk of the data, and note how far it went well."""
         self.clocks += _clocks()
         good = len(records.mean)
         rows = timeline.time[:good], records.mean, records.standard_deviation
         kept = slice(-self.n_good % self._every, None, self._every)
-        self._receive(self._run.part(rows, self._run.by_sensor(timeline, records), kept))
+        self._on_chunk(self._run.chunk(rows, self._run.by_sensor(timeline, records), kept))
         if good:
-            self._latest = self._run.part(rows, self._latest.innovations, slice(good - 1, good))
+            self._latest = self._run.chunk(rows, self._latest.innovations, slice(good - 1, good))
         self.n_good += good
         self.reached = float(timeline.time[min(good, timeline.time.size - 1)])
-        if readings := timeline.reading_offset[good]:
-            self.sensor = int(timeline.reading_sensor[readings - 1])
-        # Of the readings at which it failed some may not have been looked at.
+        if measurements := timeline.measurement_offset[good]:
+            self.sensor = int(timeline.measurement_sensor[measurements - 1])
+        # Of the measurements at which it failed some may not have been looked at.
         judged = records.nis[np.isfinite(records.nis)]
         if judged.size:
             self.sigmas = float(np.sqrt(judged[-1]))
@@ -165,13 +165,13 @@ class _Course:
     def hand_over_the_last(self) -> None:
         """Hand on the last good state, unless it was kept anyway."""
         if self.n_good == 0 or (self.n_good - 1) % self._every:
-            self._receive(self._latest)
+            self._on_chunk(self._latest)
 
 
-def _state_of_the_factor(ending: Ending, sigmas: float) -> str:
-    deviation = np.sqrt(np.diagonal(ending.covariance))
+def _state_of_the_factor(outcome: FilterOutcome, sigmas: float) -> str:
+    deviation = np.sqrt(np.diagonal(outcome.covariance))
     # Of the factor scaled to unit rows: what its own units do to it says nothing.
-    condition = np.sqrt(np.linalg.cond(ending.covariance / np.outer(deviation, deviation)))
+    condition = np.sqrt(np.linalg.cond(outcome.covariance / np.outer(deviation, deviation)))
     return f" (last innovation {sigmas:.3g} sigma, condition of the factor {condition:.2g})"
 
 

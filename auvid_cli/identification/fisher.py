@@ -7,13 +7,13 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
 from auvid_cli.filters.information import Information, jointly
-from auvid_cli.filters.problem import Belief
+from auvid_cli.filters.problem import Gaussian
 from auvid_cli.filters.sensitivities import responses
 from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
-from auvid_cli.identification.timeline import PART, measuring_sensors
+from auvid_cli.identification.prepared_data import PreparedData
+from auvid_cli.identification.timeline import CHUNK
 
 Array = NDArray[np.float64]
 
@@ -25,23 +25,23 @@ _ROUNDED = 1.05
 
 @dataclass(frozen=True)
 class DatasetInformation:
-    """What the readings of a dataset say about the coefficients and the motion at the start of each stretch, jointly.
+    """What the measurements of a dataset say of the coefficients and the motion at the start of each segment, jointly.
 
     Attributes
     ----------
     state : tuple of str
-        Symbols: the estimated coefficients, then the nine motion states at the first event of a stretch.
+        Symbols: the estimated coefficients, then the nine motion states at the first event of a segment.
     scale : ndarray, shape (n,)
         SI value of one unit of each in which the information is given: of a coefficient its prior standard deviation,
         of a motion state one.
-    prior : Belief
-        That a filter would start from, in the same units, about the joint state of the stretches.
+    prior : Gaussian
+        That a filter would start from, in the same units, about the joint state of the segments.
     by_sensor : dict of Information
         Of each sensor that measures motion, about the joint state, see `auvid_cli.filters.segments`.
     total : Information
         Of all sensors.
     growing : tuple of (float, Information)
-        Of all of them together after so many seconds of data, about the state of the stretch that these reach; the
+        Of all of them together after so many seconds of data, about the state of the segment that these reach; the
         whole last.
     lost_after : float or None
         s: what is said holds for so much of the data, because after it the sensitivities of a motion that is unstable
@@ -50,7 +50,7 @@ class DatasetInformation:
 
     state: tuple[str, ...]
     scale: Array
-    prior: Belief
+    prior: Gaussian
     by_sensor: dict[str, Information]
     total: Information
     growing: tuple[tuple[float, Information], ...]
@@ -59,13 +59,13 @@ class DatasetInformation:
     def bound(self, sensor: str | None = None) -> dict[str, float]:
         """Least standard deviation of an estimate without bias, SI, from all sensors or from one of them.
 
-        Infinite for what the readings do not tell from the rest.
+        Infinite for what the measurements do not tell from the rest.
         """
         return self._deviations(self.total if sensor is None else self.by_sensor[sensor])
 
     def bound_with_prior(self) -> dict[str, float]:
         """The same from all sensors and the prior together, on all of the state."""
-        return self._deviations(self.total.join(Information.of_belief(self.prior, self.prior.mean)))
+        return self._deviations(self.total.join(Information.of_gaussian(self.prior, self.prior.mean)))
 
     def _deviations(self, information: Information) -> dict[str, float]:
         """Of the coefficients and of the first motion."""
@@ -75,18 +75,18 @@ class DatasetInformation:
 
 
 def information_at(
-    dataset: Dataset, coefficients: Mapping[str, float], motions: Sequence[Array] | None = None
+    prepared: PreparedData, coefficients: Mapping[str, float], motions: Sequence[Array] | None = None
 ) -> DatasetInformation:
     """Fisher information at given values of the coefficients, for white measurement noise and no process noise.
 
     Parameters
     ----------
-    dataset : Dataset
+    prepared : PreparedData
         Its settings say what is estimated, and at which values the others are held.
     coefficients : mapping
         SI, by symbol; all that are estimated, others are not looked at.
     motions : sequence of ndarray, shape (9,), optional
-        At the instant at which each stretch starts, see `auvid_cli.identification.segments.stretches`, SI; as measured
+        At the instant at which each segment starts, see `PreparedData`, SI; as measured
         by then if they are left out.
 
     Raises
@@ -94,24 +94,27 @@ def information_at(
     DataError
         If the model blows up with these coefficients.
     """
-    busiest = max(record.time.size for record in measuring_sensors(dataset).values())
-    problem = augmented_problem(dataset, min(PART, busiest // _STAGES + 1))
+    busiest = max(record.time.size for record in prepared.measuring.values())
+    chunk = min(CHUNK, busiest // _STAGES + 1)
+    problem = augmented_problem(prepared)
     start, n = _start(problem, coefficients, motions), len(problem.layout.symbols)
     n_parameters = n - problem.process.noise_density.size
-    of_stretches: list[dict[str, Information]] = []
+    of_segments: list[dict[str, Information]] = []
     growing: list[tuple[float, Information]] = []
     elapsed, before, lost_after = 0.0, Information.none(n), None
     least = np.full(n, np.inf)
-    for stretch, place in zip(problem.stretches, problem.places, strict=True):
+    for segment, place in zip(problem.segments, problem.places, strict=True):
         by_sensor = dict.fromkeys(problem.measuring, Information.none(n))
         together = Information.none(n)
         least[n_parameters:] = np.inf
-        for response in responses(problem.process, problem.sensors, stretch.timelines, start[place]):
+        for response in responses(
+            problem.process, problem.sensors, segment.timelines.in_chunks_of(chunk), start[place]
+        ):
             if response.blew_up:
                 time = response.timeline.time[len(response.mean)]
                 raise DataError(f"with these coefficients the model blows up at t = {time:.3f} s")
             longer = {
-                name: by_sensor[name].with_response(response, response.timeline.reading_sensor == sensor)
+                name: by_sensor[name].with_response(response, response.timeline.measurement_sensor == sensor)
                 for sensor, name in enumerate(by_sensor)
             }
             together = reduce(Information.join, longer.values())
@@ -122,18 +125,18 @@ def information_at(
                 lost_after = growing[-1][0]
                 break
             by_sensor, least = longer, deviation
-            growing.append((elapsed + float(response.timeline.time[-1]) - stretch.timelines.span[0], known))
-        of_stretches.append(by_sensor)
+            growing.append((elapsed + float(response.timeline.time[-1]) - segment.timelines.span[0], known))
+        of_segments.append(by_sensor)
         if lost_after is not None:
             break
         elapsed, before = growing[-1][0], before.join(together.split(n_parameters)[1])
-    reached = n_parameters + len(of_stretches) * (n - n_parameters)
+    reached = n_parameters + len(of_segments) * (n - n_parameters)
     return DatasetInformation(
         problem.layout.symbols,
         problem.layout.scale,
-        Belief(problem.prior.mean[:reached], problem.prior.factor[:reached, :reached]),
-        {name: jointly([own[name] for own in of_stretches], n_parameters) for name in problem.measuring},
-        jointly([reduce(Information.join, own.values()) for own in of_stretches], n_parameters),
+        Gaussian(problem.prior.mean[:reached], problem.prior.factor[:reached, :reached]),
+        {name: jointly([own[name] for own in of_segments], n_parameters) for name in problem.measuring},
+        jointly([reduce(Information.join, own.values()) for own in of_segments], n_parameters),
         tuple(growing),
         lost_after,
     )

@@ -30,8 +30,8 @@ def move_freely(block, coefficients, constants, timeline, predicted, work):
         Overwritten.
     """
     for event in range(timeline.time.size):
-        for piece in range(timeline.piece_offset[event], timeline.piece_offset[event + 1]):
-            held = timeline.inputs[timeline.piece_input[piece]]
-            runge_kutta_step(block, coefficients, held, constants, 1, timeline.piece_duration[piece], work)
+        for substep in range(timeline.substep_offset[event], timeline.substep_offset[event + 1]):
+            held = timeline.inputs[timeline.substep_input[substep]]
+            runge_kutta_step(block, coefficients, held, constants, 1, timeline.substep_duration[substep], work)
         for i in range(N_MOTION):
             predicted[event, i] = block[i * LANES]

@@ -9,10 +9,11 @@ from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.choice import chosen_estimator
 from auvid_cli.identification.filter_run import FilterRun
+from auvid_cli.identification.prepared_data import PreparedData, prepare
 
 
 class _Watched:
-    """Parts of the data, with something to be done before each is handed out."""
+    """Chunks of the data, with something to be done before each is handed out."""
 
     def __init__(self, timelines: Iterable[Timeline], before_each: Callable[[], None]) -> None:
         self._timelines, self._before_each = timelines, before_each
@@ -24,16 +25,16 @@ class _Watched:
 
 
 def set_up_filters(
-    dataset: Dataset, filter_names: Sequence[FilterName], before_each: Callable[[], None] = lambda: None
+    prepared: PreparedData, filter_names: Sequence[FilterName], before_each: Callable[[], None] = lambda: None
 ) -> list[FilterRun]:
     """Set up estimators that share a dataset's augmented state, prior and timeline; no truth is looked at.
 
     Parameters
     ----------
-    dataset : Dataset
+    prepared : PreparedData
     filter_names : sequence of FilterName
     before_each : callable
-        Called whenever an estimator asks for the next part of the data, of which a fit asks many times. What it raises
+        Called whenever an estimator asks for the next chunk of the data, of which a fit asks many times. What it raises
         ends that estimator.
 
     Raises
@@ -41,24 +42,25 @@ def set_up_filters(
     ConfigError, DataError
         As `augmented_problem`.
     """
-    settings = dataset.experiment.identification
+    experiment = prepared.experiment
+    settings = experiment.identification
     settings.check_filters(filter_names)
-    augmented = augmented_problem(dataset)
+    augmented = augmented_problem(prepared)
     layout = augmented.layout
-    stretches = [_Watched(stretch.timelines, before_each) for stretch in augmented.stretches]
+    segments = [_Watched(segment.timelines, before_each) for segment in augmented.segments]
     return [
         FilterRun(
             EstimateHeader(
                 filter=name.value,
-                experiment=dataset.experiment,
+                experiment=experiment,
                 state=layout.symbols,
                 unit=layout.units,
                 held=augmented.held,
-                dataset_sha256=dataset.sha256,
+                dataset_sha256=prepared.dataset.sha256,
             ),
             augmented.span,
             chosen_estimator(name, augmented, settings),
-            stretches,
+            segments,
             augmented.prior,
             layout.scale,
             augmented.measuring,
@@ -69,6 +71,6 @@ def set_up_filters(
 
 def identify(dataset: Dataset, filter_name: FilterName) -> Estimate:
     """Estimate coefficients and motion from a dataset, all in memory; see `set_up_filters` and `FilterRun`."""
-    (run,), parts = set_up_filters(dataset, [filter_name]), []
-    outcome = run.run(parts.append)
-    return Estimate.of(run.header, parts, outcome)
+    (run,), chunks = set_up_filters(prepare(dataset), [filter_name]), []
+    outcome = run.run(chunks.append)
+    return Estimate.of(run.header, chunks, outcome)

@@ -1,28 +1,28 @@
-"""Where a filter starts in a stretch of the data: parameters as known by then, motion as first measured."""
+"""Where a filter starts in a segment of the data: parameters as known by then, motion as first measured."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
-from auvid_cli.filters.problem import Belief
+from auvid_cli.filters.problem import Gaussian
 from auvid_cli.identification.observation import earth_in_body_axes
 from auvid_cli.identification.state_layout import StateLayout
 
 
-def starting_belief(layout: StateLayout, parameters: Belief, measured: Mapping[str, float]) -> Belief:
+def initial_gaussian(layout: StateLayout, parameters: Gaussian, measured: Mapping[str, float]) -> Gaussian:
     """Join what is known of the parameters with the moving states as they were measured first.
 
     Parameters
     ----------
     layout : StateLayout
-    parameters : Belief
+    parameters : Gaussian
         Scaled coefficients and constant errors.
     measured : mapping
         What sensors measured first, by symbol, SI; the velocity is that over ground.
 
     Returns
     -------
-    Belief
+    Gaussian
         Where a current is a state, the velocity is that over ground less the current, and as unsure as that.
     """
     n = layout.n_parameters
@@ -33,10 +33,10 @@ def starting_belief(layout: StateLayout, parameters: Belief, measured: Mapping[s
             mean[layout.rows_of(block.name)] = [measured[quantity.symbol] for quantity in block.quantities]
     current = layout.rows_of("current")
     if current.start == current.stop:
-        return Belief(mean, factor)
+        return Gaussian(mean, factor)
     turn = earth_in_body_axes(mean[layout.rows(("phi", "theta", "psi"))])[:, :2]
     velocity = layout.rows("uvw")
     mean[velocity] -= turn @ mean[current]
     factor[velocity] -= turn @ factor[current]
     triangle = np.linalg.qr(factor.T)[1]
-    return Belief(mean, (triangle * np.sign(np.diagonal(triangle))[:, None]).T.copy())
+    return Gaussian(mean, (triangle * np.sign(np.diagonal(triangle))[:, None]).T.copy())

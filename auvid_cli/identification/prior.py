@@ -58,7 +58,7 @@ def prior_standard_deviations(size: Size, factor: float, stated: dict[str, float
     return {c.symbol: stated.get(c.symbol, factor * natural_magnitude(c, size)) for c in COEFFICIENTS}
 
 
-def earlier_belief(path: Path, dataset: Dataset, estimated: Sequence[str], scale: Array) -> tuple[Array, Array]:
+def earlier_gaussian(path: Path, dataset: Dataset, estimated: Sequence[str], scale: Array) -> tuple[Array, Array]:
     """What an earlier estimate says of coefficients, in units of `scale`; what it does not know keeps its prior.
 
     Parameters

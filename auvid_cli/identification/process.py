@@ -147,7 +147,7 @@ _STEP = _BLOCK + N_COEFFICIENT_BLOCK
 
 
 @compiled(TRANSITION_SIGNATURE)
-def _exact_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix, scratch):
+def _exact_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     """The variational equation along the integration."""
     first = first_moving_row(constants)
     depth, motion = row_of(constants, ROW_DEPTH), mean[first:][:N_MOTION]
@@ -155,8 +155,8 @@ def _exact_transition(mean, inputs, piece_input, piece_duration, constants, sele
     sensitivity = scratch[_SENSITIVITY:_SINKING].reshape(N_MOTION, N_COLUMNS)
     _all_coefficients(mean, constants, selection, coefficients)
     _before_moving(sensitivity, sinking)
-    for piece in range(piece_duration.size):
-        held, duration = inputs[piece_input[piece]], piece_duration[piece]
+    for substep in range(substep_duration.size):
+        held, duration = inputs[substep_input[substep]], substep_duration[substep]
         if depth_is_state(constants):
             _sink_rate(motion, sensitivity, 0.5 * duration, sinking)
         transition_step(motion, coefficients, held, constants[:N_CONSTANTS], duration, sensitivity, work)
@@ -169,7 +169,7 @@ def _exact_transition(mean, inputs, piece_input, piece_duration, constants, sele
 
 
 @compiled(TRANSITION_SIGNATURE)
-def first_order_transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix, scratch):
+def first_order_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     """The paper's I + A dt, Table A1: linearised once, where the interval begins."""
     first = first_moving_row(constants)
     depth, motion = row_of(constants, ROW_DEPTH), mean[first:][:N_MOTION]
@@ -177,13 +177,13 @@ def first_order_transition(mean, inputs, piece_input, piece_duration, constants,
     sensitivity = scratch[_SENSITIVITY:_SINKING].reshape(N_MOTION, N_COLUMNS)
     vehicle, elapsed = constants[:N_CONSTANTS], 0.0
     _all_coefficients(mean, constants, selection, coefficients)
-    for piece in range(piece_duration.size):
-        elapsed += piece_duration[piece]
+    for substep in range(substep_duration.size):
+        elapsed += substep_duration[substep]
     if depth_is_state(constants):
         _before_moving(sensitivity, sinking)
         _sink_rate(motion, sensitivity, elapsed, sinking)
         _fill_in_row(sinking, constants, selection, matrix[depth])
-    motion_jacobian(motion, coefficients, inputs[piece_input[0]], vehicle, sensitivity, work)
+    motion_jacobian(motion, coefficients, inputs[substep_input[0]], vehicle, sensitivity, work)
     for i in range(N_MOTION):
         for j in range(N_COLUMNS):
             sensitivity[i, j] = elapsed * sensitivity[i, j] + (1.0 if i == j else 0.0)
@@ -194,8 +194,8 @@ def first_order_transition(mean, inputs, piece_input, piece_duration, constants,
     block[N_MOTION * LANES] = 0.0
     for m in range(N_FACTORS):
         coefficient_block[m * LANES] = coefficients[m]
-    for piece in range(piece_duration.size):
-        held, duration = inputs[piece_input[piece]], piece_duration[piece]
+    for substep in range(substep_duration.size):
+        held, duration = inputs[substep_input[substep]], substep_duration[substep]
         if depth_is_state(constants):
             _sink(block, N_MOTION, 1, 0.5 * duration)
         runge_kutta_step(block, coefficient_block, held, vehicle, 1, duration, work)

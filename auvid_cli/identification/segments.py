@@ -1,8 +1,7 @@
-"""Which parts of the data are used: stretches of time, each of which starts anew."""
+"""Which segments of the data are used; each of them starts anew."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,100 +9,45 @@ from numpy.typing import NDArray
 from auvid_cli.config.experiment import Use
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import DataError
-from auvid_cli.identification.actuators import lagged
-from auvid_cli.identification.timeline import PART, Timelines, initial_depth, initial_motion, measuring_sensors
-from auvid_cli.vehicle.parameters import DEPTH, MOTION_SYMBOLS
+from auvid_cli.identification.timeline import measuring_sensors
 
 Array = NDArray[np.float64]
 Span = tuple[float, float]
 
 
-def segments(dataset: Dataset) -> list[Dataset]:
-    """The stretches of a dataset that its settings ask for, in time order; each has all sensors, some perhaps empty.
-
-    Raises
-    ------
-    DataError
-        If nothing is left, or the speed is asked for where nothing measures it.
-    """
-    use = dataset.experiment.identification.use
-    return [_within(dataset, span) for span in used_spans(dataset, use)]
-
-
 def the_only_segment(dataset: Dataset) -> Dataset:
-    """The one stretch that is used.
+    """Return what is used of a dataset, which is one segment.
 
     Raises
     ------
     DataError
         If there are several, or none.
     """
-    found = segments(dataset)
-    if len(found) > 1:
-        raise DataError(f"one stretch of data is looked at here, and there are {len(found)}: name one with --use")
-    return found[0]
+    spans = used_spans(measuring_sensors(dataset), dataset.experiment.identification.use)
+    if len(spans) > 1:
+        raise DataError(f"one segment of data is looked at here, and there are {len(spans)}: name one with --use")
+    return dataset.sensors_between(*spans[0])
 
 
-class Stretch(NamedTuple):
-    """A stretch of the data and where its motion starts.
-
-    Attributes
-    ----------
-    timelines : Timelines
-    measured : dict of float
-        Motion and, where a sensor measures it, depth as measured by then, by symbol, SI.
-    """
-
-    timelines: Timelines
-    measured: dict[str, float]
-
-    @property
-    def motion(self) -> Array:
-        """The motion as measured by then, shape (9,)."""
-        return np.array([self.measured[symbol] for symbol in MOTION_SYMBOLS])
-
-
-def stretches(dataset: Dataset, part: int = PART) -> list[Stretch]:
-    """Set out each of the `segments`, with the fins where they were.
-
-    Parameters
-    ----------
-    dataset : Dataset
-    part : int
-        Most readings of one sensor that are worked on at once.
-    """
-    settings, measuring = dataset.experiment.identification, measuring_sensors(dataset)
-    inputs = lagged(dataset.inputs, settings.fin_time_constant, settings.integration_step)
-    found = []
-    for data in segments(dataset):
-        records = {name: data.sensors[name] for name in measuring}
-        start, motion = initial_motion(data, records)
-        measured = dict(zip(MOTION_SYMBOLS, motion.tolist(), strict=True))
-        if "depth" in measuring:
-            measured[DEPTH.symbol] = initial_depth(measuring["depth"], start)
-        found.append(Stretch(Timelines(inputs, records, start, settings.integration_step, part), measured))
-    return found
-
-
-def used_part(dataset: Dataset) -> Dataset:
-    """All that is used of a dataset, as one."""
-    parts = segments(dataset)
-    if len(parts) == 1:
-        return parts[0]
-    sensors = {
-        name: SensorRecord(
-            np.concatenate([part.sensors[name].time for part in parts]),
-            np.concatenate([part.sensors[name].values for part in parts]),
-            record.standard_deviation,
-        )
-        for name, record in dataset.sensors.items()
-    }
+def used_data(dataset: Dataset) -> Dataset:
+    """Return all that is used of a dataset, as one."""
+    spans = used_spans(measuring_sensors(dataset), dataset.experiment.identification.use)
+    sensors = {}
+    for name, record in dataset.sensors.items():
+        cut = [record.between(*span) for span in spans]
+        time, values = (np.concatenate([getattr(own, of) for own in cut]) for of in ("time", "values"))
+        sensors[name] = replace(record, time=time, values=values)
     return replace(dataset, sensors=sensors)
 
 
-def used_spans(dataset: Dataset, use: Use) -> list[Span]:
-    """First and last time, s, of each stretch that is used."""
-    measuring = measuring_sensors(dataset)
+def used_spans(measuring: Mapping[str, SensorRecord], use: Use) -> list[Span]:
+    """Return the first and last time, s, of each segment that is used, in time order.
+
+    Raises
+    ------
+    DataError
+        If nothing is left, or the speed is asked for where nothing measures it.
+    """
     everything = (
         min(float(record.time[0]) for record in measuring.values()),
         max(float(record.time[-1]) for record in measuring.values()),
@@ -131,16 +75,8 @@ def used_spans(dataset: Dataset, use: Use) -> list[Span]:
     return spans
 
 
-def _within(dataset: Dataset, span: Span) -> Dataset:
-    sensors = {}
-    for name, record in dataset.sensors.items():
-        own = slice(np.searchsorted(record.time, span[0]), np.searchsorted(record.time, span[1], side="right"))
-        sensors[name] = SensorRecord(record.time[own], record.values[own], record.standard_deviation)
-    return replace(dataset, sensors=sensors)
-
-
 def _without(spans: Iterable[Span], holes: Iterable[Span]) -> list[Span]:
-    """What is left of spans outside some holes, whose ends are not part of them."""
+    """Cut holes, whose ends are not part of them, out of spans."""
     left = list(spans)
     for hole_begin, hole_end in holes:
         cut = []
@@ -161,7 +97,7 @@ def _silences(record: SensorRecord, longest: float, everything: Span) -> list[Sp
 
 
 def _slow(dvl: SensorRecord, least: float) -> list[Span]:
-    """Where the surge velocity, smoothed over three readings against spikes, is too small."""
+    """Find where the surge velocity, smoothed over three measurements against spikes, is too small."""
     known = np.isfinite(dvl.values[:, 0])
     time, surge = dvl.time[known], np.abs(dvl.values[known, 0])
     padded = np.concatenate([surge[:1], surge, surge[-1:]])

@@ -1,6 +1,7 @@
-"""From a dataset to events in time order, each sensor at its own times, a part of the run at a time."""
+"""From a dataset to events in time order, each sensor at its own times, a chunk of the run at a time."""
 
 from collections.abc import Iterator, Sequence
+from copy import copy
 from itertools import pairwise
 
 import numpy as np
@@ -19,11 +20,11 @@ Ticks = NDArray[np.int64]
 # Heading is known modulo a turn; roll and pitch are treated alike, which costs nothing.
 _ANGULAR = ("phi", "theta", "psi")
 _NANOSECOND = 1e-9
-# s; over so long a time a model without any reading says nothing any more.
+# s; over so long a time a model without any measurement says nothing any more.
 _LONGEST_SILENCE = 1000.0
 
-# Most readings of one sensor in a part: some 60 ms of work for a sigma-point filter.
-PART = 8000
+# Most measurements of one sensor in a chunk: some 60 ms of work for a sigma-point filter.
+CHUNK = 8000
 
 
 def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
@@ -120,7 +121,7 @@ def initial_depth(record: SensorRecord, start: float) -> float:
 
 
 class Timelines:
-    """All readings from a start on, merged part by part as often as they are gone through; nothing is resampled.
+    """All measurements from a start on, merged chunk by chunk as often as they are gone through; nothing is resampled.
 
     Parameters
     ----------
@@ -130,10 +131,10 @@ class Timelines:
     start : float
         s.
     step : float
-        Longest piece of integration, s. Times are compared in whole nanoseconds, so that two clocks
+        Longest substep of integration, s. Times are compared in whole nanoseconds, so that two clocks
         that mean the same instant share an event.
-    part : int
-        Most readings of one sensor in a part: what is at work at once, of however long a run.
+    chunk : int
+        Most measurements of one sensor in a chunk: what is at work at once, of however long a run.
 
     Attributes
     ----------
@@ -143,41 +144,49 @@ class Timelines:
     Raises
     ------
     DataError
-        If no reading is left, or the inputs end long before the readings.
+        If no measurement is left, or the inputs end long before the measurements.
     """
 
     def __init__(
-        self, inputs: InputRecord, measuring: dict[str, SensorRecord], start: float, step: float, part: int = PART
+        self, inputs: InputRecord, measuring: dict[str, SensorRecord], start: float, step: float, chunk: int = CHUNK
     ) -> None:
-        self.span = start, float(max(_last_reading(record) for record in measuring.values()))
+        self.span = start, float(max(_last_measurement(record) for record in measuring.values()))
         self._begin, self._end = _nanoseconds(np.array(self.span))
         if self._end < self._begin:
-            raise DataError(f"no reading is left at or after t = {start:g} s, where inputs and all sensors have begun")
+            raise DataError(
+                f"no measurement is left at or after t = {start:g} s, where inputs and all sensors have begun"
+            )
         self._records = tuple(measuring.values())
         self._ticks = [_nanoseconds(record.time) for record in self._records]
         self._inputs = np.ascontiguousarray(inputs.values)
         self._changes = _nanoseconds(inputs.time)
         _check_coverage(self._changes, self._end)
-        self._step, self._part = step, part
+        self._step, self._chunk = step, chunk
+
+    def in_chunks_of(self, n: int) -> "Timelines":
+        """Return the same measurements with at most so many of one sensor in a chunk."""
+        other = copy(self)
+        other._chunk = n
+        return other
 
     def __iter__(self) -> Iterator[Timeline]:
         used = [ticks[slice(*np.searchsorted(ticks, [self._begin + 1, self._end + 1]))] for ticks in self._ticks]
-        cuts = np.concatenate([[self._begin, self._end + 1], *(ticks[self._part :: self._part] for ticks in used)])
+        cuts = np.concatenate([[self._begin, self._end + 1], *(ticks[self._chunk :: self._chunk] for ticks in used)])
         before = self._begin
         for since, until in pairwise(np.unique(cuts)):
             spans = [slice(*np.searchsorted(ticks, [since, until])) for ticks in self._ticks]
-            events, reading_offset, reading_sensor, reading = _merge(self._records, self._ticks, spans)
+            events, measurement_offset, measurement_sensor, measurement = _merge(self._records, self._ticks, spans)
             if events.size:
-                pieces = _pieces(self._changes, before, events, self._step)
+                substeps = _substeps(self._changes, before, events, self._step)
                 time = events.astype(np.float64) * _NANOSECOND
-                yield Timeline(time, *pieces, self._inputs, reading_offset, reading_sensor, reading)
+                yield Timeline(time, *substeps, self._inputs, measurement_offset, measurement_sensor, measurement)
                 before = events[-1]
 
 
 def _merge(
     records: Sequence[SensorRecord], times: Sequence[Ticks], spans: Sequence[slice]
 ) -> tuple[Ticks, NDArray[np.int64], NDArray[np.int8], Array]:
-    """Events of a span of each record, offsets of each event's readings, sensor of each reading, the readings."""
+    """Merge a span of each record: events, offsets of their measurements, sensor of each measurement, measurements."""
     ticks, values = [], []
     width = max(record.values.shape[1] for record in records)
     for record, time, span in zip(records, times, spans, strict=True):
@@ -191,12 +200,12 @@ def _merge(
     # Stable: at equal times the sensors keep their order.
     order = np.argsort(tick, kind="stable")
     sensor = np.repeat(np.arange(len(ticks), dtype=np.int8), [own.size for own in ticks])
-    events, first_reading = np.unique(tick[order], return_index=True)
-    return events, np.append(first_reading, tick.size), sensor[order], np.concatenate(values)[order]
+    events, first_measurement = np.unique(tick[order], return_index=True)
+    return events, np.append(first_measurement, tick.size), sensor[order], np.concatenate(values)[order]
 
 
-def _pieces(changes: Ticks, before: np.int64, events: Ticks, step: float) -> tuple[Indices, Array, Indices]:
-    """Offset of each event's pieces, durations and inputs: what lies between it and the event before."""
+def _substeps(changes: Ticks, before: np.int64, events: Ticks, step: float) -> tuple[Indices, Array, Indices]:
+    """Offset of each event's substeps, durations and inputs: what lies between it and the event before."""
     inside = slice(*np.searchsorted(changes, [before + 1, events[-1]]))
     cuts = np.unique(np.concatenate([[before], events, changes[inside]]))
     gaps = np.diff(cuts)
@@ -204,16 +213,16 @@ def _pieces(changes: Ticks, before: np.int64, events: Ticks, step: float) -> tup
         k = int(gaps.argmax())
         raise DataError(
             f"nothing is heard from t = {cuts[k] * _NANOSECOND:.6g} s to {cuts[k + 1] * _NANOSECOND:.6g} s, too long "
-            "to go on without a reading: let a stretch end there (identification.use.longest_gap), or use a part of it"
+            "to go on without a measurement: end a segment there (identification.use.longest_gap), or use a part of it"
         )
     parts = np.maximum(np.ceil(gaps * _NANOSECOND / step - 1e-6).astype(np.int64), 1)
     held = np.maximum(np.searchsorted(changes, cuts[:-1], side="right") - 1, 0)
-    pieces_before_cut = np.append(0, np.cumsum(parts))
-    offset = np.append(0, pieces_before_cut[np.searchsorted(cuts, events)])
+    substeps_before_cut = np.append(0, np.cumsum(parts))
+    offset = np.append(0, substeps_before_cut[np.searchsorted(cuts, events)])
     return offset, np.repeat(gaps * _NANOSECOND / parts, parts), np.repeat(held, parts)
 
 
-def _last_reading(record: SensorRecord) -> float:
+def _last_measurement(record: SensorRecord) -> float:
     return float(record.time[np.isfinite(record.values).any(axis=1)].max(initial=-np.inf))
 
 
@@ -222,8 +231,8 @@ def _check_coverage(changes: Ticks, last: np.int64) -> None:
     longest = max(1.0, float(np.diff(changes).max(initial=0)) * _NANOSECOND)
     if last - changes[-1] > longest / _NANOSECOND:
         raise DataError(
-            f"the inputs end at t = {changes[-1] * _NANOSECOND:g} s, the readings go on to "
-            f"{last * _NANOSECOND:g} s: cut the readings or extend the inputs"
+            f"the inputs end at t = {changes[-1] * _NANOSECOND:g} s, the measurements go on to "
+            f"{last * _NANOSECOND:g} s: cut the measurements or extend the inputs"
         )
 
 

@@ -7,7 +7,7 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.timing import new_reading_rate
+from auvid_cli.inspection.timing import new_measurement_rate
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import INPUTS, MOTION, SENSORS, Quantity
 
@@ -106,15 +106,15 @@ def fitness_checks(dataset: Dataset, time_constant: float | None) -> list[Check]
     symbols = {quantity.symbol for quantity in MOTION}
     for name, record in dataset.sensors.items():
         if symbols & {quantity.symbol for quantity in SENSORS[name]} and record.time.size > 1:
-            readings = new_reading_rate(record) * time_constant
-            good = readings >= _GOOD_PER_TIME_CONSTANT
+            measurements = new_measurement_rate(record) * time_constant
+            good = measurements >= _GOOD_PER_TIME_CONSTANT
             checks.append(
                 judged(
                     name,
                     "fast enough",
-                    f"{readings:.3g} readings in {time_constant:.3g} s, the vehicle's time constant",
+                    f"{measurements:.3g} measurements in {time_constant:.3g} s, the vehicle's time constant",
                     f">= {_GOOD_PER_TIME_CONSTANT:g}; fails below {_LEAST_PER_TIME_CONSTANT:g}",
-                    True if good else None if readings >= _LEAST_PER_TIME_CONSTANT else False,
+                    True if good else None if measurements >= _LEAST_PER_TIME_CONSTANT else False,
                     f"The vehicle turns and settles within its length over its speed, and {name} sees too little of "
                     "that: coefficients that differ much fit alike. Log faster, or fly slower.",
                 )

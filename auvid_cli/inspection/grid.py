@@ -49,7 +49,7 @@ class Signals(NamedTuple):
             self.values[symbol][max(first, 0) : last + 1] = np.nan
 
     def window(self, *symbols: str, least: float = 1.0) -> int:
-        """How many cells to average over, so that the slowest of some components has a few readings there."""
+        """How many cells to average over, so that the slowest of some components has a few measurements there."""
         longest = max(self.interval.get(symbol, 0.0) for symbol in symbols)
         return max(round(max(least, _LONGEST_BRIDGE * longest) / self.grid.step), 1)
 
@@ -64,7 +64,7 @@ def signals_of(inputs: InputRecord, sensors: Mapping[str, SensorRecord], span: t
     """
     if span[1] - span[0] > _LONGEST:
         raise DataError(
-            f"the readings are from t = {span[0]:.6g} s to {span[1]:.6g} s, more than two weeks: some of these times "
+            f"the measurements are from t = {span[0]:.6g} s to {span[1]:.6g} s, over two weeks: some of these times "
             "must be wrong; cut the log to the rest (`use` in its map)"
         )
     grid = Grid(span[0], _STEP, max(int((span[1] - span[0]) / _STEP), 1))
@@ -83,7 +83,7 @@ def signals_of(inputs: InputRecord, sensors: Mapping[str, SensorRecord], span: t
 
 
 def _on(grid: Grid, time: Array, values: Array) -> Array:
-    """Mean of each cell, or of slow readings the line between two."""
+    """Mean of each cell, or of slow measurements the line between two."""
     usual = float(np.median(np.diff(time)))
     if usual <= 0.5 * grid.step:
         cell = ((time - grid.start) / grid.step).astype(np.int64)

@@ -42,7 +42,7 @@ class Inspection:
     inputs : InputRecord
         Of long ones evenly spaced samples.
     presence : dict of ndarray, shape (bins,)
-        By sensor, how many of the usual readings there are in each of equal pieces of the span, 0 to 1.
+        By sensor, how many of the usual measurements there are in each of equal pieces of the span, 0 to 1.
     span : tuple of float
         First and last time of anything, s.
     """

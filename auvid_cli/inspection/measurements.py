@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 _LARGEST_SPIKE = 15.0
 _LEAST_OF_STATED = 0.2
-# Usual spans of five readings.
+# Usual spans of five measurements.
 _LONGEST_FIVE = 1.75
 _ORDERS = (2, 4, 6, 8)
 _TIMES_STATED = 2.0
@@ -56,7 +56,7 @@ def level_distance(values: Array) -> float:
 
 
 def spike_sizes(time: Array, values: Array, stated: float) -> Array:
-    """How far each reading is from its neighbours, in robust standard deviations of that distance.
+    """How far each measurement is from its neighbours, in robust standard deviations of that distance.
 
     The lesser of the distances to the median of five and to the cubic through the two on either side: the former does
     not see the ends of a step, the latter no smooth extreme. Of five in a row only the farthest counts, for it draws
@@ -65,7 +65,7 @@ def spike_sizes(time: Array, values: Array, stated: float) -> Array:
     Parameters
     ----------
     time, values : ndarray, shape (n,)
-        s; readings without NaN, angles without jumps of a turn.
+        s; measurements without NaN, angles without jumps of a turn.
     stated : float
         Noise, a fifth of which is the least standard deviation: what is smoother than that may be less so at times.
     """
@@ -88,7 +88,7 @@ def spike_sizes(time: Array, values: Array, stated: float) -> Array:
 
 
 def spikes(record: SensorRecord, name: str) -> tuple[NDArray[np.bool_], dict[str, tuple[float, float]]]:
-    """Where the readings of a sensor are spikes, and the largest of each component.
+    """Where the measurements of a sensor are spikes, and the largest of each component.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def reading_checks(
             f"{count}; largest {symbol} {size:.3g} at t = {at:.6g} s",
             f"none beyond {_LARGEST_SPIKE:g} robust standard deviations from its neighbours",
             not count,
-            "Single readings far from their neighbours: mark them as not valid, or let the filter reject them "
+            "Single measurements far from their neighbours: mark them as not valid, or let the filter reject them "
             "(`identification.gate`).",
         )
     ]

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.data.gaps import gap_limit
 from auvid_cli.evaluation.check import Check
-from auvid_cli.evaluation.data_checks import gap_limit
 from auvid_cli.inspection.inspection import judged
 from auvid_cli.inspection.measurements import continuous
 from auvid_cli.vehicle.kinematics import euler_rates
@@ -24,7 +24,7 @@ _LARGEST_PITCH, _GIMBAL = np.deg2rad(75.0), np.deg2rad(85.0)
 
 
 def angle_steps(sensors: Mapping[str, SensorRecord], name: str, component: int) -> tuple[Array, Array, Array]:
-    """Jumps of an angle between two readings that the turn rates do not explain.
+    """Jumps of an angle between two measurements that the turn rates do not explain.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def angle_steps(sensors: Mapping[str, SensorRecord], name: str, component: int) 
     Returns
     -------
     before, after : ndarray, shape (n,)
-        Times of the readings, s.
+        Times of the measurements, s.
     size : ndarray, shape (n,)
         rad.
     """
@@ -101,7 +101,7 @@ def step_check(name: str, symbol: str, before: Array, size: Array) -> Check:
         name,
         f"steps of {symbol}",
         found,
-        f"<= {np.rad2deg(_LEAST_STEP):.2g} deg or {_ROBUST_SIGMAS:g} robust standard deviations between readings, "
+        f"<= {np.rad2deg(_LEAST_STEP):.2g} deg or {_ROBUST_SIGMAS:g} robust standard deviations between measurements, "
         "beyond what the rates say",
         not size.size,
         f"{symbol} of {name} jumps although the vehicle cannot have: the device switches between solutions, or two "

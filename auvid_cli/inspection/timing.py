@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import InputRecord, SensorRecord
+from auvid_cli.data.gaps import gap_limit
 from auvid_cli.evaluation.check import Check
-from auvid_cli.evaluation.data_checks import gap_limit, repeats
+from auvid_cli.evaluation.data_checks import repeats
 from auvid_cli.inspection.inspection import judged
 
 Array = NDArray[np.float64]
@@ -14,19 +15,19 @@ _LARGEST_JITTER = 0.5
 # s between inputs, of any vehicle.
 _LONGEST_HELD = 0.5
 _MOST_MISSING, _HARDLY_ANY = 0.01, 0.5
-# How much more a reading changes over a long interval than from one sample to the next, where the two tell apart, and
+# How much more a measurement changes over a long interval than from one sample to the next, where both tell apart, and
 # how many of the latter a jump of the clock may show.
 _DISTINCT, _CONTINUOUS = 3.0, 3.0
 
 
-def new_reading_rate(record: SensorRecord) -> float:
-    """Median rate of readings that differ from the one before, 1/s; 0 if there are not two."""
+def new_measurement_rate(record: SensorRecord) -> float:
+    """Median rate of measurements that differ from the one before, 1/s; 0 if there are not two."""
     starts = repeats(record)[:, 0]
     return 1.0 / float(np.median(np.diff(starts))) if starts.size > 1 else 0.0
 
 
 def clock_jumps(record: SensorRecord) -> NDArray[np.int64]:
-    """Where the time leaps but the readings go on as if it had not.
+    """Where the time leaps but the measurements go on as if it had not.
 
     Returns
     -------
@@ -44,7 +45,7 @@ def clock_jumps(record: SensorRecord) -> NDArray[np.int64]:
 
 
 def _goes_on(record: SensorRecord, before: int, samples: int) -> bool:
-    """Whether the next reading is where the very next sample would be, and not `samples` later."""
+    """Whether the next measurement is where the very next sample would be, and not `samples` later."""
     around = record.values[max(before - 50 * samples, 0) : before + 50 * samples]
     told = False
     for component, step in enumerate(record.values[before + 1] - record.values[before]):
@@ -114,16 +115,16 @@ def input_timing_checks(inputs: InputRecord, time_constant: float | None) -> lis
 
 
 def _rate(name: str, record: SensorRecord, intervals: Array) -> Check:
-    rate, new = 1.0 / float(np.median(intervals)), new_reading_rate(record)
+    rate, new = 1.0 / float(np.median(intervals)), new_measurement_rate(record)
     repeated = new < 0.8 * rate
     return judged(
         name,
         "rate",
-        f"{rate:.4g} Hz" + (f", new readings at {new:.3g} Hz" if repeated else ""),
-        "every reading new",
+        f"{rate:.4g} Hz" + (f", new measurements at {new:.3g} Hz" if repeated else ""),
+        "every measurement new",
         None if repeated else True,
         f"{name} was logged more often than it measures. A filter takes each copy for a measurement of its own and "
-        "becomes too sure: keep only new readings.",
+        "becomes too sure: keep only new measurements.",
     )
 
 
@@ -137,7 +138,7 @@ def _jitter(name: str, intervals: Array) -> Check:
         f"98 % of intervals {least:.4g} to {most:.4g} s",
         f"within {_LARGEST_JITTER:.0%} of {usual:.4g} s",
         True if spread <= _LARGEST_JITTER else None,
-        f"Times of {name} are those of a busy logger rather than of the measurement, or readings are missing: if the "
+        f"Times of {name} are those of a busy logger rather than of the measurement, or some are missing: if the "
         "device stamps its own, use those.",
     )
 
@@ -148,7 +149,7 @@ def _clock(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> Check:
         name,
         "clock",
         f"{jumps.size} jumps: {found}" if jumps.size else "no jump",
-        "no leap of the time without one of the readings",
+        "no leap of the time without one of the measurements",
         not jumps.size,
         f"The clock of {name} was set while it ran: from there on its times do not fit those of the others. Shift "
         "them back, or use only one side of the jump.",

@@ -25,7 +25,7 @@ from auvid_cli.vehicle.parameters import SENSORS
 Array = NDArray[np.float64]
 
 _UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
-_PART = 100_000
+_CHUNK = 100_000
 
 
 def in_vehicle_axes(sensor: SensorMap, rows: Rows, path: Path) -> Array:
@@ -106,8 +106,8 @@ def _attitude(sensor: AttitudeMap, rows: Rows, path: Path) -> Array:
     earth = ENU_TO_NED if sensor.reference == "ENU" else _UNTURNED
     body = product(FLU_TO_FRD if sensor.frame == "FLU" else _UNTURNED, conjugate(_mounted(sensor)))
     angles = np.empty((rows.time.size, 3))
-    for begin in range(0, rows.time.size, _PART):
-        part = np.column_stack([rows.values[symbol][begin : begin + _PART] for symbol in symbols])
+    for begin in range(0, rows.time.size, _CHUNK):
+        part = np.column_stack([rows.values[symbol][begin : begin + _CHUNK] for symbol in symbols])
         measured = quaternion_of_euler(part) if sensor.quaternion is None else part
-        angles[begin : begin + _PART] = euler_of_quaternion(product(product(earth, measured), body))
+        angles[begin : begin + _CHUNK] = euler_of_quaternion(product(product(earth, measured), body))
     return angles

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 _HOUR, _DAY = 3600.0, 86400.0
 _CLOCK = re.compile(r"\s*(?:(\d{1,2}):)?(\d{1,2}):(\d{1,2}(?:\.\d*)?)\s*", re.ASCII)
 _DATE = re.compile(r"\s*\d{4}-\d{2}-\d{2}")
-_PART = 100_000
+_CHUNK = 100_000
 # No clock counts so far: nanoseconds since 1970 are some 2e18.
 FARTHEST = 1e20
 
@@ -125,9 +125,9 @@ def _dates(values: ColumnValues) -> Array:
     import pandas as pd
 
     seconds = np.empty(values.size)
-    for begin in range(0, values.size, _PART):
-        part = pd.Series(values[begin : begin + _PART]).str.strip()
+    for begin in range(0, values.size, _CHUNK):
+        part = pd.Series(values[begin : begin + _CHUNK]).str.strip()
         dates = pd.to_datetime(part.where(part != "", None), utc=True, format="ISO8601")
         nanoseconds = dates.dt.tz_localize(None).to_numpy().astype("datetime64[ns]")
-        seconds[begin : begin + _PART] = np.where(np.isnat(nanoseconds), np.nan, nanoseconds.astype(np.int64) * 1e-9)
+        seconds[begin : begin + _CHUNK] = np.where(np.isnat(nanoseconds), np.nan, nanoseconds.astype(np.int64) * 1e-9)
     return seconds

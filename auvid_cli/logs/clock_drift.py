@@ -15,7 +15,7 @@ _QUANTILES = (0.05, 0.95)
 _LATER, _LEAST_EPOCH = 60.0, 1e8
 
 
-class Wander(NamedTuple):
+class ClockDrift(NamedTuple):
     """How a clock differs from another one of the same messages.
 
     Attributes
@@ -37,7 +37,7 @@ class Wander(NamedTuple):
     furthest: float
 
 
-def find_wander(taken: Array, other: Array, names: tuple[str, str]) -> Wander | None:
+def find_clock_drift(taken: Array, other: Array, names: tuple[str, str]) -> ClockDrift | None:
     """Compare the clock that is taken with the other one of the same messages.
 
     Jitter that is not in the messages themselves makes intervals uneven, so the more even clock is the better one. What
@@ -52,7 +52,7 @@ def find_wander(taken: Array, other: Array, names: tuple[str, str]) -> Wander | 
 
     Returns
     -------
-    Wander or None
+    ClockDrift or None
         None if there is nothing to say, or if the other one was hardly ever set.
     """
     known = np.isfinite(taken) & np.isfinite(other) & (taken != 0.0) & (other != 0.0)
@@ -69,7 +69,7 @@ def find_wander(taken: Array, other: Array, names: tuple[str, str]) -> Wander | 
     if not wanders and not (is_epoch and later > _LATER):
         return None
     low, high = np.quantile(difference, _QUANTILES)
-    return Wander(*names, wanders, later if is_epoch else 0.0, float(high - low), furthest)
+    return ClockDrift(*names, wanders, later if is_epoch else 0.0, float(high - low), furthest)
 
 
 def _unevenness(time: Array) -> float:

@@ -6,11 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.data.gaps import gap_limit
+
 Array = NDArray[np.float64]
 Spans = Sequence[tuple[float, float]]
-
-# Median intervals, and s: a gap is longer than both.
-_MANY_INTERVALS, _LEAST = 10.0, 1.0
 
 
 class Gaps(NamedTuple):
@@ -22,7 +21,7 @@ class Gaps(NamedTuple):
 
 
 def find_gaps(time: Array, use: Spans, exclude: Spans) -> Gaps | None:
-    """Find gaps of over a second and over ten median intervals; None if there are none.
+    """Find the times over which a sensor is silent, see `gap_limit`; None if there are none.
 
     Parameters
     ----------
@@ -38,7 +37,7 @@ def find_gaps(time: Array, use: Spans, exclude: Spans) -> Gaps | None:
         return None
     gaps = [
         (float(intervals[k]), float(time[k]))
-        for k in np.flatnonzero(intervals > max(_MANY_INTERVALS * float(np.median(intervals)), _LEAST))
+        for k in np.flatnonzero(intervals > gap_limit(intervals))
         if not any(begin <= time[k + 1] and time[k] <= end for begin, end in exclude)
         and (not use or any(begin <= time[k] and time[k + 1] <= end for begin, end in use))
     ]

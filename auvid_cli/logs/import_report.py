@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.logs.clock_drift import Wander
+from auvid_cli.logs.clock_drift import ClockDrift
 from auvid_cli.logs.formats.overlap import Overlap
 from auvid_cli.logs.measurements import Rows
 
@@ -41,12 +41,12 @@ class Account(NamedTuple):
 
 def account_of(name: str, time: NDArray[np.float64], missing: int, rows: Rows, remarks: tuple[str, ...]) -> Account:
     """Account of a sensor or input that kept samples at `time`, s, of the rows that were read."""
-    order, rollovers, wander = rows.order, rows.rollovers, rows.wander
+    order, rollovers, drift = rows.order, rows.rollovers, rows.clock_drift
     said = (
         (order.backward, f"time went back in {order.backward} rows, by up to {order.furthest_back:.3g} s: sorted"),
         (order.without_time, f"{order.without_time} rows without a time left out"),
         (rollovers, f"the hour or the day of the clock ended, {rollovers} in all: taken to go on"),
-        (wander, _differing(wander) if wander else ""),
+        (drift, _differing(drift) if drift else ""),
         *((True, _overlapping(overlap)) for overlap in rows.overlaps),
     )
     own = tuple(text for applies, text in said if applies)
@@ -55,12 +55,12 @@ def account_of(name: str, time: NDArray[np.float64], missing: int, rows: Rows, r
     return Account(name, time.size, rate, span, missing, order.duplicates, (*own, *remarks))
 
 
-def _differing(wander: Wander) -> str:
-    if wander.wanders:
-        by = f"{_duration(wander.spread)} (5 to 95 %), at most {_duration(wander.furthest)}"
-        return f"{wander.clock} wanders from {wander.other} by {by}: `time: '{wander.other}'` would be right"
+def _differing(drift: ClockDrift) -> str:
+    if drift.wanders:
+        by = f"{_duration(drift.spread)} (5 to 95 %), at most {_duration(drift.furthest)}"
+        return f"{drift.clock} wanders from {drift.other} by {by}: `time: '{drift.other}'` would be right"
     return (
-        f"{wander.clock} is {_duration(wander.later)} after {wander.other}: the log was played back, or a clock was "
+        f"{drift.clock} is {_duration(drift.later)} after {drift.other}: the log was played back, or a clock was "
         "not set; take the same one for all"
     )
 
@@ -72,6 +72,6 @@ def _duration(seconds: float) -> str:
 
 
 def _overlapping(overlap: Overlap) -> str:
-    done = "taken as they come in time" if overlap.own else "the same readings in both, each taken once"
+    done = "taken as they come in time" if overlap.own else "the same measurements in both, each taken once"
     span = f"{overlap.begin:.3f} to {overlap.end:.3f} s by the log's clock"
     return f"file {overlap.file} of the log overlaps those before it from {span}: {done}"

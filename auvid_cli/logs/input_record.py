@@ -71,19 +71,19 @@ def read_inputs(
 def _read(
     settings: InputsMap, key: tuple[str, ...], request: Request, columns: ColumnReader, origin: float
 ) -> tuple[Channel, Account]:
-    reading = settings.channels()[key]
-    if reading.si == "turn/s" and not request.values[key[-1]].has_unit:
+    signal = settings.channels()[key]
+    if signal.si == "turn/s" and not request.values[key[-1]].has_unit:
         raise RefusedError(request.path, "has no unit: state the `unit` of the log's numbers, `unit: rpm` or `turn/s`")
-    rows = read_rows(request, {key[-1]: reading}, None, columns)
+    rows = read_rows(request, {key[-1]: signal}, None, columns)
     values = rows.values[key[-1]]
     known = np.isfinite(values)
     if not known.any():
-        raise RefusedError(request.path, f"there is no number in the column {reading.column!r}")
+        raise RefusedError(request.path, f"there is no number in the column {signal.column!r}")
     time, values = rows.time[known] - origin, values[known]
     largest = float(np.abs(values).max())
-    if reading.si == "rad" and largest > _LARGEST_FIN_ANGLE:
+    if signal.si == "rad" and largest > _LARGEST_FIN_ANGLE:
         raise RefusedError(request.path, f"deflects {largest:.3g} rad: state the `unit`, or `centre` and `scale`")
-    if reading.si == "percent" and not request.values[key[-1]].has_unit and 0.0 < largest <= _LARGEST_FRACTION:
+    if signal.si == "percent" and not request.values[key[-1]].has_unit and 0.0 < largest <= _LARGEST_FRACTION:
         choice = "state `unit: '1'` where 1 is full thrust, or `unit: percent`"
         raise RefusedError(request.path, f"reaches only {largest:.3g} and has no unit: {choice}")
     lost = rows.values[key[-1]].size - values.size

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.log_columns import Reading, Validity
+from auvid_cli.config.log_columns import Signal, Validity
 from auvid_cli.config.position import Path
 from auvid_cli.logs.clock import Order, order_rows
-from auvid_cli.logs.clock_drift import Wander, find_wander
+from auvid_cli.logs.clock_drift import ClockDrift, find_clock_drift
 from auvid_cli.logs.columns import ColumnReader
 from auvid_cli.logs.formats.log import ColumnValues
 from auvid_cli.logs.formats.overlap import Overlap, find_overlaps
@@ -42,7 +42,7 @@ class Rows(NamedTuple):
         Rows that the log calls not valid, and values beyond the limits that the map sets.
     repeats : int
         Rows left out because they only repeat what was read before.
-    wander : Wander or None
+    clock_drift : ClockDrift or None
         Of a clock that the message's other one is better than.
     overlaps : list of Overlap
         Of files that continue each other.
@@ -54,12 +54,12 @@ class Rows(NamedTuple):
     rollovers: int
     invalid: int
     repeats: int
-    wander: Wander | None
+    clock_drift: ClockDrift | None
     overlaps: list[Overlap]
 
 
 def read_rows(
-    request: Request, readings: Mapping[str, Reading], validity: Validity | None, columns: ColumnReader
+    request: Request, signals: Mapping[str, Signal], validity: Validity | None, columns: ColumnReader
 ) -> Rows:
     """Read what a request asks for.
 
@@ -87,15 +87,15 @@ def read_rows(
     time = seconds[order.rows]
     if time.size < 2:
         raise _no_times(request, seconds.size, time.size)
-    wander, overlaps = _wander(request, seconds, columns), _overlaps(request, seconds, raw, columns)
+    clock_drift, overlaps = _clock_drift(request, seconds, columns), _overlaps(request, seconds, raw, columns)
     values, invalid = {}, 0
     for component, (_, factor, _) in request.values.items():
-        reading = readings[component]
-        numbers = to_si(raw.pop(component)[order.rows], reading, factor)
+        signal = signals[component]
+        numbers = to_si(raw.pop(component)[order.rows], signal, factor)
         # What is infinite was not measured, and stands for that.
         outside = np.isinf(numbers)
-        if reading.limits is not None:
-            outside |= (numbers < reading.limits[0]) | (numbers > reading.limits[1])
+        if signal.limits is not None:
+            outside |= (numbers < signal.limits[0]) | (numbers > signal.limits[1])
         invalid += int(np.count_nonzero(outside))
         numbers[outside] = np.nan
         values[component] = numbers
@@ -104,7 +104,7 @@ def read_rows(
         invalid += int(np.count_nonzero(wrong))
         for numbers in values.values():
             numbers[wrong] = np.nan
-    return Rows(time, values, order, rollovers, invalid, 0, wander, overlaps)
+    return Rows(time, values, order, rollovers, invalid, 0, clock_drift, overlaps)
 
 
 def _no_times(request: Request, rows: int, times: int) -> RefusedError:
@@ -115,24 +115,24 @@ def _no_times(request: Request, rows: int, times: int) -> RefusedError:
     return RefusedError((*request.path, "time"), f"{column!r} {complaint}: name another time")
 
 
-def _wander(request: Request, seconds: Array, columns: ColumnReader) -> Wander | None:
+def _clock_drift(request: Request, seconds: Array, columns: ColumnReader) -> ClockDrift | None:
     taken, other = request.time.place, request.time.other
     if other is None:
         return None
-    return find_wander(seconds, np.asarray(columns.take(other), np.float64), (taken.column, other.column))
+    return find_clock_drift(seconds, np.asarray(columns.take(other), np.float64), (taken.column, other.column))
 
 
 def _overlaps(
     request: Request, seconds: Array, raw: Mapping[str, ColumnValues], columns: ColumnReader
 ) -> list[Overlap]:
-    """Overlaps of the files of a log; RefusedError if their readings interleave for longer than disorder explains."""
+    """Overlaps of the files of a log; RefusedError if their signals interleave for longer than disorder explains."""
     if request.time.file is None:
         return []
     files, values = columns.take(request.time.file), np.column_stack([*raw.values()])
     overlaps = find_overlaps(seconds, np.asarray(files, np.float64), np.asarray(values, np.float64))
     for file, begin, end, own in overlaps:
         if own and end - begin > _LONGEST_INTERLEAVING:
-            reason = f"file {file} of the log and those before it both have readings from {begin:.3f} to {end:.3f} s"
+            reason = f"file {file} of the log and those before it both have signals from {begin:.3f} to {end:.3f} s"
             raise RefusedError(request.path, f"{reason}, so they do not continue each other: is it one clock?")
     return overlaps
 
@@ -148,12 +148,12 @@ def without_repeats(rows: Rows) -> Rows:
     return rows._replace(time=rows.time[fresh], values=values, repeats=int(np.count_nonzero(~fresh)))
 
 
-def to_si(raw: ColumnValues, reading: Reading, factor: float) -> Array:
-    """A reading's numbers in SI: sign x (raw - centre) x factor + offset."""
+def to_si(raw: ColumnValues, signal: Signal, factor: float) -> Array:
+    """A signal's numbers in SI: sign x (raw - centre) x factor + offset."""
     numbers = np.array(raw, np.float64)
-    numbers -= reading.centre
-    numbers *= reading.sign * factor
-    numbers += reading.offset
+    numbers -= signal.centre
+    numbers *= signal.sign * factor
+    numbers += signal.offset
     return numbers
 
 

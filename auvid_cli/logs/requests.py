@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from auvid_cli.config.log_columns import Reading, Rows, TimeSource, unit_factor
+from auvid_cli.config.log_columns import Rows, Signal, TimeSource, unit_factor
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.position import Path
 from auvid_cli.config.quantity import expected
@@ -102,11 +102,11 @@ def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusal
     for name, sensor in settings.sensors.given().items():
         path: Path = ("sensors", name)
         under = "columns" if getattr(sensor, "quaternion", None) is None else "quaternion"
-        readings: dict[Path, Reading] = {(*path, under, symbol): own for symbol, own in sensor.readings().items()}
-        requests[path] = finder.request(path, [sensor], readings, sensor.unit, sensor.valid and sensor.valid.column)
-    for key, reading in settings.inputs.channels().items():
+        signals: dict[Path, Signal] = {(*path, under, symbol): own for symbol, own in sensor.signals().items()}
+        requests[path] = finder.request(path, [sensor], signals, sensor.unit, sensor.valid and sensor.valid.column)
+    for key, signal in settings.inputs.channels().items():
         path = ("inputs", *key)
-        requests[path] = finder.request(path, [reading, settings.inputs], {path: reading}, None, None)
+        requests[path] = finder.request(path, [signal, settings.inputs], {path: signal}, None, None)
     return {path: request for path, request in requests.items() if request is not None}
 
 
@@ -119,7 +119,7 @@ class _Finder:
         self._tables = {name: log.tables() for name, log in logs.items()}
 
     def request(
-        self, path: Path, rows: list[Rows], readings: Mapping[Path, Reading], unit: str | None, valid: str | None
+        self, path: Path, rows: list[Rows], signals: Mapping[Path, Signal], unit: str | None, valid: str | None
     ) -> Request | None:
         """Find what belongs together; `rows` say where, the first that says so. None if something is missing."""
         before = len(self._refusals)
@@ -130,11 +130,11 @@ class _Finder:
         if table is None:
             return None
         values = {}
-        for place, reading in readings.items():
-            column = self._column((*place, "column"), log, table, reading.column, numbers=True)
+        for place, signal in signals.items():
+            column = self._column((*place, "column"), log, table, signal.column, numbers=True)
             if column is not None:
-                has_unit = bool(reading.scale is not None or reading.unit or unit or column.unit)
-                factor = self._factor(place, reading, unit, column)
+                has_unit = bool(signal.scale is not None or signal.unit or unit or column.unit)
+                factor = self._factor(place, signal, unit, column)
                 values[str(place[-1])] = Source(Place(log, table, column.name), factor, has_unit)
         flag = valid and self._column((*path, "valid", "column"), log, table, valid, numbers=False)
         time = self._time(path, log, table, [r.time for r in rows])
@@ -179,14 +179,14 @@ class _Finder:
         self._say(path, missing(self._logs[log], what, name, [column.name for column in columns]))
         return None
 
-    def _factor(self, path: Path, reading: Reading, unit: str | None, column: Column) -> float:
+    def _factor(self, path: Path, signal: Signal, unit: str | None, column: Column) -> float:
         """SI units per unit of the log's numbers."""
-        if reading.scale is not None:
-            return reading.scale
-        stated = reading.unit or unit
+        if signal.scale is not None:
+            return signal.scale
+        stated = signal.unit or unit
         if stated is not None:
-            return unit_factor(stated, reading.si)
-        return self._header_factor(path, column, reading.si)
+            return unit_factor(stated, signal.si)
+        return self._header_factor(path, column, signal.si)
 
     def _header_factor(self, path: Path, column: Column, si: str) -> float:
         try:

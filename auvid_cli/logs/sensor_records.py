@@ -84,7 +84,7 @@ def read_sensors(
 
 
 def _read(name: str, sensor: SensorMap, request: Request, columns: ColumnReader) -> tuple[Rows, Array]:
-    rows = read_rows(request, sensor.readings(), sensor.valid, columns)
+    rows = read_rows(request, sensor.signals(), sensor.valid, columns)
     if sensor.repeats == "drop":
         rows = without_repeats(rows)
     values = in_vehicle_axes(sensor, rows, request.path)

@@ -9,7 +9,7 @@ from auvid_cli.logs.import_report import Account
 from auvid_cli.report.screen_table import screen_table
 
 
-def print_accounts(console: Console, accounts: Sequence[Account], remarks: Sequence[str]) -> None:
+def print_import_report(console: Console, accounts: Sequence[Account], remarks: Sequence[str]) -> None:
     """Print rate, span and losses of each sensor and input, and under the table what else was done."""
     table = screen_table()
     table.add_column("", no_wrap=True)

@@ -187,7 +187,7 @@ def _consistency(evaluation: Evaluation) -> Table:
 
 
 def rejections(evaluation: Evaluation) -> list[str]:
-    """Return a sentence for each filter whose gate rejected readings."""
+    """Return a sentence for each filter whose gate rejected measurements."""
     sentences = []
     for name in _filters(evaluation):
         counts = [

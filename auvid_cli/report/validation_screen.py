@@ -15,7 +15,7 @@ from auvid_cli.report.sentence import sentence
 from auvid_cli.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
 
 _DIGITS = 3
-_BAND = "Band: two standard deviations of coefficients, start and readings together, without process noise."
+_BAND = "Band: two standard deviations of coefficients, start and measurements together, without process noise."
 
 
 def print_validation(console: Console, found: Validation) -> None:

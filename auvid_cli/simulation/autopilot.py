@@ -111,7 +111,7 @@ def steer(controls, time, period, speed, turn_rate, depth, motion, feedforward, 
     feedforward : ndarray, shape (4,)
         Added to the inputs.
     memory : ndarray, shape (4,)
-        Starts as `INITIAL_MEMORY`.
+        InitialStates as `INITIAL_MEMORY`.
     inputs : ndarray, shape (4,)
         Filled in.
     """

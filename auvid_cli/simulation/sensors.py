@@ -31,20 +31,20 @@ def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict
         Each sensor and each of its imperfections draws from a stream of its own, derived from the
         seed and the sensor's name, so that changing one leaves the others' noise as it was.
     """
-    readings = {
+    measurements = {
         "gyroscope": _rates,
         "accelerometer": _specific_force,
         "magnetometer": _heading,
         "dvl": partial(_velocity_over_ground, current),
     }
     if suite.attitude.source == "direct":
-        readings["attitude"] = _attitude
+        measurements["attitude"] = _attitude
     records = {}
-    for name, reading in readings.items():
+    for name, measurement in measurements.items():
         settings: SensorSettings = getattr(suite, name)
         times = sample_times(settings, truth.time[-1])
         blocks = [times[first : first + _BLOCK] for first in range(0, max(times.size, 1), _BLOCK)]
-        true = np.concatenate([reading(*sample_motion(truth, block)) for block in blocks])
+        true = np.concatenate([measurement(*sample_motion(truth, block)) for block in blocks])
         if isinstance(settings, Dvl):
             true = true @ _seen_by(settings).T
         records[name] = corrupt(times, true, settings, name, seed)

@@ -9,17 +9,17 @@ from auvid_cli.config.experiment import ImportedRun
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from auvid_cli.identification.segments import the_only_segment, used_part
+from auvid_cli.identification.segments import the_only_segment, used_data
 
 Array = NDArray[np.float64]
 
-# Consecutive readings that are the same only if they are copies, and how many places are looked at for each sensor.
+# Consecutive measurements that are the same only if they are copies, and how many places are looked at for each sensor.
 _RUN, _PLACES = 8, 1000
 # Relative difference between two values that are the same for a model.
 _SAME = 1e-6
 
 
-def unseen_part(dataset: Dataset, estimate: Estimate, training: Dataset | None = None) -> Dataset:
+def unseen_data(dataset: Dataset, estimate: Estimate, training: Dataset | None = None) -> Dataset:
     """Return what is used of a dataset, if an estimate was not made from it.
 
     Parameters
@@ -35,14 +35,14 @@ def unseen_part(dataset: Dataset, estimate: Estimate, training: Dataset | None =
         As of `check_unseen`, or if several segments of the dataset are used, or none.
     """
     if training is not None:
-        training = used_part(replace(training, experiment=estimate.experiment))
+        training = used_data(replace(training, experiment=estimate.experiment))
     part = the_only_segment(dataset)
     check_unseen(part, estimate, training)
     return part
 
 
 def check_unseen(dataset: Dataset, estimate: Estimate, training: Dataset | None = None) -> None:
-    """Refuse readings that an estimate was made from.
+    """Refuse measurements that an estimate was made from.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def check_unseen(dataset: Dataset, estimate: Estimate, training: Dataset | None 
     Raises
     ------
     DataError
-        If the dataset is the estimate's own, or has readings in common with it.
+        If the dataset is the estimate's own, or has measurements in common with it.
     """
     advice = "a model must be judged on data that it has not seen: name another run, or a time with --use"
     shift = _clock_shift(dataset, estimate)
@@ -63,14 +63,14 @@ def check_unseen(dataset: Dataset, estimate: Estimate, training: Dataset | None 
         times = [record.time for record in dataset.sensors.values() if record.time.size]
         begin, end = min(t[0] for t in times) + shift, max(t[-1] for t in times) + shift
         used = estimate.experiment.identification.use.spans or ((estimate.time[0], estimate.time[-1]),)
-        # Where two stretches meet, one reading stands in both.
+        # Where two segments meet, one measurement stands in both.
         if any(begin < last and first < end for first, last in used):
             raise DataError(f"the estimate was made from this time of these very data; {advice}")
     if training is None:
         return
     for name, record in dataset.sensors.items():
         if name in training.sensors and have_run_in_common(record.values, training.sensors[name].values):
-            raise DataError(f"readings of {name} are among those that the estimate was made from; {advice}")
+            raise DataError(f"measurements of {name} are among those that the estimate was made from; {advice}")
 
 
 def _clock_shift(dataset: Dataset, estimate: Estimate) -> float | None:
@@ -86,9 +86,9 @@ def _clock_shift(dataset: Dataset, estimate: Estimate) -> float | None:
 
 
 def have_run_in_common(some: Array, others: Array) -> bool:
-    """Whether consecutive readings of one record stand in another too, at whatever times.
+    """Whether consecutive measurements of one record stand in another too, at whatever times.
 
-    Components that one of them never has are not looked at, nor readings that only repeat the one before.
+    Components that one of them never has are not looked at, nor measurements that only repeat the one before.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def have_run_in_common(some: Array, others: Array) -> bool:
 
 
 def _changing(record: Array) -> Array:
-    """Whole readings, each other than the one before."""
+    """Whole measurements, each other than the one before."""
     whole = record[np.isfinite(record).all(axis=1)]
     return whole[np.concatenate([[True], (np.diff(whole, axis=0) != 0.0).any(axis=1)])] if len(whole) else whole
 

@@ -1,4 +1,4 @@
-"""How well a prediction fits: sums over readings that can be taken part by part."""
+"""How well a prediction fits: sums over measurements that can be taken chunk by chunk."""
 
 from math import inf, isfinite, sqrt
 from typing import NamedTuple
@@ -10,28 +10,28 @@ Array = NDArray[np.float64]
 
 
 class Fit(NamedTuple):
-    """Sums over readings and what was predicted for them.
+    """Sums over measurements and what was predicted for them.
 
     Attributes
     ----------
-    readings : int
+    measurements : int
         How many.
     mean : float
-        Of the readings.
+        Of the measurements.
     spread : float
-        Sum of the squares of the readings' deviations from their mean.
+        Sum of the squares of the measurements' deviations from their mean.
     squares : float
         Sum of the squares of the errors; not finite if a prediction is not.
     """
 
-    readings: int = 0
+    measurements: int = 0
     mean: float = 0.0
     spread: float = 0.0
     squares: float = 0.0
 
     @classmethod
     def of(cls, measured: Array, predicted: Array) -> "Fit":
-        """Of readings, shape (n,), and their predictions, in one unit; angles without jumps of a turn."""
+        """Of measurements, shape (n,), and their predictions, in one unit; angles without jumps of a turn."""
         if not measured.size:
             return cls()
         mean = float(measured.mean())
@@ -41,24 +41,24 @@ class Fit(NamedTuple):
 
     def plus(self, other: "Fit") -> "Fit":
         """Of both together; the deviations by the update of Chan, Golub and LeVeque (1983)."""
-        readings = self.readings + other.readings
-        if not readings:
+        measurements = self.measurements + other.measurements
+        if not measurements:
             return self
         apart = other.mean - self.mean
-        mean = self.mean + apart * other.readings / readings
-        spread = self.spread + other.spread + apart**2 * self.readings * other.readings / readings
-        return Fit(readings, mean, spread, self.squares + other.squares)
+        mean = self.mean + apart * other.measurements / measurements
+        spread = self.spread + other.spread + apart**2 * self.measurements * other.measurements / measurements
+        return Fit(measurements, mean, spread, self.squares + other.squares)
 
     @property
     def rmse(self) -> float | None:
-        """Root mean square error; None without readings or where the prediction is not finite."""
-        return sqrt(self.squares / self.readings) if self.readings and isfinite(self.squares) else None
+        """Root mean square error; None without measurements or where the prediction is not finite."""
+        return sqrt(self.squares / self.measurements) if self.measurements and isfinite(self.squares) else None
 
     @property
     def percent(self) -> float | None:
         """100 (1 - norm of the errors / norm of the deviations from the mean): 100 is perfect, 0 is the mean itself.
 
-        None as for `rmse`, and where the readings do not vary; it can be any negative number.
+        None as for `rmse`, and where the measurements do not vary; it can be any negative number.
         """
         known = self.rmse is not None and 0.0 < self.spread < inf
         return 100.0 * (1.0 - sqrt(self.squares / self.spread)) if known else None

@@ -1,4 +1,4 @@
-"""The free run against every reading: the identified model, what there was before, and an unchanged motion."""
+"""The free run against every measurement: the identified model, what there was before, and an unchanged motion."""
 
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from auvid_cli.evaluation.measurement_errors import as_read
 from auvid_cli.evaluation.motion import FreeRun
 from auvid_cli.identification.timeline import Timelines
 from auvid_cli.validation.fit import Fit
-from auvid_cli.validation.initial_states import Starts
+from auvid_cli.validation.initial_states import InitialStates
 from auvid_cli.validation.models import Models
 from auvid_cli.validation.prediction import unchanged_motion
 from auvid_cli.validation.results import FREE_RUN, Prediction
@@ -32,7 +32,7 @@ class FreeRunFit(NamedTuple):
         ground. Of a long run evenly spaced samples.
     rows : list of Prediction
     excursion : dict of float
-        How far the run went from the mean of each signal but the heading, over how far the readings went; infinite
+        How far the run went from the mean of each signal but the heading, over how far the measurements went; infinite
         where it is not finite.
     """
 
@@ -46,7 +46,7 @@ def fit_free_runs(
     measuring: Mapping[str, SensorRecord],
     signals: Mapping[str, Signal],
     models: Models,
-    starts: Starts,
+    starts: InitialStates,
 ) -> FreeRunFit:
     """Run each model from the first start to the end of the data, and compare.
 
@@ -56,10 +56,10 @@ def fit_free_runs(
         From `with_model`.
     measuring, signals : mapping
     models : Models
-    starts : Starts
-        At least one. The first readings alone would be a poor start: their noise, and an attitude reference that has
-        not settled, would stay in all that follows. Readings are predicted with the sensors' errors and the current
-        that the filter knows at the end; where these walk, how they were before is left out.
+    starts : InitialStates
+        At least one. The first measurements alone would be a poor start: their noise, and an attitude reference that
+        has not settled, would stay in all that follows. Measurements are predicted with the sensors' errors and the
+        current that the filter knows at the end; where these walk, how they were before is left out.
     """
     start, motion, errors = float(starts.time[0]), starts.motion[0], starts.final_errors
     timelines = Timelines(dataset.inputs, dict(measuring), start, dataset.experiment.identification.integration_step)
@@ -100,7 +100,7 @@ def fit_free_runs(
             MOTION[MOTION_SYMBOLS.index(symbol)].unit,
             FREE_RUN,
             length,
-            fits["identified"][symbol].readings,
+            fits["identified"][symbol].measurements,
             signal.deviation,
             fits["identified"][symbol].percent,
             rmse("identified", symbol),
@@ -120,7 +120,7 @@ def fit_free_runs(
 
 
 def _fits(run: Iterator[tuple[Array, Array]], signals: Mapping[str, Signal]) -> dict[str, Fit]:
-    """Of every signal, part by part, of what is predicted of its readings."""
+    """Of every signal, chunk by chunk, of what is predicted of its measurements."""
     fits = dict.fromkeys(signals, Fit())
     turns: dict[str, float] = {}
     for time, predicted in run:

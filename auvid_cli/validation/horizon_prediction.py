@@ -1,7 +1,6 @@
 """Predictions from many starts along the data, over several horizons, with what their uncertainty amounts to."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.evaluation.measurement_errors import as_read
 from auvid_cli.identification.timeline import Timelines
 from auvid_cli.validation.fit import Fit
-from auvid_cli.validation.initial_states import Starts
+from auvid_cli.validation.initial_states import InitialStates
 from auvid_cli.validation.prediction import move_side_by_side, unchanged_motion
 from auvid_cli.validation.results import AHEAD, Prediction
 from auvid_cli.validation.signals import SAME, Signal, is_angle
@@ -20,20 +19,20 @@ from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
 Array = NDArray[np.float64]
 
 HORIZONS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
-# A horizon needs so many starts whose readings it reaches.
+# A horizon needs so many starts whose measurements it reaches.
 FEWEST_STARTS = 10
-# The reading that is compared comes at the horizon or, at the latest, so many times as long after the start.
+# The measurement that is compared comes at the horizon or, at the latest, so many times as long after the start.
 _LATEST = 1.5
 _SIGMAS = 2.0
 
 
 class Target(NamedTuple):
-    """A reading to be predicted: the horizon, s, the column of the motion, when, and what it says, SI."""
+    """A measurement to be predicted: the horizon, s, the column of the motion, when, and what it says, SI."""
 
     horizon: float
     column: int
     time: float
-    reading: float
+    measurement: float
     deviation: float
 
 
@@ -86,14 +85,14 @@ def evenly_spaced(begin: float, end: float, most: int) -> Array:
 
 
 def targets_of(signals: Mapping[str, Signal], start: float) -> list[Target]:
-    """The first reading of each signal at or after each horizon."""
+    """The first measurement of each signal at or after each horizon."""
     targets = []
     for symbol, signal in signals.items():
         for horizon in HORIZONS:
             i = signal.since(start + horizon)
             if i < signal.time.size and signal.time[i] <= start + _LATEST * horizon:
-                at, reading = float(signal.time[i]), float(signal.values[i])
-                targets.append(Target(horizon, MOTION_SYMBOLS.index(symbol), at, reading, signal.deviation))
+                at, measurement = float(signal.time[i]), float(signal.values[i])
+                targets.append(Target(horizon, MOTION_SYMBOLS.index(symbol), at, measurement, signal.deviation))
     return targets
 
 
@@ -101,15 +100,15 @@ def predict_ahead(
     dataset: Dataset,
     measuring: Mapping[str, SensorRecord],
     signals: Mapping[str, Signal],
-    starts: Starts,
+    starts: InitialStates,
     bundle: Bundle,
     rng: np.random.Generator,
 ) -> Collected:
-    """Predict readings from every start, with the sensors' errors and the current that are known there.
+    """Predict measurements from every start, with the sensors' errors and the current that are known there.
 
-    The variance holds how unsure coefficients, start, readings and their additive errors are, each by itself. It leaves
-    out the uncertainty of the current and of the DVL's scale and yaw, and that these go with the start's velocity: what
-    the filter knows well is the velocity over ground, less well its share through the water.
+    The variance holds how unsure coefficients, start, measurements and their additive errors are, each by itself. It
+    leaves out the uncertainty of the current and of the DVL's scale and yaw, and that these go with the start's
+    velocity: what the filter knows well is the velocity over ground, less well its share through the water.
 
     Parameters
     ----------
@@ -119,7 +118,7 @@ def predict_ahead(
         Its measuring sensors.
     signals : mapping
         Their signals.
-    starts : Starts
+    starts : InitialStates
     bundle : Bundle
         A drawn model also starts from a motion that is drawn from the uncertainty of the start.
     rng : numpy.random.Generator
@@ -158,20 +157,20 @@ def _variance(drawn: Array, centre: float) -> float:
 
 
 def _timelines(dataset: Dataset, measuring: Mapping[str, SensorRecord], start: float, end: float) -> Timelines:
-    """Events of a stretch of the data."""
-    stretch = {}
+    """Events of a segment of the data."""
+    segment = {}
     for name, record in measuring.items():
-        part = slice(*np.searchsorted(record.time, [start - SAME, end + SAME]))
-        if np.isfinite(record.values[part]).any():
-            stretch[name] = replace(record, time=record.time[part], values=record.values[part])
-    return Timelines(dataset.inputs, stretch, start, dataset.experiment.identification.integration_step)
+        own = record.between(start - SAME, end + SAME)
+        if np.isfinite(own.values).any():
+            segment[name] = own
+    return Timelines(dataset.inputs, segment, start, dataset.experiment.identification.integration_step)
 
 
 def rows_ahead(collected: Collected, names: Sequence[str], signals: Mapping[str, Signal]) -> Iterator[Prediction]:
     """A row for each horizon that is reached often enough, and signal.
 
-    The fit relates errors to how far the readings of the whole run are from their mean, at every horizon alike: those
-    that are compared may all be of a steady turn.
+    The fit relates errors to how far the measurements of the whole run are from their mean, at every horizon alike:
+    those that are compared may all be of a steady turn.
     """
     drawn, blown_up = collected.blown_up.size, int(collected.blown_up.sum())
     for horizon in HORIZONS:
@@ -180,7 +179,7 @@ def rows_ahead(collected: Collected, names: Sequence[str], signals: Mapping[str,
             own = [s for s in collected.samples if s.target.horizon == horizon and s.target.column == column]
             if len(own) < FEWEST_STARTS:
                 continue
-            measured = np.array([sample.target.reading for sample in own])
+            measured = np.array([sample.target.measurement for sample in own])
             predicted = np.array([sample.named for sample in own])
             fits = {name: Fit.of(measured, predicted[:, i]) for i, name in enumerate(names)}
             whole = fits["identified"]._replace(spread=len(own) * float(signal.values.var()))

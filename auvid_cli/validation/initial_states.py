@@ -1,4 +1,4 @@
-"""Where predictions start: the motion that a filter finds in the readings so far, with the coefficients held."""
+"""Where predictions start: the motion that a filter finds in the measurements so far, with the coefficients held."""
 
 from dataclasses import dataclass, replace
 
@@ -9,12 +9,13 @@ from auvid_cli.config.augmented_states import BiasName
 from auvid_cli.config.experiment import Prior, Use
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.measurement_errors import ReadingErrors, found_errors
+from auvid_cli.evaluation.measurement_errors import MeasurementErrors, estimated_errors
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import OK, Records, Timeline
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.actuators import lagged
 from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
@@ -26,8 +27,8 @@ _NOISE_FACTORS = (10.0, 100.0, 1000.0)
 
 
 @dataclass(frozen=True)
-class Starts:
-    """Filtered motion at some events, from the readings up to there.
+class InitialStates:
+    """Filtered motion at some events, from the measurements up to there.
 
     Attributes
     ----------
@@ -36,12 +37,12 @@ class Starts:
     motion, deviation : ndarray, shape (k, 9)
         Mean and standard deviation.
         The velocity is that through the water where the filter looks for a current.
-    errors, errors_deviation : list of ReadingErrors
+    errors, errors_deviation : list of MeasurementErrors
         Mean and standard deviation of what the filter finds of the sensors' errors and of the current by then.
-    final_errors : ReadingErrors
+    final_errors : MeasurementErrors
         The mean at the end.
     nis : dict of float
-        Normalised innovation squared of each sensor, per component: 1 if readings are predicted as well from one to
+        Normalised innovation squared of each sensor, per component: 1 if measurements are predicted as well from one to
         the next as the model says.
     status : str
         "completed", or how far the filter came.
@@ -52,9 +53,9 @@ class Starts:
     time: Array
     motion: Array
     deviation: Array
-    errors: list[ReadingErrors]
-    errors_deviation: list[ReadingErrors]
-    final_errors: ReadingErrors
+    errors: list[MeasurementErrors]
+    errors_deviation: list[MeasurementErrors]
+    final_errors: MeasurementErrors
     nis: dict[str, float]
     status: str
     noise_factor: float = 1.0
@@ -83,17 +84,17 @@ def with_model(dataset: Dataset, estimate: Estimate) -> Dataset:
     return replace(dataset, truth=None, experiment=experiment, inputs=replace(inputs, values=values))
 
 
-def filtered_starts(dataset: Dataset, wanted: Array) -> Starts:
+def filtered_initial_states(prepared: PreparedData, wanted: Array) -> InitialStates:
     """Filter the motion alone, and keep it at the first events at or after some times.
 
-    Each start knows only readings before what is predicted from it, at whatever times each sensor spoke, and what
+    Each start knows only measurements before what is predicted from it, at whatever times each sensor spoke, and what
     no sensor measures comes from the model. The process noise is that of the estimate's settings; where the
-    innovations of the whole run contradict it, it is made larger, so that the readings and not a wrong model say where
-    predictions start. The NIS stays that of the settings.
+    innovations of the whole run contradict it, it is made larger, so that the measurements and not a wrong model say
+    where predictions start. The NIS stays that of the settings.
 
     Parameters
     ----------
-    dataset : Dataset
+    prepared : PreparedData
         From `with_model`.
     wanted : ndarray, shape (k,)
         s, increasing.
@@ -103,28 +104,28 @@ def filtered_starts(dataset: Dataset, wanted: Array) -> Starts:
     DataError
         As `augmented_problem`.
     """
-    first = found = _filtered(dataset, wanted)
+    first = found = _filtered(prepared, wanted)
     for factor in _NOISE_FACTORS:
         if found.status == "completed" and max(found.nis.values()) <= LARGEST_NIS:
             break
-        found = replace(_filtered(_with_noise(dataset, factor), wanted), noise_factor=factor)
+        found = replace(_filtered(_with_noise(prepared, factor), wanted), noise_factor=factor)
     return replace(found, nis=first.nis)
 
 
-def _with_noise(dataset: Dataset, factor: float) -> Dataset:
-    """With all densities of the process noise so many times as large."""
-    settings = dataset.experiment.identification
+def _with_noise(prepared: PreparedData, factor: float) -> PreparedData:
+    """Prepare the data with all densities of the process noise so many times as large."""
+    settings = prepared.experiment.identification
     noise = settings.process_noise
     larger = noise.model_copy(update={name: factor * density for name, density in noise.model_dump().items()})
     identification = settings.model_copy(update={"process_noise": larger})
-    return replace(dataset, experiment=dataset.experiment.model_copy(update={"identification": identification}))
+    return prepared.with_settings(prepared.experiment.model_copy(update={"identification": identification}))
 
 
-def _filtered(dataset: Dataset, wanted: Array) -> Starts:
-    problem = augmented_problem(dataset)
+def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
+    problem = augmented_problem(prepared)
     motion = problem.layout.rows_of("motion")
     kept, squares, components = [], np.zeros(len(problem.measuring)), np.zeros(len(problem.measuring))
-    timelines, prior = problem.stretches[0].timelines, problem.prior
+    timelines, prior = problem.segments[0].timelines, problem.prior
     reached, last = timelines.span[0], prior.mean
 
     def receive(timeline: Timeline, records: Records) -> None:
@@ -134,28 +135,28 @@ def _filtered(dataset: Dataset, wanted: Array) -> Starts:
             return
         time = timeline.time[:good]
         moments = wanted[(wanted > reached) & (wanted <= time[-1])]
-        # Where readings are far apart, the same event follows several times.
+        # Where measurements are far apart, the same event follows several times.
         events = np.unique(np.searchsorted(time, moments))
         kept.extend(zip(time[events], records.mean[events], records.standard_deviation[events], strict=True))
         reached, last = float(time[-1]), records.mean[-1]
-        said = timeline.reading_sensor[: len(records.nis)]
+        said = timeline.measurement_sensor[: len(records.nis)]
         for sensor in range(squares.size):
             own = (said == sensor) & np.isfinite(records.nis)
             squares[sensor] += records.nis[own].sum()
             components[sensor] += np.isfinite(records.innovation_variance[own]).sum()
 
     points = cubature(prior.mean.size)
-    ending = run_square_root_filter(points, problem.process, problem.sensors, timelines, prior, receive)
+    outcome = run_square_root_filter(points, problem.process, problem.sensors, timelines, prior, receive)
     time, mean, deviation = (np.array(rows) for rows in zip(*kept, strict=True)) if kept else (np.zeros(0),) * 3
     shape = len(kept), len(problem.layout.symbols)
     mean, deviation = mean.reshape(shape), deviation.reshape(shape)
-    return Starts(
+    return InitialStates(
         time,
         mean[:, motion],
         deviation[:, motion],
-        [found_errors(problem.layout.symbols, row) for row in mean],
-        [found_errors(problem.layout.symbols, row) for row in deviation],
-        found_errors(problem.layout.symbols, last),
+        [estimated_errors(problem.layout.symbols, row) for row in mean],
+        [estimated_errors(problem.layout.symbols, row) for row in deviation],
+        estimated_errors(problem.layout.symbols, last),
         {name: float(s / max(n, 1.0)) for name, s, n in zip(problem.measuring, squares, components, strict=True)},
-        "completed" if ending.culprit == OK else f"diverged at t = {reached:.3f} s",
+        "completed" if outcome.failure == OK else f"diverged at t = {reached:.3f} s",
     )

@@ -24,7 +24,7 @@ _STEADY, _SHORTEST, _LONGEST_REVERSAL = 0.1, 1.0, 3.0
 _ALIKE = 0.2
 # Heading, rad, in which a turn becomes steady, and for which it then goes on at least.
 _TRANSIENT, _STEADY_TURN = np.pi, np.pi
-# s; heading and its extremes are read off a parabola through the readings around.
+# s; heading and its extremes are read off a parabola through the measurements around.
 _AROUND = 0.5
 _APPROACH = 10.0
 # What of the attitude tells how level a path is.
@@ -40,7 +40,7 @@ class Hold(NamedTuple):
 
 
 def rudder_holds(inputs: InputRecord) -> list[Hold]:
-    """Stretches of time in which the rudder is over and does not move."""
+    """Segments of time in which the rudder is over and does not move."""
     rudder = inputs.values[:, _RUDDER]
     largest = float(np.abs(rudder).max())
     if largest < _SMALLEST:
@@ -66,7 +66,7 @@ def manoeuvre_numbers(inputs: InputRecord, signals: Mapping[str, Signal], run: F
     ----------
     inputs : InputRecord
     signals : mapping
-        Readings by motion symbol.
+        Measurements by motion symbol.
     run : FreeRun
         By the same inputs, as the sensors read it; of it too only what they measure is used.
     """
@@ -131,7 +131,7 @@ def overshoot(heading: Signal, reversal: float, end: float, side: float) -> floa
 
 
 def heading_at(heading: Signal, time: float) -> float:
-    """Heading at a time, from a parabola through the readings around it, rad."""
+    """Heading at a time, from a parabola through the measurements around it, rad."""
     around = slice(*np.searchsorted(heading.time, [time - _AROUND, time + _AROUND]))
     apart, values = heading.time[around] - time, heading.values[around]
     if apart.size < 5:

@@ -40,7 +40,7 @@ def _prior(estimate: Estimate) -> Mapping[str, float] | None:
         return estimate.held | dict.fromkeys(estimated, 0.0)
     if estimate.in_one_batch:
         return None
-    # The first readings say nothing of coefficients: there the mean is still the prior's.
+    # The first measurements say nothing of coefficients: there the mean is still the prior's.
     return estimate.held | {symbol: float(estimate.mean[0, estimate.state.index(symbol)]) for symbol in estimated}
 
 

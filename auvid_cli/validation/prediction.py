@@ -44,18 +44,18 @@ def move_side_by_side(
     states, found = block.reshape(N_MOTION, LANES), np.empty((wanted.size, n, N_MOTION))
     done = 0
     for timeline in timelines:
-        inputs, durations = [timeline.inputs[i] for i in timeline.piece_input], timeline.piece_duration.tolist()
-        piece = 0
+        inputs, durations = [timeline.inputs[i] for i in timeline.substep_input], timeline.substep_duration.tolist()
+        substep = 0
         for event in np.searchsorted(timeline.time, wanted[done:] - SAME):
             if event == timeline.time.size:
                 break
-            until = int(timeline.piece_offset[event + 1])
-            for held, duration in zip(inputs[piece:until], durations[piece:until], strict=True):
+            until = int(timeline.substep_offset[event + 1])
+            for held, duration in zip(inputs[substep:until], durations[substep:until], strict=True):
                 runge_kutta_step(block, rows, held, constants, n, duration, work)
-            found[done], piece, done = states[:, :n].T, until, done + 1
+            found[done], substep, done = states[:, :n].T, until, done + 1
         if done == wanted.size:
             break
-        for held, duration in zip(inputs[piece:], durations[piece:], strict=True):
+        for held, duration in zip(inputs[substep:], durations[substep:], strict=True):
             runge_kutta_step(block, rows, held, constants, n, duration, work)
     return found[:done]
 

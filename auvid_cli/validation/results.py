@@ -20,20 +20,20 @@ class Prediction(NamedTuple):
     signal, unit : str
         Motion state and its SI unit.
     kind : str
-        `FREE_RUN`, against every reading of the run, or `AHEAD`, from many starts.
+        `FREE_RUN`, against every measurement of the run, or `AHEAD`, from many starts.
     horizon_s : float
-        Time from the start to the readings; of a free run its length.
-    readings : int
+        Time from the start to the measurements; of a free run its length.
+    measurements : int
         How many are compared.
     noise : float
-        Stated standard deviation of a reading, below which no RMSE can fall if it is right.
+        Stated standard deviation of a measurement, below which no RMSE can fall if it is right.
     fit_percent, rmse : float or None
-        Of the identified model; the fit goes by how far the readings of the whole run are from their mean.
+        Of the identified model; the fit goes by how far the measurements of the whole run are from their mean.
     prior_rmse, vehicle_file_rmse, constant_velocity_rmse : float or None
         Of what there was before: the prior's mean, the coefficients in the vehicle file, and the motion at the start
         going on as it is.
     expected_rmse : float or None
-        What the stated uncertainties of coefficients, start and readings amount to; what the model leaves out, for
+        What the stated uncertainties of coefficients, start and measurements amount to; what the model leaves out, for
         which the process noise stands, is not in it.
     share_within_band : float or None
         Of the errors, those within two of these standard deviations; 0.95 if the uncertainties are right.
@@ -46,7 +46,7 @@ class Prediction(NamedTuple):
     unit: str
     kind: str
     horizon_s: float
-    readings: int
+    measurements: int
     noise: float
     fit_percent: float | None
     rmse: float | None
@@ -120,6 +120,6 @@ class Validation(NamedTuple):
         return frames(self.tables())
 
     def worse_than_the_mean(self, kind: str) -> list[str]:
-        """Signals whose readings are nearer to their own mean than to a prediction of a kind."""
+        """Signals whose measurements are nearer to their own mean than to a prediction of a kind."""
         fits = ((row.signal, row.fit_percent) for row in self.predictions if row.kind == kind)
         return list(dict.fromkeys(signal for signal, fit in fits if fit is not None and fit < 0.0))

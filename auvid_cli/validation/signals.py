@@ -1,4 +1,4 @@
-"""Readings as one signal for each measured motion state."""
+"""Measurements as one signal for each measured motion state."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS
 Array = NDArray[np.float64]
 
 _ANGLES = MOTION_SYMBOLS[6:]
-# s; times that differ by less are the same: those of events are whole nanoseconds, half of one away from a reading's.
+# s; times that differ by less are the same: those of events are whole nanoseconds, half of one from a measurement's.
 SAME = 0.75e-9
 
 
@@ -22,9 +22,9 @@ class Signal(NamedTuple):
     Attributes
     ----------
     time, values : ndarray, shape (n,)
-        Finite readings only, s and SI; angles without jumps of a turn.
+        Finite measurements only, s and SI; angles without jumps of a turn.
     deviation : float
-        Stated standard deviation of a reading, SI.
+        Stated standard deviation of a measurement, SI.
     """
 
     time: Array
@@ -32,13 +32,13 @@ class Signal(NamedTuple):
     deviation: float
 
     def since(self, time: float) -> int:
-        """Index of the first reading at or after a time."""
+        """Index of the first measurement at or after a time."""
         return int(np.searchsorted(self.time, time - SAME))
 
     def turns(self, time: float, value: float) -> float:
-        """What to add to a value at a time to be on the same turn as the readings, rad; a multiple of a turn."""
-        reading = self.values[max(int(np.searchsorted(self.time, time + SAME)) - 1, 0)]
-        return 2.0 * np.pi * float(np.round((reading - value) / (2.0 * np.pi)))
+        """What to add to a value at a time to be on the same turn as the measurements, rad; a multiple of a turn."""
+        measurement = self.values[max(int(np.searchsorted(self.time, time + SAME)) - 1, 0)]
+        return 2.0 * np.pi * float(np.round((measurement - value) / (2.0 * np.pi)))
 
 
 def is_angle(symbol: str) -> bool:

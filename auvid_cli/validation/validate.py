@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from auvid_cli.identification.timeline import initial_motion, measuring_sensors
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.validation.data_leakage import other_vehicle
 from auvid_cli.validation.free_run_fit import fit_free_runs
 from auvid_cli.validation.horizon_prediction import Bundle, evenly_spaced, predict_ahead, rows_ahead
-from auvid_cli.validation.initial_states import Starts, filtered_starts, with_model
+from auvid_cli.validation.initial_states import InitialStates, filtered_initial_states, with_model
 from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
 from auvid_cli.validation.models import Models, drawn_coefficients, models_of
 from auvid_cli.validation.results import ManoeuvreNumber, Validation
@@ -29,7 +29,7 @@ STARTS, DRAWS = 100, 50
 def validate(dataset: Dataset, estimate: Estimate, starts: int = STARTS) -> Validation:
     """Predict a manoeuvre with an identified model; no truth is looked at.
 
-    Vehicle, coefficients and settings are the estimate's, inputs and readings the dataset's.
+    Vehicle, coefficients and settings are the estimate's, inputs and measurements the dataset's.
 
     Parameters
     ----------
@@ -47,14 +47,15 @@ def validate(dataset: Dataset, estimate: Estimate, starts: int = STARTS) -> Vali
     if not estimate.completed:
         raise DataError(f"the estimate {estimate.status}: it is no model to be validated")
     seen, models = with_model(dataset, estimate), models_of(estimate)
-    measuring = measuring_sensors(seen)
+    prepared = prepare(seen)
+    measuring = prepared.measuring
     signals = measured_signals(measuring)
-    begin, _ = initial_motion(seen, measuring)
+    begin = prepared.segments[0].timelines.span[0]
     end = max(float(signal.time[-1]) for signal in signals.values())
-    found = filtered_starts(seen, evenly_spaced(begin, end, starts))
+    found = filtered_initial_states(prepared, evenly_spaced(begin, end, starts))
     if not found.time.size:
         raise DataError(
-            f"there is no time at which a prediction can start: the readings from {begin:g} s to {end:g} s are too "
+            f"there is no time at which a prediction can start: the measurements from {begin:g} s to {end:g} s are too "
             f"short, or this model cannot follow them ({found.status})"
         )
     free = fit_free_runs(seen, measuring, signals, models, found)
@@ -81,7 +82,7 @@ def _bundle(models: Models, drawn: Array | None) -> Bundle:
     return Bundle(tuple(named), table if drawn is None else np.vstack([table, drawn]))
 
 
-def _remarks(dataset: Dataset, estimate: Estimate, starts: Starts, blown_up: NDArray[np.bool_]) -> Iterator[str]:
+def _remarks(dataset: Dataset, estimate: Estimate, starts: InitialStates, blown_up: NDArray[np.bool_]) -> Iterator[str]:
     if other := other_vehicle(dataset, estimate):
         yield (
             f"the dataset states another vehicle ({', '.join(other)} differ); the model is the estimate's, of "
@@ -90,7 +91,7 @@ def _remarks(dataset: Dataset, estimate: Estimate, starts: Starts, blown_up: NDA
     if starts.noise_factor > 1.0:
         yield (
             f"the filter that finds where predictions start got {starts.noise_factor:g} times the process noise of the "
-            "settings, which the readings contradict"
+            "settings, which the measurements contradict"
         )
     if not blown_up.size:
         yield "the covariance of the coefficients is not finite and positive definite: errors have no band"

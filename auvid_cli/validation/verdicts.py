@@ -6,11 +6,11 @@ from auvid_cli.evaluation.check import Check
 from auvid_cli.validation.initial_states import LARGEST_NIS
 from auvid_cli.validation.results import AHEAD, Prediction
 
-# Standard deviations of a reading from which an error is more than noise.
+# Standard deviations of a measurement from which an error is more than noise.
 _SIGMAS = 3.0
 # Over a short time what is not known of the start makes all models nearly alike.
 _LARGEST_RATIO = 1.1
-# Times as far as the readings ever go from their mean.
+# Times as far as the measurements ever go from their mean.
 _LARGEST_EXCURSION = 10.0
 # Of the errors within two standard deviations it should be 95 %; starts that follow each other are alike.
 _SMALLEST_SHARE = 0.85
@@ -29,7 +29,7 @@ def verdicts(
     excursion : mapping
         Of the free run, see `FreeRunFit`.
     nis : mapping
-        Of the filter that finds the starts, by sensor, see `Starts`.
+        Of the filter that finds the starts, by sensor, see `InitialStates`.
     status : str
         Of that filter.
     """
@@ -40,7 +40,7 @@ def verdicts(
         "stable",
         excursion,
         _LARGEST_EXCURSION,
-        "times the reach of the readings",
+        "times the reach of the measurements",
         "Left to itself the model runs away. A vehicle that is unstable in open loop does so too: judge it by the "
         "predictions ahead; else the coefficients are wrong.",
     )
@@ -51,7 +51,7 @@ def verdicts(
         status,
         "to the end of the data",
         status == "completed",
-        "With this model no filter follows these readings: predictions were made as far as it came.",
+        "With this model no filter follows these measurements: predictions were made as far as it came.",
     )
     checks = [stable, followed]
     if ahead:
@@ -63,12 +63,12 @@ def verdicts(
     checks.append(
         Check.of_values(
             name,
-            "one reading ahead",
+            "one measurement ahead",
             "NIS",
             nis,
             LARGEST_NIS,
             "of a component",
-            "From one reading to the next the model errs more than its settings say: its coefficients are off, it "
+            "From one measurement to the next the model errs more than its settings say: its coefficients are off, it "
             "misses something here, or these sensors are worse than stated.",
             fails=False,
         )

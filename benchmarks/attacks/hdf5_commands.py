@@ -59,6 +59,7 @@ def on_estimate(rng: random.Random, material: Material, folder: Path) -> _Comman
         command = ("export", "results/estimates/tukf.h5", *command[2:])
     if "results" in " ".join(command):
         (folder / "results" / "estimates").mkdir(parents=True)
-        (folder / "damaged.h5").rename(folder / "results" / "estimates" / "tukf.h5")
+        if os.path.lexists(folder / "damaged.h5"):
+            (folder / "damaged.h5").rename(folder / "results" / "estimates" / "tukf.h5")
         os.link(dataset, folder / "results" / "dataset.h5")
     return f"estimate, {name}", (command,)

@@ -11,6 +11,7 @@ from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.identification.identify import identify
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.simulation.simulate import simulate
 
 TEXT = """\
@@ -42,7 +43,7 @@ def test_runs_are_measured_as_the_report_does(performed):
         experiment = Experiment.model_validate_json(told)
         dataset = simulate(experiment)
         estimate = identify(dataset, experiment.identification.filters[0])
-        wanted = evaluate(dataset, [estimate], BoundsOf(dataset))
+        wanted = evaluate(prepare(dataset), [estimate], BoundsOf(prepare(dataset)))
         rows = {(row.kind, row.name): row for row in result.rows}
         for row in wanted.coefficients:
             found = rows["coefficient", row.coefficient]

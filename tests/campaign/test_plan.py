@@ -57,11 +57,11 @@ def test_runs_on_the_same_data_go_together_and_are_told_their_own_settings(plann
         rate = {run.labels["rate"] for run in group.runs}
         assert rate == {"slow" if data.sensors.gyroscope.rate == 10.0 else "fast"}
         assert {run.seed for run in group.runs} == {data.seed}
-        for run, belief in zip(group.runs, told(group), strict=True):
-            assert belief.identification.prior.factor == run.labels["identification.prior.factor"]
-            assert belief.sensors == data.sensors
-            (name,) = belief.identification.filters
-            assert (name.value, belief.identification.ekf.transition) == (
+        for run, given in zip(group.runs, told(group), strict=True):
+            assert given.identification.prior.factor == run.labels["identification.prior.factor"]
+            assert given.sensors == data.sensors
+            (name,) = given.identification.filters
+            assert (name.value, given.identification.ekf.transition) == (
                 ("ekf", "first_order") if run.filter == "first_order" else ("ckf", "first_order")
             )
 

@@ -97,7 +97,7 @@ def test_a_file_without_truth_gives_the_same_estimates_bit_by_bit(results, tmp_p
             assert one[name][...].tobytes() == other[name][...].tobytes()
 
 
-def test_stretches_are_fitted_together_and_reported(results, tmp_path):
+def test_segments_are_fitted_together_and_reported(results, tmp_path):
     shutil.copy(results[0] / "results/spiral/dataset.h5", tmp_path / "mission.h5")
     command = ("identify", "mission.h5", "-f", "output_error", "-f", "tukf", "--use", ":5", "--use", "6:")
     result = auvid(*command, cwd=tmp_path)

@@ -161,7 +161,11 @@ inputs: {{rudder: dr}}
     [
         (5.0, None, 0),  # goes on
         (4.55, "file 2 of the log overlaps those before it from 4.550 to 4.900 s by the log's clock: taken as they", 0),
-        (0.0, "file 2 of the log and those before it both have readings from 0.000 to 4.900 s, so they do not con", 2),
+        (
+            0.0,
+            "file 2 of the log and those before it both have measurements from 0.000 to 4.900 s, so they do not con",
+            2,
+        ),
     ],
 )
 def test_files_whose_clocks_overlap_are_said_or_refused(tmp_path, begin, said, code):

@@ -14,6 +14,7 @@ from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import new_estimate, write_estimate
 from auvid_cli.identification.identify import identify, set_up_filters
+from auvid_cli.identification.prepared_data import prepare
 
 WHITE = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
 CIRCLE = "manoeuvre={type: turning_circle, duration: 60 s, speed: 3.9 m/s, rudder: -15 deg, approach: 10 s}"
@@ -97,7 +98,7 @@ def test_what_an_estimate_left_out_of_a_dataset_is_new_to_it(results, tmp_path):
     use = {"spans": ((0.0, half),)}
     settings = dataset.experiment.identification.model_copy(update={"use": Use.model_validate(use)})
     early = replace(dataset, experiment=dataset.experiment.model_copy(update={"identification": settings}))
-    (run_of,) = set_up_filters(early, [FilterName.CKF])
+    (run_of,) = set_up_filters(prepare(early), [FilterName.CKF])
     with new_estimate(tmp_path / "early.h5", run_of.header) as writer:
         writer.finish(run_of.run(writer.append))
     new = run(tmp_path / "early.h5", results / "dataset.h5", "--use", f"{half + 0.1}:1000", "-o", tmp_path / "out")

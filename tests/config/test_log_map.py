@@ -33,7 +33,7 @@ def test_short_forms_mean_the_long_ones(load):
     gyroscope = short.sensors.gyroscope
     assert gyroscope.columns.p.column == "gx"
     assert gyroscope.columns.r.sign == -1
-    assert list(gyroscope.readings()) == ["p", "r"]
+    assert list(gyroscope.signals()) == ["p", "r"]
     assert gyroscope.standard_deviation == pytest.approx((0.00349066,) * 3, rel=1e-5)
     assert short.use == ((1.0, 2.0),)
     assert (short.time.column, short.time.offset) == ("t", 0.0)
@@ -46,7 +46,7 @@ def test_quaternion_by_its_stem_and_mount_by_its_name(load):
     attitude = load(
         HEAD + "sensors:\n  attitude: {quaternion: pose.q, mount: upside down, standard_deviation: estimate}\n" + INPUTS
     ).sensors.attitude
-    assert [reading.column for reading in attitude.readings().values()] == [
+    assert [signal.column for signal in attitude.signals().values()] == [
         "pose.q.w",
         "pose.q.x",
         "pose.q.y",

@@ -121,7 +121,7 @@ def test_aliases_cannot_nest_too_deeply():
     assert "nested too deeply" in only_mistake("\n".join(levels))
 
 
-def test_reading_ends_where_there_are_too_many_values():
+def test_measurement_ends_where_there_are_too_many_values():
     assert "more than 10000 values" in only_mistake("\n".join(f"key{i}: 1" for i in range(90_000)))
 
 

@@ -149,6 +149,6 @@ def test_sums_over_innovations_are_of_all_however_few_are_read(estimate, write_e
     assert thin.innovations["gyroscope"].time.size < estimate.innovations["gyroscope"].time.size
     for name, innovations in estimate.innovations.items():
         got, expected = thin.innovations[name].tally(), innovations.tally()
-        assert (got.readings, got.rejected, got.start) == (expected.readings, expected.rejected, expected.start)
+        assert (got.measurements, got.rejected, got.start) == (expected.measurements, expected.rejected, expected.start)
         assert np.allclose(got.squares, expected.squares, rtol=1e-12)
         assert np.array_equal(got.components, expected.components)

@@ -90,6 +90,7 @@ WRONG = [
     ("held_value", with_(0, np.nan)),
     *((f"innovations/dvl/{name}", with_(1, np.inf)) for name in ("innovation", "variance", "nis")),
     *((f"innovations/dvl/{name}", with_(1, -1.0)) for name in ("variance", "nis")),
+    ("innovations/dvl/variance", with_(1, 0.0)),
     *((f"innovations/dvl/{name}", lambda rows: rows[1:]) for name in ("innovation", "nis", "standard_deviation")),
     ("innovations/dvl/time", np.negative),
     ("innovations/dvl/standard_deviation", np.negative),
@@ -136,7 +137,7 @@ def test_arrays_of_a_dataset_are_as_they_must_be(name, change, written, tmp_path
     refused(read_dataset, path)
 
 
-def test_an_infinite_reading_is_missing(written, tmp_path):
+def test_an_infinite_measurement_is_missing(written, tmp_path):
     path = shutil.copy(written["dataset"], tmp_path / "dataset.h5")
     with h5py.File(path, "a") as file:
         file["sensors/gyroscope/p"][3] = np.inf

@@ -14,6 +14,7 @@ from auvid_cli.evaluation.identifiability import assess_dataset
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.identify import identify
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
@@ -30,18 +31,18 @@ def with_identification(estimate, **changes):
 
 
 def test_with_truth_the_bound_is_one_for_all_and_that_of_the_true_motion(short_run, short_estimates):
-    bounds_of = BoundsOf(short_run)
+    bounds_of = BoundsOf(prepare(short_run))
     bounds = {name: bounds_of(estimate).of_data for name, estimate in short_estimates.items()}
     assert all(found is bounds[FilterName.CKF] for found in bounds.values())
     truth = short_run.truth
     at_start = truth.motion[np.argmin(np.abs(truth.time - short_estimates[FilterName.CKF].time[0]))]
-    assert bounds[FilterName.CKF] == information_at(short_run, truth.coefficients, [at_start]).bound()
+    assert bounds[FilterName.CKF] == information_at(prepare(short_run), truth.coefficients, [at_start]).bound()
     assert set(SYMBOLS) < set(bounds[FilterName.CKF])
 
 
 def test_without_truth_it_is_that_of_each_estimate_and_nearly_the_same(short_run, short_estimates):
-    with_truth = BoundsOf(short_run)(short_estimates[FilterName.CKF]).of_data
-    bounds_of = BoundsOf(short_run.without_truth())
+    with_truth = BoundsOf(prepare(short_run))(short_estimates[FilterName.CKF]).of_data
+    bounds_of = BoundsOf(prepare(short_run.without_truth()))
     found = [bounds_of(short_estimates[name]).of_data for name in (FilterName.CKF, FilterName.OUTPUT_ERROR)]
     assert found[0] != found[1]
     for bounds in found:
@@ -53,10 +54,10 @@ def test_with_the_prior_it_is_that_of_both_informations_together(simulated_with,
     """On 10 s of data the prior on one coefficient helps others a good deal; checked with plain matrices."""
     dataset = simulated_with("manoeuvre.duration=10 s")
     estimate = replace(ckf, experiment=dataset.experiment)
-    bounds = BoundsOf(dataset)(estimate)
+    bounds = BoundsOf(prepare(dataset))(estimate)
     start = dataset.truth.motion[np.argmin(np.abs(dataset.truth.time - 0.01))]
-    information = information_at(dataset, dataset.truth.coefficients, [start])
-    prior = augmented_problem(dataset).prior
+    information = information_at(prepare(dataset), dataset.truth.coefficients, [start])
+    prior = augmented_problem(prepare(dataset)).prior
     total = information.total.factor.T @ information.total.factor + np.linalg.inv(prior.factor @ prior.factor.T)
     expected = information.scale * np.sqrt(np.diag(np.linalg.inv(total)))
     assert_allclose([bounds.with_prior[symbol] for symbol in information.state], expected, rtol=1e-6)
@@ -66,7 +67,7 @@ def test_with_the_prior_it_is_that_of_both_informations_together(simulated_with,
 
 
 def test_the_prior_counts_for_the_output_error_method_only_if_it_was_used(short_run, short_estimates):
-    bounds_of, estimate = BoundsOf(short_run), short_estimates[FilterName.OUTPUT_ERROR]
+    bounds_of, estimate = BoundsOf(prepare(short_run)), short_estimates[FilterName.OUTPUT_ERROR]
     assert bounds_of(estimate).with_prior == bounds_of(estimate).of_data
     settings = estimate.experiment.identification.output_error.model_copy(update={"use_prior": True})
     used = bounds_of(with_identification(estimate, output_error=settings))
@@ -75,7 +76,7 @@ def test_the_prior_counts_for_the_output_error_method_only_if_it_was_used(short_
 
 def test_the_settings_are_those_of_the_estimate_and_an_earlier_one_is_not_looked_up(short_run, ckf):
     prior = ckf.experiment.identification.prior.model_copy(update={"from_estimate": "no such file.h5"})
-    bounds_of = BoundsOf(short_run)
+    bounds_of = BoundsOf(prepare(short_run))
     few = bounds_of(with_identification(ckf, prior=prior, coefficients=("X_u|u|", "N_url")))
     assert few.of_data.keys() & set(SYMBOLS) == {"X_u|u|", "N_url"}
     assert few.of_data["N_url"] < bounds_of(ckf).of_data["N_url"]
@@ -86,10 +87,10 @@ def test_coefficients_whose_model_blows_up_have_no_bound_and_that_is_said(short_
     ckf = replace(ckf, mean=ckf.mean.copy())
     ckf.mean[-1, ckf.state.index("X_u|u|")] = 1e6
     dataset = short_run.without_truth()
-    bounds = BoundsOf(dataset)(ckf)
+    bounds = BoundsOf(prepare(dataset))(ckf)
     assert bounds.of_data == bounds.with_prior == {}
     assert "blows up" in bounds.remark
-    (check,) = (check for check in check_estimate(dataset, ckf, bounds) if check.check == "bound")
+    (check,) = (check for check in check_estimate(prepare(dataset), ckf, bounds) if check.check == "bound")
     assert check.passed is None
     assert "blows up" in check.advice
 
@@ -107,12 +108,12 @@ def test_a_motion_too_unstable_for_sensitivities_is_judged_as_long_as_they_hold(
     assert found.growth[-1][0] < 200.0
     assert all(bound.cramer_rao_bound < np.inf for bound in found.bounds)
     estimate = identify(unstable_run, FilterName.CKF)
-    bounds = BoundsOf(unstable_run)(estimate)
+    bounds = BoundsOf(prepare(unstable_run))(estimate)
     assert bounds.of_data == {}
     assert "unstable in open loop" in bounds.remark
 
 
-def test_in_stretches_that_are_short_enough_it_is_judged_to_the_end(unstable_run, with_settings):
+def test_in_segments_that_are_short_enough_it_is_judged_to_the_end(unstable_run, with_settings):
     whole, short = assess_dataset(unstable_run), "identification.use.spans=[[0, 100], [100.5, 200], [200.5, 300]]"
     cut = assess_dataset(with_settings(unstable_run, short))
     assert cut.remark == ""
@@ -127,7 +128,7 @@ def test_in_stretches_that_are_short_enough_it_is_judged_to_the_end(unstable_run
 def test_standard_deviations_are_checked_against_the_least_that_are_possible(short_run, ckf, share, failing, noted):
     places = [ckf.state.index(symbol) for symbol in SYMBOLS]
     known = {symbol: ckf.standard_deviation[-1, i] / share for symbol, i in zip(SYMBOLS, places, strict=True)}
-    checks = {check.check: check.passed for check in check_estimate(short_run, ckf, Bounds({}, known))}
+    checks = {check.check: check.passed for check in check_estimate(prepare(short_run), ckf, Bounds({}, known))}
     assert checks["not below the bound"] is not failing
     assert checks["near the bound"] is (None if noted else True)
 
@@ -141,7 +142,7 @@ def test_a_fit_that_ends_at_a_limit_is_no_estimate_and_that_is_said(short_run, s
             update={"bounds": {"N_uvl": (0.0, upper)}}
         )
         limited = with_identification(estimate, output_error=settings)
-        checks = {check.check: check.passed for check in check_estimate(short_run, limited, Bounds({}, {}))}
+        checks = {check.check: check.passed for check in check_estimate(prepare(short_run), limited, Bounds({}, {}))}
         assert checks["within its limits"] is passed
 
 
@@ -150,11 +151,13 @@ def test_with_an_earlier_estimate_the_information_is_what_was_added_to_it(short_
     estimate = with_identification(ckf, prior=prior)
     nothing_new = replace(estimate, standard_deviation=np.repeat(estimate.standard_deviation[-1:], 6360, axis=0))
     for one, passed in ((estimate, True), (nothing_new, False)):
-        checks = {check.check: check.passed for check in check_estimate(short_run, one, Bounds({}, {}))}
+        checks = {check.check: check.passed for check in check_estimate(prepare(short_run), one, Bounds({}, {}))}
         assert checks["information"] is passed
 
 
 def test_of_a_diverged_estimate_nothing_is_said_of_the_coefficients(short_run, ckf):
     diverged = replace(ckf, status="diverged at t = 1 s: why")
-    subjects = {check.subject for check in check_estimate(short_run, diverged, BoundsOf(short_run)(diverged))}
+    subjects = {
+        check.subject for check in check_estimate(prepare(short_run), diverged, BoundsOf(prepare(short_run))(diverged))
+    }
     assert "coefficients" not in subjects

@@ -17,7 +17,7 @@ def test_nis_per_component_is_the_ratio_of_variances(actual, stated, expected, h
     (result,) = sensor_consistency(estimate)
     # 9000 squares: a standard deviation of 1.5 percent.
     assert result.mean_nis == pytest.approx(expected, rel=0.07)
-    assert (result.sensor, result.readings) == ("dvl", 3000)
+    assert (result.sensor, result.measurements) == ("dvl", 3000)
     assert mean_nis(estimate) == result.mean_nis
 
 
@@ -31,10 +31,10 @@ def test_missing_components_do_not_count(hand_made, innovations_of):
     record.nis[:] = nis
     (result,) = sensor_consistency(estimate_with(hand_made, dvl=record))
     assert result.mean_nis == pytest.approx(4.0)
-    assert result.readings == 3
+    assert result.measurements == 3
 
 
-def test_a_sensor_without_readings_has_no_nis(hand_made, innovations_of):
+def test_a_sensor_without_measurements_has_no_nis(hand_made, innovations_of):
     estimate = estimate_with(hand_made, dvl=innovations_of(0, 3, 1.0, 1.0))
     assert np.isnan(sensor_consistency(estimate)[0].mean_nis)
     assert np.isnan(mean_nis(estimate))
@@ -79,6 +79,6 @@ def test_filters_on_white_noise_are_consistent(simulated_with, filter_name):
         "sensors.attitude={source: direct, rate: 20 Hz, noise: 0.1 deg}", "sensors.gyroscope.rate=25 Hz",
     )  # fmt: skip
     for result in sensor_consistency(identify(dataset, filter_name)):
-        # n readings of 3 components: the mean has a standard deviation of sqrt(2 / 3 n).
-        spread = np.sqrt(2.0 / (3 * result.readings))
+        # n measurements of 3 components: the mean has a standard deviation of sqrt(2 / 3 n).
+        spread = np.sqrt(2.0 / (3 * result.measurements))
         assert result.mean_nis == pytest.approx(1.0, abs=5 * spread + 0.02), result.sensor

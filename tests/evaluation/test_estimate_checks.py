@@ -9,10 +9,11 @@ from auvid_cli.config.filter_name import FilterName
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.estimate_checks import check_estimate, failed
 from auvid_cli.identification.identify import identify
+from auvid_cli.identification.prepared_data import prepare
 
 
 def with_values(dataset, name, change):
-    """The dataset with some readings changed by a function of times and values."""
+    """The dataset with some measurements changed by a function of times and values."""
     record = dataset.sensors[name]
     values = record.values.copy()
     change(record.time, values)
@@ -40,7 +41,7 @@ def long_enough(simulated_with):
 def verdicts(dataset, filter_name=FilterName.TUKF):
     """All, and the names of those that failed, as (subject, check)."""
     estimate = identify(dataset, filter_name)
-    checks = check_estimate(dataset, estimate, BoundsOf(dataset)(estimate))
+    checks = check_estimate(prepare(dataset), estimate, BoundsOf(prepare(dataset))(estimate))
     return checks, {(check.subject, check.check) for check in failed(checks)}
 
 
@@ -65,7 +66,7 @@ def test_a_stuck_sensor_is_named_with_its_time(sensor, long_enough):
     assert any(check == "NIS" for _, check in fails)
 
 
-def test_time_between_two_stretches_is_no_gap(long_enough, with_settings):
+def test_time_between_two_segments_is_no_gap(long_enough, with_settings):
     two = with_settings(long_enough, "identification.use.spans=[[0, 60], [80, 150]]")
     checks, _ = verdicts(two)
     gaps = [check for check in checks if check.check == "gap"]

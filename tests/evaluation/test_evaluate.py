@@ -4,13 +4,14 @@ from auvid_cli.config.filter_name import FilterName
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.identification.identify import identify
+from auvid_cli.identification.prepared_data import prepare
 
 
 def test_estimates_of_different_parts_of_the_data_are_told_apart(short_run, short_estimates, with_settings):
     whole = [short_estimates[name] for name in (FilterName.CKF, FilterName.TUKF)]
-    assert evaluate(short_run, whole, BoundsOf(short_run)).remarks == []
+    assert evaluate(prepare(short_run), whole, BoundsOf(prepare(short_run))).remarks == []
     part = identify(with_settings(short_run, "identification.use.spans=[[0, 30]]"), FilterName.UKF)
-    (remark,) = evaluate(short_run, [*whole, part], BoundsOf(short_run)).remarks
+    (remark,) = evaluate(prepare(short_run), [*whole, part], BoundsOf(prepare(short_run))).remarks
     assert remark.startswith("made from different parts of the data")
     assert "ukf 0.01 to 30 s" in remark
     assert "tukf 0.01 to 60 s" in remark

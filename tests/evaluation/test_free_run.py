@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.evaluation.free_run import free_run
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 NOISELESS = (
@@ -34,7 +35,7 @@ def with_coefficients(hand_made):
 
 
 def test_the_true_coefficients_reproduce_the_true_motion(noiseless, with_coefficients):
-    run, _ = free_run(noiseless, with_coefficients(noiseless.truth.coefficients))
+    run, _ = free_run(prepare(noiseless), with_coefficients(noiseless.truth.coefficients))
     on_ticks = np.isin(np.round(run.time, 9), np.round(noiseless.truth.time, 9))
     tick = np.searchsorted(noiseless.truth.time, run.time[on_ticks] - 1e-9)
     assert on_ticks.sum() > 1900
@@ -44,7 +45,7 @@ def test_the_true_coefficients_reproduce_the_true_motion(noiseless, with_coeffic
 
 def test_errors_of_the_true_coefficients_vanish(noiseless, with_coefficients):
     estimate = with_coefficients(noiseless.truth.coefficients)
-    _, errors = free_run(noiseless, estimate)
+    _, errors = free_run(prepare(noiseless), estimate)
     assert [e.component for e in errors] == ["u", "v", "w", "p", "q", "r"]
     assert [e.unit for e in errors] == ["m/s"] * 3 + ["rad/s"] * 3
     assert max(e.mean_absolute_error for e in errors) < 1e-5
@@ -67,7 +68,7 @@ def test_a_current_and_the_errors_of_the_dvl_are_seen_through(simulated_with, wi
         state=(*blind.state, "current_north", "current_east", "dvl_scale", "dvl_yaw"),
         mean=np.hstack([blind.mean, found]),
     )
-    (run, errors), (_, worse) = (free_run(drifting, estimate) for estimate in (knowing, blind))
+    (run, errors), (_, worse) = (free_run(prepare(drifting), estimate) for estimate in (knowing, blind))
     assert max(e.mean_absolute_error for e in errors) < 1e-5
     assert worse[0].mean_absolute_error > 0.1
     # What is drawn is what the DVL reads.
@@ -80,21 +81,21 @@ def test_a_current_and_the_errors_of_the_dvl_are_seen_through(simulated_with, wi
 def test_a_wrong_coefficient_shows_where_it_acts(noiseless, with_coefficients):
     true = noiseless.truth.coefficients
     estimate = with_coefficients(true, **{"X_u|u|": 2.0 * true["X_u|u|"]})
-    _, errors = free_run(noiseless, estimate)
+    _, errors = free_run(prepare(noiseless), estimate)
     assert errors[0].mean_absolute_error > 0.1
 
 
-def test_the_error_is_the_mean_absolute_difference_from_the_readings(noiseless, with_coefficients):
+def test_the_error_is_the_mean_absolute_difference_from_the_measurements(noiseless, with_coefficients):
     estimate = with_coefficients(noiseless.truth.coefficients)
     dvl = noiseless.sensors["dvl"]
     values = dvl.values.copy()
-    # The first reading stays: the free run starts from it.
+    # The first measurement stays: the free run starts from it.
     values[1::2, 1] += 0.3
     values[2::2, 1] -= 0.3
     values[1:, 2] = np.nan
     values[1:4, 2] = dvl.values[1:4, 2] + [0.1, -0.2, 0.6]
     shifted = replace(noiseless, sensors=noiseless.sensors | {"dvl": replace(dvl, values=values)})
-    _, errors = free_run(shifted, estimate)
+    _, errors = free_run(prepare(shifted), estimate)
     assert errors[1].mean_absolute_error == pytest.approx(0.3 * (1 - 1 / len(values)), abs=1e-4)
     assert errors[2].mean_absolute_error == pytest.approx(0.9 / 4, abs=1e-4)
 
@@ -103,19 +104,19 @@ def test_a_component_that_is_not_measured_has_no_error(noiseless, with_coefficie
     sensors = {name: record for name, record in noiseless.sensors.items() if name != "gyroscope"}
     blind = replace(noiseless, sensors=sensors)
     estimate = with_coefficients(noiseless.truth.coefficients)
-    _, errors = free_run(blind, estimate)
+    _, errors = free_run(prepare(blind), estimate)
     assert [e.mean_absolute_error is None for e in errors] == [False] * 3 + [True] * 3
 
 
 def test_a_model_that_blows_up_has_no_error(noiseless, with_coefficients):
     estimate = with_coefficients(noiseless.truth.coefficients, **{"X_u|u|": 1e6})
-    _, errors = free_run(noiseless, estimate)
+    _, errors = free_run(prepare(noiseless), estimate)
     assert errors[0].mean_absolute_error is None
 
 
 def test_evaluation_holds_a_row_for_each_filter_and_coefficient(short_run, short_estimates):
     estimates = list(short_estimates.values())
-    evaluation = evaluate(short_run, estimates, BoundsOf(short_run))
+    evaluation = evaluate(prepare(short_run), estimates, BoundsOf(prepare(short_run)))
     filters = [name.value for name in short_estimates]
     assert [row.filter for row in evaluation.summary] == filters
     assert [(row.filter, row.coefficient) for row in evaluation.coefficients] == [
@@ -131,7 +132,7 @@ def test_evaluation_holds_a_row_for_each_filter_and_coefficient(short_run, short
 
 def test_evaluation_without_truth_has_velocity_errors_only(short_run, short_estimates):
     dataset, estimates = short_run.without_truth(), list(short_estimates.values())
-    evaluation = evaluate(dataset, estimates, BoundsOf(dataset))
+    evaluation = evaluate(prepare(dataset), estimates, BoundsOf(prepare(dataset)))
     assert all(row.rmse is None and row.steady_state_error_percent is None for row in evaluation.coefficients)
     assert all(row.average_steady_state_error_percent is None for row in evaluation.summary)
     assert all(row.mean_absolute_error is not None for row in evaluation.velocity_errors)

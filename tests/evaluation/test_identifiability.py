@@ -12,7 +12,7 @@ VALUES = (-4.0, -28.0, 6.0, 0.5)
 
 
 def information(*rows):
-    """Of readings that each see a combination of the four, with unit noise."""
+    """Of measurements that each see a combination of the four, with unit noise."""
     rows = np.column_stack([np.array(rows, dtype=float), np.zeros(len(rows))])
     return Information.none(4).with_rows(rows, len(rows))
 
@@ -43,7 +43,7 @@ def test_verdicts_follow_the_bound_in_percent():
     assert [b.verdict for b in found.bounds] == ["within 1 %", "within 5 %", "within 20 %", "not identified"]
 
 
-def test_what_no_reading_sees_has_no_bound_and_a_zero_goes_by_its_natural_magnitude():
+def test_what_no_measurement_sees_has_no_bound_and_a_zero_goes_by_its_natural_magnitude():
     found = judged({"dvl": information([100, 0, 0, 0], [0, 100, 0, 0], [0, 0, 100, 0])}, values=(-4.0, 0.0, 6.0, 0.5))
     assert found.bounds[3].cramer_rao_bound == np.inf
     assert found.bounds[3].verdict == "not identified"

@@ -5,10 +5,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
-from auvid_cli.evaluation.measurement_errors import ReadingErrors, as_read, behind_reading, found_errors
+from auvid_cli.evaluation.measurement_errors import MeasurementErrors, as_read, estimated_errors, motion_behind
 
 SCALE, YAW, NORTH, EAST = 0.03, 0.08, 0.3, -0.2
-ERRORS = ReadingErrors(0.01 * np.arange(9.0), np.array([SCALE, YAW, NORTH, EAST]))
+ERRORS = MeasurementErrors(0.01 * np.arange(9.0), np.array([SCALE, YAW, NORTH, EAST]))
 
 
 @pytest.fixture
@@ -26,8 +26,8 @@ def test_a_dvl_sees_the_ground_turned_by_its_mounting_and_scaled(motion):
     assert_array_equal(read[:, 3:], motion[:, 3:] + ERRORS.offset[3:])
 
 
-def test_a_reading_leads_back_to_its_motion(motion):
-    assert_allclose(behind_reading(as_read(motion, ERRORS), ERRORS), motion, rtol=1e-12, atol=1e-12)
+def test_a_measurement_leads_back_to_its_motion(motion):
+    assert_allclose(motion_behind(as_read(motion, ERRORS), ERRORS), motion, rtol=1e-12, atol=1e-12)
 
 
 def test_rows_may_stand_side_by_side(motion):
@@ -36,11 +36,11 @@ def test_rows_may_stand_side_by_side(motion):
 
 
 def test_without_errors_a_motion_is_read_as_it_is(motion):
-    nothing = found_errors(("u", "v"), np.array([1.0, 2.0]))
+    nothing = estimated_errors(("u", "v"), np.array([1.0, 2.0]))
     assert_array_equal(as_read(motion, nothing), motion)
 
 
-def test_a_model_that_blew_up_is_no_reading(motion):
+def test_a_model_that_blew_up_is_no_measurement(motion):
     motion[3] = np.inf
     read = as_read(motion, ERRORS)
     assert not np.isfinite(read[3]).any()
@@ -49,6 +49,6 @@ def test_a_model_that_blew_up_is_no_reading(motion):
 
 def test_errors_are_found_by_name_wherever_they_stand():
     state = ("X_u|u|", "current_east", "u", "psi", "dvl_yaw", "bias_psi", "current_north", "bias_p")
-    found = found_errors(state, np.arange(1.0, 9.0))
+    found = estimated_errors(state, np.arange(1.0, 9.0))
     assert_array_equal(found.dvl, [0.0, 5.0, 7.0, 2.0])
     assert_array_equal(found.offset, [0.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0, 0.0, 6.0])

@@ -76,7 +76,7 @@ def test_terms_are_sized_along_the_estimated_motion_with_the_inputs_of_the_datas
     assert [size.symbol for size in model.term_sizes] == [c.symbol for c in COEFFICIENTS]
 
 
-def test_with_stretches_left_out_the_inputs_are_still_those_of_the_time(simulated_with, with_settings):
+def test_with_segments_left_out_the_inputs_are_still_those_of_the_time(simulated_with, with_settings):
     """The gap is four seconds; an elevator that tells its own time shows which row was taken."""
     dataset = simulated_with(f"identification.coefficients=[{', '.join(CHOSEN)}]", "manoeuvre.duration=10 s")
     estimate = identify(with_settings(dataset, "identification.use.spans=[[0, 3], [7, 10]]"), FilterName.CKF)

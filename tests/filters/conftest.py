@@ -10,7 +10,7 @@ from auvid_cli.filters.problem import (
     OBSERVATION_SIGNATURE,
     PROCESS_SIGNATURE,
     TRANSITION_SIGNATURE,
-    Belief,
+    Gaussian,
     Process,
     Sensors,
     Timeline,
@@ -23,7 +23,7 @@ N_AXES = 2
 
 @njit(PROCESS_SIGNATURE)
 def _advance(moving, parameters, inputs, constants, selection, n_lanes, duration, scratch):
-    """Two carts: positions, then velocities; acceleration = mixing @ parameters + input, constant in a piece."""
+    """Two carts: positions, then velocities; acceleration = mixing @ parameters + input, constant in a substep."""
     n_parameters = constants.size // N_AXES
     for k in range(n_lanes):
         for axis in range(N_AXES):
@@ -36,16 +36,16 @@ def _advance(moving, parameters, inputs, constants, selection, n_lanes, duration
 
 
 @njit(TRANSITION_SIGNATURE)
-def _transition(mean, inputs, piece_input, piece_duration, constants, selection, matrix, scratch):
+def _transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     """The same for one state, and its derivative."""
     n_parameters = constants.size // N_AXES
     n, elapsed = n_parameters + 2 * N_AXES, 0.0
     matrix[n_parameters:] = np.eye(n)[n_parameters:]
-    for piece in range(piece_duration.size):
-        duration = piece_duration[piece]
+    for substep in range(substep_duration.size):
+        duration = substep_duration[substep]
         for axis in range(N_AXES):
             position, velocity = n_parameters + axis, n_parameters + N_AXES + axis
-            acceleration = inputs[piece_input[piece], axis]
+            acceleration = inputs[substep_input[substep], axis]
             for j in range(n_parameters):
                 mixing = constants[axis * n_parameters + j]
                 acceleration += mixing * mean[j]
@@ -59,7 +59,7 @@ def _transition(mean, inputs, piece_input, piece_duration, constants, selection,
 
 
 def _step_matrices(mixing, duration):
-    """x <- F x + G input over one piece, parameters first."""
+    """x <- F x + G input over one substep, parameters first."""
     n_parameters = mixing.shape[1]
     n = n_parameters + 2 * N_AXES
     step, push = np.eye(n), np.zeros((n, N_AXES))
@@ -88,17 +88,17 @@ def events_of():
     """Function: some consecutive events of a timeline, as a timeline."""
 
     def cut(t, first, last):
-        pieces, readings = t.piece_offset[first : last + 1], t.reading_offset[first : last + 1]
-        of_pieces, of_readings = slice(pieces[0], pieces[-1]), slice(readings[0], readings[-1])
+        substeps, measurements = t.substep_offset[first : last + 1], t.measurement_offset[first : last + 1]
+        of_pieces, of_readings = slice(substeps[0], substeps[-1]), slice(measurements[0], measurements[-1])
         return Timeline(
             t.time[first:last],
-            pieces - pieces[0],
-            t.piece_duration[of_pieces],
-            t.piece_input[of_pieces],
+            substeps - substeps[0],
+            t.substep_duration[of_pieces],
+            t.substep_input[of_pieces],
             t.inputs,
-            readings - readings[0],
-            t.reading_sensor[of_readings],
-            t.reading[of_readings],
+            measurements - measurements[0],
+            t.measurement_sensor[of_readings],
+            t.measurement[of_readings],
         )
 
     return cut
@@ -106,23 +106,23 @@ def events_of():
 
 @pytest.fixture(scope="session")
 def run_whole(events_of):
-    """Function: run a filter on a problem, in parts; records over all events and readings, NaN where there are none."""
+    """Function: run a filter on a problem, in chunks; records of all events, NaN where there are none."""
 
-    def run(run_filter, problem, part=8):
+    def run(run_filter, problem, chunk=8):
         t, n = problem.timeline, problem.prior.mean.size
         whole = empty_records(t, n)
         done, told = [0, 0], []
 
-        def receive(timeline, records):
+        def on_chunk(timeline, records):
             for name, rows in records._asdict().items():
                 first = done[name not in ("mean", "standard_deviation")]
                 getattr(whole, name)[first : first + len(rows)] = rows
             told.append((timeline.time.size, len(records.mean)))
-            done[:] = done[0] + timeline.time.size, done[1] + len(timeline.reading)
+            done[:] = done[0] + timeline.time.size, done[1] + len(timeline.measurement)
 
-        parts = [events_of(t, first, first + part) for first in range(0, t.time.size, part)]
-        ending = run_filter(problem.process, problem.sensors, parts, problem.prior, receive)
-        return SimpleNamespace(records=whole, told=told, **ending._asdict())
+        chunks = [events_of(t, first, first + chunk) for first in range(0, t.time.size, chunk)]
+        outcome = run_filter(problem.process, problem.sensors, chunks, problem.prior, on_chunk)
+        return SimpleNamespace(records=whole, told=told, **outcome._asdict())
 
     return run
 
@@ -130,7 +130,7 @@ def run_whole(events_of):
 @pytest.fixture(params=[1, 2, 7, 40], ids=lambda n: f"{n} parameters")
 def linear_problem(request):
     """A random linear problem: irregular times, inputs that change in between, several sensors at one
-    instant, missing components and whole missing readings. 40 parameters need two blocks of lanes."""
+    instant, missing components and whole missing measurements. 40 parameters need two blocks of lanes."""
     rng = np.random.default_rng(request.param)
     n_parameters = request.param
     n, n_events, width = n_parameters + 2 * N_AXES, 30, 3
@@ -139,23 +139,23 @@ def linear_problem(request):
 
     process = Process(_advance, _transition, mixing.ravel(), np.zeros(0, dtype=np.int64), density)
 
-    pieces = [0, *rng.integers(1, 4, n_events - 1)]
-    durations = rng.uniform(0.01, 0.4, sum(pieces))
+    substeps = [0, *rng.integers(1, 4, n_events - 1)]
+    durations = rng.uniform(0.01, 0.4, sum(substeps))
     readings_at = rng.integers(0, 4, n_events)
-    n_readings = readings_at.sum()
-    reading = rng.standard_normal((n_readings, width))
-    reading[rng.random(reading.shape) < 0.25] = np.nan
-    reading[::7] = np.nan
-    offset = np.concatenate([[0], np.cumsum(pieces)])
+    n_measurements = readings_at.sum()
+    measurement = rng.standard_normal((n_measurements, width))
+    measurement[rng.random(measurement.shape) < 0.25] = np.nan
+    measurement[::7] = np.nan
+    offset = np.concatenate([[0], np.cumsum(substeps)])
     timeline = Timeline(
         time=np.concatenate([[0.0], np.cumsum(durations)])[offset[1:]],
-        piece_offset=offset,
-        piece_duration=durations,
-        piece_input=rng.integers(0, 5, durations.size),
+        substep_offset=offset,
+        substep_duration=durations,
+        substep_input=rng.integers(0, 5, durations.size),
         inputs=rng.standard_normal((5, N_AXES)),
-        reading_offset=np.concatenate([[0], np.cumsum(readings_at)]),
-        reading_sensor=rng.integers(0, 2, n_readings, dtype=np.int8),
-        reading=reading,
+        measurement_offset=np.concatenate([[0], np.cumsum(readings_at)]),
+        measurement_sensor=rng.integers(0, 2, n_measurements, dtype=np.int8),
+        measurement=measurement,
     )
     matrix = rng.standard_normal((2, width, n))
     # One sensor sees motion only, as those of a vehicle do.
@@ -164,7 +164,7 @@ def linear_problem(request):
     sensors = Sensors(matrix, rng.uniform(0.01, 1.0, (2, width)), nothing, np.zeros(2, dtype=np.bool_))
     factor = np.tril(rng.standard_normal((n, n)))
     factor[np.diag_indices(n)] = rng.uniform(0.5, 2.0, n)
-    prior = Belief(rng.standard_normal(n), factor)
+    prior = Gaussian(rng.standard_normal(n), factor)
     return SimpleNamespace(process=process, sensors=sensors, timeline=timeline, prior=prior, mixing=mixing)
 
 
@@ -201,7 +201,7 @@ def nonlinear_problem(linear_problem):
         observe=_observe, linearise=lambda mean, sensor: (_plain_observe(mean), _jacobian(mean))
     )
     p.sensors = p.sensors._replace(nonlinear=np.array([True, False]))
-    p.prior = Belief(0.2 * p.prior.mean, 0.2 * p.prior.factor)
+    p.prior = Gaussian(0.2 * p.prior.mean, 0.2 * p.prior.factor)
     p.plain_observe, p.jacobian = _plain_observe, _jacobian
     return p
 
@@ -215,20 +215,22 @@ def textbook(linear_problem):
     noise = np.zeros((n, n))
     noise[-2 * N_AXES :, -2 * N_AXES :] = np.diag(p.process.noise_density**2)
     means, deviations = [], []
-    innovations, variances = np.full(t.reading.shape, np.nan), np.full(t.reading.shape, np.nan)
-    nis = np.zeros(len(t.reading))
+    innovations, variances = np.full(t.measurement.shape, np.nan), np.full(t.measurement.shape, np.nan)
+    nis = np.zeros(len(t.measurement))
     for event in range(t.time.size):
-        for piece in range(t.piece_offset[event], t.piece_offset[event + 1]):
-            step, push = _step_matrices(p.mixing, t.piece_duration[piece])
-            mean = step @ mean + push @ t.inputs[t.piece_input[piece]]
+        for substep in range(t.substep_offset[event], t.substep_offset[event + 1]):
+            step, push = _step_matrices(p.mixing, t.substep_duration[substep])
+            mean = step @ mean + push @ t.inputs[t.substep_input[substep]]
             covariance = step @ covariance @ step.T
         # The noise of an interval is added where the interval ends.
-        covariance = covariance + noise * t.piece_duration[t.piece_offset[event] : t.piece_offset[event + 1]].sum()
-        for k in range(t.reading_offset[event], t.reading_offset[event + 1]):
-            present = ~np.isnan(t.reading[k])
-            h = p.sensors.matrix[t.reading_sensor[k], present]
-            innovation = t.reading[k, present] - h @ mean
-            s = h @ covariance @ h.T + np.diag(p.sensors.variance[t.reading_sensor[k], present])
+        covariance = (
+            covariance + noise * t.substep_duration[t.substep_offset[event] : t.substep_offset[event + 1]].sum()
+        )
+        for k in range(t.measurement_offset[event], t.measurement_offset[event + 1]):
+            present = ~np.isnan(t.measurement[k])
+            h = p.sensors.matrix[t.measurement_sensor[k], present]
+            innovation = t.measurement[k, present] - h @ mean
+            s = h @ covariance @ h.T + np.diag(p.sensors.variance[t.measurement_sensor[k], present])
             gain = covariance @ h.T @ np.linalg.inv(s)
             mean, covariance = mean + gain @ innovation, (np.eye(n) - gain @ h) @ covariance
             innovations[k, present], variances[k, present] = innovation, np.diag(s)
@@ -243,24 +245,24 @@ def textbook(linear_problem):
 
 @pytest.fixture
 def by_hand(linear_problem):
-    """As one set of linear equations in the initial state: of the state at each event, and of each reading."""
+    """As one set of linear equations in the initial state: of the state at each event, and of each measurement."""
     p = linear_problem
     t, n = p.timeline, p.prior.mean.size
     transition, offset = np.eye(n), np.zeros(n)
-    transitions, offsets, matrices, readings = [], [], [], []
+    transitions, offsets, matrices, measurements = [], [], [], []
     for event in range(t.time.size):
-        for piece in range(t.piece_offset[event], t.piece_offset[event + 1]):
-            step, push = _step_matrices(p.mixing, t.piece_duration[piece])
-            transition, offset = step @ transition, step @ offset + push @ t.inputs[t.piece_input[piece]]
+        for substep in range(t.substep_offset[event], t.substep_offset[event + 1]):
+            step, push = _step_matrices(p.mixing, t.substep_duration[substep])
+            transition, offset = step @ transition, step @ offset + push @ t.inputs[t.substep_input[substep]]
         transitions.append(transition)
         offsets.append(offset)
-        for k in range(t.reading_offset[event], t.reading_offset[event + 1]):
-            h = p.sensors.matrix[t.reading_sensor[k]]
+        for k in range(t.measurement_offset[event], t.measurement_offset[event + 1]):
+            h = p.sensors.matrix[t.measurement_sensor[k]]
             matrices.append(h @ transition)
-            readings.append(t.reading[k] - h @ offset)
+            measurements.append(t.measurement[k] - h @ offset)
     return SimpleNamespace(
         transition=np.array(transitions),
         offset=np.array(offsets),
         matrix=np.array(matrices),
-        reading=np.array(readings),
+        measurement=np.array(measurements),
     )

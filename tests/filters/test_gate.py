@@ -20,21 +20,21 @@ def run_filter(request, linear_problem):
 
 def test_a_rejected_component_counts_as_missing(run_filter, linear_problem, run_whole):
     p = linear_problem
-    wild = np.zeros(p.timeline.reading.shape, dtype=bool)
+    wild = np.zeros(p.timeline.measurement.shape, dtype=bool)
     wild[::5, 1] = wild[7, :] = True
-    wild &= ~np.isnan(p.timeline.reading)
+    wild &= ~np.isnan(p.timeline.measurement)
     assert wild.sum() > 3
-    reading = p.timeline.reading
-    p.timeline = p.timeline._replace(reading=np.where(wild, np.nan, reading))
+    measurement = p.timeline.measurement
+    p.timeline = p.timeline._replace(measurement=np.where(wild, np.nan, measurement))
     without = run_whole(run_filter, p)
-    p.timeline = p.timeline._replace(reading=np.where(wild, 1e6, reading))
+    p.timeline = p.timeline._replace(measurement=np.where(wild, 1e6, measurement))
     p.sensors = p.sensors._replace(gate=1e6)
     gated = run_whole(run_filter, p)
     assert_allclose(gated.records.mean, without.records.mean, rtol=1e-9, atol=1e-12)
     assert_allclose(gated.records.nis, without.records.nis, rtol=1e-9, atol=1e-12)
     assert (gated.records.innovation[wild] > 1e5).all()
     assert np.isnan(gated.records.innovation_variance[wild]).all()
-    heard = ~np.isnan(reading) & ~wild
+    heard = ~np.isnan(measurement) & ~wild
     assert np.isfinite(gated.records.innovation_variance[heard]).all()
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from auvid_cli.filters.information import Information
-from auvid_cli.filters.problem import Belief
+from auvid_cli.filters.problem import Gaussian
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -41,7 +41,7 @@ def test_the_triangle_is_that_of_numpys_qr(seed, n, m):
         atol=1e-13,
     )
     assert np.all(found.factor[np.tril_indices(n, -1)] == 0.0)
-    assert found.n_readings == m
+    assert found.n_measurements == m
 
 
 @given(seed=seeds, n=st.integers(1, 20), m=st.integers(1, 300))
@@ -65,7 +65,7 @@ def test_joining_parts_in_any_way_is_the_same_as_all_rows_at_once(seed, n, parts
         one_by_one = one_by_one.with_rows(block, len(block))
         joined = from_rows(block).join(joined)
     for other in (one_by_one, joined):
-        assert other.n_readings == at_once.n_readings
+        assert other.n_measurements == at_once.n_measurements
         assert_allclose(other.factor.T @ other.factor, at_once.factor.T @ at_once.factor, atol=1e-11)
         assert_allclose(other.factor.T @ other.projected, at_once.factor.T @ at_once.projected, atol=1e-11)
         total = at_once.projected @ at_once.projected + at_once.remaining**2
@@ -88,7 +88,7 @@ def test_the_uncertainty_is_the_inverse_of_the_normal_matrix(seed, n):
     assert_allclose(uncertainty.deviation(combinations * size) ** 2, variance, rtol=1e-7)
 
 
-def test_what_no_reading_tells_has_an_infinite_variance_and_nothing_else_has(rng):
+def test_what_no_measurement_tells_has_an_infinite_variance_and_nothing_else_has(rng):
     """The second state is not seen at all; of the third and fourth only the sum."""
     seen = rng.standard_normal((50, 3))
     rows = np.column_stack([seen[:, 0], np.zeros(50), seen[:, 1], seen[:, 1], seen[:, 2], rng.standard_normal(50)])
@@ -109,7 +109,7 @@ def test_unseen_directions_complete_the_rank(rng):
     rows = np.column_stack([rng.standard_normal((50, 2)), np.zeros(50), rng.standard_normal(50)])
     rows = np.insert(rows, 0, 1e5 * rows[:, 1], axis=1)
     found = from_rows(rows)
-    unseen = found.unseen()
+    unseen = found.unobserved()
     assert unseen.shape == (2, 4)
     size = np.linalg.norm(rows[:, :4], axis=0)
     size[size == 0.0] = 1.0
@@ -123,21 +123,21 @@ def test_nothing_heard_is_no_information():
     uncertainty = Information.none(3).uncertainty()
     assert np.all(uncertainty.deviation(np.eye(3)) == np.inf)
     assert np.all(np.diagonal(uncertainty.covariance(np.eye(3))) == np.inf)
-    assert Information.none(3).n_readings == 0
+    assert Information.none(3).n_measurements == 0
 
 
-def test_missing_readings_leave_no_trace(rng):
+def test_missing_measurements_leave_no_trace(rng):
     rows = rng.standard_normal((40, 4))
     holed = np.insert(rows, [0, 7, 40], 0.0, axis=0)
     assert_allclose(from_rows(holed).factor, from_rows(rows).factor, rtol=1e-12)
 
 
 @pytest.mark.parametrize("n", [1, 6])
-def test_a_belief_is_the_information_of_its_covariance(n, rng):
+def test_a_gaussian_is_the_information_of_its_covariance(n, rng):
     factor = np.tril(rng.standard_normal((n, n))) + 2.0 * np.eye(n)
     mean, state = rng.standard_normal(n), rng.standard_normal(n)
-    found = Information.of_belief(Belief(mean, factor), state)
+    found = Information.of_gaussian(Gaussian(mean, factor), state)
     assert_allclose(found.uncertainty().covariance(np.eye(n)), factor @ factor.T, rtol=1e-9, atol=1e-12)
     assert_allclose(np.linalg.solve(found.factor, found.projected), mean - state, rtol=1e-9, atol=1e-12)
-    assert found.n_readings == 0
+    assert found.n_measurements == 0
     assert found.remaining == pytest.approx(0.0, abs=1e-12)

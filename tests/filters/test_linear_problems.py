@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.filters.extended import run_extended_filter
 from auvid_cli.filters.point_sets import cubature, transformed, unscented
-from auvid_cli.filters.problem import OK, PREDICTION, Belief
+from auvid_cli.filters.problem import OK, PREDICTION, Gaussian
 from auvid_cli.filters.square_root import run_square_root_filter
 
 POINT_SETS = {
@@ -38,7 +38,7 @@ def filter_kind(request):
 
 def test_every_filter_is_the_textbook_kalman_filter(filter_kind, linear_problem, textbook, run):
     history = run(filter_kind, linear_problem)
-    assert history.culprit == OK
+    assert history.failure == OK
     assert history.n_good == linear_problem.timeline.time.size
     assert_allclose(history.records.mean, textbook.mean, rtol=1e-9, atol=1e-9)
     assert_allclose(history.records.standard_deviation, textbook.standard_deviation, rtol=1e-9, atol=1e-9)
@@ -49,30 +49,30 @@ def test_every_filter_is_the_textbook_kalman_filter(filter_kind, linear_problem,
 
 def test_normalised_innovations_are_those_of_the_textbook(filter_kind, linear_problem, textbook, run):
     nis = run(filter_kind, linear_problem).records.nis
-    heard = ~np.isnan(linear_problem.timeline.reading).all(axis=1)
-    assert not heard.all(), "the problem should have readings that are missing altogether"
+    heard = ~np.isnan(linear_problem.timeline.measurement).all(axis=1)
+    assert not heard.all(), "the problem should have measurements that are missing altogether"
     assert_allclose(nis[heard], textbook.nis[heard], rtol=1e-9)
     assert np.all(np.nan_to_num(nis[~heard]) == 0.0)
 
 
 def test_the_prior_and_the_timeline_are_left_as_they_were(filter_kind, linear_problem, run):
     prior, timeline = linear_problem.prior, linear_problem.timeline
-    before = prior.mean.copy(), prior.factor.copy(), timeline.reading.copy()
+    before = prior.mean.copy(), prior.factor.copy(), timeline.measurement.copy()
     run(filter_kind, linear_problem)
     assert np.array_equal(prior.mean, before[0])
     assert np.array_equal(prior.factor, before[1])
-    assert np.array_equal(timeline.reading, before[2], equal_nan=True)
+    assert np.array_equal(timeline.measurement, before[2], equal_nan=True)
 
 
-def test_the_receiver_is_told_every_part(filter_kind, linear_problem, run):
-    assert run(filter_kind, linear_problem, part=12).told == [(12, 12), (12, 12), (6, 6)]
+def test_the_receiver_is_told_every_chunk(filter_kind, linear_problem, run):
+    assert run(filter_kind, linear_problem, chunk=12).told == [(12, 12), (12, 12), (6, 6)]
 
 
 @pytest.mark.parametrize("kind", POINT_SETS)
-def test_working_part_by_part_changes_nothing(kind, linear_problem, run):
-    whole, parts = run(kind, linear_problem, part=30), run(kind, linear_problem, part=7)
-    assert len(parts.told) == 5
-    for a, b in zip(whole.records, parts.records, strict=True):
+def test_working_chunk_by_chunk_changes_nothing(kind, linear_problem, run):
+    whole, chunks = run(kind, linear_problem, chunk=30), run(kind, linear_problem, chunk=7)
+    assert len(chunks.told) == 5
+    for a, b in zip(whole.records, chunks.records, strict=True):
         assert np.array_equal(a, b, equal_nan=True)
 
 
@@ -96,25 +96,25 @@ def until(events_of):
 def test_a_failed_prediction_is_reported_and_leaves_the_last_good_state(filter_kind, event, linear_problem, run, until):
     t = linear_problem.timeline
     inputs = np.vstack([t.inputs, np.full((1, t.inputs.shape[1]), np.nan)])
-    piece_input = t.piece_input.copy()
-    piece_input[t.piece_offset[event]] = 5
-    history = run(filter_kind, with_timeline(linear_problem, inputs=inputs, piece_input=piece_input))
-    assert (history.n_good, history.culprit) == (event, PREDICTION)
+    substep_input = t.substep_input.copy()
+    substep_input[t.substep_offset[event]] = 5
+    history = run(filter_kind, with_timeline(linear_problem, inputs=inputs, substep_input=substep_input))
+    assert (history.n_good, history.failure) == (event, PREDICTION)
     assert np.isfinite(history.records.mean[:event]).all()
     assert np.isnan(history.records.mean[event:]).all()
     assert np.isnan(history.records.standard_deviation[event:]).all()
     assert_allclose(history.covariance, run(filter_kind, until(linear_problem, event)).covariance, rtol=1e-12)
 
 
-def test_a_reading_that_breaks_the_state_is_reported_with_its_sensor(filter_kind, linear_problem, run, until):
+def test_a_measurement_that_breaks_the_state_is_reported_with_its_sensor(filter_kind, linear_problem, run, until):
     t = linear_problem.timeline
-    event = next(k for k in range(8, 30) if t.reading_offset[k + 1] > t.reading_offset[k])
-    first = t.reading_offset[event]
-    reading = t.reading.copy()
-    reading[first] = np.inf
+    event = next(k for k in range(8, 30) if t.measurement_offset[k + 1] > t.measurement_offset[k])
+    first = t.measurement_offset[event]
+    measurement = t.measurement.copy()
+    measurement[first] = np.inf
     with np.errstate(invalid="ignore"):
-        history = run(filter_kind, with_timeline(linear_problem, reading=reading))
-    assert (history.n_good, history.culprit) == (event, t.reading_sensor[first])
+        history = run(filter_kind, with_timeline(linear_problem, measurement=measurement))
+    assert (history.n_good, history.failure) == (event, t.measurement_sensor[first])
     assert np.isfinite(history.records.mean[:event]).all()
     assert np.isnan(history.records.mean[event:]).all()
     assert_allclose(history.covariance, run(filter_kind, until(linear_problem, event)).covariance, rtol=1e-12)
@@ -125,14 +125,14 @@ def test_an_angle_is_known_only_modulo_a_turn(filter_kind, turns, linear_problem
     problem = linear_problem
     wrapping = problem.sensors._replace(angular=np.ones_like(problem.sensors.angular))
     # Small errors only: no innovation near half a turn, where the wrap itself would jump.
-    small = Belief(0.01 * problem.prior.mean, 0.01 * problem.prior.factor)
+    small = Gaussian(0.01 * problem.prior.mean, 0.01 * problem.prior.factor)
     t = problem.timeline
-    problem.timeline = t._replace(reading=0.01 * t.reading, inputs=0.0 * t.inputs)
+    problem.timeline = t._replace(measurement=0.01 * t.measurement, inputs=0.0 * t.inputs)
     problem.prior = small
     plain = run(filter_kind, problem)
     assert np.nanmax(np.abs(plain.records.innovation)) < 3.0
     problem.sensors = wrapping
-    problem.timeline = problem.timeline._replace(reading=problem.timeline.reading + 2 * np.pi * turns)
+    problem.timeline = problem.timeline._replace(measurement=problem.timeline.measurement + 2 * np.pi * turns)
     turned = run(filter_kind, problem)
     assert_allclose(turned.records.mean, plain.records.mean, rtol=1e-9, atol=1e-12)
     assert_allclose(turned.records.innovation, plain.records.innovation, rtol=1e-9, atol=1e-12)

@@ -41,21 +41,21 @@ def inverse(matrix):
 
 
 def covariance_filter(problem, predict, see):
-    """Joint updates, full covariances in extended precision; `predict` moves a belief, `see` is a sensor's view."""
+    """Joint updates, full covariances in extended precision; `predict` moves a gaussian, `see` is a sensor's view."""
     t, n = problem.timeline, problem.prior.mean.size
     mean, factor = problem.prior.mean.astype(EXTENDED), problem.prior.factor.astype(EXTENDED)
     covariance = factor @ factor.T
-    means, innovations, variances = [], np.full(t.reading.shape, np.nan), np.full(t.reading.shape, np.nan)
-    nis = np.zeros(len(t.reading))
+    means, innovations, variances = [], np.full(t.measurement.shape, np.nan), np.full(t.measurement.shape, np.nan)
+    nis = np.zeros(len(t.measurement))
     noise = np.diag([*np.zeros(n - N_MOVING), *problem.process.noise_density**2])
     for event in range(t.time.size):
-        pieces = slice(t.piece_offset[event], t.piece_offset[event + 1])
-        mean, covariance = predict(mean, covariance, t.piece_input[pieces], t.piece_duration[pieces])
-        covariance = covariance + noise * t.piece_duration[pieces].sum()
-        for k in range(t.reading_offset[event], t.reading_offset[event + 1]):
-            sensor, present = t.reading_sensor[k], ~np.isnan(t.reading[k])
+        substeps = slice(t.substep_offset[event], t.substep_offset[event + 1])
+        mean, covariance = predict(mean, covariance, t.substep_input[substeps], t.substep_duration[substeps])
+        covariance = covariance + noise * t.substep_duration[substeps].sum()
+        for k in range(t.measurement_offset[event], t.measurement_offset[event + 1]):
+            sensor, present = t.measurement_sensor[k], ~np.isnan(t.measurement[k])
             predicted, seen_covariance, cross = see(mean, covariance, sensor)
-            innovation = (t.reading[k] - predicted)[present]
+            innovation = (t.measurement[k] - predicted)[present]
             s = (seen_covariance + np.diag(problem.sensors.variance[sensor]))[np.ix_(present, present)]
             gain = cross[:, present] @ inverse(s)
             mean, covariance = mean + gain @ innovation, covariance - gain @ s @ gain.T
@@ -68,12 +68,19 @@ def covariance_filter(problem, predict, see):
 def linear_predict(problem):
     """The process is linear, and every filter moves it exactly."""
 
-    def predict(mean, covariance, piece_input, piece_duration):
+    def predict(mean, covariance, substep_input, substep_duration):
         moved, matrix = mean.astype(np.float64), np.eye(mean.size)
-        if piece_duration.size:
+        if substep_duration.size:
             p, inputs = problem.process, problem.timeline.inputs
             p.transition(
-                moved, inputs, piece_input, piece_duration, p.constants, p.selection, matrix, np.zeros(p.scratch_size)
+                moved,
+                inputs,
+                substep_input,
+                substep_duration,
+                p.constants,
+                p.selection,
+                matrix,
+                np.zeros(p.scratch_size),
             )
         return moved, matrix @ covariance @ matrix.T
 
@@ -115,7 +122,7 @@ def point_sets(n):
 
 def assert_equal(history, expected, share_of_largest):
     mean, covariance, innovation, variance, nis = expected
-    assert history.culprit == OK
+    assert history.failure == OK
     assert np.isfinite(mean).all()
     assert_allclose(history.records.innovation, innovation, rtol=1e-7, atol=1e-7)
     assert_allclose(history.records.innovation_variance, variance, rtol=1e-7)
@@ -161,10 +168,10 @@ def test_the_sensor_is_far_from_linear(problem, run_whole):
 def test_an_angle_that_is_seen_nonlinearly_is_known_modulo_a_turn(problem, run_whole):
     run = partial(run_square_root_filter, cubature(problem.prior.mean.size))
     t = problem.timeline
-    problem.timeline = t._replace(inputs=0.0 * t.inputs, reading=0.1 * t.reading)
+    problem.timeline = t._replace(inputs=0.0 * t.inputs, measurement=0.1 * t.measurement)
     plain = run_whole(run, problem)
-    angle = plain.records.innovation[t.reading_sensor == 0, 2]
+    angle = plain.records.innovation[t.measurement_sensor == 0, 2]
     assert 0.0 < np.nanmax(np.abs(angle)) < 3.0, "no innovation near half a turn, where the wrap itself would jump"
     problem.sensors.angular[0, 2] = True
-    problem.timeline.reading[t.reading_sensor == 0, 2] += 4.0 * np.pi
+    problem.timeline.measurement[t.measurement_sensor == 0, 2] += 4.0 * np.pi
     assert_allclose(run_whole(run, problem).records.mean, plain.records.mean, rtol=1e-8, atol=1e-9)

@@ -10,41 +10,41 @@ from scipy.optimize import least_squares
 
 from auvid_cli.filters.extended import run_extended_filter
 from auvid_cli.filters.output_error import FirstEvents, run_output_error
-from auvid_cli.filters.problem import NOT_CONVERGED, OK, PREDICTION, Belief
+from auvid_cli.filters.problem import NOT_CONVERGED, OK, PREDICTION, Gaussian
 
 EVENTS = 30
 
 
-def fit_one(process, sensors, timelines, prior, receive, **settings):
-    """Of a single stretch."""
-    return run_output_error(process, sensors, [timelines], prior, receive, **settings)
+def fit_one(process, sensors, timelines, prior, on_chunk, **settings):
+    """Of a single segment."""
+    return run_output_error(process, sensors, [timelines], prior, on_chunk, **settings)
 
 
 def least_squares_by_hand(problem, by_hand, with_prior):
-    """Initial state that fits all readings, and the prior, by the singular values of their stacked rows.
+    """Initial state that fits all measurements, and the prior, by the singular values of their stacked rows.
 
     Without the prior many parameters are seen in a few combinations only; `seen` are an orthonormal basis of these.
     """
     t = problem.timeline
-    present = ~np.isnan(t.reading)
-    deviation = np.sqrt(problem.sensors.variance[t.reading_sensor])[present]
-    matrix, reading = by_hand.matrix[present] / deviation[:, None], by_hand.reading[present] / deviation
+    present = ~np.isnan(t.measurement)
+    deviation = np.sqrt(problem.sensors.variance[t.measurement_sensor])[present]
+    matrix, measurement = by_hand.matrix[present] / deviation[:, None], by_hand.measurement[present] / deviation
     if with_prior:
         weight = np.linalg.inv(problem.prior.factor)
-        matrix, reading = np.vstack([matrix, weight]), np.append(reading, weight @ problem.prior.mean)
+        matrix, measurement = np.vstack([matrix, weight]), np.append(measurement, weight @ problem.prior.mean)
     left, values, right = np.linalg.svd(matrix, full_matrices=False)
     kept = values > 1e-10 * values[0]
     root = right[kept].T / values[kept]
-    return SimpleNamespace(state=root @ (left[:, kept].T @ reading), covariance=root @ root.T, seen=right[kept])
+    return SimpleNamespace(state=root @ (left[:, kept].T @ measurement), covariance=root @ root.T, seen=right[kept])
 
 
 @pytest.mark.parametrize("with_prior", [False, True])
-@pytest.mark.parametrize("part", [30, 7])
-def test_a_linear_problem_is_solved_by_weighted_least_squares(with_prior, part, linear_problem, by_hand, run_whole):
+@pytest.mark.parametrize("chunk", [30, 7])
+def test_a_linear_problem_is_solved_by_weighted_least_squares(with_prior, chunk, linear_problem, by_hand, run_whole):
     p = linear_problem
     expected = least_squares_by_hand(p, by_hand, with_prior)
-    history = run_whole(partial(fit_one, use_prior=with_prior), p, part=part)
-    assert (history.n_good, history.culprit) == (EVENTS, OK)
+    history = run_whole(partial(fit_one, use_prior=with_prior), p, chunk=chunk)
+    assert (history.n_good, history.failure) == (EVENTS, OK)
     unseen = by_hand.transition - by_hand.transition @ expected.seen.T @ expected.seen
     known = np.linalg.norm(unseen, axis=-1) < 1e-8
     assert known.any()
@@ -64,10 +64,10 @@ def test_residuals_have_the_covariance_that_the_fit_leaves(with_prior, linear_pr
     p, t = linear_problem, linear_problem.timeline
     expected = least_squares_by_hand(p, by_hand, with_prior)
     records = run_whole(partial(fit_one, use_prior=with_prior), p).records
-    for k in range(len(t.reading)):
-        present = ~np.isnan(t.reading[k])
-        h, noise = by_hand.matrix[k, present], np.diag(p.sensors.variance[t.reading_sensor[k], present])
-        residual = by_hand.reading[k, present] - h @ expected.state
+    for k in range(len(t.measurement)):
+        present = ~np.isnan(t.measurement[k])
+        h, noise = by_hand.matrix[k, present], np.diag(p.sensors.variance[t.measurement_sensor[k], present])
+        residual = by_hand.measurement[k, present] - h @ expected.state
         left = noise - h @ expected.covariance @ h.T
         assert_allclose(records.innovation[k, present], residual, atol=1e-4)
         assert_allclose(records.innovation_variance[k, present], np.diag(left), atol=1e-6)
@@ -75,7 +75,7 @@ def test_residuals_have_the_covariance_that_the_fit_leaves(with_prior, linear_pr
         assert np.isnan(records.innovation_variance[k, ~present]).all()
         if present.any() and np.linalg.eigvalsh(left).min() > 1e-3:
             assert records.nis[k] == pytest.approx(residual @ np.linalg.solve(left, residual), abs=1e-3)
-    assert np.all(records.nis[np.isnan(t.reading).all(axis=1)] == 0.0)
+    assert np.all(records.nis[np.isnan(t.measurement).all(axis=1)] == 0.0)
 
 
 def test_without_process_noise_the_kalman_filter_ends_where_the_fit_ends(linear_problem, run_whole):
@@ -84,10 +84,10 @@ def test_without_process_noise_the_kalman_filter_ends_where_the_fit_ends(linear_
     fit, ekf = run_whole(partial(fit_one, use_prior=True), p), run_whole(run_extended_filter, p)
     assert_allclose(fit.records.mean[-1], ekf.records.mean[-1], rtol=1e-6, atol=1e-6)
     assert_allclose(fit.covariance, ekf.covariance, rtol=1e-6, atol=1e-7)
-    p.prior = Belief(p.prior.mean, 1e2 * np.eye(p.prior.mean.size))
+    p.prior = Gaussian(p.prior.mean, 1e2 * np.eye(p.prior.mean.size))
     fit, ekf = run_whole(fit_one, p), run_whole(run_extended_filter, p)
     deviation = fit.records.standard_deviation[-1]
-    # The wide prior still holds what the readings hardly tell.
+    # The wide prior still holds what the measurements hardly tell.
     known = deviation < 1.0
     assert known.sum() >= 4
     assert np.abs((fit.records.mean[-1] - ekf.records.mean[-1]) / deviation)[known].max() < 0.01
@@ -96,15 +96,15 @@ def test_without_process_noise_the_kalman_filter_ends_where_the_fit_ends(linear_
 
 def test_the_prior_and_the_timeline_are_left_as_they_were(linear_problem, run_whole):
     prior, timeline = linear_problem.prior, linear_problem.timeline
-    before = prior.mean.copy(), prior.factor.copy(), timeline.reading.copy()
+    before = prior.mean.copy(), prior.factor.copy(), timeline.measurement.copy()
     run_whole(fit_one, linear_problem)
     assert np.array_equal(prior.mean, before[0])
     assert np.array_equal(prior.factor, before[1])
-    assert np.array_equal(timeline.reading, before[2], equal_nan=True)
+    assert np.array_equal(timeline.measurement, before[2], equal_nan=True)
 
 
 def test_the_receiver_is_told_every_part_once(linear_problem, run_whole):
-    assert run_whole(fit_one, linear_problem, part=12).told == [(12, 12), (12, 12), (6, 6)]
+    assert run_whole(fit_one, linear_problem, chunk=12).told == [(12, 12), (12, 12), (6, 6)]
 
 
 @pytest.mark.parametrize("first", [1, 4, 11])
@@ -112,31 +112,31 @@ def test_going_on_from_a_shorter_span_leads_to_the_same_fit(first, linear_proble
     whole = run_whole(fit_one, linear_problem)
     monkeypatch.setattr("auvid_cli.filters.output_error._FIRST_SPAN", first)
     grown = run_whole(fit_one, linear_problem)
-    assert grown.culprit == OK
+    assert grown.failure == OK
     difference = (grown.records.mean - whole.records.mean) / whole.records.standard_deviation
     assert np.abs(difference).max() < 1e-4
 
 
 def test_the_first_events_are_cut_off_the_parts_that_hold_them(linear_problem, events_of):
     t = linear_problem.timeline
-    parts = [events_of(t, first, first + 8 if first < 24 else 30) for first in range(0, 30, 8)]
+    chunks = [events_of(t, first, first + 8 if first < 24 else 30) for first in range(0, 30, 8)]
     for n_events in (1, 8, 13, 24, 30):
-        span = FirstEvents(parts, n_events)
+        span = FirstEvents(chunks, n_events)
         for _ in range(2):
             cut = list(span)
-            assert np.array_equal(np.concatenate([part.time for part in cut]), t.time[:n_events])
-            for name in ("reading", "reading_sensor", "piece_duration", "piece_input"):
-                together = np.concatenate([getattr(part, name) for part in cut])
-                assert np.array_equal(together, getattr(t, name)[: len(together)], equal_nan=name == "reading")
-            assert sum(part.reading_offset[-1] for part in cut) == t.reading_offset[n_events]
-            assert sum(part.piece_offset[-1] for part in cut) == t.piece_offset[n_events]
+            assert np.array_equal(np.concatenate([chunk.time for chunk in cut]), t.time[:n_events])
+            for name in ("measurement", "measurement_sensor", "substep_duration", "substep_input"):
+                together = np.concatenate([getattr(chunk, name) for chunk in cut])
+                assert np.array_equal(together, getattr(t, name)[: len(together)], equal_nan=name == "measurement")
+            assert sum(chunk.measurement_offset[-1] for chunk in cut) == t.measurement_offset[n_events]
+            assert sum(chunk.substep_offset[-1] for chunk in cut) == t.substep_offset[n_events]
 
 
 def test_a_nonlinear_sensor_is_fitted_as_by_all_rows_at_once(nonlinear_problem, by_hand, run_whole):
     p, t = nonlinear_problem, nonlinear_problem.timeline
-    deviation = np.sqrt(p.sensors.variance[t.reading_sensor])
-    present = ~np.isnan(t.reading)
-    event = np.repeat(np.arange(EVENTS), np.diff(t.reading_offset))
+    deviation = np.sqrt(p.sensors.variance[t.measurement_sensor])
+    present = ~np.isnan(t.measurement)
+    event = np.repeat(np.arange(EVENTS), np.diff(t.measurement_offset))
     weight = np.linalg.inv(p.prior.factor)
 
     def residuals(x):
@@ -144,13 +144,13 @@ def test_a_nonlinear_sensor_is_fitted_as_by_all_rows_at_once(nonlinear_problem, 
         seen = np.array(
             [
                 p.plain_observe(states[e]) if s == 0 else p.sensors.matrix[s] @ states[e]
-                for e, s in zip(event, t.reading_sensor, strict=True)
+                for e, s in zip(event, t.measurement_sensor, strict=True)
             ]
         )
-        return np.append(((seen - t.reading) / deviation)[present], weight @ (x - p.prior.mean))
+        return np.append(((seen - t.measurement) / deviation)[present], weight @ (x - p.prior.mean))
 
     history = run_whole(partial(fit_one, use_prior=True), p)
-    assert history.culprit == OK
+    assert history.failure == OK
     start = np.concatenate([history.records.mean[0, :-4], history.records.mean[0, -4:]])
     # Nothing leads to the first event, so its state is the initial one.
     found = least_squares(residuals, start, x_scale="jac", ftol=1e-14, xtol=1e-14)
@@ -162,11 +162,11 @@ def test_a_nonlinear_sensor_is_fitted_as_by_all_rows_at_once(nonlinear_problem, 
 @pytest.mark.parametrize("turns", [-3, 2])
 def test_an_angle_is_known_only_modulo_a_turn(turns, linear_problem, run_whole):
     p = linear_problem
-    p.prior = Belief(0.01 * p.prior.mean, 0.01 * p.prior.factor)
-    p.timeline = p.timeline._replace(reading=0.01 * p.timeline.reading, inputs=0.0 * p.timeline.inputs)
+    p.prior = Gaussian(0.01 * p.prior.mean, 0.01 * p.prior.factor)
+    p.timeline = p.timeline._replace(measurement=0.01 * p.timeline.measurement, inputs=0.0 * p.timeline.inputs)
     plain = run_whole(partial(fit_one, use_prior=True), p)
     p.sensors = p.sensors._replace(angular=np.ones_like(p.sensors.angular))
-    p.timeline = p.timeline._replace(reading=p.timeline.reading + 2.0 * np.pi * turns)
+    p.timeline = p.timeline._replace(measurement=p.timeline.measurement + 2.0 * np.pi * turns)
     turned = run_whole(partial(fit_one, use_prior=True), p)
     assert_allclose(turned.records.mean, plain.records.mean, rtol=1e-7, atol=1e-9)
     assert_allclose(turned.records.innovation, plain.records.innovation, rtol=1e-7, atol=1e-9)
@@ -181,7 +181,7 @@ def test_a_parameter_that_nothing_depends_on_is_infinitely_uncertain_and_keeps_i
     p.prior.factor[:, 0] = p.prior.factor[0] = 0.0
     p.prior.factor[0, 0] = 1.0
     history = run_whole(fit_one, p)
-    assert history.culprit == OK
+    assert history.failure == OK
     assert np.all(history.records.standard_deviation[:, 0] == np.inf)
     assert np.isfinite(history.records.standard_deviation[:, -4:]).all()
     assert_allclose(history.records.mean[:, 0], p.prior.mean[0], rtol=1e-6)
@@ -209,7 +209,7 @@ def test_bounds_are_kept_and_the_others_fit_as_well_as_they_allow(linear_problem
 
 def test_a_fit_that_may_not_go_on_says_so(nonlinear_problem, run_whole):
     history = run_whole(partial(fit_one, max_evaluations=1), nonlinear_problem)
-    assert (history.n_good, history.culprit) == (EVENTS, NOT_CONVERGED)
+    assert (history.n_good, history.failure) == (EVENTS, NOT_CONVERGED)
     assert np.isfinite(history.records.mean).all()
 
 
@@ -219,8 +219,8 @@ def test_a_fit_of_a_shorter_span_does_not_pass_for_one_of_the_whole(linear_probl
     culprits = []
     for limit in range(1, 16):
         history = run_whole(partial(fit_one, max_evaluations=limit), linear_problem)
-        culprits.append(history.culprit)
-        if history.culprit == OK:
+        culprits.append(history.failure)
+        if history.failure == OK:
             difference = (history.records.mean - whole.records.mean) / whole.records.standard_deviation
             assert np.abs(difference).max() < 1e-3
     assert culprits[0] == NOT_CONVERGED
@@ -230,12 +230,12 @@ def test_a_fit_of_a_shorter_span_does_not_pass_for_one_of_the_whole(linear_probl
 @pytest.mark.parametrize("event", [1, 5, 29])
 def test_a_motion_that_cannot_go_on_is_fitted_until_there(event, linear_problem, run_whole):
     p, t = linear_problem, linear_problem.timeline
-    piece_input = t.piece_input.copy()
-    piece_input[t.piece_offset[event]] = 5
+    substep_input = t.substep_input.copy()
+    substep_input[t.substep_offset[event]] = 5
     inputs = np.vstack([t.inputs, np.full((1, t.inputs.shape[1]), np.nan)])
-    p.timeline = t._replace(inputs=inputs, piece_input=piece_input)
+    p.timeline = t._replace(inputs=inputs, substep_input=substep_input)
     history = run_whole(fit_one, p)
-    assert (history.n_good, history.culprit) == (event, PREDICTION)
+    assert (history.n_good, history.failure) == (event, PREDICTION)
     assert np.isfinite(history.records.mean[:event]).all()
     assert np.isnan(history.records.mean[event:]).all()
     assert np.isnan(history.records.standard_deviation[event:]).all()

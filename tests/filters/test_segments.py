@@ -1,4 +1,4 @@
-"""Stretches that share their parameters, against one set of linear equations in all that is unknown."""
+"""Segments that share their parameters, against one set of linear equations in all that is unknown."""
 
 from functools import partial
 
@@ -12,8 +12,8 @@ from auvid_cli.filters.extended import run_extended_filter
 from auvid_cli.filters.information import Information, jointly
 from auvid_cli.filters.output_error import run_output_error
 from auvid_cli.filters.point_sets import cubature
-from auvid_cli.filters.problem import OK, PREDICTION, Belief
-from auvid_cli.filters.segments import joint_belief, of_stretch, one_after_the_other, places
+from auvid_cli.filters.problem import OK, PREDICTION, Gaussian
+from auvid_cli.filters.segments import joint_gaussian, of_segment, one_after_the_other, places
 from auvid_cli.filters.square_root import run_square_root_filter
 
 N_MOVING = 4
@@ -22,37 +22,37 @@ CUT = 13
 
 @pytest.fixture
 def cut_in_two(linear_problem, events_of, by_hand):
-    """The problem as two stretches, and its readings as linear equations in parameters and both motions.
+    """The problem as two segments, and its measurements as linear equations in parameters and both motions.
 
-    The second begins at the last event of the first, of which it has no reading.
+    The second begins at the last event of the first, of which it has no measurement.
     """
     p, rng = linear_problem, np.random.default_rng(5)
     t, n = p.timeline, p.prior.mean.size
     n_parameters = n - N_MOVING
-    p.stretches = [[events_of(t, 0, 6), events_of(t, 6, CUT)], [events_of(t, CUT, 30)]]
+    p.segments = [[events_of(t, 0, 6), events_of(t, 6, CUT)], [events_of(t, CUT, 30)]]
     factor = p.prior.factor.copy()
     factor[n_parameters:] = np.tril(rng.standard_normal((n, n)))[n_parameters:] + 2.0 * np.eye(n)[n_parameters:]
-    second = Belief(np.append(p.prior.mean[:n_parameters], rng.standard_normal(N_MOVING)), factor)
-    p.joint = joint_belief([p.prior, second], N_MOVING)
+    second = Gaussian(np.append(p.prior.mean[:n_parameters], rng.standard_normal(N_MOVING)), factor)
+    p.joint = joint_gaussian([p.prior, second], N_MOVING)
 
     back = np.linalg.inv(by_hand.transition[CUT - 1])
     p.transition = [by_hand.transition[:CUT], by_hand.transition[CUT:] @ back]
     p.offset = [by_hand.offset[:CUT], by_hand.offset[CUT:] - p.transition[1] @ by_hand.offset[CUT - 1]]
-    split = t.reading_offset[CUT]
+    split = t.measurement_offset[CUT]
     matrices = by_hand.matrix[:split], by_hand.matrix[split:] @ back
-    readings = by_hand.reading[:split], by_hand.reading[split:] + matrices[1] @ by_hand.offset[CUT - 1]
-    deviation = np.sqrt(p.sensors.variance[t.reading_sensor])
-    present = ~np.isnan(t.reading)
+    measurements = by_hand.measurement[:split], by_hand.measurement[split:] + matrices[1] @ by_hand.offset[CUT - 1]
+    deviation = np.sqrt(p.sensors.variance[t.measurement_sensor])
+    present = ~np.isnan(t.measurement)
     p.places = [np.arange(n), np.append(np.arange(n_parameters), np.arange(n, n + N_MOVING))]
-    rows = np.zeros((*t.reading.shape, n + N_MOVING))
+    rows = np.zeros((*t.measurement.shape, n + N_MOVING))
     rows[:split, :, p.places[0]], rows[split:, :, p.places[1]] = matrices
     p.rows = (rows / deviation[..., None])[present]
-    p.heard = (np.concatenate(readings) / deviation)[present]
+    p.heard = (np.concatenate(measurements) / deviation)[present]
     return p
 
 
 def best(p):
-    """Joint state that fits readings and prior best, and its covariance."""
+    """Joint state that fits measurements and prior best, and its covariance."""
     weight = np.linalg.inv(p.joint.factor)
     left, values, right = np.linalg.svd(np.vstack([p.rows, weight]), full_matrices=False)
     root = right.T / values
@@ -63,24 +63,24 @@ def received():
     """A receiver, and what it is told."""
     means, deviations = [], []
 
-    def receive(timeline, records):
+    def on_chunk(timeline, records):
         means.append(records.mean)
         deviations.append(records.standard_deviation)
 
-    return receive, means, deviations
+    return on_chunk, means, deviations
 
 
 def test_the_own_states_share_the_parameters():
     assert [place.tolist() for place in places(8, 2, 3)] == [[0, 1, 2, 3], [0, 1, 4, 5], [0, 1, 6, 7]]
 
 
-def test_a_joint_belief_says_of_each_what_was_known(cut_in_two):
+def test_a_joint_gaussian_says_of_each_what_was_known(cut_in_two):
     p = cut_in_two
     n = p.prior.mean.size
     covariance = p.joint.factor @ p.joint.factor.T
-    for place, belief in zip(p.places, [p.prior, of_stretch(p.joint, p.places[1])], strict=True):
-        assert_allclose(covariance[np.ix_(place, place)], belief.factor @ belief.factor.T, rtol=1e-12)
-    assert np.array_equal(of_stretch(p.joint, p.places[0]).factor, p.prior.factor)
+    for place, gaussian in zip(p.places, [p.prior, of_segment(p.joint, p.places[1])], strict=True):
+        assert_allclose(covariance[np.ix_(place, place)], gaussian.factor @ gaussian.factor.T, rtol=1e-12)
+    assert np.array_equal(of_segment(p.joint, p.places[0]).factor, p.prior.factor)
     # What the motions share is what both share with the parameters.
     known = n - N_MOVING
     by_parameters = [p.prior.factor[known:, :known], p.joint.factor[n:, :known]]
@@ -90,9 +90,9 @@ def test_a_joint_belief_says_of_each_what_was_known(cut_in_two):
 def test_all_are_fitted_at_once(cut_in_two):
     p = cut_in_two
     state, covariance = best(p)
-    receive, means, deviations = received()
-    ending = run_output_error(p.process, p.sensors, p.stretches, p.joint, receive, use_prior=True)
-    assert (ending.n_good, ending.culprit) == (30, OK)
+    on_chunk, means, deviations = received()
+    outcome = run_output_error(p.process, p.sensors, p.segments, p.joint, on_chunk, use_prior=True)
+    assert (outcome.n_good, outcome.failure) == (30, OK)
     mean = np.concatenate([o + t @ state[place] for o, t, place in zip(p.offset, p.transition, p.places, strict=True)])
     own = [
         t @ covariance[np.ix_(place, place)] @ t.swapaxes(-1, -2)
@@ -102,7 +102,7 @@ def test_all_are_fitted_at_once(cut_in_two):
     assert_allclose(np.concatenate(deviations), deviation, rtol=1e-6)
     assert np.abs((np.concatenate(means) - mean) / deviation).max() < 1e-5
     size = np.sqrt(np.diagonal(own[1][-1]))
-    assert_allclose(ending.covariance / np.outer(size, size), own[1][-1] / np.outer(size, size), atol=1e-6)
+    assert_allclose(outcome.covariance / np.outer(size, size), own[1][-1] / np.outer(size, size), atol=1e-6)
 
 
 @pytest.mark.parametrize("kind", ["square root", "extended"])
@@ -115,40 +115,42 @@ def test_without_process_noise_a_filter_knows_in_the_end_what_the_fit_knows(kind
         "square root": partial(run_square_root_filter, cubature(p.prior.mean.size), process, p.sensors),
         "extended": partial(run_extended_filter, process, p.sensors),
     }[kind]
-    receive, means, _ = received()
-    ending = one_after_the_other(run, N_MOVING, p.stretches, p.joint, receive)
-    assert (ending.n_good, ending.culprit) == (30, OK)
+    on_chunk, means, _ = received()
+    outcome = one_after_the_other(run, N_MOVING, p.segments, p.joint, on_chunk)
+    assert (outcome.n_good, outcome.failure) == (30, OK)
     own = p.transition[1][-1] @ covariance[np.ix_(p.places[1], p.places[1])] @ p.transition[1][-1].T
     deviation = np.sqrt(np.diag(own))
-    assert_allclose(ending.covariance / np.outer(deviation, deviation), own / np.outer(deviation, deviation), atol=1e-6)
+    assert_allclose(
+        outcome.covariance / np.outer(deviation, deviation), own / np.outer(deviation, deviation), atol=1e-6
+    )
     expected = p.offset[1][-1] + p.transition[1][-1] @ state[p.places[1]]
     assert np.abs((means[-1][-1] - expected) / deviation).max() < 1e-5
 
 
 def test_a_motion_that_cannot_go_on_ends_the_fit_of_all(cut_in_two):
     p = cut_in_two
-    (second,) = p.stretches[1]
-    piece_input = second.piece_input.copy()
-    piece_input[second.piece_offset[4]] = 5
+    (second,) = p.segments[1]
+    substep_input = second.substep_input.copy()
+    substep_input[second.substep_offset[4]] = 5
     inputs = np.vstack([second.inputs, np.full((1, second.inputs.shape[1]), np.nan)])
-    p.stretches[1] = [second._replace(inputs=inputs, piece_input=piece_input)]
-    receive, means, _ = received()
-    ending = run_output_error(p.process, p.sensors, p.stretches, p.joint, receive, use_prior=True)
-    assert (ending.n_good, ending.culprit) == (CUT + 4, PREDICTION)
+    p.segments[1] = [second._replace(inputs=inputs, substep_input=substep_input)]
+    on_chunk, means, _ = received()
+    outcome = run_output_error(p.process, p.sensors, p.segments, p.joint, on_chunk, use_prior=True)
+    assert (outcome.n_good, outcome.failure) == (CUT + 4, PREDICTION)
     assert [len(mean) for mean in means] == [6, 7, 4]
 
 
 seeds = st.integers(0, 2**32 - 1)
 
 
-def random_parts(rng, n_parameters, n_moving, n_stretches):
-    """Rows of stretches in their own states, and together in the joint one."""
-    n_joint = n_parameters + n_stretches * n_moving
+def random_parts(rng, n_parameters, n_moving, n_segments):
+    """Rows of segments in their own states, and together in the joint one."""
+    n_joint = n_parameters + n_segments * n_moving
     own = [
         rng.standard_normal((40, n_parameters + n_moving + 1)) * 10.0 ** rng.uniform(-3, 3, n_parameters + n_moving + 1)
-        for _ in range(n_stretches)
+        for _ in range(n_segments)
     ]
-    joint = np.zeros((40 * n_stretches, n_joint + 1))
+    joint = np.zeros((40 * n_segments, n_joint + 1))
     for k, rows in enumerate(own):
         first = n_parameters + k * n_moving
         block = joint[40 * k : 40 * (k + 1)]
@@ -164,11 +166,11 @@ def of_rows(rows):
     return Information.none(rows.shape[1] - 1).with_rows(rows, len(rows))
 
 
-@given(seed=seeds, n_parameters=st.integers(1, 8), n_moving=st.integers(1, 5), n_stretches=st.integers(1, 4))
-def test_information_of_all_is_that_of_all_rows(seed, n_parameters, n_moving, n_stretches):
-    own, rows = random_parts(np.random.default_rng(seed), n_parameters, n_moving, n_stretches)
-    found = jointly([of_rows(part) for part in own], n_parameters)
-    assert found.n_readings == len(rows)
+@given(seed=seeds, n_parameters=st.integers(1, 8), n_moving=st.integers(1, 5), n_segments=st.integers(1, 4))
+def test_information_of_all_is_that_of_all_rows(seed, n_parameters, n_moving, n_segments):
+    own, rows = random_parts(np.random.default_rng(seed), n_parameters, n_moving, n_segments)
+    found = jointly([of_rows(chunk) for chunk in own], n_parameters)
+    assert found.n_measurements == len(rows)
     size = np.linalg.norm(rows, axis=0)
     whole = np.vstack(
         [np.column_stack([found.factor, found.projected]), np.append(np.zeros(rows.shape[1] - 1), found.remaining)]
@@ -213,7 +215,7 @@ def test_an_uncertainty_of_some_is_that_of_the_whole(rng):
     rows[:, 6] = 0.0
     whole = of_rows(rows).uncertainty()
     place = np.array([0, 3, 6])
-    part = whole.of(place)
-    assert part.root.shape == (3, 3)
-    assert_allclose(part.deviation(np.eye(3)), whole.deviation(np.eye(7))[place])
-    assert_allclose(part.covariance(np.eye(3)), whole.covariance(np.eye(7))[np.ix_(place, place)], atol=1e-14)
+    chunk = whole.of(place)
+    assert chunk.root.shape == (3, 3)
+    assert_allclose(chunk.deviation(np.eye(3)), whole.deviation(np.eye(7))[place])
+    assert_allclose(chunk.covariance(np.eye(3)), whole.covariance(np.eye(7))[np.ix_(place, place)], atol=1e-14)

@@ -6,15 +6,16 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.filters.sensitivities import responses
 from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 N_MOVING = 9
 
 
-def whole(problem, start, parts):
-    """States, sensitivities, innovations and whitened rows of all parts as one."""
-    found = list(responses(problem.process, problem.sensors, parts, start))
+def whole(problem, start, chunks):
+    """States, sensitivities, innovations and whitened rows of all chunks as one."""
+    found = list(responses(problem.process, problem.sensors, chunks, start))
     assert not found[-1].blew_up
     return tuple(np.concatenate([r[k] for r in found]) for k in (1, 2, 3, 4))
 
@@ -25,21 +26,21 @@ def test_on_a_linear_problem_they_are_products_of_matrices(linear_problem, by_ha
     n_parameters = p.prior.mean.size - sensitivity.shape[1]
     assert_allclose(mean, by_hand.offset + by_hand.transition @ p.prior.mean, rtol=1e-11, atol=1e-11)
     assert_allclose(sensitivity, by_hand.transition[:, n_parameters:], rtol=1e-11, atol=1e-11)
-    assert_allclose(innovation, by_hand.reading - by_hand.matrix @ p.prior.mean, rtol=1e-10, atol=1e-10)
-    present = ~np.isnan(p.timeline.reading)
+    assert_allclose(innovation, by_hand.measurement - by_hand.matrix @ p.prior.mean, rtol=1e-10, atol=1e-10)
+    present = ~np.isnan(p.timeline.measurement)
     assert not present.all()
-    deviation = np.sqrt(p.sensors.variance[p.timeline.reading_sensor])[..., None]
+    deviation = np.sqrt(p.sensors.variance[p.timeline.measurement_sensor])[..., None]
     assert_allclose((whitened[..., :-1] * deviation)[present], by_hand.matrix[present], rtol=1e-10, atol=1e-10)
     assert_allclose((whitened[..., -1:] * deviation)[present][:, 0], innovation[present], rtol=1e-12)
     assert np.all(whitened[~present] == 0.0)
 
 
-@pytest.mark.parametrize("part", [1, 7, 29])
-def test_working_part_by_part_changes_nothing(part, linear_problem, events_of):
+@pytest.mark.parametrize("chunk", [1, 7, 29])
+def test_working_part_by_part_changes_nothing(chunk, linear_problem, events_of):
     p = linear_problem
-    parts = [events_of(p.timeline, first, min(first + part, 30)) for first in range(0, 30, part)]
+    chunks = [events_of(p.timeline, first, min(first + chunk, 30)) for first in range(0, 30, chunk)]
     for a, b in zip(
-        whole(p, p.prior.mean, parts),
+        whole(p, p.prior.mean, chunks),
         whole(p, p.prior.mean, [p.timeline]),
         strict=True,
     ):
@@ -51,10 +52,10 @@ def test_an_angle_counts_modulo_a_turn(turns, linear_problem):
     p = linear_problem
     plain = whole(p, p.prior.mean, [p.timeline])
     p.sensors.angular[0, 1] = True
-    p.timeline.reading[p.timeline.reading_sensor == 0, 1] += 2.0 * np.pi * turns
+    p.timeline.measurement[p.timeline.measurement_sensor == 0, 1] += 2.0 * np.pi * turns
     turned = whole(p, p.prior.mean, [p.timeline])
     wrapped = np.angle(np.exp(1j * plain[2]))
-    angular = (p.timeline.reading_sensor == 0)[:, None] & (np.arange(3) == 1)
+    angular = (p.timeline.measurement_sensor == 0)[:, None] & (np.arange(3) == 1)
     assert np.nanmax(np.abs(plain[2][angular])) > np.pi, "something should wrap"
     assert_allclose(turned[2], np.where(angular, wrapped, plain[2]), rtol=1e-9, atol=1e-9)
     assert_allclose(turned[3][..., :-1], plain[3][..., :-1], rtol=1e-12)
@@ -64,8 +65,8 @@ def test_of_a_nonlinear_sensor_they_are_differences_of_what_it_sees(nonlinear_pr
     p = nonlinear_problem
     start = 0.2 * p.prior.mean
     _, _, innovation, whitened = whole(p, start, [p.timeline])
-    deviation = np.sqrt(p.sensors.variance[p.timeline.reading_sensor])
-    present = ~np.isnan(p.timeline.reading)
+    deviation = np.sqrt(p.sensors.variance[p.timeline.measurement_sensor])
+    present = ~np.isnan(p.timeline.measurement)
     assert_allclose((whitened[..., -1] * deviation)[present], innovation[present], rtol=1e-12)
     for j, direction in enumerate(np.eye(start.size)):
         ahead, behind = (whole(p, start + s * 1e-5 * direction, [p.timeline])[2] for s in (1.0, -1.0))
@@ -77,14 +78,14 @@ def test_they_end_where_the_motion_blows_up(linear_problem, events_of):
     p = linear_problem
     t = p.timeline
     event = 13
-    piece_input = t.piece_input.copy()
-    piece_input[t.piece_offset[event]] = 5
-    t = t._replace(inputs=np.vstack([t.inputs, np.full((1, t.inputs.shape[1]), np.nan)]), piece_input=piece_input)
-    parts = [events_of(t, first, first + 10) for first in (0, 10, 20)]
-    found = list(responses(p.process, p.sensors, parts, p.prior.mean))
+    substep_input = t.substep_input.copy()
+    substep_input[t.substep_offset[event]] = 5
+    t = t._replace(inputs=np.vstack([t.inputs, np.full((1, t.inputs.shape[1]), np.nan)]), substep_input=substep_input)
+    chunks = [events_of(t, first, first + 10) for first in (0, 10, 20)]
+    found = list(responses(p.process, p.sensors, chunks, p.prior.mean))
     assert [r.blew_up for r in found] == [False, True]
     assert [len(r.mean) for r in found] == [10, 3]
-    assert len(found[1].innovation) == len(found[1].whitened) == parts[1].reading_offset[3]
+    assert len(found[1].innovation) == len(found[1].whitened) == chunks[1].measurement_offset[3]
     assert all(np.isfinite(r.mean).all() and np.isfinite(r.whitened).all() for r in found)
 
 
@@ -94,7 +95,7 @@ def vehicle_problem(simulated_with):
     dataset = simulated_with(
         "manoeuvre.duration=5 s", "manoeuvre.initial_speed=2 m/s", "manoeuvre.excitation.fade_in=0.5 s"
     )
-    problem = augmented_problem(dataset)
+    problem = augmented_problem(prepare(dataset))
     start = problem.prior.mean.copy()
     start[: len(SYMBOLS)] = [dataset.truth.coefficients[s] for s in SYMBOLS] / problem.layout.scale[: len(SYMBOLS)]
     return problem, start
@@ -107,11 +108,11 @@ def free_motion(problem, start):
     block[:, 0] = start
     moving, parameters = block[n_parameters:].ravel(), block[:n_parameters].ravel()
     process, motions = problem.process, []
-    for t in problem.stretches[0].timelines:
+    for t in problem.segments[0].timelines:
         for event in range(t.time.size):
-            for piece in range(t.piece_offset[event], t.piece_offset[event + 1]):
-                held, scratch = t.inputs[t.piece_input[piece]], np.zeros(process.scratch_size)
-                model = process.constants, process.selection, 1, t.piece_duration[piece], scratch
+            for substep in range(t.substep_offset[event], t.substep_offset[event + 1]):
+                held, scratch = t.inputs[t.substep_input[substep]], np.zeros(process.scratch_size)
+                model = process.constants, process.selection, 1, t.substep_duration[substep], scratch
                 process.advance(moving, parameters, held, *model)
             motions.append(moving.reshape(N_MOVING, LANES)[:, 0].copy())
     return np.array(motions)
@@ -119,7 +120,7 @@ def free_motion(problem, start):
 
 def test_of_the_vehicle_they_are_differences_of_the_motion(vehicle_problem):
     problem, start = vehicle_problem
-    mean, sensitivity, _, _ = whole(problem, start, problem.stretches[0].timelines)
+    mean, sensitivity, _, _ = whole(problem, start, problem.segments[0].timelines)
     assert len(mean) > 400
     assert_allclose(mean[:, -N_MOVING:], free_motion(problem, start), rtol=1e-10, atol=1e-12)
     assert np.array_equal(mean[:, :-N_MOVING], np.broadcast_to(start[:-N_MOVING], (len(mean), len(SYMBOLS))))

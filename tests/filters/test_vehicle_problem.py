@@ -8,9 +8,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.config.experiment import FilterName
-from auvid_cli.filters.problem import OK, Ending
+from auvid_cli.filters.problem import OK, FilterOutcome
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.identify import set_up_filters
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.lanes import LANES
 
 N_MOVING = 9
@@ -29,15 +30,15 @@ def problem_of(simulated_with, run_whole):
 
         def keep(*arguments):
             handed.extend(arguments)
-            return Ending(np.eye(1), 0, OK)
+            return FilterOutcome(np.eye(1), 0, OK)
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("auvid_cli.identification.choice.run_square_root_filter", keep)
-            (run,) = set_up_filters(dataset, [name])
-        run.estimator.estimate(run.stretches, run.prior, None)
+            (run,) = set_up_filters(prepare(dataset), [name])
+        run.estimator.estimate(run.segments, run.prior, None)
         point_set, process, sensors, (timeline,), prior, _ = handed
         problem = SimpleNamespace(process=process, sensors=sensors, timeline=timeline, prior=prior)
-        history = run_whole(partial(run_square_root_filter, point_set), problem, part=50)
+        history = run_whole(partial(run_square_root_filter, point_set), problem, chunk=50)
         return dataset, process, sensors, timeline, prior, history
 
     return capture
@@ -66,8 +67,8 @@ def points_of(name, n, settings):
     return points, for_mean, for_covariance
 
 
-def propagate(process, points, timeline, pieces):
-    """Each point over consecutive pieces, one block at a time."""
+def propagate(process, points, timeline, substeps):
+    """Each point over consecutive substeps, one block at a time."""
     n_parameters = points.shape[1] - N_MOVING
     result = points.copy()
     for first in range(0, len(points), LANES):
@@ -75,8 +76,8 @@ def propagate(process, points, timeline, pieces):
         block = np.zeros((points.shape[1], LANES))
         block[:, : len(rows)] = rows.T
         moving, parameters = block[n_parameters:].ravel(), block[:n_parameters].ravel()
-        for piece in pieces:
-            held = timeline.inputs[timeline.piece_input[piece]]
+        for substep in substeps:
+            held = timeline.inputs[timeline.substep_input[substep]]
             process.advance(
                 moving,
                 parameters,
@@ -84,7 +85,7 @@ def propagate(process, points, timeline, pieces):
                 process.constants,
                 process.selection,
                 len(rows),
-                timeline.piece_duration[piece],
+                timeline.substep_duration[substep],
                 np.zeros(process.scratch_size),
             )
         result[first : first + LANES, n_parameters:] = moving.reshape(N_MOVING, LANES)[:, : len(rows)].T
@@ -102,20 +103,20 @@ def test_square_root_form_equals_the_covariance_form(name, problem_of, share_of_
     mean, covariance = prior.mean, prior.factor @ prior.factor.T
     means = []
     for event in range(timeline.time.size):
-        pieces = range(timeline.piece_offset[event], timeline.piece_offset[event + 1])
-        if pieces:
+        substeps = range(timeline.substep_offset[event], timeline.substep_offset[event + 1])
+        if substeps:
             drawn = mean + points @ np.linalg.cholesky(covariance).T
-            moved = propagate(process, drawn, timeline, pieces)
+            moved = propagate(process, drawn, timeline, substeps)
             mean = for_mean @ moved
             covariance = ((moved - mean).T * for_covariance) @ (moved - mean)
-            covariance += np.diag(noise * timeline.piece_duration[pieces.start : pieces.stop].sum())
-        for k in range(timeline.reading_offset[event], timeline.reading_offset[event + 1]):
-            present = ~np.isnan(timeline.reading[k])
-            sensor = timeline.reading_sensor[k]
+            covariance += np.diag(noise * timeline.substep_duration[substeps.start : substeps.stop].sum())
+        for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
+            present = ~np.isnan(timeline.measurement[k])
+            sensor = timeline.measurement_sensor[k]
             h = sensors.matrix[sensor, present]
             s = h @ covariance @ h.T + np.diag(sensors.variance[sensor, present])
             gain = np.linalg.solve(s, h @ covariance).T
-            mean = mean + gain @ (timeline.reading[k, present] - h @ mean)
+            mean = mean + gain @ (timeline.measurement[k, present] - h @ mean)
             covariance = covariance - gain @ s @ gain.T
             covariance = 0.5 * (covariance + covariance.T)
         deviation = np.sqrt(np.diag(covariance))

@@ -11,7 +11,8 @@ from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.estimate_file import new_estimate
 from auvid_cli.errors import DataError, FileError
 from auvid_cli.identification.identify import identify, set_up_filters
-from auvid_cli.identification.prior import earlier_belief
+from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.prior import earlier_gaussian
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 
@@ -20,7 +21,7 @@ def written(tmp_path):
     """Function: run a filter and write its estimate."""
 
     def write(dataset, name=FilterName.CKF) -> Path:
-        (run,) = set_up_filters(dataset, [name])
+        (run,) = set_up_filters(prepare(dataset), [name])
         path = tmp_path / f"{name}.h5"
         with new_estimate(path, run.header) as writer:
             writer.finish(run.run(writer.append))
@@ -33,14 +34,14 @@ def test_coefficients_and_their_covariance_are_taken_over(short_run, short_estim
     path = written(short_run)
     earlier = short_estimates[FilterName.CKF]
     scale = np.linspace(1.0, 3.0, 22)
-    mean, factor = earlier_belief(path, short_run, SYMBOLS, scale)
+    mean, factor = earlier_gaussian(path, short_run, SYMBOLS, scale)
     assert_allclose(mean * scale, earlier.mean[-1, :22])
     assert_allclose((factor @ factor.T) * np.outer(scale, scale), earlier.covariance[:22, :22], rtol=1e-9, atol=1e-12)
 
 
 def test_what_the_earlier_estimate_does_not_know_keeps_its_prior(short_run, written, with_settings):
     path = written(with_settings(short_run, "identification.coefficients=[X_u|u|, N_uudr]"))
-    mean, factor = earlier_belief(path, short_run, SYMBOLS, np.ones(22))
+    mean, factor = earlier_gaussian(path, short_run, SYMBOLS, np.ones(22))
     known = [SYMBOLS.index("X_u|u|"), SYMBOLS.index("N_uudr")]
     others = np.setdiff1d(np.arange(22), known)
     assert np.all(mean[others] == 0.0)

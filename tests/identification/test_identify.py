@@ -14,6 +14,7 @@ from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.identification.identify import identify, set_up_filters
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.timeline import Timelines
 from auvid_cli.vehicle.coefficients import SYMBOLS
@@ -54,9 +55,9 @@ def default_run(simulated_with):
     return simulated_with()
 
 
-def in_parts_of(readings):
-    """What stands in for `Timelines`, with parts of another length."""
-    return lambda inputs, measuring, start, step, part: Timelines(inputs, measuring, start, step, readings)
+def in_chunks_of(measurements):
+    """What stands in for `Timelines`, with chunks of another length."""
+    return lambda inputs, measuring, start, step: Timelines(inputs, measuring, start, step, measurements)
 
 
 def assert_same(a, b):
@@ -230,26 +231,26 @@ def test_each_sensors_innovations_stand_at_its_own_times(short_run, short_estima
         used = np.isfinite(record.values).any(axis=1) & (record.time >= start - 1e-9)
         assert_allclose(innovations.time, record.time[used], atol=1e-9)
         assert np.isfinite(innovations.innovation).all()
-        # A filter adds its own uncertainty to a new reading's; a fit has used up some of the noise.
+        # A filter adds its own uncertainty to a new measurement's; a fit has used up some of the noise.
         more = innovations.variance - record.standard_deviation**2
         assert np.all(more <= 0.0 if filter_name is FilterName.OUTPUT_ERROR else more >= 0.0)
 
 
-def test_parts_of_any_length_follow_each_other_and_make_the_whole(
+def test_chunks_of_any_length_follow_each_other_and_make_the_whole(
     short_run, short_estimates, kalman_filter, monkeypatch
 ):
-    monkeypatch.setattr("auvid_cli.identification.segments.Timelines", in_parts_of(333))
-    (run,), parts = set_up_filters(short_run, [kalman_filter]), []
-    outcome = run.run(parts.append)
-    assert len(parts) > 15
-    assert_allclose((parts[0].time[0], parts[-1].time[-1]), run.span, rtol=1e-12)
-    assert sum(part.time.size for part in parts) == outcome.steps
-    assert_same(Estimate.of(run.header, parts, outcome), short_estimates[kalman_filter])
+    monkeypatch.setattr("auvid_cli.identification.prepared_data.Timelines", in_chunks_of(333))
+    (run,), chunks = set_up_filters(prepare(short_run), [kalman_filter]), []
+    outcome = run.run(chunks.append)
+    assert len(chunks) > 15
+    assert_allclose((chunks[0].time[0], chunks[-1].time[-1]), run.span, rtol=1e-12)
+    assert sum(chunk.time.size for chunk in chunks) == outcome.steps
+    assert_same(Estimate.of(run.header, chunks, outcome), short_estimates[kalman_filter])
 
 
 def test_a_filter_can_be_stopped_whenever_it_asks_for_data(short_run, filter_name, monkeypatch):
     """A fit hands over nothing until its end; it asks for the data again and again."""
-    monkeypatch.setattr("auvid_cli.identification.segments.Timelines", in_parts_of(2000))
+    monkeypatch.setattr("auvid_cli.identification.prepared_data.Timelines", in_chunks_of(2000))
     asked = []
 
     def stop():
@@ -257,9 +258,9 @@ def test_a_filter_can_be_stopped_whenever_it_asks_for_data(short_run, filter_nam
         if len(asked) == 2:
             raise InterruptedError
 
-    (run,) = set_up_filters(short_run, [filter_name], stop)
+    (run,) = set_up_filters(prepare(short_run), [filter_name], stop)
     with pytest.raises(InterruptedError):
-        run.run(lambda part: None)
+        run.run(lambda chunk: None)
     assert len(asked) == 2
 
 
@@ -284,10 +285,14 @@ def test_a_filter_that_fails_at_its_first_event_leaves_the_prior(short_run, kalm
     assert estimate.status.startswith("diverged")
     assert estimate.time.size >= 1
     assert np.isfinite(estimate.mean).all()
-    assert not evaluate(short_run, [estimate], BoundsOf(short_run)).summary[0].status.startswith("completed")
+    assert (
+        not evaluate(prepare(short_run), [estimate], BoundsOf(prepare(short_run)))
+        .summary[0]
+        .status.startswith("completed")
+    )
 
 
-def test_infinite_readings_count_as_missing(short_run):
+def test_infinite_measurements_count_as_missing(short_run):
     gyroscope = short_run.sensors["gyroscope"]
     values = gyroscope.values.copy()
     values[1::50] = np.inf

@@ -1,4 +1,4 @@
-"""Several stretches together: the fit against scipy's on plain residuals, the information against dense matrices."""
+"""Several segments together: the fit against scipy's on plain residuals, the information against dense matrices."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from auvid_cli.filters.sensitivities import responses
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.identify import identify
-from auvid_cli.identification.segments import stretches
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.timeline import measuring_sensors
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, N_MOTION, SENSORS
@@ -31,21 +31,21 @@ WHITE = (
 
 
 @pytest.fixture(scope="module")
-def two_stretches(simulated_with):
+def two_segments(simulated_with):
     """All 22 coefficients."""
     return simulated_with(*WHITE, TWO)
 
 
 def residuals(dataset, coefficients, motions):
-    """Of all readings of all stretches, by the integration that predictions use; whitened."""
+    """Of all measurements of all segments, by the integration that predictions use; whitened."""
     parameters, parts = dataset.experiment.vehicle.known_parameters(), []
-    for stretch, motion in zip(stretches(dataset), motions, strict=True):
-        for timeline, predicted in free_motion(stretch.timelines, motion, parameters, coefficients):
-            event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.reading_offset))
+    for segment, motion in zip(prepare(dataset).segments, motions, strict=True):
+        for timeline, predicted in free_motion(segment.timelines, motion, parameters, coefficients):
+            event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
             for sensor, (name, record) in enumerate(measuring_sensors(dataset).items()):
-                own = timeline.reading_sensor == sensor
+                own = timeline.measurement_sensor == sensor
                 columns = [MOTION_SYMBOLS.index(quantity.symbol) for quantity in SENSORS[name]]
-                difference = predicted[event[own]][:, columns] - timeline.reading[own, : len(columns)]
+                difference = predicted[event[own]][:, columns] - timeline.measurement[own, : len(columns)]
                 angles = np.isin(columns, (6, 7, 8))
                 difference[:, angles] = np.angle(np.exp(1j * difference[:, angles]))
                 whitened = difference / record.standard_deviation
@@ -53,9 +53,9 @@ def residuals(dataset, coefficients, motions):
     return np.concatenate(parts)
 
 
-def test_the_fit_is_that_of_scipy_with_differences_of_the_motion(two_stretches, with_settings):
+def test_the_fit_is_that_of_scipy_with_differences_of_the_motion(two_segments, with_settings):
     """Four coefficients and two motions of nine states."""
-    dataset = with_settings(two_stretches, f"identification.coefficients={list(FEW)}")
+    dataset = with_settings(two_segments, f"identification.coefficients={list(FEW)}")
     fit = identify(dataset, FilterName.OUTPUT_ERROR)
     assert fit.completed
     scale = np.array([dataset.truth.coefficients[symbol] for symbol in FEW])
@@ -64,7 +64,7 @@ def test_the_fit_is_that_of_scipy_with_differences_of_the_motion(two_stretches, 
         values = fit.held | dict(zip(FEW, scale * x[: len(FEW)], strict=True))
         return residuals(dataset, values, x[len(FEW) :].reshape(2, N_MOTION))
 
-    measured = [stretch.motion for stretch in stretches(dataset)]
+    measured = [segment.motion for segment in prepare(dataset).segments]
     start = np.concatenate([np.ones(len(FEW)), *measured])
     found = least_squares(whitened, start, "3-point", x_scale="jac", ftol=1e-12, xtol=1e-12)
     deviation = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac)))
@@ -78,17 +78,17 @@ def test_the_fit_is_that_of_scipy_with_differences_of_the_motion(two_stretches, 
         assert_allclose(fit.standard_deviation[row, n:], deviation[own], rtol=1e-4)
 
 
-def test_the_information_is_the_sum_of_what_each_says_whatever_its_motion(two_stretches):
-    truth, n = two_stretches.truth, len(SYMBOLS)
-    problem = augmented_problem(two_stretches)
-    found = information_at(two_stretches, truth.coefficients)
+def test_the_information_is_the_sum_of_what_each_says_whatever_its_motion(two_segments):
+    truth, n = two_segments.truth, len(SYMBOLS)
+    problem = augmented_problem(prepare(two_segments))
+    found = information_at(prepare(two_segments), truth.coefficients)
     start = problem.prior.mean.copy()
     start[:n] = [
         truth.coefficients[symbol] / scale for symbol, scale in zip(SYMBOLS, problem.layout.scale, strict=False)
     ]
     total = np.zeros((n, n))
-    for stretch, place in zip(problem.stretches, problem.places, strict=True):
-        parts = responses(problem.process, problem.sensors, stretch.timelines, start[place])
+    for segment, place in zip(problem.segments, problem.places, strict=True):
+        parts = responses(problem.process, problem.sensors, segment.timelines, start[place])
         rows = np.concatenate([part.whitened.reshape(-1, n + N_MOTION + 1) for part in parts])[:, :-1]
         normal = rows.T @ rows
         total += normal[:n, :n] - normal[:n, n:] @ np.linalg.solve(normal[n:, n:], normal[n:, :n])
@@ -101,23 +101,23 @@ def test_the_information_is_the_sum_of_what_each_says_whatever_its_motion(two_st
     assert_allclose(grown, deviation, rtol=1e-6)
 
 
-def test_bounds_of_several_stretches_are_those_of_their_fit_and_below_those_of_one(two_stretches, with_settings):
-    fit = identify(two_stretches, FilterName.OUTPUT_ERROR)
-    bounds = BoundsOf(two_stretches)(fit)
+def test_bounds_of_several_segments_are_those_of_their_fit_and_below_those_of_one(two_segments, with_settings):
+    fit = identify(two_segments, FilterName.OUTPUT_ERROR)
+    bounds = BoundsOf(prepare(two_segments))(fit)
     assert bounds.remark == ""
     of_data = np.array([bounds.of_data[symbol] for symbol in SYMBOLS])
     assert_allclose(of_data, fit.standard_deviation[-1, : len(SYMBOLS)], rtol=0.1)
-    one = with_settings(two_stretches, "identification.use.spans=[[0, 8]]")
-    alone = BoundsOf(one)(replace(fit, experiment=one.experiment))
+    one = with_settings(two_segments, "identification.use.spans=[[0, 8]]")
+    alone = BoundsOf(prepare(one))(replace(fit, experiment=one.experiment))
     assert np.all(of_data < [alone.of_data[symbol] for symbol in SYMBOLS])
-    used = information_at(two_stretches, two_stretches.truth.coefficients).bound_with_prior()
+    used = information_at(prepare(two_segments), two_segments.truth.coefficients).bound_with_prior()
     assert all(used[symbol] <= bounds.of_data[symbol] * 1.1 for symbol in SYMBOLS)
 
 
-def test_several_stretches_are_assessed_as_one_set_of_data(two_stretches):
-    found = assess_dataset(two_stretches)
+def test_several_segments_are_assessed_as_one_set_of_data(two_segments):
+    found = assess_dataset(two_segments)
     assert_allclose(np.sum(list(found.shares.values()), axis=0), 1.0)
-    bounds = information_at(two_stretches, two_stretches.truth.coefficients).bound()
+    bounds = information_at(prepare(two_segments), two_segments.truth.coefficients).bound()
     assert_allclose([b.cramer_rao_bound for b in found.bounds], [bounds[symbol] for symbol in SYMBOLS], rtol=0.05)
     times = np.array([time for time, _ in found.growth])
     assert np.all(np.diff(times) > 0.0)

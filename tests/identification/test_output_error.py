@@ -14,12 +14,13 @@ from auvid_cli.evaluation.consistency import sensor_consistency, verdict
 from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.identify import identify
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 N = len(SYMBOLS)
-# 20 s in which every coefficient shows, with errors that are independent from one reading to the next.
+# 20 s in which every coefficient shows, with errors that are independent from one measurement to the next.
 SHORT = (
     "manoeuvre.duration=20 s",
     "manoeuvre.initial_speed=2 m/s",
@@ -59,7 +60,7 @@ def test_its_scatter_is_that_of_the_bound(simulated_with):
         estimate = identify(dataset, FilterName.OUTPUT_ERROR)
         assert estimate.status == "completed"
         error = values_of(estimate.final_coefficients()) - values_of(dataset.truth.coefficients)
-        information = information_at(dataset, dataset.truth.coefficients)
+        information = information_at(prepare(dataset), dataset.truth.coefficients)
         scale = information.scale[:N]
         bound = information.total.uncertainty().covariance(np.eye(len(information.state)))[:N, :N]
         for covariance, result in (
@@ -75,7 +76,7 @@ def test_its_scatter_is_that_of_the_bound(simulated_with):
 def test_its_residuals_are_as_large_as_it_says(white_run):
     estimate = identify(white_run, FilterName.OUTPUT_ERROR)
     for result in sensor_consistency(estimate):
-        spread = np.sqrt(2.0 / (3 * result.readings))
+        spread = np.sqrt(2.0 / (3 * result.measurements))
         assert result.mean_nis == pytest.approx(1.0, abs=5 * spread), result.sensor
     assert verdict(estimate) == "completed"
 
@@ -104,7 +105,7 @@ def test_one_evaluation_is_not_enough_and_that_is_said(white_run, with_settings)
     assert estimate.status.startswith("unconverged")
     assert "max_evaluations = 1;" in estimate.status
     assert not estimate.completed
-    (row,) = evaluate(white_run, [estimate], BoundsOf(white_run)).summary
+    (row,) = evaluate(prepare(white_run), [estimate], BoundsOf(prepare(white_run))).summary
     assert row.status == estimate.status
     assert row.average_steady_state_error_percent is None
 
@@ -177,25 +178,27 @@ def test_bounds_of_a_coefficient_that_is_held_are_refused(experiment_with):
 
 
 def test_the_information_of_all_sensors_is_the_sum_of_each(white_run):
-    found = information_at(white_run, white_run.truth.coefficients)
+    found = information_at(prepare(white_run), white_run.truth.coefficients)
     assert found.state == (*SYMBOLS, *MOTION_SYMBOLS)
     assert set(found.by_sensor) == {"dvl", "gyroscope", "attitude"}
     normal = sum(part.factor.T @ part.factor for part in found.by_sensor.values())
     size = np.sqrt(np.outer(np.diag(normal), np.diag(normal)))
     assert_allclose(found.total.factor.T @ found.total.factor / size, normal / size, atol=1e-12)
-    assert found.total.n_readings == sum(part.n_readings for part in found.by_sensor.values())
-    start = found.total.n_readings / 3
+    assert found.total.n_measurements == sum(part.n_measurements for part in found.by_sensor.values())
+    start = found.total.n_measurements / 3
     assert start == pytest.approx(sum(len(white_run.sensors[name].time) for name in found.by_sensor), abs=3)
 
 
 def test_the_bound_is_in_si_and_infinite_for_what_a_sensor_does_not_see(white_run, with_settings):
-    found = information_at(white_run, white_run.truth.coefficients)
+    found = information_at(prepare(white_run), white_run.truth.coefficients)
     bound = found.bound()
     estimate = identify(white_run, FilterName.OUTPUT_ERROR)
     assert_allclose([bound[s] for s in SYMBOLS], estimate.standard_deviation[-1, :N], rtol=0.05)
     other = with_settings(white_run, "identification.prior.factor=17")
     assert_allclose(
-        list(information_at(other, white_run.truth.coefficients).bound().values()), list(bound.values()), rtol=1e-9
+        list(information_at(prepare(other), white_run.truth.coefficients).bound().values()),
+        list(bound.values()),
+        rtol=1e-9,
     )
     assert found.bound("dvl")["psi"] == found.bound("gyroscope")["psi"] == np.inf
     assert all(
@@ -204,13 +207,13 @@ def test_the_bound_is_in_si_and_infinite_for_what_a_sensor_does_not_see(white_ru
 
 
 def test_the_information_is_taken_at_the_motion_that_is_given(white_run):
-    measured = information_at(white_run, white_run.truth.coefficients)
-    given = information_at(white_run, white_run.truth.coefficients, [white_run.truth.motion[1]])
-    other = information_at(white_run, white_run.truth.coefficients, [white_run.truth.motion[1] + 0.1])
+    measured = information_at(prepare(white_run), white_run.truth.coefficients)
+    given = information_at(prepare(white_run), white_run.truth.coefficients, [white_run.truth.motion[1]])
+    other = information_at(prepare(white_run), white_run.truth.coefficients, [white_run.truth.motion[1] + 0.1])
     assert_allclose(list(given.bound().values()), list(measured.bound().values()), rtol=0.05)
     assert not np.allclose(list(other.bound().values()), list(measured.bound().values()), rtol=0.05)
 
 
 def test_information_where_the_model_blows_up_is_refused(white_run):
     with pytest.raises(DataError, match="blows up at t = "):
-        information_at(white_run, white_run.truth.coefficients | {"X_u|u|": 1e6})
+        information_at(prepare(white_run), white_run.truth.coefficients | {"X_u|u|": 1e6})

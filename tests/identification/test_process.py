@@ -37,9 +37,9 @@ def state_and_flow(request, experiment_with):
         if not exact:
             process = process._replace(transition=first_order_transition)
         moved, matrix = state.copy(), np.eye(state.size)
-        pieces = np.array([0, 1]), np.array([0.25, 0.75]) * duration
+        substeps = np.array([0, 1]), np.array([0.25, 0.75]) * duration
         scratch = np.full(process.scratch_size, 7.0)
-        process.transition(moved, inputs, *pieces, process.constants, process.selection, matrix, scratch)
+        process.transition(moved, inputs, *substeps, process.constants, process.selection, matrix, scratch)
         return moved, matrix
 
     state = np.concatenate([np.array([true[symbol] for symbol in SYMBOLS]) / SCALE, MOTION, [7.0] * request.param])
@@ -92,15 +92,15 @@ def test_the_depth_follows_the_vertical_velocity_in_every_way_of_moving_it(exper
         down = [-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)]
         rates.append(down @ np.array([u, v, w]))
         if k < n:
-            pieces = np.array([0]), np.array([duration / n])
+            substeps = np.array([0]), np.array([duration / n])
             model = process.constants, process.selection, np.eye(fine.size), scratch
-            process.transition(fine, INPUTS, *pieces, *model)
+            process.transition(fine, INPUTS, *substeps, *model)
     depth += duration / n * (np.sum(rates) - 0.5 * (rates[0] + rates[-1]))
     assert abs(depth - 7.0) > 0.05
 
     moved = state.copy()
-    pieces = np.zeros(20, dtype=np.int64), np.full(20, duration / 20)
-    process.transition(moved, INPUTS, *pieces, process.constants, process.selection, np.eye(moved.size), scratch)
+    substeps = np.zeros(20, dtype=np.int64), np.full(20, duration / 20)
+    process.transition(moved, INPUTS, *substeps, process.constants, process.selection, np.eye(moved.size), scratch)
     assert moved[-1] == pytest.approx(depth, abs=1e-5)
 
     parameters, moving = np.repeat(coefficients, LANES), np.repeat(state[N_COEFFICIENTS:], LANES)
@@ -128,8 +128,8 @@ def test_the_scale_of_the_thrust_acts_on_it_and_has_its_column(walk, exact, expe
 
     def moved(process, state, inputs):
         state, matrix, scratch = state.copy(), np.eye(state.size), np.zeros(process.scratch_size)
-        pieces = np.array([0]), np.array([0.004])
-        process.transition(state, inputs, *pieces, process.constants, process.selection, matrix, scratch)
+        substeps = np.array([0]), np.array([0.004])
+        process.transition(state, inputs, *substeps, process.constants, process.selection, matrix, scratch)
         return state, matrix
 
     without = np.concatenate([[true[LEAST[0]]], MOTION])

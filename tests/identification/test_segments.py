@@ -1,4 +1,4 @@
-"""Stretches of the data that are used, each with a motion of its own."""
+"""Segments of the data that are used, each with a motion of its own."""
 
 from dataclasses import replace
 
@@ -13,25 +13,27 @@ from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficien
 from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.evaluation.free_run import free_run
 from auvid_cli.identification.identify import identify
-from auvid_cli.identification.segments import segments, stretches, used_part, used_spans
+from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.segments import used_data, used_spans
+from auvid_cli.identification.timeline import measuring_sensors
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 TWO = "identification.use.spans=[[5, 25], [40 s, 60 s]]"
 
 
-def test_each_stretch_has_its_own_readings_and_no_others(short_run, with_settings):
-    parts = segments(with_settings(short_run, TWO))
+def test_each_segment_has_its_own_measurements_and_no_others(short_run, with_settings):
+    parts = [segment.dataset for segment in prepare(with_settings(short_run, TWO)).segments]
     for part, (begin, end) in zip(parts, [(5.0, 25.0), (40.0, 60.0)], strict=True):
         for name, record in part.sensors.items():
             whole = short_run.sensors[name]
             inside = (whole.time >= begin) & (whole.time <= end)
             assert np.array_equal(record.time, whole.time[inside])
             assert np.array_equal(record.values, whole.values[inside], equal_nan=True)
-    used = used_part(with_settings(short_run, TWO))
+    used = used_data(with_settings(short_run, TWO))
     assert used.sensors["dvl"].time.size == sum(part.sensors["dvl"].time.size for part in parts)
 
 
-def test_two_stretches_count_as_two_runs_of_which_the_second_knows_the_first(short_run, with_settings, kalman_filter):
+def test_two_segments_count_as_two_runs_of_which_the_second_knows_the_first(short_run, with_settings, kalman_filter):
     """What the first says of the coefficients is the prior of the second: as if it were another dataset."""
     both = identify(with_settings(short_run, TWO), kalman_filter)
     alone = identify(with_settings(short_run, "identification.use.spans=[[5, 25]]"), kalman_filter)
@@ -51,46 +53,46 @@ def test_two_stretches_count_as_two_runs_of_which_the_second_knows_the_first(sho
     assert errors[1] < errors[0]
 
 
-def test_one_stretch_of_everything_is_the_plain_run(short_run, short_estimates, with_settings):
+def test_one_segment_of_everything_is_the_plain_run(short_run, short_estimates, with_settings):
     estimate = identify(with_settings(short_run, "identification.use.spans=[[0, 1000]]"), FilterName.CKF)
     assert np.array_equal(estimate.mean, short_estimates[FilterName.CKF].mean)
 
 
-def test_a_free_run_starts_anew_in_each_stretch(short_run, with_settings):
+def test_a_free_run_starts_anew_in_each_segment(short_run, with_settings):
     dataset = with_settings(short_run, TWO)
-    run, errors = free_run(dataset, identify(dataset, FilterName.CKF))
+    run, errors = free_run(prepare(dataset), identify(dataset, FilterName.CKF))
     broken = np.flatnonzero(np.isnan(run.motion).any(axis=1))
     assert broken.size == 1
     assert run.time[broken[0] + 1] >= 40.0
     assert all(error.mean_absolute_error is not None for error in errors)
 
 
-def test_a_long_silence_ends_a_stretch(short_run, with_settings):
+def test_a_long_silence_ends_a_segment(short_run, with_settings):
     dvl = short_run.sensors["dvl"]
     heard = (dvl.time < 20.0) | (dvl.time > 30.0)
     silent = SensorRecord(dvl.time[heard], dvl.values[heard], dvl.standard_deviation)
     dataset = replace(short_run, sensors=short_run.sensors | {"dvl": silent})
     use = with_settings(dataset, "identification.use.longest_gap=2 s").experiment.identification.use
-    (first, second) = used_spans(dataset, use)
+    (first, second) = used_spans(measuring_sensors(dataset), use)
     assert first == (0.0, dvl.time[dvl.time < 20.0][-1])
     assert second == (dvl.time[dvl.time > 30.0][0], 60.0)
 
 
-def test_slow_stretches_are_left_out_but_a_spike_is_not_slow(short_run, with_settings):
+def test_slow_segments_are_left_out_but_a_spike_is_not_slow(short_run, with_settings):
     dvl = short_run.sensors["dvl"]
     values = dvl.values.copy()
     values[(dvl.time > 30.0) & (dvl.time < 40.0), 0] = 0.1
     values[150, 0] = 0.0
     dataset = replace(short_run, sensors=short_run.sensors | {"dvl": replace(dvl, values=values)})
     use = with_settings(dataset, "identification.use.least_speed=1 m/s").experiment.identification.use
-    first, second = used_spans(dataset, use)
+    first, second = used_spans(measuring_sensors(dataset), use)
     # The spiral begins slowly.
     assert dvl.values[np.searchsorted(dvl.time, first[0]), 0] == pytest.approx(1.0, abs=0.03)
     assert 29.7 < first[1] <= 30.0
     assert 40.0 <= second[0] < 40.3
 
 
-def test_several_stretches_are_fitted_at_once_and_agree_with_a_filter(short_run, with_settings):
+def test_several_segments_are_fitted_at_once_and_agree_with_a_filter(short_run, with_settings):
     dataset = with_settings(short_run, TWO)
     fit, tukf = (identify(dataset, name) for name in (FilterName.OUTPUT_ERROR, FilterName.TUKF))
     assert verdict(fit) == "completed"
@@ -100,21 +102,21 @@ def test_several_stretches_are_fitted_at_once_and_agree_with_a_filter(short_run,
     assert np.ptp(fit.mean[:, :n], axis=0).max() == 0.0
     apart = np.abs(fit.mean[-1, :n] - tukf.mean[-1, :n]) / tukf.standard_deviation[-1, :n]
     assert np.sqrt(np.mean(apart**2)) < 1.0
-    # Each has its own motion, as near to the readings as those of the filter, and both say more than one.
+    # Each has its own motion, as near to the measurements as those of the filter, and both say more than one.
     velocity = slice(n, n + 3)
     assert np.abs(fit.mean[:, velocity] - tukf.mean[:, velocity]).max() < 0.05
     alone = identify(with_settings(short_run, "identification.use.spans=[[5, 25]]"), FilterName.OUTPUT_ERROR)
     assert np.all(fit.standard_deviation[-1, :n] < alone.standard_deviation[-1, :n])
 
 
-def test_of_several_stretches_the_covariance_is_that_of_the_last_motion(short_run, with_settings):
+def test_of_several_segments_the_covariance_is_that_of_the_last_motion(short_run, with_settings):
     fit = identify(with_settings(short_run, TWO), FilterName.OUTPUT_ERROR)
     assert fit.covariance.shape == (len(fit.state), len(fit.state))
     assert_allclose(np.sqrt(np.diag(fit.covariance)), fit.standard_deviation[-1], rtol=1e-9)
 
 
-def test_a_fit_of_several_stretches_that_blows_up_in_one_says_when(short_run, with_settings):
-    """Inputs that nothing can follow, from a time within the second stretch."""
+def test_a_fit_of_several_segments_that_blows_up_in_one_says_when(short_run, with_settings):
+    """Inputs that nothing can follow, from a time within the second segment."""
     values = short_run.inputs.values.copy()
     values[short_run.inputs.time > 50.0] = 1e30
     broken = replace(short_run, inputs=replace(short_run.inputs, values=values))
@@ -126,7 +128,7 @@ def test_a_fit_of_several_stretches_that_blows_up_in_one_says_when(short_run, wi
 
 def test_nothing_left_is_said(short_run, with_settings):
     with pytest.raises(DataError, match="leaves nothing of the data from t = 0 s to 60 s"):
-        segments(with_settings(short_run, "identification.use.spans=[[100, 200]]"))
+        prepare(with_settings(short_run, "identification.use.spans=[[100, 200]]"))
 
 
 @pytest.mark.parametrize(
@@ -144,14 +146,14 @@ def test_wrong_spans_are_refused_in_plain_words(spans, words, experiment_with):
         experiment_with(f"identification.use.spans={spans}")
 
 
-def test_a_stretch_begins_where_it_is_even_if_no_reading_is_ever_whole(short_run, with_settings):
+def test_a_segment_begins_where_it_is_even_if_no_measurement_is_ever_whole(short_run, with_settings):
     """As without a roll angle."""
     attitude = short_run.sensors["attitude"]
     no_roll = attitude.values.copy()
     no_roll[:, 0] = np.nan
     poor = replace(short_run, sensors=short_run.sensors | {"attitude": replace(attitude, values=no_roll)})
-    (stretch,) = stretches(with_settings(poor, "identification.use.spans=[[40, 60]]"))
-    assert stretch.timelines.span[0] == pytest.approx(40.0, abs=0.15)
-    heading = attitude.values[attitude.time <= stretch.timelines.span[0], 2][-1]
-    assert stretch.motion[8] == heading
-    assert stretch.motion[6] == 0.0
+    (segment,) = prepare(with_settings(poor, "identification.use.spans=[[40, 60]]")).segments
+    assert segment.timelines.span[0] == pytest.approx(40.0, abs=0.15)
+    heading = attitude.values[attitude.time <= segment.timelines.span[0], 2][-1]
+    assert segment.motion[8] == heading
+    assert segment.motion[6] == 0.0

@@ -1,4 +1,4 @@
-"""Merging sensors and inputs to events and pieces."""
+"""Merging sensors and inputs to events and substeps."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ clock = st.lists(st.integers(0, 3_000_000), min_size=2, max_size=30, unique=True
 
 
 def a_dataset(experiment, inputs_at, **sensors):
-    """Inputs that are their own row number, up to the last reading; sensor values that are their own row number."""
+    """Inputs that are their own row number, up to the last measurement; sensor values that are their own row number."""
     inputs_at = np.union1d(inputs_at, max(time[-1] for time in sensors.values()))
     values = np.arange(4 * len(inputs_at), dtype=float).reshape(-1, 4)
     records = {
@@ -35,20 +35,20 @@ def a_dataset(experiment, inputs_at, **sensors):
     return Dataset(InputRecord(np.asarray(inputs_at), values), records, experiment)
 
 
-def joined(parts):
+def joined(chunks):
     """Consecutive timelines as one."""
-    parts = list(parts)
+    chunks = list(chunks)
 
     def offsets(name):
-        counts = [np.diff(getattr(part, name)) for part in parts]
+        counts = [np.diff(getattr(chunk, name)) for chunk in chunks]
         return np.concatenate([[0], np.cumsum(np.concatenate(counts))])
 
     def rows(name):
-        return np.concatenate([getattr(part, name) for part in parts])
+        return np.concatenate([getattr(chunk, name) for chunk in chunks])
 
     return Timeline(
-        rows("time"), offsets("piece_offset"), rows("piece_duration"), rows("piece_input"), parts[0].inputs,
-        offsets("reading_offset"), rows("reading_sensor"), rows("reading"),
+        rows("time"), offsets("substep_offset"), rows("substep_duration"), rows("substep_input"), chunks[0].inputs,
+        offsets("measurement_offset"), rows("measurement_sensor"), rows("measurement"),
     )  # fmt: skip
 
 
@@ -60,40 +60,40 @@ def test_pieces_fill_the_gaps_between_events_with_the_input_that_holds(
     dataset = a_dataset(experiment_with(), inputs_at, dvl=dvl, gyroscope=gyroscope)
     measuring = measuring_sensors(dataset)
     start, _ = initial_motion(dataset, measuring)
-    timeline = joined(Timelines(dataset.inputs, measuring, start, step, part=5))
+    timeline = joined(Timelines(dataset.inputs, measuring, start, step, chunk=5))
 
     read_at = np.concatenate([dvl, gyroscope])
     expected = np.unique(read_at[read_at >= start])
     assert_allclose(timeline.time, expected, rtol=0, atol=1e-12)
-    assert timeline.piece_offset[1] == 0, "nothing leads to the first event"
-    assert np.all(timeline.piece_duration > 0.0)
-    assert np.all(timeline.piece_duration <= step * (1 + 1e-5))
+    assert timeline.substep_offset[1] == 0, "nothing leads to the first event"
+    assert np.all(timeline.substep_duration > 0.0)
+    assert np.all(timeline.substep_duration <= step * (1 + 1e-5))
     for event in range(1, timeline.time.size):
-        pieces = slice(timeline.piece_offset[event], timeline.piece_offset[event + 1])
-        durations = timeline.piece_duration[pieces]
+        substeps = slice(timeline.substep_offset[event], timeline.substep_offset[event + 1])
+        durations = timeline.substep_duration[substeps]
         gap = timeline.time[event] - timeline.time[event - 1]
         assert durations.sum() == pytest.approx(gap, abs=1e-12)
         middles = timeline.time[event - 1] + np.cumsum(durations) - 0.5 * durations
-        for middle, row in zip(middles, timeline.piece_input[pieces], strict=True):
+        for middle, row in zip(middles, timeline.substep_input[substeps], strict=True):
             assert row == np.flatnonzero(dataset.inputs.time <= middle)[-1]
-    assert timeline.piece_offset[-1] == timeline.piece_duration.size == timeline.piece_input.size
+    assert timeline.substep_offset[-1] == timeline.substep_duration.size == timeline.substep_input.size
 
 
 @given(dvl=clock, gyroscope=clock, attitude=clock)
-def test_every_reading_from_the_start_on_appears_once_at_its_time(dvl, gyroscope, attitude, experiment_with):
+def test_every_measurement_from_the_start_on_appears_once_at_its_time(dvl, gyroscope, attitude, experiment_with):
     clocks = {"dvl": dvl, "gyroscope": gyroscope, "attitude": attitude}
     dataset = a_dataset(experiment_with(), [0.0, 1.0], **clocks)
     measuring = measuring_sensors(dataset)
     start, _ = initial_motion(dataset, measuring)
     assert start == max(times[0] for times in clocks.values())
-    timeline = joined(Timelines(dataset.inputs, measuring, start, 0.02, part=4))
-    event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.reading_offset))
-    assert event.size == len(timeline.reading)
+    timeline = joined(Timelines(dataset.inputs, measuring, start, 0.02, chunk=4))
+    event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
+    assert event.size == len(timeline.measurement)
     for sensor, (name, times) in enumerate(clocks.items()):
-        rows = timeline.reading_sensor == sensor
+        rows = timeline.measurement_sensor == sensor
         used = times >= start
         assert_allclose(timeline.time[event[rows]], times[used], rtol=0, atol=1e-12)
-        assert np.array_equal(timeline.reading[rows], dataset.sensors[name].values[used])
+        assert np.array_equal(timeline.measurement[rows], dataset.sensors[name].values[used])
 
 
 def test_missing_components_stay_and_missing_samples_go(experiment_with):
@@ -102,7 +102,7 @@ def test_missing_components_stay_and_missing_samples_go(experiment_with):
     values[1], values[2, 0] = np.nan, np.nan
     (timeline,) = Timelines(dataset.inputs, measuring_sensors(dataset), 0.0, 0.1)
     assert_allclose(timeline.time, [0.0, 2.0])
-    assert np.array_equal(timeline.reading, [[0.0, 1.0, 2.0], [np.nan, 7.0, 8.0]], equal_nan=True)
+    assert np.array_equal(timeline.measurement, [[0.0, 1.0, 2.0], [np.nan, 7.0, 8.0]], equal_nan=True)
 
 
 def test_clocks_that_differ_by_rounding_share_an_event(experiment_with):
@@ -110,13 +110,13 @@ def test_clocks_that_differ_by_rounding_share_an_event(experiment_with):
     summed = np.cumsum(np.full(50, 0.1)) - 0.1
     assert np.any(tenths != summed)
     dataset = a_dataset(experiment_with(), [0.0], dvl=tenths, gyroscope=summed)
-    parts = list(Timelines(dataset.inputs, measuring_sensors(dataset), 0.0, 1.0, part=2))
-    assert sum(part.time.size for part in parts) == 50
-    assert len(parts) == 25
+    chunks = list(Timelines(dataset.inputs, measuring_sensors(dataset), 0.0, 1.0, chunk=2))
+    assert sum(chunk.time.size for chunk in chunks) == 50
+    assert len(chunks) == 25
 
 
 @pytest.mark.parametrize(("last_input", "covers"), [(4.0, True), (5.0, True), (2.9, False)])
-def test_inputs_that_end_long_before_the_readings_are_refused(last_input, covers, experiment_with):
+def test_inputs_that_end_long_before_the_measurements_are_refused(last_input, covers, experiment_with):
     """They hold until the next one: here for as long as the longest pause among them, 2 s."""
     dataset = a_dataset(experiment_with(), [0.0, 2.0, 2.5], dvl=[0.0, 5.0])
     inputs = InputRecord(np.array([0.0, 2.0, last_input]), dataset.inputs.values[:3])
@@ -124,7 +124,7 @@ def test_inputs_that_end_long_before_the_readings_are_refused(last_input, covers
     if covers:
         Timelines(dataset.inputs, measuring_sensors(dataset), 0.0, 1.0)
     else:
-        with pytest.raises(DataError, match=r"inputs end at t = 2.9 s, the readings go on to 5 s"):
+        with pytest.raises(DataError, match=r"inputs end at t = 2.9 s, the measurements go on to 5 s"):
             Timelines(dataset.inputs, measuring_sensors(dataset), 0.0, 1.0)
 
 
@@ -182,18 +182,18 @@ def test_no_part_is_longer_than_asked_for_whichever_sensor_is_alive(experiment_w
     early, late = np.arange(300) * 0.01, 3.0 + np.arange(200) * 0.01
     dataset = a_dataset(experiment_with(), [0.0], gyroscope=early, dvl=late, attitude=late)
     measuring = measuring_sensors(dataset)
-    parts = list(Timelines(dataset.inputs, measuring, 0.0, 0.02, part=20))
-    assert max(np.bincount(part.reading_sensor).max() for part in parts) <= 21
-    assert sum(len(part.reading) for part in parts) == 700
+    chunks = list(Timelines(dataset.inputs, measuring, 0.0, 0.02, chunk=20))
+    assert max(np.bincount(chunk.measurement_sensor).max() for chunk in chunks) <= 21
+    assert sum(len(chunk.measurement) for chunk in chunks) == 700
 
 
 @pytest.mark.parametrize("since", [0.0, 1e7, 1.7e9])
-def test_no_reading_is_lost_on_a_clock_that_counts_from_long_ago(since, experiment_with):
+def test_no_measurement_is_lost_on_a_clock_that_counts_from_long_ago(since, experiment_with):
     dataset = a_dataset(
         experiment_with(), [since], dvl=since + np.arange(50) * 0.1, gyroscope=since + np.arange(500) * 0.01
     )
-    parts = list(Timelines(dataset.inputs, measuring_sensors(dataset), since, 0.02, part=30))
-    assert sum(len(part.reading) for part in parts) == 550
+    chunks = list(Timelines(dataset.inputs, measuring_sensors(dataset), since, 0.02, chunk=30))
+    assert sum(len(chunk.measurement) for chunk in chunks) == 550
     (alone,) = Timelines(dataset.inputs, measuring_sensors(dataset), since + 4.99, 0.02)
     assert alone.time.size == 1
 

@@ -30,7 +30,7 @@ def sound_run(simulated_with):
 
 @pytest.fixture(scope="session")
 def changed():
-    """Function: the dataset with the readings of a sensor changed by a function of times and values, in place."""
+    """Function: the dataset with the measurements of a sensor changed by a function of times and values, in place."""
 
     def change(dataset, name, function):
         record = dataset.sensors[name]

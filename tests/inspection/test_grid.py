@@ -13,7 +13,7 @@ def signals(time, values, inputs=None, end=10.0):
     return signals_of(inputs, {"dvl": record}, (0.0, end))
 
 
-def test_fast_readings_are_averaged_and_slow_ones_joined():
+def test_fast_measurements_are_averaged_and_slow_ones_joined():
     # The mean of a straight line over a cell is its value in the middle, up to half a sample.
     fast = np.arange(0.0005, 10.0, 0.001)
     found = signals(fast, 2.0 * fast)

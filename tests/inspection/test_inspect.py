@@ -196,5 +196,5 @@ def test_a_slow_sensor_is_not_fit(sound_run):
     slow = replace(record, time=record.time[::7], values=record.values[::7])
     inspection, fails = verdicts(replace(dataset, sensors=dataset.sensors | {"dvl": slow}))
     assert fails == {("dvl", "fast enough")}
-    # 2.194 m at 3.9 m/s, and one reading a second.
+    # 2.194 m at 3.9 m/s, and one measurement a second.
     assert advice_of(inspection, "dvl", "fast enough").statistic.startswith("0.57")

@@ -15,7 +15,7 @@ def test_the_noise_floor_is_that_of_white_noise_on_any_smooth_course(rng):
 
 
 @pytest.mark.parametrize("step", [0.001, 0.1])
-def test_steps_are_told_of_a_signal_with_few_readings_on_each_level(step, rng):
+def test_steps_are_told_of_a_signal_with_few_measurements_on_each_level(step, rng):
     values = step * np.round((3.0 * np.sin(TIME) + rng.standard_normal(TIME.size)) / step)
     assert level_distance(values) == pytest.approx(step, rel=1e-6)
 

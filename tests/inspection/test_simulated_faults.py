@@ -16,7 +16,7 @@ def test_outliers_are_spikes(simulated_with):
     settings = ("sensors.dvl.outlier_probability=0.01", "sensors.dvl.outlier_size=1 m/s")
     checks, fails = judged(simulated_with, *settings)
     assert [(check.subject, check.check) for check in fails] == [("dvl", "spikes")]
-    # 2100 readings, of which 21 are wild, give or take.
+    # 2100 measurements, of which 21 are wild, give or take.
     assert 10 <= int(checks["dvl", "spikes"].statistic.split(";")[0]) <= 32
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.errors import DataError
-from auvid_cli.inspection.time_window import part_of
+from auvid_cli.inspection.time_window import within
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def dataset(short_run):
 
 
 def test_ends_belong_to_a_part_and_an_input_holds_into_it(dataset):
-    part = part_of(dataset, 12.5, 20.0)
+    part = within(dataset, 12.5, 20.0)
     assert part.sensors["depth"].time.tolist() == [13.0, 14.0, 15.0, 16.0, 17.0, 18.0, 19.0, 20.0]
     assert part.sensors["depth"].values[:, 0].tolist() == part.sensors["depth"].time.tolist()
     assert part.inputs.time.tolist() == [12.5, 20.0]
@@ -28,14 +28,14 @@ def test_ends_belong_to_a_part_and_an_input_holds_into_it(dataset):
 
 
 def test_a_part_that_holds_all_is_the_same(dataset):
-    part = part_of(dataset, -np.inf, np.inf)
+    part = within(dataset, -np.inf, np.inf)
     assert part.inputs.time.tolist() == dataset.inputs.time.tolist()
     assert part.sensors["depth"].time.tolist() == dataset.sensors["depth"].time.tolist()
 
 
-def test_a_part_without_readings_or_inputs_is_refused(dataset):
+def test_a_part_without_measurements_or_inputs_is_refused(dataset):
     with pytest.raises(DataError, match="no sensor says anything from t = 50 s to 60 s"):
-        part_of(dataset, 50.0, 60.0)
+        within(dataset, 50.0, 60.0)
     late = replace(dataset, inputs=replace(dataset.inputs, time=dataset.inputs.time + 30.0))
     with pytest.raises(DataError, match="the inputs begin at t = 30 s"):
-        part_of(late, 5.0, 20.0)
+        within(late, 5.0, 20.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.data.dataset import InputRecord, SensorRecord
-from auvid_cli.inspection.timing import clock_jumps, input_timing_checks, new_reading_rate, timing_checks
+from auvid_cli.inspection.timing import clock_jumps, input_timing_checks, new_measurement_rate, timing_checks
 
 
 def record_of(time, values):
@@ -30,11 +30,11 @@ def test_an_even_sensor_passes(turning):
     assert checks["rate"].statistic == "10 Hz"
 
 
-def test_copies_of_a_reading_are_counted_once(turning):
+def test_copies_of_a_measurement_are_counted_once(turning):
     copied = record_of(0.02 * np.arange(5000), np.repeat(turning.values[:, 0], 5))
-    assert new_reading_rate(copied) == pytest.approx(10.0)
+    assert new_measurement_rate(copied) == pytest.approx(10.0)
     rate = judged(copied)["rate"]
-    assert rate.statistic == "50 Hz, new readings at 10 Hz"
+    assert rate.statistic == "50 Hz, new measurements at 10 Hz"
     assert rate.passed is None
 
 

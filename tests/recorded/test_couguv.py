@@ -202,7 +202,7 @@ def test_drag_over_mass_is_that_of_the_coast_down(coasting, converted, name):
     value, deviation = found_by(coasting, name, "X_u|u|")
     assert -value / MASS == pytest.approx(fit.x[1], rel=0.06)
     assert abs(-value / MASS - fit.x[1]) < 2.0 * deviation / MASS
-    # The law that somebody else found, a u + b u|u|, at the mean speed of the stretch.
+    # The law that somebody else found, a u + b u|u|, at the mean speed of the segment.
     assert -value / MASS == pytest.approx(0.462 + 0.041 / u.mean(), rel=0.06)
     assert estimate_of(coasting, name).completed
 

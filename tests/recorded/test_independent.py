@@ -21,6 +21,7 @@ from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.identification.identify import identify
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.simulation.sensors import corrupt, sample_times
 from auvid_cli.validation.data_leakage import check_unseen
@@ -99,7 +100,7 @@ def test_nothing_is_wrong_with_the_data_themselves(training):
 def test_the_mismatch_of_the_structure_is_noticed(name, training):
     estimate = identify(training, name)
     assert verdict(estimate).startswith("inconsistent")
-    checks = check_estimate(training, estimate, BoundsOf(training)(estimate))
+    checks = check_estimate(prepare(training), estimate, BoundsOf(prepare(training))(estimate))
     failed = {(check.subject, check.check) for check in checks if check.passed is False}
     assert {(sensor, "NIS") for sensor in COLUMNS} <= failed
     assert {("gyroscope", "whiteness"), ("dvl", "whiteness"), ("dvl", "free of inputs")} <= failed

@@ -13,6 +13,7 @@ from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.identification.identify import identify
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.report.csv_tables import write_csv_tables
 from auvid_cli.simulation.simulate import simulate
 
@@ -30,7 +31,7 @@ def tables(tmp_path_factory, request):
     experiment = load_experiment(find_experiment("spiral"))
     dataset = simulate(experiment)
     estimates = [identify(dataset, name) for name in experiment.identification.filters]
-    evaluation = evaluate(dataset, estimates, BoundsOf(dataset))
+    evaluation = evaluate(prepare(dataset), estimates, BoundsOf(prepare(dataset)))
     folder = tmp_path_factory.mktemp("tables")
     if request.config.getoption("--update-reference"):
         folder = REFERENCE

@@ -95,7 +95,7 @@ def diverged(estimate: Estimate, samples: int) -> Estimate:
             )
             for name, i in estimate.innovations.items()
         },
-        status="diverged at t = 0.200 s: the state was not finite after a reading of dvl",
+        status="diverged at t = 0.200 s: the state was not finite after a measurement of dvl",
     )
 
 

@@ -10,7 +10,7 @@ COLUMNS = {
     "cramer_rao_bound,times_bound,identified",
     "summary": "filter,average_steady_state_error_percent,mean_nis,cpu_time_s,steps,microseconds_per_step,status",
     "velocity_error": "filter,component,unit,mean_absolute_error",
-    "consistency": "filter,sensor,readings,rejected,mean_nis",
+    "consistency": "filter,sensor,measurements,rejected,mean_nis",
     "sensor_errors": "filter,state,sensor,unit,estimate,standard_deviation,prior_standard_deviation,observed",
 }
 

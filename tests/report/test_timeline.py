@@ -44,7 +44,7 @@ def test_every_mark_stands_in_its_strip_wide_enough_to_be_seen():
     assert [text.get_text() for text in dvl.texts] == ["spikes: 2, gaps: 1"]
     assert [text.get_text() for text in depth.texts] == ["clock jumps: 1"]
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert legend == ["readings present", "spikes", "clock jumps", "gaps"]
+    assert legend == ["measurements present", "spikes", "clock jumps", "gaps"]
 
 
 def test_ten_thousand_spikes_are_drawn_as_few_shapes():

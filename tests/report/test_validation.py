@@ -133,7 +133,7 @@ def test_each_panel_shows_errors_over_the_horizon_with_what_explains_them(found)
     assert labels == ["CKF", "unchanged", "vehicle file", "noise", "explained"]
 
 
-def test_a_signal_without_readings_says_so(found):
+def test_a_signal_without_measurements_says_so(found):
     rows = [row for row in found.predictions if row.signal != "v"]
     axes = horizon_figure("ckf", rows).axes[1]
-    assert [text.get_text() for text in axes.texts] == ["no readings ahead"]
+    assert [text.get_text() for text in axes.texts] == ["no measurements ahead"]

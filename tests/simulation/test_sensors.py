@@ -14,7 +14,7 @@ NOISELESS = tuple(f"sensors.{name}={{rate: 50 Hz, noise: 0}}" for name in RAW)
 
 
 @pytest.fixture
-def reading(experiment_with, standing_still):
+def measurement(experiment_with, standing_still):
     """Function: samples of one sensor of a vehicle that stands still."""
 
     def read(name: str, settings: str, duration: float, seed: int = 1):
@@ -44,12 +44,12 @@ def credible_share(hits, count, probability):
         ("{rate: 7 Hz, noise: 0.01, start: 11 s}", np.zeros(0)),
     ],
 )
-def test_samples_come_on_the_sensors_own_clock(settings, expected, reading):
-    assert_allclose(reading("dvl", settings, 10.0).time, expected, rtol=1e-12)
+def test_samples_come_on_the_sensors_own_clock(settings, expected, measurement):
+    assert_allclose(measurement("dvl", settings, 10.0).time, expected, rtol=1e-12)
 
 
-def test_noise_is_white_and_of_the_stated_size(reading):
-    record = reading("dvl", "{rate: 100 Hz, noise: [0.01, 0.02, 0.03]}", 100.0)
+def test_noise_is_white_and_of_the_stated_size(measurement):
+    record = measurement("dvl", "{rate: 100 Hz, noise: [0.01, 0.02, 0.03]}", 100.0)
     normal = record.values / [0.01, 0.02, 0.03]
     assert_allclose(record.standard_deviation, [0.01, 0.02, 0.03])
     count = normal.shape[0]
@@ -60,53 +60,53 @@ def test_noise_is_white_and_of_the_stated_size(reading):
         assert abs(np.mean(normal[:, component] * normal[:, component - 1])) < 5 / np.sqrt(count)
 
 
-def test_a_range_is_three_standard_deviations(reading):
-    assert_allclose(reading("dvl", "{rate: 1 Hz, range: 0.3}", 1.0).standard_deviation, 0.1)
+def test_a_range_is_three_standard_deviations(measurement):
+    assert_allclose(measurement("dvl", "{rate: 1 Hz, range: 0.3}", 1.0).standard_deviation, 0.1)
 
 
-def test_a_filter_is_told_the_stated_deviation_instead_of_the_noise(reading):
-    record = reading("dvl", "{rate: 100 Hz, noise: 0.01, standard_deviation: 0.5}", 20.0)
+def test_a_filter_is_told_the_stated_deviation_instead_of_the_noise(measurement):
+    record = measurement("dvl", "{rate: 100 Hz, noise: 0.01, standard_deviation: 0.5}", 20.0)
     assert_allclose(record.standard_deviation, 0.5)
     assert record.values.std() == pytest.approx(0.01, rel=0.1)
 
 
-def test_the_constant_bias_is_added(reading):
-    record = reading("gyroscope", "{rate: 10 Hz, noise: 0, bias: [0.1, -0.2, 0.3]}", 5.0)
+def test_the_constant_bias_is_added(measurement):
+    record = measurement("gyroscope", "{rate: 10 Hz, noise: 0, bias: [0.1, -0.2, 0.3]}", 5.0)
     assert_allclose(record.values, np.tile([0.1, -0.2, 0.3], (51, 1)))
 
 
-def test_the_further_bias_is_constant_in_a_run_and_drawn_anew_for_each_seed(reading):
+def test_the_further_bias_is_constant_in_a_run_and_drawn_anew_for_each_seed(measurement):
     settings = "{rate: 10 Hz, noise: 0, bias_spread: 0.02}"
     biases = []
     for seed in range(60):
-        values = reading("gyroscope", settings, 0.5, seed).values
+        values = measurement("gyroscope", settings, 0.5, seed).values
         assert np.all(values == values[0])
         biases.append(values[0])
     assert len(np.unique(biases)) == 180
     assert within_chance((np.array(biases) ** 2).sum() / 0.02**2, 180)
 
 
-def test_drift_grows_with_the_root_of_time(reading):
+def test_drift_grows_with_the_root_of_time(measurement):
     settings = "{rate: 4 Hz, noise: 0, drift: 0.001}"
-    walks = np.array([reading("gyroscope", settings, 64.0, seed).values for seed in range(60)])
+    walks = np.array([measurement("gyroscope", settings, 64.0, seed).values for seed in range(60)])
     for time in (1, 4, 16, 64):
         at_time = walks[:, 4 * time]
         assert within_chance((at_time**2).sum() / (0.001**2 * time), at_time.size)
     assert np.all(walks[:, 0] == 0.0)
 
 
-def test_quantisation_rounds_to_the_step(reading):
-    plain = reading("dvl", "{rate: 50 Hz, noise: 0.02}", 10.0).values
-    stepped = reading("dvl", "{rate: 50 Hz, noise: 0.02, quantisation: [0.01, 0, 0.004]}", 10.0).values
+def test_quantisation_rounds_to_the_step(measurement):
+    plain = measurement("dvl", "{rate: 50 Hz, noise: 0.02}", 10.0).values
+    stepped = measurement("dvl", "{rate: 50 Hz, noise: 0.02, quantisation: [0.01, 0, 0.004]}", 10.0).values
     for component, step in ((0, 0.01), (2, 0.004)):
         assert_allclose(stepped[:, component] / step, np.round(stepped[:, component] / step), atol=1e-9)
         assert np.abs(stepped - plain)[:, component].max() <= 0.5 * step * (1 + 1e-9)
     assert np.array_equal(stepped[:, 1], plain[:, 1])
 
 
-def test_dropouts_lose_whole_samples_and_leave_the_others_as_they_were(reading):
-    plain = reading("dvl", "{rate: 100 Hz, noise: 0.02}", 100.0)
-    holed = reading("dvl", "{rate: 100 Hz, noise: 0.02, dropout_probability: 0.3}", 100.0)
+def test_dropouts_lose_whole_samples_and_leave_the_others_as_they_were(measurement):
+    plain = measurement("dvl", "{rate: 100 Hz, noise: 0.02}", 100.0)
+    holed = measurement("dvl", "{rate: 100 Hz, noise: 0.02, dropout_probability: 0.3}", 100.0)
     lost = np.isnan(holed.values).any(axis=1)
     assert np.isnan(holed.values[lost]).all()
     assert credible_share(lost.sum(), lost.size, 0.3)
@@ -114,9 +114,9 @@ def test_dropouts_lose_whole_samples_and_leave_the_others_as_they_were(reading):
     assert np.array_equal(holed.time, plain.time)
 
 
-def test_outliers_hit_the_stated_share_with_the_stated_size(reading):
-    plain = reading("dvl", "{rate: 100 Hz, noise: 0.02}", 100.0).values
-    wild = reading("dvl", "{rate: 100 Hz, noise: 0.02, outlier_probability: 0.05, outlier_size: 3}", 100.0).values
+def test_outliers_hit_the_stated_share_with_the_stated_size(measurement):
+    plain = measurement("dvl", "{rate: 100 Hz, noise: 0.02}", 100.0).values
+    wild = measurement("dvl", "{rate: 100 Hz, noise: 0.02, outlier_probability: 0.05, outlier_size: 3}", 100.0).values
     hit = (wild != plain).any(axis=1)
     assert credible_share(hit.sum(), hit.size, 0.05)
     error = (wild - plain)[hit]

@@ -15,7 +15,7 @@ def estimate(hand_made):
     return replace(hand_made([0.0, 1.0], {}), dataset_sha256="abc")
 
 
-def part_of(dataset, since, until):
+def within(dataset, since, until):
     """As a log that was cut, with another origin of time."""
     sensors = {}
     for name, record in dataset.sensors.items():
@@ -31,7 +31,7 @@ def test_the_very_dataset_is_refused(short_run, estimate):
 
 def test_of_the_very_dataset_a_time_that_was_left_out_is_new(short_run, hand_made):
     estimate = replace(hand_made([0.0, 30.0], {}), dataset_sha256="abc")
-    later = replace(part_of(short_run, 0.0, 60.0), sha256="abc")
+    later = replace(within(short_run, 0.0, 60.0), sha256="abc")
     cut = {
         name: replace(r, time=r.time[r.time > 31.0], values=r.values[r.time > 31.0])
         for name, r in later.sensors.items()
@@ -65,9 +65,9 @@ def test_copies_are_found_behind_missing_components_and_held_values(rng):
 
 
 @pytest.mark.parametrize(("since", "until"), [(0.0, 60.0), (20.0, 40.0)])
-def test_readings_that_it_has_seen_are_refused(short_run, estimate, since, until):
+def test_measurements_that_it_has_seen_are_refused(short_run, estimate, since, until):
     with pytest.raises(DataError, match="among those"):
-        check_unseen(part_of(short_run, since, until), estimate, short_run)
+        check_unseen(within(short_run, since, until), estimate, short_run)
 
 
 def test_the_same_manoeuvre_with_other_noise_is_new(short_run, estimate, simulated_with):

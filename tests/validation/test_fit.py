@@ -34,7 +34,7 @@ def test_parts_add_up_to_the_whole(values, cut, level):
     predicted = np.cos(np.arange(measured.size)) + level
     whole = Fit.of(measured, predicted)
     parts = Fit.of(measured[:cut], predicted[:cut]).plus(Fit.of(measured[cut:], predicted[cut:]))
-    assert parts.readings == whole.readings
+    assert parts.measurements == whole.measurements
     assert parts.mean == pytest.approx(whole.mean, rel=1e-9, abs=1e-6)
     assert parts.spread == pytest.approx(whole.spread, rel=1e-6, abs=1e-6)
     assert parts.squares == pytest.approx(whole.squares, rel=1e-9)

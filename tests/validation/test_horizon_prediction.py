@@ -12,7 +12,7 @@ SIGNAL = Signal(TIME, 7.0 + 2.0 * (-1.0) ** np.arange(TIME.size), 0.1)
 
 
 def collected(predictions, variance, blown_up=(False, True)):
-    """Samples of u, all reading 9, ten starts or more."""
+    """Samples of u, all measurement 9, ten starts or more."""
     target = Target(5.0, 0, 20.0, 9.0, 0.1)
     samples = [Sample(target, np.array(each), 9.0 + 3.0, variance) for each in predictions]
     return Collected(samples, np.array(blown_up))
@@ -23,7 +23,7 @@ def test_errors_are_related_to_the_whole_run_and_to_what_was_stated():
     data = collected([(9.5, 5.0), (8.0, 5.0)] * 6, 0.4**2)
     (row,) = rows_ahead(data, ("identified", "prior"), {"u": SIGNAL})
     rmse = np.sqrt((0.5**2 + 1.0**2) / 2.0)
-    assert (row.signal, row.kind, row.horizon_s, row.readings, row.noise) == ("u", "ahead", 5.0, 12, 0.1)
+    assert (row.signal, row.kind, row.horizon_s, row.measurements, row.noise) == ("u", "ahead", 5.0, 12, 0.1)
     assert row.rmse == pytest.approx(rmse)
     assert row.fit_percent == pytest.approx(100.0 * (1.0 - rmse / 2.0))
     assert (row.prior_rmse, row.vehicle_file_rmse, row.constant_velocity_rmse) == (4.0, None, 3.0)
@@ -41,11 +41,11 @@ def test_a_model_that_blew_up_has_no_numbers():
     assert (row.rmse, row.fit_percent, row.share_within_band) == (None, None, None)
 
 
-def test_a_target_is_the_first_reading_at_or_after_the_horizon_and_soon_after():
+def test_a_target_is_the_first_measurement_at_or_after_the_horizon_and_soon_after():
     silent = (TIME > 11.1) & (TIME < 14.9)
     signal = Signal(TIME[~silent], SIGNAL.values[~silent], 0.1)
     found = {target.horizon: target.time for target in targets_of({"u": signal}, 10.1)}
-    # From 11.1 s on nothing is said until 15 s: 1 s and 2 s ahead have no reading soon enough.
+    # From 11.1 s on nothing is said until 15 s: 1 s and 2 s ahead have no measurement soon enough.
     assert found == {0.5: 10.75, 5.0: 15.25, 10.0: 20.25, 20.0: 30.25, 50.0: 60.25}
 
 

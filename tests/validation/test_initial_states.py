@@ -1,11 +1,12 @@
-"""Where predictions start: the motion, from the readings so far."""
+"""Where predictions start: the motion, from the measurements so far."""
 
 from dataclasses import replace
 
 import numpy as np
 from numpy.testing import assert_allclose
 
-from auvid_cli.validation.initial_states import filtered_starts, with_model
+from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.validation.initial_states import filtered_initial_states, with_model
 
 
 def with_readings(dataset, name, change):
@@ -16,7 +17,7 @@ def with_readings(dataset, name, change):
 
 def test_starts_are_near_the_true_motion_and_know_how_near(zigzag, with_coefficients):
     wanted = np.linspace(5.0, 75.0, 200)
-    found = filtered_starts(with_model(zigzag, with_coefficients(zigzag.truth.coefficients)), wanted)
+    found = filtered_initial_states(prepare(with_model(zigzag, with_coefficients(zigzag.truth.coefficients))), wanted)
     assert_allclose(found.time, wanted, atol=0.011)
     true = np.stack([np.interp(found.time, zigzag.truth.time, column) for column in zigzag.truth.motion.T], axis=1)
     sigmas = (found.motion - true) / found.deviation
@@ -35,17 +36,17 @@ def test_no_start_knows_what_comes_after_it(zigzag, with_coefficients):
     wanted = np.array([10.0, 39.0, 41.0])
     model = with_coefficients(zigzag.truth.coefficients)
     sound, other = (
-        filtered_starts(with_model(dataset, model), wanted)
+        filtered_initial_states(prepare(with_model(dataset, model)), wanted)
         for dataset in (zigzag, with_readings(zigzag, "dvl", spoilt))
     )
     np.testing.assert_array_equal(other.motion[:2], sound.motion[:2])
     assert np.abs(other.motion[2] - sound.motion[2]).max() > 1e-5
 
 
-def test_a_wrong_model_is_given_more_process_noise_and_its_starts_follow_the_readings(zigzag, with_coefficients):
+def test_a_wrong_model_is_given_more_process_noise_and_its_starts_follow_the_measurements(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
     wrong = with_model(zigzag, with_coefficients(true, N_uudr=-true["N_uudr"]))
-    found = filtered_starts(wrong, np.linspace(10.0, 75.0, 100))
+    found = filtered_initial_states(prepare(wrong), np.linspace(10.0, 75.0, 100))
     assert found.noise_factor > 1.0
     assert max(found.nis.values()) > 100.0
     r = np.interp(found.time, zigzag.truth.time, zigzag.truth.motion[:, 5])
@@ -54,8 +55,8 @@ def test_a_wrong_model_is_given_more_process_noise_and_its_starts_follow_the_rea
 
 def test_an_event_is_no_two_starts(zigzag, with_coefficients):
     sparse = replace(zigzag, sensors={"dvl": zigzag.sensors["dvl"]})
-    found = filtered_starts(
-        with_model(sparse, with_coefficients(zigzag.truth.coefficients)), np.linspace(5.0, 7.0, 1000)
+    found = filtered_initial_states(
+        prepare(with_model(sparse, with_coefficients(zigzag.truth.coefficients))), np.linspace(5.0, 7.0, 1000)
     )
     assert 10 < found.time.size < 20
     assert (np.diff(found.time) > 0.0).all()

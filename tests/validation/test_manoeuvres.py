@@ -130,7 +130,7 @@ def test_without_a_heading_or_a_velocity_there_is_less_to_say():
 
 
 @pytest.mark.parametrize(("untold", "speed"), [((), 3.0 * np.cos(0.2)), (("phi",), 3.0), (("phi", "theta"), 3.0)])
-def test_without_a_tilt_a_descending_turn_is_taken_as_level_by_readings_and_model_alike(untold, speed):
+def test_without_a_tilt_a_descending_turn_is_taken_as_level_by_measurements_and_model_alike(untold, speed):
     rudder = held((0.0, 12.0), (RUDDER, 60.0))
     time = TICK * np.arange(rudder.size)
     motion = np.zeros((time.size, 9))

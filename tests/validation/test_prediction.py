@@ -18,12 +18,12 @@ PLAIN = dict.fromkeys(PARAMETER_SYMBOLS, 0.0) | {
 
 
 def coasting(first, last, before):
-    """A part of the timeline: an event each 0.1 s, reached in five pieces, without any input."""
+    """A part of the timeline: an event each 0.1 s, reached in five substeps, without any input."""
     events = np.arange(first, last)
-    pieces = 5 * (events.size if before else events.size - 1)
+    substeps = 5 * (events.size if before else events.size - 1)
     offset = 5 * np.arange(events.size + 1) if before else np.append(0, 5 * np.arange(events.size))
     nothing = np.zeros(events.size + 1, dtype=np.int64), np.zeros(0, dtype=np.int8), np.zeros((0, 3))
-    durations, held = np.full(pieces, 0.02), np.zeros(pieces, dtype=np.int64)
+    durations, held = np.full(substeps, 0.02), np.zeros(substeps, dtype=np.int64)
     return Timeline(0.1 * events, offset, durations, held, np.zeros((1, 4)), *nothing)
 
 

@@ -23,7 +23,7 @@ def test_signals_hold_what_is_finite_of_each_component_in_the_order_of_the_motio
     assert_allclose(signals["psi"].values, [3.0, 3.1, 2 * np.pi - 3.1, 2 * np.pi - 3.0])
 
 
-def test_turns_bring_a_heading_to_those_of_the_readings():
+def test_turns_bring_a_heading_to_those_of_the_measurements():
     heading = Signal(np.array([0.0, 10.0]), np.array([0.1, 13.0]), 0.01)
     assert heading.turns(0.0, 0.2) == 0.0
     assert heading.turns(0.0, 2 * np.pi) == pytest.approx(-2 * np.pi)
@@ -31,7 +31,7 @@ def test_turns_bring_a_heading_to_those_of_the_readings():
     assert heading.turns(-1.0, 0.0) == 0.0
 
 
-def test_every_reading_is_found_among_the_events_at_whatever_time_it_was_taken(short_run, rng):
+def test_every_measurement_is_found_among_the_events_at_whatever_time_it_was_taken(short_run, rng):
     """Times between two nanoseconds, ten hours after the clock began."""
     gyroscope = short_run.sensors["gyroscope"]
     late = 36_000.0

@@ -9,6 +9,7 @@ from scipy.stats import chi2
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.estimate_checks import failed
+from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.validation.horizon_prediction import HORIZONS
 from auvid_cli.validation.results import AHEAD, FREE_RUN
 from auvid_cli.validation.validate import validate
@@ -41,8 +42,8 @@ def test_true_coefficients_predict_to_within_the_noise(zigzag, with_coefficients
     assert {row.horizon_s for row in ahead} == set(HORIZONS)
     assert {row.signal for row in ahead} == set(MOTION_SYMBOLS)
     for row in ahead:
-        low, high = chi2.ppf([1e-4, 1.0 - 1e-4], row.readings)
-        assert low < row.readings * (row.rmse / row.expected_rmse) ** 2 < high, row
+        low, high = chi2.ppf([1e-4, 1.0 - 1e-4], row.measurements)
+        assert low < row.measurements * (row.rmse / row.expected_rmse) ** 2 < high, row
         assert row.noise <= row.expected_rmse < 1.3 * row.noise
     shares = [row.share_within_band for row in ahead]
     assert np.mean(shares) == pytest.approx(0.9545, abs=0.01)
@@ -76,7 +77,7 @@ def test_a_rudder_of_the_wrong_sign_is_worse_than_the_mean(zigzag, with_coeffici
     assert {row.fit_percent < 0.0 for row in rows_of(found, AHEAD) if row.signal == "r"} == {True}
     assert "better than constant velocity" in {check.check for check in failed(found.checks)}
     assert any("process noise" in remark for remark in found.remarks)
-    # What there was before is judged from the readings, not from where the wrong model says that they are.
+    # What there was before is judged from the measurements, not from where the wrong model says that they are.
     known = next(row for row in rows_of(found, AHEAD) if (row.signal, row.horizon_s) == ("r", 5.0))
     assert known.vehicle_file_rmse < 2.0 * known.noise
     assert known.rmse > 100.0 * known.noise
@@ -147,7 +148,7 @@ def test_a_current_is_seen_through_where_the_settings_ask_for_it(simulated_with)
         simulated_with("manoeuvre.duration=100 s", WHITE, *current, *asking, f"seed={seed}") for seed in (1, 2)
     )
     estimate = identify(seen, FilterName.OUTPUT_ERROR)
-    _, errors = free_run(seen, estimate)
+    _, errors = free_run(prepare(seen), estimate)
     # Of white noise, the mean absolute value is 0.8 of its standard deviation, 1 mm/s.
     assert max(error.mean_absolute_error for error in errors[:3]) < 2e-3
     found = validate(unseen, estimate)

@@ -25,7 +25,7 @@ try:
     from pymavlink.DFReader import FORMAT_TO_STRUCT, DFFormat, DFReader_binary
     from pymavlink.dialects.v20 import ardupilotmega as mavlink
 except ModuleNotFoundError as error:
-    raise FileError("reading ArduPilot logs needs the package pymavlink: pip install 'auvid[ardupilot]'") from error
+    raise FileError("measurement ArduPilot logs needs the package pymavlink: pip install 'auvid[ardupilot]'") from error
 
 _SECONDS = {"TimeUS": 1e6, "TimeMS": 1e3}
 _HEADER_BYTES = 3
@@ -158,13 +158,13 @@ class TelemetryLog(Log):
                 message = parser.decode(bytearray(packet))
             except (mavlink.MAVError, struct.error) as error:
                 raise FileError(f"{self.path}: byte {start}: a damaged {table} message: {error}") from error
-            for name, found_values in values.items():
+            for name, estimated_values in values.items():
                 if name == LOG_TIME:
-                    found_values.append(seconds)
+                    estimated_values.append(seconds)
                 else:
                     field, index = places[name]
                     value = getattr(message, field)
-                    found_values.append(value if index is None else value[index])
+                    estimated_values.append(value if index is None else value[index])
         return {name: np.array(found, None if isinstance(found, array) else str) for name, found in values.items()}
 
     @cached_property

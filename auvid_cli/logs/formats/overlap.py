@@ -18,7 +18,7 @@ class Overlap(NamedTuple):
     begin, end : float
         s.
     own : bool
-        Whether each has readings of its own there; else one repeats the other.
+        Whether each has measurements of its own there; else one repeats the other.
     """
 
     file: int

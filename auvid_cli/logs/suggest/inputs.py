@@ -30,7 +30,7 @@ class _Input(NamedTuple):
         """Largest size."""
         return float(np.nanmax(np.abs(self.values), initial=0.0))
 
-    def reading(self, *more: str) -> str:
+    def signal(self, *more: str) -> str:
         """Flow mapping of place, column and what else it needs."""
         return f"{{{', '.join((f'{self.place}column: {quoted(self.column.name)}', *more))}}}"
 
@@ -52,7 +52,7 @@ def input_lines(logs: Mapping[str, Log]) -> Iterator[str]:
     largest = max((own.largest for own in deflecting.values()), default=0.0)
     for key, own in direct.items():
         yield (
-            f"  {key}: {own.reading()} # check: in N, or N m"
+            f"  {key}: {own.signal()} # check: in N, or N m"
             if key not in deflecting
             else _fin(f"  {key}", own, largest)
         )
@@ -119,8 +119,8 @@ def _thrust(found: Mapping[str, _Input]) -> Iterator[str]:
     elif "thrust.share" in found:
         own = found["thrust.share"]
         yield "  thrust:"
-        reading, reached = own.reading(*_share_unit(own)), f"it reaches {own.largest:.4g}"
-        yield f"    share: {reading} # check: percent, or '1' for fractions; {reached}"
+        signal, reached = own.signal(*_share_unit(own)), f"it reaches {own.largest:.4g}"
+        yield f"    share: {signal} # check: percent, or '1' for fractions; {reached}"
         yield "    full: null # required: force at 100 percent, such as 20 N"
     else:
         yield "  # check: no column looks like thrust: it will be zero"
@@ -128,9 +128,9 @@ def _thrust(found: Mapping[str, _Input]) -> Iterator[str]:
 
 def _revolutions(own: _Input) -> str:
     if own.column.unit:
-        return f"{own.reading()} # {own.column.unit} as the log says"
+        return f"{own.signal()} # {own.column.unit} as the log says"
     unit = named_unit(own.column.name, "turn/s") or "rpm"
-    return f"{own.reading(f'unit: {unit}')} # check: rpm, or turn/s"
+    return f"{own.signal(f'unit: {unit}')} # check: rpm, or turn/s"
 
 
 def _share_unit(own: _Input) -> tuple[str, ...]:
@@ -146,14 +146,14 @@ def _share_unit(own: _Input) -> tuple[str, ...]:
 def _fin(key: str, own: _Input, largest: float) -> str:
     spread = f"it goes from {np.nanmin(own.values):.4g} to {np.nanmax(own.values):.4g}"
     if own.column.unit:
-        return f"{key}: {own.reading()} # {own.column.unit} as the log says; check: sign"
+        return f"{key}: {own.signal()} # {own.column.unit} as the log says; check: sign"
     if unit := named_unit(own.column.name, "rad"):
-        return f"{key}: {own.reading(f'unit: {unit}')} # as the name says; check: sign; {spread}"
+        return f"{key}: {own.signal(f'unit: {unit}')} # as the name says; check: sign; {spread}"
     if largest > _LARGEST_FIN_DEGREES:
-        counts = own.reading(f"centre: {_middle(own.values)}", "scale: null")
+        counts = own.signal(f"centre: {_middle(own.values)}", "scale: null")
         return f"{key}: {counts} # required: what is straight, and one count, such as 0.35 deg; {spread}"
     unit = "deg" if largest > 0.5 * np.pi else "rad"
-    return f"{key}: {own.reading(f'unit: {unit}')} # check: unit and sign; {spread}"
+    return f"{key}: {own.signal(f'unit: {unit}')} # check: unit and sign; {spread}"
 
 
 def _middle(counts: Array) -> int:

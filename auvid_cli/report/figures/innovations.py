@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 _DOTS: dict[str, Any] = {"color": "#56B4E9", "linestyle": "", "marker": "."}
 _BOUND: dict[str, Any] = {"color": "black", "linewidth": 1.1}
 _BOUND_POINTS = 400
-# Height of a panel in bounds: wild readings beyond it are counted, not drawn.
+# Height of a panel in bounds: wild measurements beyond it are counted, not drawn.
 _HIGHEST = 3.0
 
 

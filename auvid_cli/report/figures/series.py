@@ -15,12 +15,12 @@ def finite(values: Array) -> Array:
 
 
 def thin(time: Array, values: Array, points: int = 2000) -> tuple[Array, Array]:
-    """Keep the least and the greatest value of each stretch, so that noise keeps its width.
+    """Keep the least and the greatest value of each bucket, so that noise keeps its width.
 
     Parameters
     ----------
     time, values : ndarray, shape (n,)
-        Values that are not finite are gaps; a gap that fills a stretch remains one.
+        Values that are not finite are gaps; a gap that fills a bucket remains one.
     points : int
         About how many to keep.
 
@@ -34,12 +34,12 @@ def thin(time: Array, values: Array, points: int = 2000) -> tuple[Array, Array]:
     if n <= points:
         return time, values
     length = -(-n // (points // 2))
-    stretches = -(-n // length)
-    padded = np.full(stretches * length, np.nan)
+    buckets = -(-n // length)
+    padded = np.full(buckets * length, np.nan)
     padded[:n] = values
-    block = padded.reshape(stretches, length)
+    block = padded.reshape(buckets, length)
     gap = np.isnan(block)
-    begin = np.arange(stretches) * length
+    begin = np.arange(buckets) * length
     least = begin + np.where(gap, np.inf, block).argmin(axis=1)
     greatest = begin + np.where(gap, -np.inf, block).argmax(axis=1)
     kept = np.unique(np.concatenate([[0], least, greatest, [n - 1]]))

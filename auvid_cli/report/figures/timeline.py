@@ -53,7 +53,7 @@ def timeline_figure(inspection: Inspection) -> Figure:
     panels[-1].set_xlim(inspection.span[0] / scale, inspection.span[1] / scale)
     panels[-1].set_xlabel(f"time ({unit})", fontsize=9)
     found = {mark.kind for mark in inspection.marks}
-    handles: list[Any] = [Patch(color=_PRESENT, label="readings present")]
+    handles: list[Any] = [Patch(color=_PRESENT, label="measurements present")]
     handles += [Patch(color=colour, label=words) for kind, (colour, _, words) in _KINDS.items() if kind in found]
     legend_above(figure, handles)
     return figure

@@ -44,7 +44,7 @@ def horizon_figure(filter_name: str, predictions: Sequence[Prediction]) -> Figur
         if rows:
             _draw(axes, filter_name, rows, np.rad2deg(1.0) if unit != quantity.unit else 1.0)
         else:
-            say(axes, "no readings ahead")
+            say(axes, "no measurements ahead")
     for axes in panels[-1]:
         axes.set_xlabel("horizon (s)", fontsize=9)
     legend_above(figure, _handles(filter_name, predictions))

@@ -17,7 +17,7 @@ from typing import Any
 
 from auvid_cli.children import parentage
 from auvid_cli.errors import FileError
-from auvid_cli.interrupts import deaf_to_interrupts
+from auvid_cli.interrupts import block_sigint
 
 Submit = Callable[..., Future[Any]]
 
@@ -30,7 +30,7 @@ def load_ahead() -> None:
     context = _context()
     context.set_forkserver_preload([f"auvid_cli.report.figures.{name}" for name in ("server", "patience", "kinds")])
     if context.get_start_method() == "forkserver":
-        with deaf_to_interrupts(), _environment_of_the_server():
+        with block_sigint(), _environment_of_the_server():
             forkserver.ensure_running()
 
 

@@ -23,14 +23,14 @@ def test_files_one_after_the_other_do_not_overlap(second):
 @pytest.mark.parametrize(
     ("times", "values", "own"),
     [
-        ([1, 2, 3, 4], [6, 7, np.nan, 9], False),  # the same readings
+        ([1, 2, 3, 4], [6, 7, np.nan, 9], False),  # the same measurements
         ([2, 3, 4], [7, np.nan, 9], False),
         ([1, 3, 4], [6, np.nan, 9], False),  # the same, one missing
-        ([1, 2, 3, 4], [6, 7.5, np.nan, 9], True),  # another reading at the same time
+        ([1, 2, 3, 4], [6, 7.5, np.nan, 9], True),  # another measurement at the same time
         ([1.5, 2.5, 4], [6, 7, 9], True),
     ],
 )
-def test_repeats_of_readings_are_told_from_others_at_the_same_time(times, values, own):
+def test_repeats_of_measurements_are_told_from_others_at_the_same_time(times, values, own):
     end = 3.0
     assert found(([0, 1, 2, 3], [5, 6, 7, np.nan]), (times, values)) == [Overlap(2, times[0], end, own)]
 

@@ -39,7 +39,7 @@ def typestore(release):
 
 
 def messages(store, release):
-    """Readings of a DVL: u = 0.1 k m/s at k / 5 s, recorded 0.25 s later, with k % 3 beams."""
+    """Measurements of a DVL: u = 0.1 k m/s at k / 5 s, recorded 0.25 s later, with k % 3 beams."""
     types = store.types
     header_type, time_type = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
     for k in range(COUNT):

@@ -103,7 +103,7 @@ def test_ends_of_names_are_units(suggested):
 
 
 @pytest.mark.parametrize(
-    ("thruster", "reading"),
+    ("thruster", "signal"),
     [
         (0.5 + 0.5 * WAVE, {"unit": "1"}),
         (50 + 50 * WAVE, {"unit": "percent"}),
@@ -111,13 +111,13 @@ def test_ends_of_names_are_units(suggested):
         (1500 + 400 * WAVE, {"centre": 1500, "scale": "0.25 percent"}),
     ],
 )
-def test_numbers_tell_the_unit_of_a_thruster(suggested, thruster, reading):
+def test_numbers_tell_the_unit_of_a_thruster(suggested, thruster, signal):
     _, found = suggested(t=TIME, u=WAVE, thruster=thruster)
-    assert found["inputs"]["thrust"]["share"] == {"column": "thruster", **reading}
+    assert found["inputs"]["thrust"]["share"] == {"column": "thruster", **signal}
 
 
 @pytest.mark.parametrize(
-    ("heading", "reading"),
+    ("heading", "signal"),
     [
         ("Thruster (rpm)", {"column": "Thruster"}),
         ("Throttle [rev/s]", {"column": "Throttle"}),
@@ -127,9 +127,9 @@ def test_numbers_tell_the_unit_of_a_thruster(suggested, thruster, reading):
         ("rps", {"column": "rps", "unit": "turn/s"}),
     ],
 )
-def test_revolutions_are_known_by_name_or_unit(suggested, heading, reading):
+def test_revolutions_are_known_by_name_or_unit(suggested, heading, signal):
     _, found = suggested(**{"t": TIME, "u": WAVE, heading: 600 + 100 * WAVE})
-    assert found["inputs"]["thrust"] == {"revolutions": reading, "a": None}
+    assert found["inputs"]["thrust"] == {"revolutions": signal, "a": None}
 
 
 def test_ends_of_names_are_units_of_inputs_too(suggested):
@@ -170,10 +170,10 @@ def test_topics_of_bare_numbers_are_called_by_their_topics():
     )
     assert found["sensors"]["gyroscope"]["columns"] == {"p": "data[0]", "q": "data[1]", "r": "data[2]"}
     inputs = found["inputs"]
-    readings = {**inputs["fins"], "rpm": inputs["thrust"]["revolutions"]}
-    places = {key: reading.get("table", inputs["table"]) for key, reading in readings.items()}
+    signals = {**inputs["fins"], "rpm": inputs["thrust"]["revolutions"]}
+    places = {key: signal.get("table", inputs["table"]) for key, signal in signals.items()}
     assert places == {"top": "/fins/top", "right": "/fins/stbd", "rpm": "/rpm"}
-    assert {reading["column"] for reading in readings.values()} == {"data"}
+    assert {signal["column"] for signal in signals.values()} == {"data"}
 
 
 def test_validity_of_the_message_and_not_of_a_part_of_it():
@@ -267,9 +267,9 @@ def test_whatever_things_are_called_the_map_is_yaml(table, stem, ending, unit):
     found = yaml.safe_load(suggest([OneColumn(Path(f"{stem.replace('/', '')}7.csv"), table, column)], Path()))
     assert isinstance(next(iter(found["logs"])), str)
     rows = found["inputs"] if ending == "rudder" else next(iter(found["sensors"].values()))
-    readings = rows["rudder"] if ending == "rudder" else next(iter(rows["columns"].values()))
+    signals = rows["rudder"] if ending == "rudder" else next(iter(rows["columns"].values()))
     assert rows.get("table", "") == table
-    assert (readings["column"] if isinstance(readings, dict) else readings) == column.name
+    assert (signals["column"] if isinstance(signals, dict) else signals) == column.name
 
 
 def test_import_refuses_what_is_not_filled_in(suggested, tmp_path):

@@ -1,0 +1,96 @@
+"""A dataset as estimators, bounds and free runs go through it: prepared once, and handed on."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.experiment import RunSettings
+from auvid_cli.data.dataset import Dataset, SensorRecord
+from auvid_cli.identification.actuators import lagged
+from auvid_cli.identification.segments import used_spans
+from auvid_cli.identification.timeline import Timelines, initial_depth, initial_motion, measuring_sensors
+from auvid_cli.vehicle.parameters import DEPTH, MOTION_SYMBOLS
+
+Array = NDArray[np.float64]
+
+
+class Segment(NamedTuple):
+    """A segment of the data that is used, and where its motion starts.
+
+    Attributes
+    ----------
+    dataset : Dataset
+        With the samples of all sensors within the segment.
+    timelines : Timelines
+        Of the sensors that measure motion or depth, with the fins where they were.
+    measured : dict of float
+        Motion and, where a sensor measures it, depth as measured by the start, by symbol, SI.
+    """
+
+    dataset: Dataset
+    timelines: Timelines
+    measured: dict[str, float]
+
+    @property
+    def motion(self) -> Array:
+        """The motion as measured by the start, shape (9,)."""
+        return np.array([self.measured[symbol] for symbol in MOTION_SYMBOLS])
+
+
+@dataclass(frozen=True)
+class PreparedData:
+    """What is used of a dataset.
+
+    Attributes
+    ----------
+    dataset : Dataset
+    measuring : dict of SensorRecord
+        The sensors that measure motion states or depth, by name, with all of their samples.
+    segments : tuple of Segment
+        At least one, in time order.
+    """
+
+    dataset: Dataset
+    measuring: dict[str, SensorRecord]
+    segments: tuple[Segment, ...]
+
+    @property
+    def experiment(self) -> RunSettings:
+        """The settings that the data are prepared for."""
+        return self.dataset.experiment
+
+    def with_settings(self, experiment: RunSettings) -> "PreparedData":
+        """Return the same data prepared for other settings; from anew only if these cut or move something otherwise."""
+        if _what_prepares(experiment) != _what_prepares(self.experiment):
+            return prepare(replace(self.dataset, experiment=experiment))
+        segments = (s._replace(dataset=replace(s.dataset, experiment=experiment)) for s in self.segments)
+        return replace(self, dataset=replace(self.dataset, experiment=experiment), segments=tuple(segments))
+
+
+def prepare(dataset: Dataset) -> PreparedData:
+    """Choose the sensors and the segments that settings ask for, and merge the samples of each in time order.
+
+    Raises
+    ------
+    DataError
+        If no sensor measures motion, one states no positive noise, or nothing of the data is left.
+    """
+    settings, measuring = dataset.experiment.identification, measuring_sensors(dataset)
+    inputs = lagged(dataset.inputs, settings.fin_time_constant, settings.integration_step)
+    segments = []
+    for span in used_spans(measuring, settings.use):
+        data = dataset.sensors_between(*span)
+        records = {name: data.sensors[name] for name in measuring}
+        start, motion = initial_motion(data, records)
+        measured = dict(zip(MOTION_SYMBOLS, motion.tolist(), strict=True))
+        if "depth" in measuring:
+            measured[DEPTH.symbol] = initial_depth(measuring["depth"], start)
+        segments.append(Segment(data, Timelines(inputs, records, start, settings.integration_step), measured))
+    return PreparedData(dataset, measuring, tuple(segments))
+
+
+def _what_prepares(experiment: RunSettings) -> tuple[object, ...]:
+    settings = experiment.identification
+    return settings.use, settings.fin_time_constant, settings.integration_step
