@@ -1,6 +1,6 @@
 """The core is compiled to instructions that treat several numbers at once: counted, not timed.
 
-Here all loops together, as they stand in the machine code; `benchmarks/instructions.py` counts what is executed.
+Here all loops together, as they stand in the machine code; `python -m benchmarks.guard` counts what is executed.
 """
 
 import json

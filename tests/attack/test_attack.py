@@ -1,13 +1,14 @@
-"""The first cases of `benchmarks/attack.py`: whatever is damaged is answered in words, in time, and nothing is lost."""
+"""The first cases of `benchmarks.attack`: whatever is damaged is answered in words, in time, and nothing is lost."""
 
 import os
 
 import pytest
-from attacks.kinds import KINDS
-from attacks.material import Material
-from attacks.pool import Worker
-from attacks.running import LIMIT
-from attacks.table import failures
+
+from benchmarks.attack.kinds import KINDS
+from benchmarks.attack.material import Material
+from benchmarks.attack.pool import Worker
+from benchmarks.attack.running import LIMIT
+from benchmarks.attack.table import failures
 
 # Those that draw figures take a second each.
 COUNTS = {"settings": 60, "overrides": 60, "bytes": 30, "structure": 30, "logs": 50, "plans": 6}
@@ -28,7 +29,7 @@ def worker(tmp_path_factory):
 def test_damaged_input_is_answered_in_words_in_time_and_nothing_is_lost(kind, worker):
     outcomes = [worker.attack(kind, index) for index in range(COUNTS[kind])]
     failed = [outcome for outcome in outcomes if outcome.faults]
-    assert not failed, failures(failed, f"python benchmarks/attack.py --seed {SEED}")
+    assert not failed, failures(failed, f"python -m benchmarks.attack --seed {SEED}")
 
 
 def test_the_same_seed_gives_the_same_case(worker):

@@ -1,0 +1,179 @@
+"""Time and memory of whole commands: `python -m benchmarks.commands`, some fifteen minutes and 12 GB of disk.
+
+How `auvid run` starts cold, with nothing compiled, and warm, what its steps take, how fast help comes, and how
+simulation, identification, report and all of them together grow with the duration of the data and the number of
+sensors. Needs Linux, which says what processes share of their memory.
+"""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+from typing import NamedTuple
+
+import psutil
+
+from auvid_cli.data.dataset_file import read_dataset, write_dataset
+from benchmarks.commands.stages import stages
+from benchmarks.timing import described_machine
+from docs.section import replace_section
+
+_DURATIONS = (300, 3000, 36000)
+_SENSORS = ("gyroscope", "attitude", "dvl")
+_ROUNDS = 5
+_COLD_ROUNDS = 3
+_BETWEEN_LOOKS = 0.2
+
+
+class Cost(NamedTuple):
+    """Wall time, s, processor time of the command and what it compiles with, s, and memory, MB.
+
+    The memory is the largest that was seen of all processes together, or of one that the system saw, if that is larger.
+    """
+
+    wall: float
+    processor: float
+    memory: float
+
+
+def cost_of(*arguments: str, watched: bool = False, sound: bool = True, **environment: str) -> Cost:
+    """Run auvid with some arguments; watching its memory takes processor time from commands that use every core.
+
+    No filter may diverge or be inconsistent, unless `sound` is not asked for.
+    """
+    command = [str(Path(sys.executable).with_name("auvid")), *arguments]
+    start = time.perf_counter()
+    # As installed: with compiled modules of Python.
+    inherited = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    process = subprocess.Popen(command, env=inherited | environment, stdout=subprocess.DEVNULL)
+    sizes: list[int] = []
+    ended = threading.Event()
+    watching = threading.Thread(target=_watch, args=(process.pid, sizes, ended))
+    if watched:
+        watching.start()
+    _, status, usage = os.wait4(process.pid, 0)
+    wall = time.perf_counter() - start
+    if watched:
+        ended.set()
+        watching.join()
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode != 0 and (sound or process.returncode != 1):
+        raise SystemExit(f"{' '.join(command)} ended with exit code {process.returncode}")
+    memory = max([usage.ru_maxrss * 1024, *sizes])
+    return Cost(wall, usage.ru_utime + usage.ru_stime, memory / 1e6)
+
+
+def _watch(pid: int, sizes: list[int], ended: threading.Event) -> None:
+    """Note, again and again, what a process and its children occupy; what they share is counted once."""
+    while not ended.wait(_BETWEEN_LOOKS):
+        try:
+            parent = psutil.Process(pid)
+            sizes.append(sum(_own_share(process) for process in (parent, *parent.children(recursive=True))))
+        except psutil.NoSuchProcess:
+            return
+
+
+def _own_share(process: psutil.Process) -> int:
+    try:
+        return process.memory_full_info().pss
+    except (psutil.NoSuchProcess, psutil.AccessDenied):
+        return 0
+
+
+def _row(label: str, costs: list[Cost], memory: str = "") -> str:
+    walls = [cost.wall for cost in costs]
+    processor = median(cost.processor for cost in costs)
+    return f"| {label} | {median(walls):.2f} | {min(walls):.2f} - {max(walls):.2f} | {processor:.2f} | {memory} |"
+
+
+def _start_up(folder: Path) -> list[str]:
+    """Cold, warm, help and completion."""
+    run = "run", "--quiet", "--output", str(folder / "run")
+    completion = {"_AUVID_COMPLETE": "complete_bash", "COMP_WORDS": "auvid identify --filter ", "COMP_CWORD": "3"}
+    cold = [cost_of(*run, NUMBA_CACHE_DIR=str(folder / f"cache-{k}")) for k in range(_COLD_ROUNDS)]
+    cost_of(*run)
+    warm = [cost_of(*run) for _ in range(_ROUNDS)]
+    # Apart from the rounds that are timed.
+    cold_memory = cost_of(*run, watched=True, NUMBA_CACHE_DIR=str(folder / "cache-watched")).memory
+    warm_memory = cost_of(*run, watched=True).memory
+    return [
+        "| command | wall, median (s) | min - max | processor (s) | memory (MB) |",
+        "| --- | ---: | ---: | ---: | ---: |",
+        _row("`auvid run`, cold: compiles", cold, f"{cold_memory:.0f}"),
+        _row("`auvid run`, warm", warm, f"{warm_memory:.0f}"),
+        _row("`auvid --help`", [cost_of("--help") for _ in range(_ROUNDS)]),
+        _row("completion of `auvid identify --filter`", [cost_of(**completion) for _ in range(_ROUNDS)]),
+    ]
+
+
+def _growth(folder: Path, durations: list[int]) -> list[str]:
+    rows = [
+        "| command | data (s) | sensors | wall (s) | processor (s) | memory (MB) |",
+        "| --- | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for duration in durations:
+        home = folder / str(duration)
+        dataset = str(home / "dataset.h5")
+        steps = {
+            "simulate": ("simulate", "--set", f"manoeuvre.duration={duration} s", "--output", str(home)),
+            "identify, TUKF": ("identify", dataset, "--filter", "tukf"),
+            "report": ("report", str(home)),
+        }
+        for label, arguments in steps.items():
+            rows.append(_growth_row(label, duration, len(_SENSORS), cost_of(*arguments, "--quiet", watched=True)))
+        shutil.rmtree(home / "estimates")
+        with tempfile.TemporaryDirectory(dir=folder) as whole:
+            arguments = "run", "--set", f"manoeuvre.duration={duration} s", "--output", whole
+            rows.append(_growth_row("run", duration, len(_SENSORS), cost_of(*arguments, "--quiet", watched=True)))
+    return rows
+
+
+def _sensors(folder: Path, duration: int) -> list[str]:
+    """The same run with one sensor more each time."""
+    rows = []
+    whole = read_dataset(folder / str(duration) / "dataset.h5")
+    for count in range(1, 1 + len(_SENSORS)):
+        path = folder / f"{count}_sensors.h5"
+        write_dataset(path, replace(whole, sensors={name: whole.sensors[name] for name in _SENSORS[:count]}))
+        arguments = "identify", str(path), "--filter", "tukf", "--output", str(folder / path.stem), "--quiet"
+        # The gyroscope alone does not tell the speed.
+        cost = cost_of(*arguments, watched=True, sound=False)
+        rows.append(_growth_row("identify, TUKF", duration, count, cost))
+    return rows
+
+
+def _growth_row(label: str, duration: int, n_sensors: int, cost: Cost) -> str:
+    return f"| {label} | {duration} | {n_sensors} | {cost.wall:.1f} | {cost.processor:.1f} | {cost.memory:.0f} |"
+
+
+def _write(section: str, *tables: list[str]) -> None:
+    machine = [f"- {name}: {value}" for name, value in described_machine().items()]
+    text = "\n".join("\n".join([*lines, ""]) for lines in (machine, *tables))
+    print(text)
+    replace_section(section, text)
+
+
+def main() -> None:
+    """Run everything, or one part, and write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", choices=("start", "growth"), help="one of the two parts")
+    parser.add_argument("--durations", type=int, nargs="+", default=_DURATIONS, help="of the data, s")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        if options.only != "growth":
+            _write("start", _start_up(folder), stages(folder, _ROUNDS))
+        if options.only != "start":
+            durations = sorted(options.durations)
+            _write("growth", _growth(folder, durations) + _sensors(folder, durations[len(durations) // 2]))
+
+
+if __name__ == "__main__":
+    main()

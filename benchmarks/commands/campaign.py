@@ -1,0 +1,157 @@
+"""What a campaign costs besides its runs: `python -m benchmarks.commands.campaign`, some forty minutes.
+
+The default experiment over seeds, with all its filters: one after the other in this process, on one worker, on two, and
+on two processes without Dask, which is what the machine allows; all of them in each round. Then on one worker so many
+runs that its memory would show any leak.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from statistics import median
+from typing import NamedTuple
+
+import psutil
+from distributed import Client
+
+from auvid_cli.campaign.engine import cluster_client, perform_groups
+from auvid_cli.campaign.perform import perform
+from auvid_cli.campaign.plan import Group, Plan
+from auvid_cli.campaign.store import Store
+from auvid_cli.config.campaign import load_campaign
+from benchmarks.timing import described_machine
+from docs.section import replace_section
+
+_RUNS, _ROUNDS, _MANY = 200, 3, 1000
+_LOOKS = 5
+_OTHER_SEEDS = 1_000_000
+
+
+class Round(NamedTuple):
+    """Wall times of the same runs, s."""
+
+    alone: float
+    one_worker: float
+    two_workers: float
+    two_processes: float
+
+
+def planned(folder: Path, text: str) -> Plan:
+    """Plan of a campaign file with a text."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "campaign.yaml"
+    path.write_text(f"name: benchmark\n{text}")
+    return Plan(*load_campaign(path), path)
+
+
+def timed(groups: list[Group], folder: Path) -> Round:
+    """Do the same groups in every way, with processes that are there and have loaded everything."""
+    start = time.perf_counter()
+    for group in groups:
+        perform(group)
+    alone = time.perf_counter() - start
+    one, two = (_seconds_on(workers, groups, folder / str(workers)) for workers in (1, 2))
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        list(pool.map(perform, _warm(folder, 2)))
+        start = time.perf_counter()
+        list(pool.map(perform, groups))
+        return Round(alone, one, two, time.perf_counter() - start)
+
+
+def _seconds_on(workers: int, groups: list[Group], folder: Path) -> float:
+    """Wall time, s, of groups on so many workers, results written."""
+    with cluster_client(None, workers) as client:
+        list(perform_groups(client, _warm(folder.parent, workers), False))
+        store = Store(folder, {})
+        start = time.perf_counter()
+        for performed in perform_groups(client, iter(groups), False):
+            store.add(performed)
+        store.merge()
+        return time.perf_counter() - start
+
+
+def _warm(folder: Path, workers: int) -> Iterator[Group]:
+    """Groups of other seeds, a few for each worker."""
+    return planned(folder, f"seeds: [{', '.join(str(_OTHER_SEEDS + k) for k in range(3 * workers))}]\n").groups()
+
+
+def memory_over(groups: Iterator[Group], n_runs: int) -> list[tuple[int, float]]:
+    """Memory of a single worker, MB, after so many runs."""
+    seen, ended = [], 0
+    with cluster_client(None, 1) as client:
+        for performed in perform_groups(client, groups, False):
+            before, ended = ended, ended + len(performed)
+            if before * _LOOKS // n_runs < ended * _LOOKS // n_runs:
+                seen.append((ended, _memory(client)))
+    return seen
+
+
+def _memory(client: Client) -> float:
+    (size,) = client.run(lambda: psutil.Process().memory_info().rss).values()  # pyright: ignore[reportAttributeAccessIssue]
+    return size / 1024.0**2
+
+
+def spread(values: Sequence[float], digits: int) -> str:
+    """Median, least and greatest."""
+    return f"{median(values):.{digits}f} ({min(values):.{digits}f} - {max(values):.{digits}f})"
+
+
+def main() -> None:
+    """Run everything and write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=_RUNS)
+    parser.add_argument("--rounds", type=int, default=_ROUNDS)
+    parser.add_argument("--many", type=int, default=_MANY)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        plan = planned(folder, f"seeds: {-(-options.runs // 3)}\n")
+        groups = list(plan.groups())
+        for group in _warm(folder / "warm", 1):
+            perform(group)
+        rounds = []
+        for k in range(options.rounds):
+            rounds.append(timed(groups, folder / f"round-{k}"))
+            print(rounds[-1], file=sys.stderr)
+        short = planned(
+            folder, f"settings: {{manoeuvre.duration: 60 s}}\nfilters: [ckf, tukf]\nseeds: {options.many // 2}\n"
+        )
+        memory = memory_over(short.groups(), options.many)
+    n_runs = plan.n_runs
+    walls = list(zip(*rounds, strict=True))
+    notes = (
+        "",
+        f"{spread([own.one_worker / own.alone for own in rounds], 3)} of that: handing out, bringing back, writing",
+        f"{spread([own.one_worker / own.two_workers for own in rounds], 2)} times as fast as 1 worker",
+        f"{spread([own.alone / own.two_processes for own in rounds], 2)} times as fast as one after the other",
+    )
+    labels = f"one after the other, {n_runs} runs", "1 worker", "2 workers", "2 processes without Dask, nothing written"
+    text = "\n".join(
+        [
+            *(f"- {name}: {value}" for name, value in described_machine().items()),
+            "",
+            f"Median of {len(rounds)} rounds (least - greatest):",
+            "",
+            "| default experiment, 3 filters | wall (s) | runs per second | |",
+            "| --- | ---: | ---: | --- |",
+            *(
+                f"| {label} | {spread(own, 1)} | {n_runs / median(own):.2f} | {note} |"
+                for label, own, note in zip(labels, walls, notes, strict=True)
+            ),
+            "",
+            "| runs of 60 s on one worker | memory (MB) |",
+            "| ---: | ---: |",
+            *(f"| {runs} | {size:.0f} |" for runs, size in memory),
+        ]
+    )
+    print(text)
+    replace_section("campaign", text)
+
+
+if __name__ == "__main__":
+    main()
