@@ -14,7 +14,7 @@ from auvid_cli.config.magnitudes import magnitude_of
 from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.config.sensors import SensorSettings
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.parameters import INPUTS, MOTION, PARAMETERS, POSITION
+from auvid_cli.vehicle.parameters import INPUTS, MOTION, PARAMETERS, POSITION, SENSORS
 
 TARGET = Path(__file__).with_name("reference.md")
 OPENING = """# Reference
@@ -100,7 +100,8 @@ def unit(model: type[BaseModel], name: str, field) -> str:
         if isinstance(item, Unit):
             return item.unit
     if issubclass(model, SensorSettings) and typing.get_origin(field.annotation) is tuple:
-        return f"{model.unit}/s^0.5" if name == "drift" else model.unit
+        own = SENSORS[model.sensor][0].unit if model is not SensorSettings else ""
+        return f"{own}/s^0.5" if name == "drift" else own
     if typing.get_origin(field.annotation) is typing.Literal:
         return ", ".join(f"`{choice}`" for choice in typing.get_args(field.annotation))
     if isinstance(field.annotation, type) and field.annotation in (int, float, str, bool):

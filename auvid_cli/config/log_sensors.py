@@ -73,6 +73,15 @@ class Columns(Settings):
         return {symbol: signal for symbol, signal in given.items() if signal is not None}
 
 
+def _columns_of(sensor: str) -> type[Columns]:
+    """Make the settings that name a column for each component of a sensor."""
+    fields: dict[str, Any] = {
+        q.symbol: (SIGNALS[q.unit] | None, Field(None, description=q.meaning)) for q in SENSORS[sensor]
+    }
+    words = f"Columns of the components of `{sensor}`, as far as the log has them."
+    return create_model("Columns", __base__=Columns, __doc__=words, **fields)
+
+
 if TYPE_CHECKING:
     Rates = Columns
     SpecificForces = Columns
@@ -81,14 +90,8 @@ if TYPE_CHECKING:
     Angles = Columns
     Down = Columns
 else:
-    Rates, SpecificForces, Heading, Velocity, Angles, Down = (
-        create_model(
-            "Columns",
-            __base__=Columns,
-            __doc__=f"Columns of the components of `{sensor}`, as far as the log has them.",
-            **{q.symbol: (SIGNALS[q.unit] | None, Field(None, description=q.meaning)) for q in SENSORS[sensor]},
-        )
-        for sensor in ("gyroscope", "accelerometer", "magnetometer", "dvl", "attitude", "depth")
+    Rates, SpecificForces, Heading, Velocity, Angles, Down = map(
+        _columns_of, ("gyroscope", "accelerometer", "magnetometer", "dvl", "attitude", "depth")
     )
 
 
@@ -229,7 +232,7 @@ class DepthMap(SensorMap):
     ] = None
 
 
-class SensorMaps(Settings):
+class _SensorMaps(Settings):
     """The sensors that the logs hold."""
 
     gyroscope: GyroscopeMap | None = None
@@ -249,3 +252,24 @@ class SensorMaps(Settings):
         """Sensors by name, of those that are given."""
         sensors = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: sensor for name, sensor in sensors.items() if sensor is not None}
+
+
+def _plain_map(sensor: str) -> type[SensorMap]:
+    """Make the map of a sensor that has no axes, lever arm or reference of its own to be told of."""
+
+    class PlainMap(SensorMap):
+        columns: _columns_of(sensor)  # type: ignore[valid-type]
+
+    PlainMap.sensor = sensor
+    return PlainMap
+
+
+if TYPE_CHECKING:
+    SensorMaps = _SensorMaps
+else:
+    SensorMaps = create_model(
+        "SensorMaps",
+        __base__=_SensorMaps,
+        __doc__=_SensorMaps.__doc__,
+        **{name: (_plain_map(name) | None, None) for name in SENSORS if name not in _SensorMaps.model_fields},
+    )

@@ -7,6 +7,7 @@ from pydantic import Field, field_validator, model_validator
 from auvid_cli.config.magnitudes import check_amount
 from auvid_cli.config.quantity import Amount, Unit, parse_components
 from auvid_cli.config.settings import Settings
+from auvid_cli.vehicle.parameters import SENSORS
 
 PerComponent = tuple[float, ...]
 Probability = Annotated[float, Field(ge=0, lt=1)]
@@ -15,8 +16,7 @@ Probability = Annotated[float, Field(ge=0, lt=1)]
 class SensorSettings(Settings):
     """One sensor. Values per component may be one number for all or a list of one each."""
 
-    unit: ClassVar[str]
-    components: ClassVar[tuple[str, ...]]
+    sensor: ClassVar[str]
 
     rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="samples per second")]
     start: Annotated[float, Amount("s"), Field(ge=0, le=1e6, description="time of the first sample")] = 0.0
@@ -42,17 +42,18 @@ class SensorSettings(Settings):
     )
     @classmethod
     def _amount_per_component(cls, value: Any) -> PerComponent:
-        return () if value is None else parse_components(value, cls.unit, len(cls.components), check_amount)
+        return () if value is None else parse_components(value, *cls._unit_and_width(), check_amount)
 
     @field_validator("bias", mode="before")
     @classmethod
     def _per_component(cls, value: Any) -> PerComponent:
-        return () if value is None else parse_components(value, cls.unit, len(cls.components))
+        return () if value is None else parse_components(value, *cls._unit_and_width())
 
     @field_validator("drift", mode="before")
     @classmethod
     def _per_component_and_root_second(cls, value: Any) -> PerComponent:
-        return parse_components(value, f"{cls.unit}/s^0.5", len(cls.components), check_amount)
+        unit, width = cls._unit_and_width()
+        return parse_components(value, f"{unit}/s^0.5", width, check_amount)
 
     @field_validator("noise", "range", "bias_spread", "drift", "quantisation", "outlier_size", mode="after")
     @classmethod
@@ -85,35 +86,37 @@ class SensorSettings(Settings):
         return self._all(self.standard_deviation) if self.standard_deviation else self.noise_standard_deviation()
 
     def _all(self, values: PerComponent) -> PerComponent:
-        return values if len(values) == len(self.components) else values * len(self.components)
+        _, width = self._unit_and_width()
+        return values if len(values) == width else values * width
+
+    @classmethod
+    def _unit_and_width(cls) -> tuple[str, int]:
+        quantities = SENSORS[cls.sensor]
+        return quantities[0].unit, len(quantities)
 
 
 class Gyroscope(SensorSettings):
     """Body rates."""
 
-    unit = "rad/s"
-    components = ("p", "q", "r")
+    sensor = "gyroscope"
 
 
 class Accelerometer(SensorSettings):
     """Specific force at the body origin."""
 
-    unit = "m/s^2"
-    components = ("fx", "fy", "fz")
+    sensor = "accelerometer"
 
 
 class Magnetometer(SensorSettings):
     """Heading."""
 
-    unit = "rad"
-    components = ("heading",)
+    sensor = "magnetometer"
 
 
 class Dvl(SensorSettings):
     """Velocity over ground in body axes."""
 
-    unit = "m/s"
-    components = ("u", "v", "w")
+    sensor = "dvl"
 
     scale_error: Annotated[
         float, Field(gt=-1, le=10, description="of all components, from a wrong speed of sound: 0.01 is 1 % too fast")
@@ -124,8 +127,7 @@ class Dvl(SensorSettings):
 class Depth(SensorSettings):
     """Depth below the surface."""
 
-    unit = "m"
-    components = ("down",)
+    sensor = "depth"
 
 
 class AhrsSettings(Settings):
@@ -152,8 +154,7 @@ class Attitude(SensorSettings):
     Noise and faults are those of the direct source; an AHRS makes its own errors from its sensors'.
     """
 
-    unit = "rad"
-    components = ("phi", "theta", "psi")
+    sensor = "attitude"
 
     source: Annotated[Literal["ahrs", "direct"], Field(description="AHRS, or angles plus white noise")] = "ahrs"
     rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="samples per second")] = 100.0
@@ -183,3 +184,12 @@ class SensorSuite(Settings):
     dvl: Dvl
     attitude: Attitude
     depth: Depth | None = None
+
+    def given(self) -> dict[str, SensorSettings]:
+        """Return the sensors by name, of those that there are."""
+        fields = {name: getattr(self, name) for name in type(self).model_fields}
+        return {name: settings for name, settings in fields.items() if isinstance(settings, SensorSettings)}
+
+
+if {*SensorSuite.model_fields} - {"name"} != {*SENSORS}:
+    raise TypeError("the sensors that have settings are not those that have components")

@@ -1,5 +1,6 @@
 """Raw sensors: what each of them reports of the true motion, at its own times."""
 
+from collections.abc import Callable, Sequence
 from functools import partial
 from zlib import crc32
 
@@ -7,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
-from auvid_cli.config.sensors import Dvl, SensorSettings, SensorSuite
+from auvid_cli.config.sensors import Attitude, Dvl, SensorSettings, SensorSuite
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.simulation.motion import Truth, sample_motion
 from auvid_cli.vehicle.kinematics import GRAVITY, earth_to_body
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
 
 Array = NDArray[np.float64]
 
@@ -19,7 +21,7 @@ _BLOCK = 50_000
 
 
 def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict[str, SensorRecord]:
-    """Samples of gyroscope, accelerometer, magnetometer and DVL, of a direct attitude sensor and of a depth sensor.
+    """Sample all sensors of a suite but an attitude reference, which computes from what the others say.
 
     Parameters
     ----------
@@ -31,28 +33,24 @@ def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict
         Each sensor and each of its imperfections draws from a stream of its own, derived from the
         seed and the sensor's name, so that changing one leaves the others' noise as it was.
     """
-    measurements = {
-        "gyroscope": _rates,
-        "accelerometer": _specific_force,
-        "magnetometer": _heading,
-        "dvl": partial(_velocity_over_ground, current),
-    }
-    if suite.attitude.source == "direct":
-        measurements["attitude"] = _attitude
     records = {}
-    for name, measurement in measurements.items():
-        settings: SensorSettings = getattr(suite, name)
+    for name, settings in suite.given().items():
+        if isinstance(settings, Attitude) and settings.source == "ahrs":
+            continue
         times = sample_times(settings, truth.time[-1])
+        measure_block = _RULES.get(name) or partial(_motion_states, SENSORS[name])
         blocks = [times[first : first + _BLOCK] for first in range(0, max(times.size, 1), _BLOCK)]
-        true = np.concatenate([measurement(*sample_motion(truth, block)) for block in blocks])
-        if isinstance(settings, Dvl):
-            true = true @ _seen_by(settings).T
+        true = np.concatenate([measure_block(_Sampled(truth, block, current, settings)) for block in blocks])
         records[name] = corrupt(times, true, settings, name, seed)
-    if suite.depth is not None:
-        times = sample_times(suite.depth, truth.time[-1])
-        depth = np.interp(times, truth.time, truth.position[:, 2])
-        records["depth"] = corrupt(times, depth[:, None], suite.depth, "depth", seed)
     return records
+
+
+class _Sampled:
+    """What a sensor may measure of the truth at some times."""
+
+    def __init__(self, truth: Truth, times: Array, current: Array, settings: SensorSettings) -> None:
+        self.truth, self.times, self.current, self.settings = truth, times, current, settings
+        self.motion, self.rate = sample_motion(truth, times)
 
 
 def sample_times(settings: SensorSettings, duration: float) -> Array:
@@ -87,34 +85,52 @@ def corrupt(times: Array, true: Array, settings: SensorSettings, name: str, seed
     return SensorRecord(times, values, np.array(settings.stated_standard_deviation()))
 
 
-def _rates(motion: Array, rate: Array) -> Array:
-    return motion[:, 3:6]
+def _motion_states(quantities: Sequence[Quantity], sampled: _Sampled) -> Array:
+    columns = [MOTION_SYMBOLS.index(quantity.symbol) for quantity in quantities]
+    states = np.take(sampled.motion, columns, axis=1)
+    headings = [k for k, quantity in enumerate(quantities) if quantity.symbol == "psi"]
+    states[:, headings] = wrap(states[:, headings])
+    return states
 
 
-def _velocity_over_ground(current: Array, motion: Array, rate: Array) -> Array:
-    """That through the water, and that of the water in body axes."""
-    if not current.any():
-        return motion[:, :3]
-    return motion[:, :3] + earth_to_body(motion[:, 6:], np.broadcast_to(current, (len(motion), 3)))
-
-
-def _seen_by(dvl: Dvl) -> Array:
-    """Velocity in the axes of a DVL that is mounted at a small yaw, times its scale."""
+def _velocity_over_ground(sampled: _Sampled) -> Array:
+    """Turn the velocity through the water and that of the water into the axes of a DVL, times its scale."""
+    motion, current, dvl = sampled.motion, sampled.current, sampled.settings
+    assert isinstance(dvl, Dvl)
+    velocity = motion[:, :3]
+    if current.any():
+        velocity = velocity + earth_to_body(motion[:, 6:], np.broadcast_to(current, (len(motion), 3)))
     sine, cosine = np.sin(dvl.mounting_yaw), np.cos(dvl.mounting_yaw)
-    return (1.0 + dvl.scale_error) * np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    turned = (1.0 + dvl.scale_error) * np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    return velocity @ turned.T
 
 
-def _attitude(motion: Array, rate: Array) -> Array:
-    wrapped = motion[:, 6:9].copy()
-    wrapped[:, 2] = wrap(wrapped[:, 2])
-    return wrapped
+def _heading(sampled: _Sampled) -> Array:
+    return wrap(sampled.motion[:, 8:9])
 
 
-def _heading(motion: Array, rate: Array) -> Array:
-    return wrap(motion[:, 8:9])
+def _depth(sampled: _Sampled) -> Array:
+    return np.interp(sampled.times, sampled.truth.time, sampled.truth.position[:, 2])[:, None]
 
 
-def _specific_force(motion: Array, rate: Array) -> Array:
-    """Acceleration of the body origin less gravity, in body axes: what an accelerometer feels."""
+def _specific_force(sampled: _Sampled) -> Array:
+    """Return the acceleration of the body origin less gravity, in body axes: what an accelerometer feels."""
+    motion, rate = sampled.motion, sampled.rate
     down = earth_to_body(motion[:, 6:], np.broadcast_to([0.0, 0.0, 1.0], (len(motion), 3)))
     return rate[:, :3] + np.cross(motion[:, 3:6], motion[:, :3]) - GRAVITY * down
+
+
+# Sensors that measure something else than motion states as they are.
+_RULES: dict[str, Callable[[_Sampled], Array]] = {
+    "accelerometer": _specific_force,
+    "magnetometer": _heading,
+    "dvl": _velocity_over_ground,
+    "depth": _depth,
+}
+_RULELESS = [
+    name
+    for name in SensorSuite.model_fields.keys() & SENSORS.keys() - _RULES.keys()
+    if not {quantity.symbol for quantity in SENSORS[name]} <= {*MOTION_SYMBOLS}
+]
+if _RULELESS:
+    raise TypeError(f"nothing says how to simulate {', '.join(_RULELESS)}, which measure no motion states")

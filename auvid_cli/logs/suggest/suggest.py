@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.log_columns import unit_factor
+from auvid_cli.config.magnitudes import magnitude_of
 from auvid_cli.data.noise import estimate_noise
 from auvid_cli.logs.formats.log import Column, Log
 from auvid_cli.logs.suggest.inputs import input_lines
@@ -129,7 +130,8 @@ def _sensor(sensor: str, logs: Mapping[str, Log], name: str, found: Found) -> It
     unit, comment = _unit(list(columns.values()), numbers, quantities[0].unit)
     yield f"    unit: {quoted(unit)} # {comment}"
     factor = unit_factor(unit, quantities[0].unit)
-    si = {component: factor * own for component, own in numbers.items()}
+    most = magnitude_of(quantities[0].unit).most / factor
+    si = {component: factor * np.where(np.abs(own) <= most, own, np.nan) for component, own in numbers.items()}
     yield from _axes(sensor, si, _convention(logs[name], found.table))
     yield from _repeats(si)
     flags = [column.name for column in logs[name].tables()[found.table] if _FLAG.fullmatch(column.name)]

@@ -60,6 +60,13 @@ def test_names_and_values_tell_sensors_units_and_inputs(suggested):
     assert "dvl" not in found["sensors"]
 
 
+def test_numbers_that_nothing_measures_do_not_count(suggested):
+    wild = WAVE.copy()
+    wild[[50, 51]] = 1.7e308, -1.7e308
+    _, found = suggested(timestamp=TIME, u=wild, v=WAVE, w=WAVE)
+    assert found["sensors"]["dvl"]["columns"] == {"u": "u", "v": "v", "w": "w"}
+
+
 def test_noise_is_measured_and_left_to_the_user(suggested):
     text, found = suggested(t=TIME, u=2.0 + 0.03 * NOISE, rudder=0.1 * WAVE)
     assert found["sensors"]["dvl"]["standard_deviation"] is None
