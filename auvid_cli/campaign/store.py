@@ -22,6 +22,7 @@ from auvid_cli.data.csv_text import csv_text, csv_value
 from auvid_cli.data.damage import refusing_damage
 from auvid_cli.data.files import replacing, write_text
 from auvid_cli.errors import FileError
+from auvid_cli.regular import check_regular
 
 _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64()}
 # So many files that came one by one are made one.
@@ -276,6 +277,7 @@ def _keep(path: Path, table: pa.Table, kept: pa.Table) -> bool:
 
 def _merged_into(path: Path) -> list[str]:
     with _refusing_damage(path):
+        check_regular(path)
         names = json.loads((pq.read_schema(path).metadata or {}).get(_MERGED, b"[]"))
         # Whatever wrote it, what is taken away lies in one folder.
         return [Path(name).name for name in names]
@@ -283,6 +285,7 @@ def _merged_into(path: Path) -> list[str]:
 
 def _read(path: Path, columns: list[str] | None = None) -> pa.Table:
     with _refusing_damage(path):
+        check_regular(path)
         # By itself, so that a folder's name is no column.
         table = pq.ParquetFile(path, page_checksum_verification=True).read(columns)
     for name in ("run",) if columns else Measure._fields[:3]:

@@ -268,6 +268,15 @@ def test_a_damaged_file_is_named(tmp_path, place):
         Store(tmp_path, COLUMNS)
 
 
+@pytest.mark.parametrize("place", ["results", "incoming", "earlier"])
+def test_a_device_is_not_read(tmp_path, place):
+    """Of which nothing could be read to the end, or at all."""
+    (tmp_path / place).mkdir()
+    (tmp_path / place / "a.parquet").symlink_to("/dev/null")
+    with pytest.raises(FileError, match=r"a\.parquet: .* is a pipe or a device, not a regular file"):
+        Store(tmp_path, COLUMNS)
+
+
 @pytest.mark.parametrize(
     "content",
     [
