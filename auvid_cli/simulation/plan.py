@@ -3,7 +3,7 @@
 import csv
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from auvid_cli.config.manoeuvre import (
     Doublets,
     Excitation,
     Multisine,
+    MultisineRun,
     Recorded,
     Spiral,
     TurningCircle,
@@ -63,21 +64,25 @@ def make_plan(manoeuvre: AnyManoeuvre) -> Plan:
     time = np.arange(ticks + 1) / manoeuvre.input_rate
     ramp = _ramp(time, manoeuvre.excitation.fade_in)
     feedforward = ramp[:, None] * _excitation(manoeuvre.excitation, time)
-    straight = np.zeros(time.size)
     first = manoeuvre.speed if manoeuvre.initial_speed is None else manoeuvre.initial_speed
     speed = first + (manoeuvre.speed - first) * ramp
-    if isinstance(manoeuvre, Spiral):
-        return Plan(time, feedforward, speed, manoeuvre.turn_rate * ramp, manoeuvre.pitch)
-    if isinstance(manoeuvre, Zigzag):
-        zigzag = (manoeuvre.rudder, manoeuvre.heading, manoeuvre.approach)
-        return Plan(time, feedforward, speed, straight, zigzag=zigzag)
-    if isinstance(manoeuvre, TurningCircle):
-        feedforward[time >= manoeuvre.approach, 0] += manoeuvre.rudder
-    elif isinstance(manoeuvre, Doublets):
-        feedforward[:, :2] += _doublets(manoeuvre, time)
-    elif isinstance(manoeuvre, Recorded):
-        feedforward += _recorded(Path(manoeuvre.file), time)
-    return Plan(time, feedforward, speed, straight)
+    plan = Plan(time, feedforward, speed, np.zeros(time.size))
+    match manoeuvre:
+        case Spiral():
+            return plan._replace(turn_rate=manoeuvre.turn_rate * ramp, pitch=manoeuvre.pitch)
+        case Zigzag():
+            return plan._replace(zigzag=(manoeuvre.rudder, manoeuvre.heading, manoeuvre.approach))
+        case TurningCircle():
+            feedforward[time >= manoeuvre.approach, 0] += manoeuvre.rudder
+        case Doublets():
+            feedforward[:, :2] += _doublets(manoeuvre, time)
+        case Recorded():
+            feedforward += _recorded(Path(manoeuvre.file), time)
+        case MultisineRun():
+            pass
+        case _:
+            assert_never(manoeuvre)
+    return plan
 
 
 def multisine(settings: Multisine, time: Array) -> Array:
