@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from docs.make_architecture import TARGET, architecture
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -17,6 +19,10 @@ def test_a_page_is_what_the_package_says(name):
     assert (ROOT / f"docs/{name}.md").read_text(encoding="utf-8") == getattr(module, name)(), (
         f"docs/{name}.md is out of date: python docs/make_{name}.py"
     )
+
+
+def test_the_picture_of_the_rooms_is_what_the_code_imports():
+    assert architecture() == TARGET.read_text(encoding="utf-8"), "python docs/make_architecture.py"
 
 
 def test_links_of_the_readme_and_the_docs_lead_somewhere():
