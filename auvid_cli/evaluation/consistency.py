@@ -76,9 +76,9 @@ def windowed_nis(innovations: Innovations) -> NDArray[np.float64]:
     ndarray, shape (k, 2)
     """
     tally = innovations.tally()
-    told = np.flatnonzero(tally.components >= _FEWEST_COMPONENTS)
-    starts = tally.start + WINDOW * told.astype(np.float64)
-    return np.stack([starts, tally.squares[told] / tally.components[told]], axis=1).astype(np.float64)
+    enough = np.flatnonzero(tally.components >= _FEWEST_COMPONENTS)
+    starts = tally.start + WINDOW * enough.astype(np.float64)
+    return np.stack([starts, tally.squares[enough] / tally.components[enough]], axis=1).astype(np.float64)
 
 
 def _belied(sensor: str, nis: float, when: str) -> str:

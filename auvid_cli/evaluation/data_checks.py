@@ -20,10 +20,10 @@ def data_checks(segments: Sequence[Dataset], filter_name: str, sensors: Sequence
     checks = []
     for name in sensors:
         records = [segment.sensors[name] for segment in segments]
-        told = [record for record in records if np.isfinite(record.values).any(axis=1).sum() > 1]
-        if told:
+        measured = [record for record in records if np.isfinite(record.values).any(axis=1).sum() > 1]
+        if measured:
             for judge in (_stuck, _gap):
-                _, worst = max((judge(filter_name, name, record) for record in told), key=lambda judged: judged[0])
+                _, worst = max((judge(filter_name, name, record) for record in measured), key=lambda judged: judged[0])
                 checks.append(worst)
     return checks
 
@@ -59,11 +59,11 @@ def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Ch
         filter_name,
         name,
         "stuck",
-        f"{end - start:.4g} s from t = {start:.6g} s on",
-        f"<= {_LONGEST_REPEAT:g} s of the same measurement",
-        bool(end - start <= _LONGEST_REPEAT),
-        f"{name} repeats one measurement from t = {start:.6g} s to {end:.6g} s: it has failed or was logged twice. "
-        "Mark that time as not valid.",
+        statistic=f"{end - start:.4g} s from t = {start:.6g} s on",
+        threshold=f"<= {_LONGEST_REPEAT:g} s of the same measurement",
+        passed=bool(end - start <= _LONGEST_REPEAT),
+        advice=f"{name} repeats one measurement from t = {start:.6g} s to {end:.6g} s: it has failed or was logged "
+        "twice. Mark that time as not valid.",
     )
 
 
@@ -77,9 +77,9 @@ def _gap(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Chec
         filter_name,
         name,
         "gap",
-        f"{intervals[longest]:.4g} s from t = {time[longest]:.6g} s on",
-        f"<= {limit:.3g} s without a measurement",
-        True if intervals[longest] <= limit else None,
-        f"{name} is silent from t = {time[longest]:.6g} s to {time[longest + 1]:.6g} s. The filter bridges it with "
-        "the model alone: see in the innovations whether it caught up.",
+        statistic=f"{intervals[longest]:.4g} s from t = {time[longest]:.6g} s on",
+        threshold=f"<= {limit:.3g} s without a measurement",
+        passed=True if intervals[longest] <= limit else None,
+        advice=f"{name} is silent from t = {time[longest]:.6g} s to {time[longest + 1]:.6g} s. The filter bridges it "
+        "with the model alone: see in the innovations whether it caught up.",
     )

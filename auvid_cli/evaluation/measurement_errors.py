@@ -30,10 +30,10 @@ class MeasurementErrors(NamedTuple):
 
 def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
     """Those among the components of a state, shape (len(state),)."""
-    known = dict(zip(state, values, strict=True))
+    by_symbol = dict(zip(state, values, strict=True))
     return MeasurementErrors(
-        np.array([known.get(f"bias_{symbol}", 0.0) for symbol in MOTION_SYMBOLS]),
-        np.array([known.get(quantity.symbol, 0.0) for quantity in (DVL_SCALE, DVL_YAW, *CURRENT)]),
+        np.array([by_symbol.get(f"bias_{symbol}", 0.0) for symbol in MOTION_SYMBOLS]),
+        np.array([by_symbol.get(quantity.symbol, 0.0) for quantity in (DVL_SCALE, DVL_YAW, *CURRENT)]),
     )
 
 

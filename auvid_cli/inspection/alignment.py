@@ -57,12 +57,12 @@ def input_alignment(signals: Signals, time_constant: float | None) -> Alignment:
     """
     roll, *fins = AXES
     crossed_fins = [axis._replace(given=_OTHER_FIN[axis.given]) for axis in fins]
-    by_roll, own, crossed = (_likelihood(signals, axes, time_constant) for axes in ([roll], fins, crossed_fins))
-    own, crossed = own + by_roll, crossed + by_roll
-    if not max(own.max(), crossed.max()) > 0.0:
+    by_roll, as_named, crossed = (_likelihood(signals, axes, time_constant) for axes in ([roll], fins, crossed_fins))
+    as_named, crossed = as_named + by_roll, crossed + by_roll
+    if not max(as_named.max(), crossed.max()) > 0.0:
         return Alignment(None, None)
-    exchanged = bool(crossed.max() > own.max() + _LIKELIER)
-    likelihood, delays = crossed if exchanged else own, _lags(signals)
+    exchanged = bool(crossed.max() > as_named.max() + _LIKELIER)
+    likelihood, delays = crossed if exchanged else as_named, _lags(signals)
     usual = np.abs(delays) <= _USUAL + 0.5 * signals.grid.step
     if not likelihood.max() > likelihood[usual].max() + _LIKELIER:
         likelihood = np.where(usual, likelihood, -np.inf)
@@ -91,11 +91,11 @@ def alignment_checks(alignment: Alignment) -> list[Check]:
         judged(
             "inputs",
             "delay",
-            f"inputs {late}",
-            f"<= {_USUAL:g} s; fails beyond {_LARGEST:g} s",
-            True if not alignment.is_delayed else None if abs(delay) <= _LARGEST + _ROUNDING else False,
-            "Shift the times of the inputs, for an input that comes at another time than its answer spoils every "
-            "coefficient of a fin. Signs were judged as if they were shifted."
+            statistic=f"inputs {late}",
+            threshold=f"<= {_USUAL:g} s; fails beyond {_LARGEST:g} s",
+            passed=True if not alignment.is_delayed else None if abs(delay) <= _LARGEST + _ROUNDING else False,
+            advice="Shift the times of the inputs, for an input that comes at another time than its answer spoils "
+            "every coefficient of a fin. Signs were judged as if they were shifted."
             if delay > 0.0
             else "Inputs are commands that fins follow late (`identification.fin_time_constant`), or their clock is "
             "ahead of that of the sensors: shift their times. Signs were judged as if they were shifted.",
@@ -103,11 +103,11 @@ def alignment_checks(alignment: Alignment) -> list[Check]:
         judged(
             "inputs",
             "rudder and elevator",
-            "r answers elevator, q rudder" if alignment.exchanged else "r answers rudder, q elevator",
-            "r answers rudder, q elevator",
-            not alignment.exchanged,
-            "The columns of rudder and elevator are exchanged: exchange their names in the map. Signs were judged as "
-            "if they were.",
+            statistic="r answers elevator, q rudder" if alignment.exchanged else "r answers rudder, q elevator",
+            threshold="r answers rudder, q elevator",
+            passed=not alignment.exchanged,
+            advice="The columns of rudder and elevator are exchanged: exchange their names in the map. Signs were "
+            "judged as if they were.",
         ),
     ]
 
@@ -145,9 +145,9 @@ def _correlations(signals: Signals, axis: Axis, time_constant: float | None) -> 
     rows = np.stack([change(rate, window), *(smoothed(each, window) for each in beside)])
     force = smoothed(force, window)
     # Known at every lag.
-    known = np.isfinite(rows).all(axis=0)
-    known &= np.isfinite(_earlier(smoothed(force, lags.size), int(lags[0])))
-    at = np.flatnonzero(known)
+    complete = np.isfinite(rows).all(axis=0)
+    complete &= np.isfinite(_earlier(smoothed(force, lags.size), int(lags[0])))
+    at = np.flatnonzero(complete)
     windows = at.size / window
     if windows < _FEWEST_WINDOWS:
         return np.zeros(lags.size), 0.0

@@ -41,7 +41,9 @@ def _fin(signals: Signals, symbol: str) -> Check | None:
         return None
     advice = "No fin turns so far: look at its `unit`, or `centre` and `scale`, in the map."
     reached = f"up to {np.rad2deg(largest):.3g} deg"
-    return judged(symbol, "deflection", reached, "<= 90 deg", largest <= _LARGEST_FIN, advice)
+    return judged(
+        symbol, "deflection", statistic=reached, threshold="<= 90 deg", passed=largest <= _LARGEST_FIN, advice=advice
+    )
 
 
 def _against(
@@ -61,10 +63,11 @@ def _against(
     return judged(
         symbol,
         "size",
-        f"{reached:.3g} {unit}",
-        f"{low if least is None else least:.2g} to {high:.2g} {unit}: {meaning} takes {usual:.2g} {unit} or less",
-        passed,
-        f"{ratio:.2g} times {meaning}. {_UNIT}",
+        statistic=f"{reached:.3g} {unit}",
+        threshold=f"{low if least is None else least:.2g} to {high:.2g} {unit}: {meaning} takes {usual:.2g} {unit} or "
+        "less",
+        passed=passed,
+        advice=f"{ratio:.2g} times {meaning}. {_UNIT}",
     )
 
 

@@ -109,9 +109,9 @@ def _input_on(grid: Grid, time: Array, values: Array) -> Array:
 
 def smoothed(values: Array, window: int) -> Array:
     """Mean over `window` cells from each on; NaN where one of them is missing or beyond the end."""
-    known = np.isfinite(values)
-    total = np.append(0.0, np.cumsum(np.where(known, values, 0.0)))
-    count = np.append(0, np.cumsum(known))
+    finite = np.isfinite(values)
+    total = np.append(0.0, np.cumsum(np.where(finite, values, 0.0)))
+    count = np.append(0, np.cumsum(finite))
     result = np.full(values.size, np.nan)
     if values.size >= window:
         whole = count[window:] - count[:-window] == window

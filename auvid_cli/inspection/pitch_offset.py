@@ -87,26 +87,26 @@ def fit_over_seconds(signals: Signals, dive: Tie) -> Fit | None:
 def _offset(signals: Signals, lacking: Array, weight: Array) -> PitchOffset | None:
     """From `lacking` = `weight` (sin(theta) - sin(theta - offset)), piece by piece."""
     grid, theta = signals.grid, signals.values["theta"]
-    known = np.isfinite(lacking) & np.isfinite(weight) & np.isfinite(theta)
+    finite = np.isfinite(lacking) & np.isfinite(weight) & np.isfinite(theta)
     length = max(round(_PIECE / grid.step), -(-grid.cells // _MOST_PIECES))
     starts, offsets = [], []
     for start in range(0, grid.cells, length):
         piece = slice(start, start + length)
-        own = known[piece]
+        inside = finite[piece]
         # A piece that is hardly known says little, unless there is no other.
-        if own.sum() >= 0.5 * min(length, grid.cells):
+        if inside.sum() >= 0.5 * min(length, grid.cells):
             starts.append(start)
-            offsets.append(_offset_of_piece(lacking[piece][own], weight[piece][own], theta[piece][own]))
+            offsets.append(_offset_of_piece(lacking[piece][inside], weight[piece][inside], theta[piece][inside]))
     if not offsets:
         return None
-    found = np.array(offsets)
-    usual = float(np.median(found))
-    first, end = _longest_run(np.where(np.abs(found) > _LARGEST, np.sign(found), 0.0))
-    if end - first < _FEWEST_IN_A_ROW or end - first == found.size:
+    by_piece = np.array(offsets)
+    usual = float(np.median(by_piece))
+    first, end = _longest_run(np.where(np.abs(by_piece) > _LARGEST, np.sign(by_piece), 0.0))
+    if end - first < _FEWEST_IN_A_ROW or end - first == by_piece.size:
         return PitchOffset(usual)
     span = grid.start + grid.step * starts[first], grid.start + grid.step * min(starts[end - 1] + length, grid.cells)
-    rest = np.delete(found, slice(first, end))
-    return PitchOffset(usual, float(np.median(found[first:end])), span, float(np.median(rest)))
+    rest = np.delete(by_piece, slice(first, end))
+    return PitchOffset(usual, float(np.median(by_piece[first:end])), span, float(np.median(rest)))
 
 
 def _offset_of_piece(lacking: Array, weight: Array, theta: Array) -> float:
@@ -135,10 +135,10 @@ def pitch_offset_check(offset: PitchOffset, witness: str) -> Check:
     return judged(
         "attitude",
         "pitch offset",
-        f"theta is {np.rad2deg(offset.largest):+.2g} deg off by the {witness}{when}",
-        f"<= {np.rad2deg(_USUAL):.2g} deg; fails beyond {np.rad2deg(_LARGEST):.2g} deg",
-        True if size <= _USUAL else None if size <= _LARGEST else False,
-        "The pitch of this source is wrong for a part of the run: use another source, or identify from the rest "
+        statistic=f"theta is {np.rad2deg(offset.largest):+.2g} deg off by the {witness}{when}",
+        threshold=f"<= {np.rad2deg(_USUAL):.2g} deg; fails beyond {np.rad2deg(_LARGEST):.2g} deg",
+        passed=True if size <= _USUAL else None if size <= _LARGEST else False,
+        advice="The pitch of this source is wrong for a part of the run: use another source, or identify from the rest "
         "(`--use`)."
         if when
         else "The unit that measures theta, or the one that measures velocity, is mounted at an angle: take this off "

@@ -160,9 +160,9 @@ def _timelines(dataset: Dataset, measuring: Mapping[str, SensorRecord], start: f
     """Events of a segment of the data."""
     segment = {}
     for name, record in measuring.items():
-        own = record.between(start - SAME, end + SAME)
-        if np.isfinite(own.values).any():
-            segment[name] = own
+        within = record.between(start - SAME, end + SAME)
+        if np.isfinite(within.values).any():
+            segment[name] = within
     return Timelines(dataset.inputs, segment, start, dataset.experiment.identification.integration_step)
 
 
@@ -176,30 +176,30 @@ def rows_ahead(collected: Collected, names: Sequence[str], signals: Mapping[str,
     for horizon in HORIZONS:
         for symbol, signal in signals.items():
             column = MOTION_SYMBOLS.index(symbol)
-            own = [s for s in collected.samples if s.target.horizon == horizon and s.target.column == column]
-            if len(own) < FEWEST_STARTS:
+            samples = [s for s in collected.samples if s.target.horizon == horizon and s.target.column == column]
+            if len(samples) < FEWEST_STARTS:
                 continue
-            measured = np.array([sample.target.measurement for sample in own])
-            predicted = np.array([sample.named for sample in own])
+            measured = np.array([sample.target.measurement for sample in samples])
+            predicted = np.array([sample.named for sample in samples])
             fits = {name: Fit.of(measured, predicted[:, i]) for i, name in enumerate(names)}
-            whole = fits["identified"]._replace(spread=len(own) * float(signal.values.var()))
-            deviation = np.sqrt([sample.variance for sample in own])
-            known = bool(np.isfinite(deviation).all() and fits["identified"].rmse is not None)
+            whole = fits["identified"]._replace(spread=len(samples) * float(signal.values.var()))
+            deviation = np.sqrt([sample.variance for sample in samples])
+            has_band = bool(np.isfinite(deviation).all() and fits["identified"].rmse is not None)
             within = np.abs(measured - predicted[:, 0]) <= _SIGMAS * deviation
             yield Prediction(
                 symbol,
                 MOTION[column].unit,
                 AHEAD,
                 horizon,
-                len(own),
+                len(samples),
                 signal.deviation,
                 whole.percent,
                 fits["identified"].rmse,
                 fits["prior"].rmse if "prior" in fits else None,
                 fits["vehicle_file"].rmse if "vehicle_file" in fits else None,
-                Fit.of(measured, np.array([sample.unchanged for sample in own])).rmse,
-                float(np.sqrt(np.square(deviation).mean())) if known else None,
-                float(within.mean()) if known else None,
+                Fit.of(measured, np.array([sample.unchanged for sample in samples])).rmse,
+                float(np.sqrt(np.square(deviation).mean())) if has_band else None,
+                float(within.mean()) if has_band else None,
                 drawn,
                 blown_up,
             )

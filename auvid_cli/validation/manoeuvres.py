@@ -110,11 +110,11 @@ def _zigzag(chain: Sequence[Hold], measured: Signal, predicted: Signal) -> list[
     numbers = []
     for i, (hold, after) in enumerate(pairwise(chain), 1):
         side = float(np.sign(turned[i - 1]))
-        found = overshoot(measured, hold.end, after.end, side)
-        if found is not None:
+        angle = overshoot(measured, hold.end, after.end, side)
+        if angle is not None:
             expected = overshoot(predicted, hold.end, after.end, side)
             name = f"zigzag {np.rad2deg(abs(hold.level)):.3g}"
-            numbers.append(ManoeuvreNumber(name, f"overshoot {i}", hold.end, "rad", found, expected))
+            numbers.append(ManoeuvreNumber(name, f"overshoot {i}", hold.end, "rad", angle, expected))
     return numbers
 
 
@@ -149,12 +149,12 @@ def _turning_circle(
     if not turned.size or turned[-1] < _TRANSIENT + _STEADY_TURN:
         return []
     begin = float(heading.time[inside][np.argmax(turned >= _TRANSIENT)])
-    found, expected = (steady_turn(signals, hold.begin, begin, hold.end) for signals in (measured, predicted))
+    numbers, expected = (steady_turn(signals, hold.begin, begin, hold.end) for signals in (measured, predicted))
     name = f"turning circle {np.rad2deg(abs(hold.level)):.3g}"
     units = {"turn rate": "rad/s", "speed": "m/s", "radius": "m", "speed lost": "1"}
     return [
         ManoeuvreNumber(name, number, begin, units[number], value, _finite(expected.get(number)))
-        for number, value in found.items()
+        for number, value in numbers.items()
     ]
 
 

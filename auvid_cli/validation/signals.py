@@ -54,7 +54,7 @@ def measured_signals(measuring: Mapping[str, SensorRecord]) -> dict[str, Signal]
             values = record.values[:, component]
             finite = np.isfinite(values)
             if finite.any():
-                known = np.unwrap(values[finite]) if is_angle(quantity.symbol) else values[finite]
+                continuous = np.unwrap(values[finite]) if is_angle(quantity.symbol) else values[finite]
                 deviation = float(record.standard_deviation[component])
-                signals[quantity.symbol] = Signal(record.time[finite], known, deviation)
+                signals[quantity.symbol] = Signal(record.time[finite], continuous, deviation)
     return {symbol: signals[symbol] for symbol in MOTION_SYMBOLS if symbol in signals}

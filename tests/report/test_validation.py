@@ -30,7 +30,15 @@ def found():
     rows += [prediction(quantity, horizon=horizon) for horizon in HORIZONS for quantity in MOTION]
     overshoots = [ManoeuvreNumber("zigzag 20", f"overshoot {k}", 10.0 * k, "rad", 0.1, 0.05 * k) for k in (1, 2)]
     turn = ManoeuvreNumber("turning circle 15", "radius", 20.0, "m", 14.25, None)
-    check = Check.of("ckf", "ahead", "better than constant velocity", "u at 1 s 2", "<= 1", False, "Look again.")
+    check = Check.of(
+        "ckf",
+        "ahead",
+        "better than constant velocity",
+        statistic="u at 1 s 2",
+        threshold="<= 1",
+        passed=False,
+        advice="Look again.",
+    )
     run = FreeRun(np.arange(3.0), np.zeros((3, 9)))
     return Validation("ckf", rows, [*overshoots, turn], [check], run, ["one [thing] is missing"])
 
