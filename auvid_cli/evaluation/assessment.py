@@ -88,7 +88,7 @@ class SensorErrorBound(NamedTuple):
 
 
 class Identifiability(NamedTuple):
-    """All that is said of a dataset.
+    """What data say of coefficients and sensor errors at best.
 
     Attributes
     ----------

@@ -55,7 +55,7 @@ class BoundsOf:
         self._bounds: dict[str, Bounds] = {}
 
     def __call__(self, estimate: Estimate) -> Bounds:
-        """Bounds of an estimate, with the settings with which it was made."""
+        """Return the bounds of an estimate, with the settings with which it was made."""
         key = estimate.experiment.model_dump_json()
         if self._prepared.dataset.truth is None:
             key += estimate.filter
@@ -99,7 +99,7 @@ def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
 
 
 def true_initial_motions(prepared: PreparedData) -> list[Array] | None:
-    """The true motion next to where each segment starts, shape (9,); None without truth."""
+    """Return the true motion next to where each segment starts, shape (9,); None without truth."""
     truth = prepared.dataset.truth
     if truth is None:
         return None

@@ -16,7 +16,7 @@ _LONGEST_REPEAT = 2.0
 
 
 def data_checks(segments: Sequence[Dataset], filter_name: str, sensors: Sequence[str]) -> list[Check]:
-    """Stuck values and gaps of the sensors that a filter used; time between two segments is no gap."""
+    """Judge stuck values and gaps of the sensors that a filter used; time between two segments is no gap."""
     checks = []
     for name in sensors:
         records = [segment.sensors[name] for segment in segments]
@@ -29,7 +29,7 @@ def data_checks(segments: Sequence[Dataset], filter_name: str, sensors: Sequence
 
 
 def repeats(record: SensorRecord) -> Array:
-    """First and last time, s, of every run of the same measurement, shape (n, 2); a measurement alone is a run."""
+    """Find first and last time, s, of every run of the same measurement, shape (n, 2); one alone is a run, too."""
     present = np.isfinite(record.values).any(axis=1)
     time, values = record.time[present], record.values[present]
     moved = np.flatnonzero(np.any((values[1:] != values[:-1]) & np.isfinite(values[1:]), axis=1)) + 1
@@ -38,13 +38,13 @@ def repeats(record: SensorRecord) -> Array:
 
 
 def stuck_times(record: SensorRecord) -> Array:
-    """Those of the `repeats` that last too long."""
+    """Return those of the `repeats` that last too long."""
     runs = repeats(record)
     return runs[runs[:, 1] - runs[:, 0] > _LONGEST_REPEAT]
 
 
 def gaps(record: SensorRecord) -> Array:
-    """Begin and end, s, of every time without a measurement, shape (n, 2)."""
+    """Find begin and end, s, of every time without a measurement, shape (n, 2)."""
     time = record.time[np.isfinite(record.values).any(axis=1)]
     intervals = np.diff(time)
     long = np.flatnonzero(intervals > gap_limit(intervals)) if intervals.size else []
@@ -52,7 +52,7 @@ def gaps(record: SensorRecord) -> Array:
 
 
 def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Check]:
-    """The longest time over which a measurement is repeated exactly, s, and the verdict on it."""
+    """Return the longest time over which a measurement is repeated exactly, s, and the verdict on it."""
     runs = repeats(record)
     start, end = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
     return float(end - start), Check.of(
@@ -68,7 +68,7 @@ def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Ch
 
 
 def _gap(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Check]:
-    """The longest time without a measurement, s, and the verdict on it."""
+    """Return the longest time without a measurement, s, and the verdict on it."""
     time = record.time[np.isfinite(record.values).any(axis=1)]
     intervals = np.diff(time)
     longest = int(intervals.argmax())

@@ -38,7 +38,7 @@ _CONFIDENCE = 0.99
 
 
 def check_estimate(prepared: PreparedData, estimate: Estimate, bounds: Bounds) -> list[Check]:
-    """All verdicts on one estimate; of one that did not end well only those on the data and the innovations."""
+    """Return all verdicts on an estimate; of one that did not end well only those on data and innovations."""
     dataset = prepared.dataset
     used = [segment.dataset for segment in prepared.with_settings(estimate.experiment).segments]
     checks = [_finished(estimate), *data_checks(used, estimate.filter, list(estimate.innovations))]
@@ -68,7 +68,7 @@ def _finished(estimate: Estimate) -> Check:
 
 
 def _against_bounds(estimate: Estimate, bounds: Bounds) -> list[Check]:
-    """Whether the filter claims more than data and prior hold, or got much less."""
+    """Judge whether the filter claims more than data and prior hold, or got much less."""
     if bounds.remark:
         return [
             Check.of(
@@ -121,7 +121,7 @@ def _against_bounds(estimate: Estimate, bounds: Bounds) -> list[Check]:
 
 
 def _at_limits(estimate: Estimate) -> list[Check]:
-    """Coefficients of a fit that ended at the limits set for them."""
+    """Name the coefficients of a fit that ended at the limits set for them."""
     limits = estimate.experiment.identification.output_error.bounds
     if not estimate.in_one_batch or not limits:
         return []
@@ -139,7 +139,7 @@ def _at_limits(estimate: Estimate) -> list[Check]:
 
 
 def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) -> list[Check]:
-    """What the data added to the prior, and how much of each value is known."""
+    """Judge what the data added to the prior, and how much of each value is known."""
     settings = estimate.experiment.identification
     priors = prior_standard_deviations(
         estimate.experiment.vehicle.size, settings.prior.factor, settings.prior.standard_deviation
@@ -174,7 +174,7 @@ def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) 
 
 
 def _plausibility(estimate: Estimate) -> list[Check]:
-    """Signs that physics or the convention of fin angles demands, and sizes that a body of that size can have."""
+    """Judge signs by physics and the convention of fin angles, and sizes by what a body of that size can have."""
     final = {s: v for s, v in estimate.final_coefficients().items() if s in estimate.state}
     known = {
         symbol: abs(final[symbol]) > _SIGMAS * estimate.standard_deviation[-1, estimate.state.index(symbol)]
@@ -234,7 +234,7 @@ def _sensor_errors(estimate: Estimate) -> list[Check]:
 
 
 def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
-    """Simulated data only: are the standard deviations honest?"""
+    """Judge whether the standard deviations are honest; simulated data only."""
     rows = [i for i, symbol in enumerate(estimate.state) if symbol in SYMBOLS]
     true = np.array([truth.coefficients[estimate.state[i]] for i in rows])
     error, deviation = estimate.mean[-1, rows] - true, estimate.standard_deviation[-1, rows]
@@ -266,5 +266,5 @@ def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
 
 
 def failed(checks: Sequence[Check]) -> list[Check]:
-    """Those that did not pass."""
+    """Return those that did not pass."""
     return [check for check in checks if check.passed is False]

@@ -88,7 +88,7 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
 
 
 def _of_different_data(estimates: list[Estimate]) -> list[str]:
-    """A sentence if estimates were made from different parts of the data, which their numbers then do not compare."""
+    """Return a sentence if estimates were made from different parts of the data, whose numbers do not compare."""
     used = {estimate.filter: estimate.experiment.identification.use.model_dump_json() for estimate in estimates}
     if len(set(used.values())) < 2:
         return []

@@ -34,7 +34,7 @@ class VelocityError(NamedTuple):
 
 
 class Keeper:
-    """Keeps evenly spaced samples of a free run, no more than are drawn.
+    """Evenly spaced samples of a free run, no more than are drawn.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Keeper:
             self._chunks.append(FreeRun(self._chunks[-1].time[-1:], np.full((1, N_MOTION), np.nan)))
 
     def kept(self) -> FreeRun:
-        """What was kept."""
+        """Return the samples that were kept."""
         return FreeRun(*(np.concatenate(rows) for rows in zip(*self._chunks, strict=True)))
 
 

@@ -137,7 +137,7 @@ def assess(
 
 
 def _shares(by_sensor: Mapping[str, Information], n: int) -> dict[str, Array]:
-    """Of the variance ``c = I^-1 e`` that the sensors leave, ``c' I_s c / c' I c``: which of them holds it down."""
+    """Return the shares ``c' I_s c / c' I c`` of what holds down the variances ``c = I^-1 e``, by sensor."""
     root = reduce(Information.join, by_sensor.values()).uncertainty().root
     directions = root @ root.T[:, :n]
     squares = {name: np.square(information.factor @ directions).sum(axis=0) for name, information in by_sensor.items()}
@@ -148,7 +148,7 @@ def _shares(by_sensor: Mapping[str, Information], n: int) -> dict[str, Array]:
 def _collinear(
     names: tuple[str, ...], value: Array, size: Array, covariance: Array, correlation: Array, percent: Array
 ) -> list[Collinear]:
-    """Groups linked by correlations, and of each the combination that is known best in proportion."""
+    """Group what correlations link, with the combination of each group that is known best in proportion."""
     linked = np.abs(np.nan_to_num(correlation)) > LARGEST_CORRELATION
     groups, left = [], set(range(len(names)))
     while left:
@@ -179,7 +179,7 @@ def _collinear(
 
 
 def _as_text(names: Sequence[str], weights: Array) -> str:
-    """A linear combination, the heaviest first and without a factor."""
+    """Write a linear combination, the heaviest first and without a factor."""
     order = sorted(range(len(names)), key=lambda j: abs(weights[j] - 1.0))
     text = names[order[0]]
     for j in order[1:]:

@@ -25,7 +25,7 @@ _FEWEST = 50
 
 
 def innovation_checks(dataset: Dataset, estimate: Estimate) -> list[Check]:
-    """NIS, whiteness and freedom from the inputs, sensor by sensor."""
+    """Judge NIS, whiteness and freedom from the inputs, sensor by sensor."""
     checks = []
     for sensor, innovations in estimate.innovations.items():
         if innovations.used().any():
@@ -81,7 +81,7 @@ def _nis_in_windows(filter_name: str, sensor: str, innovations: Innovations) -> 
 
 
 def _gate(filter_name: str, sensor: str, innovations: Innovations) -> Check:
-    """A few rejected measurements are worth knowing; many mean that the filter no longer listens."""
+    """Judge how much the gate rejects: many rejections mean that the filter no longer listens."""
     rejected, used = innovations.tally().rejected, int(innovations.tally().components.sum())
     share = rejected / (rejected + used)
     return Check.of(
@@ -97,7 +97,7 @@ def _gate(filter_name: str, sensor: str, innovations: Innovations) -> Check:
 
 
 def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check:
-    """Largest autocorrelation of the normalised innovations over some lags."""
+    """Judge the largest autocorrelation of the normalised innovations over some lags."""
     largest = {}
     for column, quantity in enumerate(SENSORS[sensor]):
         values = _normalised(innovations, column)
@@ -121,7 +121,7 @@ def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check
 
 
 def _inputs(filter_name: str, sensor: str, innovations: Innovations, dataset: Dataset) -> Check:
-    """Correlation of the innovations with what the actuators did shortly before."""
+    """Judge the correlation of the innovations with what the actuators did shortly before."""
     correlations = {}
     held = np.searchsorted(dataset.inputs.time, innovations.time, side="right") - 1
     for column, quantity in enumerate(SENSORS[sensor]):
@@ -155,7 +155,7 @@ def _uncorrelated(
     meaning: str,
     advice: str,
 ) -> Check:
-    """A verdict on correlations.
+    """Judge correlations.
 
     A sensor told to be more than twice as bad as it is, as an AHRS is, has paid for the memory of its errors.
     """

@@ -29,7 +29,7 @@ class MeasurementErrors(NamedTuple):
 
 
 def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
-    """Those among the components of a state, shape (len(state),)."""
+    """Pick them from the components of a state, shape (len(state),)."""
     by_symbol = dict(zip(state, values, strict=True))
     return MeasurementErrors(
         np.array([by_symbol.get(f"bias_{symbol}", 0.0) for symbol in MOTION_SYMBOLS]),
@@ -38,7 +38,7 @@ def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
 
 
 def as_read(motion: Array, errors: MeasurementErrors) -> Array:
-    """What noiseless sensors would say of a motion.
+    """Return what noiseless sensors would say of a motion.
 
     Of the velocity a DVL, see `auvid_cli.identification.observation`.
 
@@ -62,7 +62,7 @@ def as_read(motion: Array, errors: MeasurementErrors) -> Array:
 
 
 def motion_behind(measurement: Array, errors: MeasurementErrors) -> Array:
-    """The motion, shape (..., 9), of which noiseless sensors would say this: the inverse of `as_read`."""
+    """Return the motion, shape (..., 9), of which noiseless sensors would say this: the inverse of `as_read`."""
     scale, yaw, *current = errors.dvl
     motion = measurement - errors.offset
     over_ground = motion[..., :3] @ np.linalg.inv(dvl_axes(scale, yaw)).T

@@ -15,14 +15,14 @@ SCHEMA_VERSION = 1
 
 
 def json_losses(model: IdentifiedModel) -> Losses:
-    """Nothing."""
+    """Lose nothing."""
     return NOTHING
 
 
 def json_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
-    """The whole file; numbers in SI, angles in radians."""
+    """Write the whole file; numbers in SI, angles in radians."""
     vehicle = model.experiment.vehicle
-    known = vehicle.known_parameters()
+    parameters = vehicle.known_parameters()
     held = {
         "kind": "auvid model",
         "schema_version": SCHEMA_VERSION,
@@ -32,7 +32,9 @@ def json_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
         "filter": model.filter,
         "status": model.verdict,
         "doubts": doubts(model),
-        "parameters": {q.symbol: {"value": known[q.symbol], "unit": q.unit, "meaning": q.meaning} for q in PARAMETERS},
+        "parameters": {
+            q.symbol: {"value": parameters[q.symbol], "unit": q.unit, "meaning": q.meaning} for q in PARAMETERS
+        },
         "coefficients": {
             each.symbol: {
                 "value": each.value,

@@ -28,7 +28,7 @@ def motion_derivative(motion, inputs):
 
 
 def python_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
-    """The whole module."""
+    """Write the whole module."""
     rows = ",\n".join(f"        {row!r}" for row in mass_rows(model))
     deviations = [
         f"    {each.symbol!r}: {each.standard_deviation!r},\n"

@@ -12,7 +12,7 @@ from auvid_cli.vehicle.parameters import PARAMETERS
 
 
 def yaml_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
-    """The whole file; what was not estimated stands as in the vehicle file before."""
+    """Write the whole file; what was not estimated stands as in the vehicle file before."""
     before = model.experiment.vehicle.model_dump(mode="json", by_alias=True, exclude_none=True)
     units = {quantity.symbol: quantity.unit for quantity in PARAMETERS}
     parameters = {symbol: _with_unit(entry, units[symbol]) for symbol, entry in before["parameters"].items()}

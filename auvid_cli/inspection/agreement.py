@@ -18,7 +18,7 @@ _SIGMAS = 3.0
 
 
 def rotation_checks(signals: Signals, time_constant: float | None) -> list[Check]:
-    """Rates against angles about each axis, and the answer to each moment."""
+    """Judge rates against angles about each axis, and the answer to each moment."""
     checks = []
     for axis in AXES:
         fits = response_fits(signals, axis, time_constant)

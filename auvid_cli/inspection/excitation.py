@@ -23,7 +23,7 @@ _LEAST_PER_TIME_CONSTANT, _GOOD_PER_TIME_CONSTANT = 1.0, 2.0
 
 
 def excitation_checks(dataset: Dataset, signals: Signals) -> list[Check]:
-    """RMS and peak of each input and each velocity or rate, about its mean; and the share of time under way."""
+    """Judge RMS and peak of each input, velocity and rate, about its mean; and the share of time under way."""
     checks = [_input(quantity, signals.values[quantity.symbol]) for quantity in INPUTS]
     noise = {
         quantity.symbol: record.standard_deviation[component]
@@ -93,7 +93,7 @@ def _under_way(values: Array) -> Check:
 
 
 def fitness_checks(dataset: Dataset, time_constant: float | None) -> list[Check]:
-    """Whether each sensor that a filter measures is fast enough for the vehicle; none if its speed is not known.
+    """Judge whether each sensor of the motion is fast enough for the vehicle; none if its speed is not known.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ _SENSORS = {"psi": "attitude", "heading": "magnetometer"}
 
 
 def excursion_checks(signals: Signals, stepped: Collection[str]) -> tuple[list[Check], list[Mark]]:
-    """Verdicts on each heading against the integrated turn rate, or without one of psi against the other heading.
+    """Judge each heading by the integrated turn rate, or without one psi by the other heading.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def excursion_checks(signals: Signals, stepped: Collection[str]) -> tuple[list[C
 
 
 def _turned(signals: Signals) -> Array | None:
-    """Heading by the gyroscope from the first time on; NaN where it was silent, and then from another beginning."""
+    """Integrate the heading by the gyroscope; NaN where it was silent, and then from another beginning."""
     if not signals.has("q", "r", "phi", "theta"):
         return None
     value = signals.values
@@ -74,7 +74,7 @@ def _turn_alike(signals: Signals, heading: Array, reference: Array) -> bool:
 
 
 def _away(signals: Signals, difference: Array) -> tuple[Array, Array]:
-    """First and last time, s, of each excursion, and how far it went, rad."""
+    """Find first and last time, s, of each excursion, and how far it went, rad."""
     at = np.flatnonzero(np.isfinite(difference))
     # Round north, and about what two headings differ by for long: declination, drift.
     difference = np.unwrap(difference[at])

@@ -86,7 +86,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
 
 
 def _sensor_checks(dataset: Dataset, name: str, screening: Screened) -> list[Check]:
-    """Verdicts on a sensor by itself."""
+    """Judge a sensor by itself."""
     record = dataset.sensors[name]
     checks = timing_checks(name, record, screening.jumps) if record.time.size > 1 else []
     checks += [*data_checks([dataset], "", [name]), *reading_checks(name, record, screening.spikes, screening.largest)]
@@ -111,7 +111,7 @@ def _silent(name: str) -> Check:
 
 
 def _import_remarks(run: RunSettings) -> list[Check]:
-    """What only the log could tell, such as that its other clock is the better one."""
+    """List what only the log could tell, such as that its other clock is the better one."""
     remarks = run.recording.remarks if isinstance(run, ImportedRun) else {}
     return [
         judged(
@@ -127,7 +127,7 @@ def _import_remarks(run: RunSettings) -> list[Check]:
 
 
 def _vehicle(vehicle: VehicleSettings) -> list[Check]:
-    """What of the vehicle's numbers can hardly be."""
+    """List what of the vehicle's numbers can hardly be."""
     advice = "Look at the sign and the unit of that number in the vehicle file, and at what it is compared with."
     return [
         judged("vehicle", doubt.subject, statistic=doubt.stated, threshold=doubt.expected, passed=None, advice=advice)
@@ -141,7 +141,7 @@ def _span(inputs: InputRecord, sensors: dict[str, SensorRecord]) -> tuple[float,
 
 
 def _angles(sensors: dict[str, SensorRecord]) -> Iterator[tuple[str, int, str]]:
-    """Sensor, component and symbol of each angle that is measured."""
+    """Yield sensor, component and symbol of each angle that is measured."""
     for name, record in sensors.items():
         for component, quantity in enumerate(SENSORS[name]):
             if quantity.unit == "rad" and np.isfinite(record.values[:, component]).sum() > 1:
@@ -149,7 +149,7 @@ def _angles(sensors: dict[str, SensorRecord]) -> Iterator[tuple[str, int, str]]:
 
 
 def _stability(signals: Signals) -> list[Check]:
-    """Bias instability of the rates, from what attitude does not explain of them: that of both together."""
+    """State the bias instability of the rates, from what attitude does not explain: that of both together."""
     checks = []
     for symbol, tie in attitude_rates(signals).items():
         if signals.has(symbol):
@@ -170,7 +170,7 @@ def _stability(signals: Signals) -> list[Check]:
 
 
 def _presence(record: SensorRecord, span: tuple[float, float]) -> Array:
-    """How many of the usual measurements there are in each piece of the span, 0 to 1; a piece has room for a few."""
+    """Count, over the usual, the measurements in each piece of the span, 0 to 1; a piece has room for a few."""
     time = record.time[np.isfinite(record.values).any(axis=1)]
     usual = float(np.median(np.diff(record.time))) if record.time.size > 1 else np.inf
     expected = (span[1] - span[0]) / usual

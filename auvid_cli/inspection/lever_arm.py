@@ -14,7 +14,7 @@ _SOURCES = (("v", "fy", "r"), ("w", "fz", "q"))
 
 
 def lever_arm_checks(signals: Signals, forces: dict[str, Tie]) -> list[Check]:
-    """Verdict on the distance along the hull by v in yaw and by w in pitch, where either tells.
+    """Judge the distance along the hull by v in yaw and by w in pitch, where either tells.
 
     A DVL that sits ahead by x measures ``v + x r`` and ``w - x q``, whose change contains what the accelerometer does
     not feel. Without one the arm could not be told from the drift of a hull in a turn, which is proportional to the

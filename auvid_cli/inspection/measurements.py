@@ -27,13 +27,13 @@ _LARGEST_STEP = 12.0**0.5
 
 
 def continuous(values: Array, quantity: Quantity) -> Array:
-    """Values without what is missing; angles without jumps of a turn."""
+    """Return values without what is missing; angles without jumps of a turn."""
     finite = values[np.isfinite(values)]
     return np.unwrap(finite) if quantity.unit == "rad" and quantity.symbol != "theta" else finite
 
 
 def noise_floor(values: Array) -> float:
-    """Standard deviation of what changes from sample to sample without any smooth course.
+    """Return the standard deviation of what changes from sample to sample without any smooth course.
 
     The least over some orders of differences of their median absolute value, so that neither spikes nor motion count;
     an upper bound of white noise.
@@ -50,13 +50,13 @@ def noise_floor(values: Array) -> float:
 
 
 def level_distance(values: Array) -> float:
-    """Quantisation step of a signal, 0 where none shows: two levels alone are no grid."""
+    """Return the quantisation step of a signal, 0 where none shows: two levels alone are no grid."""
     some = values[:_ENOUGH]
     return quantisation_step(some) if np.unique(some).size > 2 else 0.0
 
 
 def spike_sizes(time: Array, values: Array, noise: float) -> Array:
-    """How far each measurement is from its neighbours, in robust standard deviations of that distance.
+    """Measure how far each measurement is from its neighbours, in robust standard deviations of that distance.
 
     The lesser of the distances to the median of five and to the cubic through the two on either side: the former does
     not see the ends of a step, the latter no smooth extreme. Of five in a row only the farthest counts, for it draws
@@ -88,7 +88,7 @@ def spike_sizes(time: Array, values: Array, noise: float) -> Array:
 
 
 def spikes(record: SensorRecord, name: str) -> tuple[NDArray[np.bool_], dict[str, tuple[float, float]]]:
-    """Where the measurements of a sensor are spikes, and the largest of each component.
+    """Find the spikes among the measurements of a sensor, and the largest of each component.
 
     Returns
     -------
@@ -113,7 +113,7 @@ def spikes(record: SensorRecord, name: str) -> tuple[NDArray[np.bool_], dict[str
 def reading_checks(
     name: str, record: SensorRecord, mask: NDArray[np.bool_], largest: dict[str, tuple[float, float]]
 ) -> list[Check]:
-    """Spikes as found by `spikes`, quantisation and noise floor of a sensor."""
+    """Judge spikes, as of `spikes`, quantisation and noise floor of a sensor."""
     symbol = max(largest, key=lambda component: largest[component][0])
     size, at = largest[symbol]
     count = int(mask.any(axis=1).sum())

@@ -25,7 +25,7 @@ _ROUNDS = 4
 
 
 class PitchOffset(NamedTuple):
-    """How far theta is off.
+    """Offset of theta.
 
     Attributes
     ----------
@@ -45,35 +45,35 @@ class PitchOffset(NamedTuple):
 
     @property
     def largest(self) -> float:
-        """The one to judge by, rad."""
+        """Return the one to judge by, rad."""
         return self.usual if self.away is None else self.away
 
     @property
     def is_too_large(self) -> bool:
-        """Whether it fails."""
+        """Say whether it fails."""
         return abs(self.largest) > _LARGEST
 
 
 def ahead(signals: Signals) -> NDArray[np.bool_]:
-    """Where the vehicle makes way, so that the depth that it gains tells its pitch."""
+    """Say where the vehicle makes way, so that the depth that it gains tells its pitch."""
     u = signals.values["u"]
     return u >= _AHEAD * np.nanquantile(u, 0.9)
 
 
 def offset_by_depth(signals: Signals, dive: Tie) -> PitchOffset | None:
-    """By the depth rate that pitch and speed do not explain; None if the vehicle hardly makes way."""
+    """Find it by the depth rate that pitch and speed do not explain; None if the vehicle hardly makes way."""
     lacking = derivative(signals.values["down"], signals.grid.step) - dive.total()
     return _offset(signals, np.where(ahead(signals), lacking, np.nan), signals.values["u"])
 
 
 def offset_by_gravity(signals: Signals, forward: Tie) -> PitchOffset | None:
-    """By what the accelerometer feels forwards."""
+    """Find it by what the accelerometer feels forwards."""
     lacking = signals.values["fx"] - forward.total()
     return _offset(signals, lacking, np.full(lacking.size, -GRAVITY))
 
 
 def fit_over_seconds(signals: Signals, dive: Tie) -> Fit | None:
-    """Depth rate against pitch and surge as in `kinematics.tied`, of what changes within seconds only.
+    """Regress depth rate on pitch and surge as in `kinematics.tied`, of what changes within seconds only.
 
     An offset that comes and goes spoils the gain over the whole run, and leaves this one alone.
     """
@@ -85,7 +85,7 @@ def fit_over_seconds(signals: Signals, dive: Tie) -> Fit | None:
 
 
 def _offset(signals: Signals, lacking: Array, weight: Array) -> PitchOffset | None:
-    """From `lacking` = `weight` (sin(theta) - sin(theta - offset)), piece by piece."""
+    """Solve `lacking` = `weight` (sin(theta) - sin(theta - offset)), piece by piece."""
     grid, theta = signals.grid, signals.values["theta"]
     finite = np.isfinite(lacking) & np.isfinite(weight) & np.isfinite(theta)
     length = max(round(_PIECE / grid.step), -(-grid.cells // _MOST_PIECES))
@@ -119,14 +119,14 @@ def _offset_of_piece(lacking: Array, weight: Array, theta: Array) -> float:
 
 
 def _longest_run(signs: Array) -> tuple[int, int]:
-    """First and one past the last of the longest run of the same sign that is not 0; both 0 if there is none."""
+    """Find first and one past the last of the longest run of one sign that is not 0; both 0 if there is none."""
     edges = np.flatnonzero(np.diff(signs, prepend=np.nan, append=np.nan))
     runs = [(a, b) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True) if signs[a]]
     return max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
 
 
 def pitch_offset_check(offset: PitchOffset, witness: str) -> Check:
-    """A verdict on how far theta is off; `witness` says by what."""
+    """Judge how far theta is off; `witness` says by what."""
     size = abs(offset.largest)
     when = ""
     if offset.span is not None and offset.rest is not None:

@@ -15,7 +15,7 @@ _TUNING, _ROUNDS = 1.345, 12
 
 
 class Fit(NamedTuple):
-    """How one signal follows another, those beside it taken into account.
+    """Regression of one signal on another, those beside it taken into account.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ def _unit(values: Array) -> Array:
 
 
 def _left(values: Array, beside: Array, weights: Array) -> Array:
-    """What weighted least squares leave of a signal."""
+    """Return what weighted least squares leave of a signal."""
     root = np.sqrt(weights)
     solution = np.linalg.lstsq(root[:, None] * beside, root * values, rcond=1e-10)[0]
     return values - beside @ solution

@@ -48,14 +48,14 @@ AXES = (
 
 
 def known_sign(fitted: Fit | None) -> int:
-    """1 or -1 where a gain is clearly positive or negative, else 0."""
+    """Return 1 or -1 where a gain is clearly positive or negative, else 0."""
     if fitted is None or abs(fitted.correlation) < _LEAST_CORRELATION or abs(fitted.gain) < _SIGMAS * fitted.error:
         return 0
     return 1 if fitted.gain > 0.0 else -1
 
 
 def moment(signals: Signals, axis: Axis) -> Array | None:
-    """What an input turns the vehicle by, but for a factor; None of a fin that does not move."""
+    """Return what an input turns the vehicle by, but for a factor; None of a fin that does not move."""
     given = signals.values[axis.given]
     if axis.given == "roll_moment":
         return given
@@ -65,17 +65,17 @@ def moment(signals: Signals, axis: Axis) -> Array | None:
 
 
 def answer_window(signals: Signals, axis: Axis, time_constant: float | None) -> int:
-    """How many cells to watch for the answer to an input."""
+    """Say how many cells to watch for the answer to an input."""
     return signals.window(axis.rate, axis.angle, least=_shown_within(time_constant))
 
 
 def _shown_within(time_constant: float | None) -> float:
-    """How long to watch for the answer to an input, s."""
+    """Say how long to watch for the answer to an input, s."""
     return _USUAL_ANSWER if time_constant is None else min(max(time_constant, _SHORTEST_ANSWER), _LONGEST_ANSWER)
 
 
 def response_fits(signals: Signals, axis: Axis, time_constant: float | None) -> dict[str, Fit | None]:
-    """How fast a rate changes by an input, by the sensor that says the rate: "gyroscope" and "attitude".
+    """Fit how fast a rate changes by an input, by the sensor that says the rate: "gyroscope" and "attitude".
 
     The change over a window is regressed on the mean input there, and on what the vehicle did at its begin: so an
     autopilot, which lets the input follow the motion, does not turn the sign.
@@ -98,13 +98,13 @@ def _rates_by_sensor(signals: Signals, symbol: str) -> dict[str, Array]:
 
 
 def answers(axis: Axis, fits: dict[str, Fit | None]) -> dict[str, int]:
-    """1 where a sensor says that the vehicle answers the right way, -1 where the wrong way; where it can be told."""
+    """Return 1 where by a sensor the vehicle answers the right way, -1 where the wrong way; where it can be told."""
     signs = {name: axis.sign * known_sign(fitted) for name, fitted in fits.items()}
     return {name: sign for name, sign in signs.items() if sign}
 
 
 def response_check(axis: Axis, fits: dict[str, Fit | None]) -> Check:
-    """Whether any sensor finds the answer to an input as it should be: a wrong rate or angle is named elsewhere."""
+    """Judge whether any sensor sees the right answer to an input: a wrong rate or angle is named elsewhere."""
     signs = answers(axis, fits)
     statistic = ", ".join(
         f"{name} {fitted.gain:.3g} (correlation {fitted.correlation:.2g})" for name, fitted in fits.items() if fitted
@@ -132,7 +132,7 @@ def response_check(axis: Axis, fits: dict[str, Fit | None]) -> Check:
 
 
 def thrust_check(signals: Signals, time_constant: float | None) -> Check:
-    """Whether the vehicle is faster for more thrust."""
+    """Judge whether the vehicle is faster for more thrust."""
     value = signals.values
     window = signals.window("u", least=_shown_within(time_constant))
     u = value["u"]
@@ -152,7 +152,7 @@ def thrust_check(signals: Signals, time_constant: float | None) -> Check:
 
 
 def slip_sign(signals: Signals, symbol: str) -> dict[str, int]:
-    """Whether v or w points out of the turn: 1 if so, -1 if into it, by the sensor that says the rate.
+    """Say whether v or w points out of the turn: 1 if so, -1 if into it, by the sensor that says the rate.
 
     A slender hull with its fins at the stern drifts outwards: v against r u, w with q u.
     """

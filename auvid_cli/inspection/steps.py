@@ -24,7 +24,7 @@ _LARGEST_PITCH, _GIMBAL = np.deg2rad(75.0), np.deg2rad(85.0)
 
 
 def angle_steps(sensors: Mapping[str, SensorRecord], name: str, component: int) -> tuple[Array, Array, Array]:
-    """Jumps of an angle between two measurements that the turn rates do not explain.
+    """Find jumps of an angle between two measurements that the turn rates do not explain.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def angle_steps(sensors: Mapping[str, SensorRecord], name: str, component: int) 
 
 
 def _euler_rate(sensors: Mapping[str, SensorRecord], symbol: str) -> tuple[Array, Array]:
-    """Times, s, and rate of an angle, rad/s, by gyroscope and attitude, Fossen (2011), eq. (2.26)."""
+    """Return times, s, and rate of an angle, rad/s, by gyroscope and attitude, Fossen (2011), eq. (2.26)."""
     gyroscope = sensors["gyroscope"]
     finite = np.isfinite(gyroscope.values).all(axis=1)
     time = gyroscope.time[finite]
@@ -68,7 +68,7 @@ def _euler_rate(sensors: Mapping[str, SensorRecord], symbol: str) -> tuple[Array
 
 
 def _tilt_at(time: Array, attitude: SensorRecord | None, component: int) -> Array:
-    """Roll or pitch at some times, level if it is not measured."""
+    """Return roll or pitch at some times, level if it is not measured."""
     if attitude is None:
         return np.zeros(time.size)
     finite = np.isfinite(attitude.values[:, component])
@@ -76,7 +76,7 @@ def _tilt_at(time: Array, attitude: SensorRecord | None, component: int) -> Arra
 
 
 def _integrated(time: Array, rate: Array, until: Array) -> Array:
-    """Integral of a rate between each two of some times; none beyond its own time."""
+    """Integrate a rate between each two of some times; none beyond its own time."""
     total = np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time)))
     if not time.size:
         return np.full(until.size - 1, np.nan)
@@ -84,7 +84,7 @@ def _integrated(time: Array, rate: Array, until: Array) -> Array:
 
 
 def step_check(name: str, symbol: str, before: Array, size: Array) -> Check:
-    """A verdict on the steps of an angle, which names excursions: away and back within seconds."""
+    """Judge the steps of an angle; excursions are named: away and back within seconds."""
     starts = _excursions(before, size)
     statistic = "none"
     if starts.size:
@@ -110,7 +110,7 @@ def step_check(name: str, symbol: str, before: Array, size: Array) -> Check:
 
 
 def _excursions(time: Array, size: Array) -> NDArray[np.int64]:
-    """Steps that the next one takes back; of a step away and back in turn, those that last less."""
+    """Find steps that the next one takes back; of a step away and back in turn, those that last less."""
     back = np.abs(size[1:] + size[:-1]) < 0.5 * np.abs(size[1:])
     lasted = np.where(back & (np.diff(time) <= _LONGEST_EXCURSION), np.diff(time), np.inf)
     least = np.minimum(np.append(np.inf, lasted[:-1]), np.append(lasted[1:], np.inf))
@@ -118,7 +118,7 @@ def _excursions(time: Array, size: Array) -> NDArray[np.int64]:
 
 
 def gimbal_check(record: SensorRecord) -> Check:
-    """Pitch of an attitude record where Euler angles are of no use."""
+    """Judge the pitch of an attitude record by where Euler angles are of use."""
     theta = np.abs(record.values[:, 1])
     theta = theta[np.isfinite(theta)]
     largest = float(theta.max())

@@ -21,13 +21,13 @@ _DISTINCT, _CONTINUOUS = 3.0, 3.0
 
 
 def new_measurement_rate(record: SensorRecord) -> float:
-    """Median rate of measurements that differ from the one before, 1/s; 0 if there are not two."""
+    """Return the median rate of measurements that differ from the one before, 1/s; 0 if there are not two."""
     starts = repeats(record)[:, 0]
     return 1.0 / float(np.median(np.diff(starts))) if starts.size > 1 else 0.0
 
 
 def clock_jumps(record: SensorRecord) -> NDArray[np.int64]:
-    """Where the time leaps but the measurements go on as if it had not.
+    """Find where the time leaps but the measurements go on as if it had not.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def clock_jumps(record: SensorRecord) -> NDArray[np.int64]:
 
 
 def _goes_on(record: SensorRecord, before: int, samples: int) -> bool:
-    """Whether the next measurement is where the very next sample would be, and not `samples` later."""
+    """Say whether the next measurement is where the very next sample would be, and not `samples` later."""
     around = record.values[max(before - 50 * samples, 0) : before + 50 * samples]
     distinct = False
     for component, step in enumerate(record.values[before + 1] - record.values[before]):
@@ -66,7 +66,7 @@ def _spread(values: Array) -> float:
 
 
 def timing_checks(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> list[Check]:
-    """Rate, jitter, clock (from its `clock_jumps`) and missing values of a sensor with more than one sample."""
+    """Judge rate, jitter, clock (from its `clock_jumps`) and missing values of a sensor with several samples."""
     intervals = np.diff(record.time)
     return [
         _rate(name, record, intervals),
@@ -77,7 +77,7 @@ def timing_checks(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> 
 
 
 def input_timing_checks(inputs: InputRecord, time_constant: float | None) -> list[Check]:
-    """Rate and longest gap of the inputs, each of which holds until the next; none if there is but one.
+    """Judge rate and longest gap of the inputs, each of which holds until the next; none if there is but one.
 
     Parameters
     ----------

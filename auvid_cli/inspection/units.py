@@ -37,7 +37,7 @@ def mistaken_unit(symbol: str, unit: str, times: float) -> str:
 
 
 def mistaken_units(factor: float, above: tuple[str, str], below: tuple[str, str]) -> str:
-    """The same where a gain may be that of either of two signals, each a symbol and its SI unit, or of both."""
+    """Do the same where a gain may be that of either of two signals, each a symbol and its SI unit, or of both."""
     if factor == 0.0:
         return ""
     size = abs(factor)

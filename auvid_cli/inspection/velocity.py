@@ -31,7 +31,7 @@ _UNDER_WAY = 0.2
 
 
 def velocity_checks(signals: Signals, time_constant: float | None) -> list[Check]:
-    """Verdicts on the DVL and on what depends on it; where its axes are not even plausible nothing more is told.
+    """Judge the DVL and what depends on it; where its axes are not even plausible nothing more is said.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def velocity_checks(signals: Signals, time_constant: float | None) -> list[Check
 
 
 def mean_speed(signals: Signals) -> float | None:
-    """Mean surge velocity while under way, m/s; None if none was measured, or the vehicle lay still."""
+    """Return the mean surge velocity under way, m/s; None if none was measured, or the vehicle lay still."""
     if not signals.has("u"):
         return None
     u = np.abs(signals.values["u"])
@@ -94,7 +94,7 @@ def _speed(signals: Signals) -> Check:
 
 
 def _against_force(signals: Signals, symbol: str, tie: Tie) -> Check:
-    """Change of a velocity against the accelerometer: sign and order of size."""
+    """Judge the change of a velocity by the accelerometer: sign and order of size."""
     window = signals.window(symbol, f"f{'xyz'['uvw'.index(symbol)]}")
     force = signals.values[f"f{'xyz'['uvw'.index(symbol)]}"]
     moved = tied(force, tie.main, tie.others, window)
@@ -120,7 +120,7 @@ def _against_force(signals: Signals, symbol: str, tie: Tie) -> Check:
 
 
 def _direction(signals: Signals, symbol: str, forces: dict[str, Tie], dive: Tie | None) -> Check:
-    """Sign of v or w by the best witness there is: depth, accelerometer, or the slip in a turn."""
+    """Judge the sign of v or w by the best witness there is: depth, accelerometer, or the slip in a turn."""
     if symbol == "w" and dive is not None:
         window = signals.window("down", "w", "theta")
         by_heave, by_sway = dive.others
@@ -170,7 +170,7 @@ def _sinking(signals: Signals) -> Array:
 
 
 def _depth_rate(signals: Signals, dive: Tie, offset: PitchOffset | None) -> Check:
-    """Depth rate against what pitch and surge make of it; an offset of pitch, which may come and go, is no fault."""
+    """Judge depth rate against pitch and surge; an offset of pitch, which may come and go, is no fault."""
     window = signals.window("down", "u", "theta")
     fitted: Fit | None = tied(_sinking(signals), dive.main, dive.others, window)
     threshold = f"gain 1 +- {_TOLERANCE}, correlation >= {_LEAST_CORRELATION}"
@@ -211,7 +211,7 @@ def _is_one(fitted: Fit) -> bool:
 
 
 def _heading_offset(signals: Signals) -> Check:
-    """Angle about z between the DVL and the hull: sway in proportion to surge that no turn explains."""
+    """Judge the angle about z between DVL and hull: sway in proportion to surge that no turn explains."""
     value = signals.values
     window = signals.window("u", "v", "r")
     u, v = value["u"], value["v"]

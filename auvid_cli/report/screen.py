@@ -56,50 +56,50 @@ def print_files(console: Console, files: Sequence[Path]) -> None:
 def print_checks(console: Console, checks: Sequence[Check], passed: bool = True) -> None:
     """Print verdicts, those that did not pass with what to do about them; `passed` says whether also the others."""
     for name in dict.fromkeys(check.filter for check in checks):
-        own = [check for check in checks if check.filter == name]
+        of_filter = [check for check in checks if check.filter == name]
         whose = filter_label(name) if name else "data"
-        console.print(Text(f"{whose}: {sum(check.passed is True for check in own)} of {len(own)} passed"))
+        console.print(Text(f"{whose}: {sum(check.passed is True for check in of_filter)} of {len(of_filter)} passed"))
         table = screen_table()
         for header in ("", "of", "check", "found", "may be"):
             table.add_column(header, overflow="fold")
-        for check in own if passed else [check for check in own if not check.passed]:
+        for check in of_filter if passed else [check for check in of_filter if not check.passed]:
             verdict = {True: "pass", False: "FAIL", None: "note"}[check.passed]
             style = {True: "", False: "bold red", None: "yellow"}[check.passed]
             cells = check.subject, check.check, check.statistic, check.threshold
             table.add_row(Text(verdict, style=style), *(Text(cell) for cell in cells))
         if table.rows:
             console.print(table)
-        for check in own:
+        for check in of_filter:
             if not check.passed:
                 console.print(Text(f"{check.check} of {check.subject}: {check.advice}"))
                 console.print()
 
 
-def print_identifiability(console: Console, found: Identifiability) -> None:
+def print_identifiability(console: Console, identifiability: Identifiability) -> None:
     """Print bounds by verdict, who contributes, what goes together, how bounds fall, and unseen sensor errors."""
-    console.print(first_that_fits(console, _ever_fewer_bounds(console, found)))
-    if found.remark:
-        console.print(Text(sentence(found.remark)))
-    for group in found.groups:
+    console.print(first_that_fits(console, _ever_fewer_bounds(console, identifiability)))
+    if identifiability.remark:
+        console.print(Text(sentence(identifiability.remark)))
+    for group in identifiability.groups:
         console.print(
             Text(
                 f"{', '.join(group.members)} go together: {group.combination} is known to {group.percent:.2g} %, "
                 f"the worst of them alone to {group.worst_percent:.2g} %"
             )
         )
-    for symbol, error in found.sensor_errors.items():
+    for symbol, error in identifiability.sensor_errors.items():
         unseen = "" if error.observed else ": cannot be observed on this manoeuvre"
         console.print(Text(f"{symbol}: bound {printed(error.bound, 2)}, prior {printed(error.prior, 2)}{unseen}"))
-    half = min(found.growth, key=lambda entry: abs(entry[0] - 0.5 * found.growth[-1][0]))
-    whole = found.growth[-1]
+    half = min(identifiability.growth, key=lambda entry: abs(entry[0] - 0.5 * identifiability.growth[-1][0]))
+    whole = identifiability.growth[-1]
     medians = [f"{np.median(percent):.2g} % after {time:.4g} s" for time, percent in dict([half, whole]).items()]
     console.print(Text(f"median bound {', '.join(medians)}"))
 
 
-def _ever_fewer_bounds(console: Console, found: Identifiability) -> Iterator[Table]:
-    """With ever fewer columns; symbol, bound in percent and verdict always."""
+def _ever_fewer_bounds(console: Console, identifiability: Identifiability) -> Iterator[Table]:
+    """Tabulate bounds with ever fewer columns; symbol, bound in percent and verdict always."""
     ranks = {label: rank for rank, (_, label) in enumerate(CLASSES)}
-    bounds = sorted(found.bounds, key=lambda one: ranks[one.verdict])
+    bounds = sorted(identifiability.bounds, key=lambda bound: ranks[bound.verdict])
     columns = {
         "symbol": [bound.coefficient for bound in bounds],
         "unit": [_printable(console, unit_text(bound.unit), bound.unit) for bound in bounds],
@@ -110,7 +110,7 @@ def _ever_fewer_bounds(console: Console, found: Identifiability) -> Iterator[Tab
         "mostly from": [f"{bound.best_sensor} {bound.best_share:.0%}" for bound in bounds],
         "goes with": [bound.group for bound in bounds],
     }
-    if not found.groups:
+    if not identifiability.groups:
         del columns["goes with"]
     for dropped in ("", "goes with", "unit", "value", "bound", "mostly from"):
         columns.pop(dropped, None)
@@ -123,7 +123,7 @@ def _ever_fewer_bounds(console: Console, found: Identifiability) -> Iterator[Tab
 
 
 def _tables_that_fit(console: Console, evaluation: Evaluation, filters: list[str]) -> list[Table]:
-    """One table with as much in it as there is room for, or else one for each filter."""
+    """Make one table with as much in it as there is room for, or else one for each filter."""
     has_truth = any(row.true is not None for row in evaluation.coefficients)
     shown = product((True, False) if has_truth else (True,), (True, False))
     table = first_that_fits(console, (_coefficients(console, evaluation, filters, *which) for which in shown))
@@ -157,18 +157,18 @@ def _coefficients(console: Console, evaluation: Evaluation, filters: list[str], 
 
     rows = {(row.coefficient, row.filter): row for row in evaluation.coefficients}
     for symbol in dict.fromkeys(row.coefficient for row in evaluation.coefficients):
-        found = [rows.get((symbol, name)) for name in filters]
-        known = next((row for row in found if row is not None), None)
-        if known is None:
+        results = [rows.get((symbol, name)) for name in filters]
+        any_row = next((row for row in results if row is not None), None)
+        if any_row is None:
             continue
-        unit = _printable(console, unit_text(known.unit), known.unit)
-        line = [symbol, *([unit] if units else []), *([printed(known.true)] if has_truth else [])]
-        table.add_row(*(Text(cell) for cell in [*line, *(cell for row in found for cell in cells(row))]))
+        unit = _printable(console, unit_text(any_row.unit), any_row.unit)
+        line = [symbol, *([unit] if units else []), *([printed(any_row.true)] if has_truth else [])]
+        table.add_row(*(Text(cell) for cell in [*line, *(cell for row in results for cell in cells(row))]))
     return table
 
 
 def _runs(console: Console, evaluation: Evaluation) -> Table:
-    """One line for each filter."""
+    """Tabulate the filters, a line for each."""
     table = screen_table()
     microseconds = _printable(console, "µs/step", "us/step")
     table.add_column("filter", no_wrap=True)

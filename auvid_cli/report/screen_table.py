@@ -16,7 +16,7 @@ def screen_table() -> Table:
 
 
 def fits(console: Console, table: Table) -> bool:
-    """Whether a console is wide enough for a table without breaking its lines."""
+    """Say whether a console is wide enough for a table without breaking its lines."""
     return console.measure(table, options=console.options.update(max_width=_UNLIMITED)).maximum <= console.width
 
 

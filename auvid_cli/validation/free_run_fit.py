@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 class FreeRunFit(NamedTuple):
-    """What came out of the free runs.
+    """Fit of the free runs to all measurements.
 
     Attributes
     ----------

@@ -52,7 +52,7 @@ class Bundle(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """What came out at one target.
+    """Predictions at one target.
 
     Attributes
     ----------
@@ -78,14 +78,14 @@ class Collected(NamedTuple):
 
 
 def evenly_spaced(begin: float, end: float, most: int) -> Array:
-    """Times at which to start, s, some time after the filter has begun and one shortest horizon before the end."""
+    """Return times to start at, s, some time after the filter has begun and a shortest horizon before the end."""
     settled = begin + min(5.0, 0.1 * (end - begin))
     last = end - HORIZONS[0]
     return np.linspace(settled, last, most) if last > settled else np.zeros(0)
 
 
 def targets_of(signals: Mapping[str, Signal], start: float) -> list[Target]:
-    """The first measurement of each signal at or after each horizon."""
+    """Find the first measurement of each signal at or after each horizon."""
     targets = []
     for symbol, signal in signals.items():
         for horizon in HORIZONS:
@@ -151,13 +151,13 @@ def predict_ahead(
 
 
 def _variance(drawn: Array, centre: float) -> float:
-    """Mean square of the draws about the identified model; of those that did not blow up, NaN if they are too few."""
+    """Return the mean square about the identified model of the draws that are finite; NaN if they are too few."""
     sound = drawn[np.isfinite(drawn)]
     return float(np.square(sound - centre).mean()) if sound.size > 0.5 * drawn.size else np.nan
 
 
 def _timelines(dataset: Dataset, measuring: Mapping[str, SensorRecord], start: float, end: float) -> Timelines:
-    """Events of a segment of the data."""
+    """Return the events of a segment of the data."""
     segment = {}
     for name, record in measuring.items():
         within = record.between(start - SAME, end + SAME)
@@ -167,7 +167,7 @@ def _timelines(dataset: Dataset, measuring: Mapping[str, SensorRecord], start: f
 
 
 def rows_ahead(collected: Collected, names: Sequence[str], signals: Mapping[str, Signal]) -> Iterator[Prediction]:
-    """A row for each horizon that is reached often enough, and signal.
+    """Yield a row for each horizon that is reached often enough, and signal.
 
     The fit relates errors to how far the measurements of the whole run are from their mean, at every horizon alike:
     those that are compared may all be of a steady turn.

@@ -62,7 +62,7 @@ class InitialStates:
 
 
 def with_model(dataset: Dataset, estimate: Estimate) -> Dataset:
-    """The data as the identified model sees them: its vehicle, coefficients, fins, propeller and settings; no truth."""
+    """Return the data as the model sees them: its vehicle, coefficients, fins, propeller, settings; no truth."""
     earlier, identification = estimate.experiment, estimate.experiment.identification
     table = earlier.vehicle.coefficients.model_validate(estimate.final_coefficients())
     inputs = lagged(dataset.inputs, identification.fin_time_constant, identification.integration_step)

@@ -61,14 +61,14 @@ def move_side_by_side(
 
 
 def _in_lanes(values: Array) -> Array:
-    """Rows of quantities with a lane for each model; lanes without one repeat the first."""
+    """Lay out rows of quantities with a lane for each model; lanes without one repeat the first."""
     lanes = np.tile(values[0], (LANES, 1))
     lanes[: len(values)] = values
     return np.ascontiguousarray(lanes.T).ravel()
 
 
 def unchanged_motion(elapsed: Array, motion: Array, angles: Array | None = None) -> Array:
-    """Velocities and rates held; the attitude follows from them in closed form (Rodrigues' formula).
+    """Hold velocities and rates; the attitude follows in closed form (Rodrigues' formula).
 
     Parameters
     ----------

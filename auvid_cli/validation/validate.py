@@ -76,7 +76,7 @@ def validate(dataset: Dataset, estimate: Estimate, starts: int = STARTS) -> Vali
 
 
 def _bundle(models: Models, drawn: Array | None) -> Bundle:
-    """The models that are known by name, and behind them what is drawn."""
+    """Bundle the models that are known by name and, behind them, what is drawn."""
     named = {name: values for name, values in models._asdict().items() if values is not None}
     table = np.array([[values[symbol] for symbol in SYMBOLS] for values in named.values()])
     return Bundle(tuple(named), table if drawn is None else np.vstack([table, drawn]))

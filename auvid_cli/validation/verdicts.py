@@ -19,7 +19,7 @@ _SMALLEST_SHARE = 0.85
 def verdicts(
     name: str, rows: Sequence[Prediction], excursion: Mapping[str, float], nis: Mapping[str, float], status: str
 ) -> list[Check]:
-    """All verdicts on the predictions of one estimate.
+    """Return all verdicts on the predictions of one estimate.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def verdicts(
 
 
 def _better(name: str, other: str, rows: Sequence[Prediction], rmse_of: Callable[[Prediction], float | None]) -> Check:
-    """Whether the model errs less than another, wherever that errs by more than noise."""
+    """Judge whether the model errs less than another, wherever that errs by more than noise."""
     ratios = []
     for row in rows:
         theirs = rmse_of(row)
@@ -105,7 +105,7 @@ def _better(name: str, other: str, rows: Sequence[Prediction], rmse_of: Callable
 
 
 def _band(name: str, rows: Sequence[Prediction]) -> list[Check]:
-    """Whether the stated uncertainty explains the errors, horizon by horizon."""
+    """Judge whether the stated uncertainty explains the errors, horizon by horizon."""
     shares = [(row, row.share_within_band) for row in rows if row.share_within_band is not None]
     if not shares:
         return []
@@ -127,7 +127,7 @@ def _band(name: str, rows: Sequence[Prediction]) -> list[Check]:
 
 
 def _worst(values: Sequence[tuple[Prediction, float]], is_least: bool = False) -> dict[str, float]:
-    """Of each signal the largest value, or the least, with its horizon."""
+    """Return the largest value of each signal, or the least, with its horizon."""
     worst: dict[str, tuple[Prediction, float]] = {}
     for row, value in sorted(values, key=lambda pair: pair[1], reverse=not is_least):
         worst.setdefault(row.signal, (row, value))

@@ -23,7 +23,7 @@ _LARGEST = 1e3
 
 
 def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, str]) -> Figure:
-    """Box plots of the mean steady-state error over all runs that came to the end; below, how many did not.
+    """Draw box plots of the mean steady-state error over the runs that ended; below, how many did not.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, s
 
 
 def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str]) -> Figure:
-    """Median error over two settings, a panel for each filter, with the share of runs that did not end well.
+    """Draw the median error over two settings, a panel for each filter, with the share of runs that were lost.
 
     Parameters
     ----------
@@ -147,15 +147,15 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
 
 
 def _looks(filters: dict[str, str]) -> dict[str, dict[str, Any]]:
-    """Fill of each variant: the colour of its filter, hatched differently from the filter's other variants."""
+    """Fill each variant: the colour of its filter, hatched differently from the filter's other variants."""
     looks: dict[str, dict[str, Any]] = {}
-    seen: dict[str, int] = {}
+    variants: dict[str, int] = {}
     for name, kind in filters.items():
-        looks[name] = {"facecolor": FILTER_STYLES[kind].color, "hatch": _HATCHES[seen.get(kind, 0) % len(_HATCHES)]}
-        seen[kind] = seen.get(kind, 0) + 1
+        looks[name] = {"facecolor": FILTER_STYLES[kind].color, "hatch": _HATCHES[variants.get(kind, 0) % len(_HATCHES)]}
+        variants[kind] = variants.get(kind, 0) + 1
     return looks
 
 
 def _title(names: list[str], values: object) -> str:
-    stated = values if isinstance(values, tuple) else (values,)
-    return plain(", ".join(f"{name} {setting_text(value)}" for name, value in zip(names, stated, strict=True)))
+    levels = values if isinstance(values, tuple) else (values,)
+    return plain(", ".join(f"{name} {setting_text(value)}" for name, value in zip(names, levels, strict=True)))

@@ -30,7 +30,7 @@ _BAND_POINTS = 160
 
 
 def coefficient_figure(coefficients: Sequence[Coefficient], estimates: list[Course], true: dict[str, float]) -> Figure:
-    """One panel for each coefficient: estimates with their bands of two standard deviations, and the truth.
+    """Draw a panel for each coefficient: estimates, their bands of two standard deviations, and the truth.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def _draw_estimate(axes: Axes, estimate: Course, symbol: str, position: int) -> 
 
 
 def _limits(estimates: list[Course], symbol: str, true: float | None) -> tuple[float, float]:
-    """Room for the later half of the run, whose beginning may be orders of magnitude larger."""
+    """Leave room for the later half of the run, whose beginning may be orders of magnitude larger."""
     # A filter that diverged would squash the others, so it counts only where it is alone.
     counting = [estimate for estimate in estimates if estimate.completed] or estimates
     shown = [] if true is None else [np.array([true])]

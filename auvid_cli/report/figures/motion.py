@@ -41,7 +41,7 @@ class Series(NamedTuple):
 
 
 def motion_figure(quantities: Sequence[Quantity], sensors: dict[str, SensorRecord], runs: dict[str, FreeRun]) -> Figure:
-    """One row for each motion state: the whole run, and its end beside it.
+    """Draw a row for each motion state: the whole run, and its end beside it.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def _drawable(quantity: Quantity, values: Array) -> Array:
 
 
 def _span(series: list[Series | None]) -> tuple[float, float]:
-    """Begin and end of all time, s."""
+    """Return begin and end of all time, s."""
     begin, end = value_range(*(one.time for one in series if one is not None)) or (0.0, 1.0)
     return begin, end if end > begin else begin + 1.0
 

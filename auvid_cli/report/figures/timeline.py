@@ -52,9 +52,9 @@ def timeline_figure(inspection: Inspection) -> Figure:
         _draw_strip(axes, inspection, name, scale)
     panels[-1].set_xlim(inspection.span[0] / scale, inspection.span[1] / scale)
     panels[-1].set_xlabel(f"time ({unit})", fontsize=9)
-    found = {mark.kind for mark in inspection.marks}
+    present = {mark.kind for mark in inspection.marks}
     handles: list[Any] = [Patch(color=_PRESENT, label="measurements present")]
-    handles += [Patch(color=colour, label=words) for kind, (colour, _, words) in _KINDS.items() if kind in found]
+    handles += [Patch(color=colour, label=words) for kind, (colour, _, words) in _KINDS.items() if kind in present]
     legend_above(figure, handles)
     return figure
 
@@ -93,9 +93,9 @@ def _draw_strip(axes: Axes, inspection: Inspection, name: str, scale: float) -> 
 
 
 def _drawn(marks: list[Mark], least: float) -> list[tuple[float, float]]:
-    """Spans of marks, s, widened until they can be seen; those that overlap are one."""
+    """Widen the spans of marks, s, until they can be seen; those that overlap are one."""
     spans: list[tuple[float, float]] = []
-    for mark in sorted(marks, key=lambda one: one.start):
+    for mark in sorted(marks, key=lambda mark: mark.start):
         room = max(least - (mark.end - mark.start), 0.0) / 2.0
         start, end = mark.start - room, mark.end + room
         if spans and start <= spans[-1][1]:
