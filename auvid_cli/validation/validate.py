@@ -105,5 +105,5 @@ def _remarks(dataset: Dataset, estimate: Estimate, starts: InitialStates, blown_
 def _taken_as_level(numbers: Sequence[ManoeuvreNumber], signals: Mapping[str, Signal]) -> Iterator[str]:
     unmeasured = [symbol for symbol in TILT if symbol not in signals]
     if unmeasured and any(row.number == "radius" for row in numbers):
-        yield "turns are taken as level, their speed as that along the path: no sensor measures "
-        f"{' or '.join(unmeasured)}"
+        lacking = " or ".join(unmeasured)
+        yield f"turns are taken as level, their speed as that along the path: no sensor measures {lacking}"
