@@ -1,12 +1,11 @@
 """What a campaign found, as files and on the screen."""
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table as ScreenTable
 from rich.text import Text
 
 from auvid_cli.campaign.findings import Findings
@@ -15,11 +14,14 @@ from auvid_cli.data.files import write_text
 from auvid_cli.report.markdown import render_markdown
 from auvid_cli.report.notation import setting_text
 from auvid_cli.report.screen import print_files
-from auvid_cli.report.screen_table import first_that_fits, screen_table
+from auvid_cli.report.screen_table import narrowed
 from auvid_cli.report.table import Cell, Column, Table, number
 
 # More combinations than this are for the files.
 _MOST_ON_SCREEN = 40
+_SCREEN_DIGITS = 3
+# What gives way where the terminal is narrow, first to last.
+_LEAST_OF_COLUMNS = "by chance", "error / bound", "5 - 95 %", "sd / bound", "in 2 sd %", "NEES"
 _WHAT = {"steady_state_error_percent": "steady-state error", "rmse_percent": "RMSE"}
 
 
@@ -43,7 +45,10 @@ def write_findings(findings: Findings, folder: Path) -> list[Path]:
 def print_findings(console: Console, findings: Findings, files: Sequence[Path]) -> None:
     """Print a row for each combination of settings and filter, who is better in how many, and where the files are."""
     if len(findings.filters) <= _MOST_ON_SCREEN:
-        console.print(first_that_fits(console, _ever_narrower(_filters_table(findings))))
+        table = _filters_table(findings)
+        if not any(findings.filters["failed"]):
+            table = table.without("failed %")
+        console.print(narrowed(console, table, _LEAST_OF_COLUMNS, _SCREEN_DIGITS))
     else:
         console.print(Text(f"{len(findings.filters)} combinations of settings and filter: see the tables"))
     for sentence in comparison_sentences(findings):
@@ -134,32 +139,6 @@ def _comparison_table(findings: Findings) -> list[Table]:
         "interval lies within 1 % of the error itself.",
     )
     return [Table("comparisons", "Filters against each other", tuple(columns), rows, notes=notes)]
-
-
-def _ever_narrower(table: Table) -> Iterator[ScreenTable]:
-    """Render a table for the screen, with ever fewer columns."""
-    failed = [column.header for column in table.columns].index("failed %")
-    shown = [
-        column.header
-        for column in table.columns
-        if column.header != "failed %" or any(row[failed] for row in table.rows)
-    ]
-    for dropped in ("", "by chance", "error / bound", "5 - 95 %", "sd / bound", "in 2 sd %", "NEES"):
-        shown = [header for header in shown if header != dropped]
-        screen = screen_table()
-        for column in table.columns:
-            if column.header in shown:
-                screen.add_column(Text(column.header), justify="right" if column.numeric else "left")
-        for row in table.rows:
-            cells = zip(row, table.columns, strict=True)
-            screen.add_row(*(Text(_printed(cell)) for cell, column in cells if column.header in shown))
-        yield screen
-
-
-def _printed(cell: Cell) -> str:
-    if isinstance(cell, str):
-        return cell
-    return (number(cell, 3) if isinstance(cell, int | float) else None) or "-"
 
 
 def _heading(column: str) -> str:

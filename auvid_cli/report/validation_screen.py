@@ -1,20 +1,22 @@
 """What an identified model predicts of other data, for the terminal; angles in degrees."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from auvid_cli.evaluation.estimate_checks import failed
 from auvid_cli.report.notation import filter_label
-from auvid_cli.report.screen import print_checks, printed
-from auvid_cli.report.screen_table import first_that_fits, screen_table
+from auvid_cli.report.screen import print_checks
+from auvid_cli.report.screen_table import narrowed, printed, screen_table
 from auvid_cli.report.sentence import sentence
+from auvid_cli.report.table import Cell, Column, Table
 from auvid_cli.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
 
 _DIGITS = 3
+# What gives way where the terminal is narrow, first to last.
+_LEAST_OF_MODELS = "vehicle file", "prior", "unchanged"
 _BAND = "Band: two standard deviations of coefficients, start and measurements together, without process noise."
 
 
@@ -22,9 +24,9 @@ def print_validation(console: Console, validation: Validation) -> None:
     """Print errors of the free run, fits by horizon, numbers of manoeuvres, and verdicts."""
     ahead = [row for row in validation.predictions if row.kind == AHEAD]
     free = [row for row in validation.predictions if row.kind == FREE_RUN]
-    console.print(first_that_fits(console, _ever_fewer_models(free)))
+    console.print(narrowed(console, _free_run(free), _LEAST_OF_MODELS, _DIGITS))
     if ahead:
-        console.print(_fits_ahead(ahead))
+        console.print(screen_table(console, _fits_ahead(ahead), _DIGITS))
         if any(row.share_within_band is not None for row in ahead):
             console.print(Text(_BAND))
     for line in _manoeuvres(validation.manoeuvres):
@@ -55,36 +57,28 @@ def _verdict(validation: Validation) -> str:
     return f"The model of the {filter_label(validation.filter)} {verdict}"
 
 
-def _ever_fewer_models(rows: Sequence[Prediction]) -> Iterator[Table]:
-    """Tabulate errors of the free run, a line for each signal; with ever fewer of the other models."""
-    others = "unchanged", "prior", "vehicle file"
-    for count in range(len(others), -1, -1):
-        table = screen_table()
-        table.add_column("free run")
-        table.add_column("unit")
-        for header in ("noise", "fit %", "RMSE", *others[:count]):
-            table.add_column(header, justify="right")
-        for row in rows:
-            theirs = (row.constant_velocity_rmse, row.prior_rmse, row.vehicle_file_rmse)[:count]
-            noise, *errors = (_in_degrees(value, row.unit) for value in (row.noise, row.rmse, *theirs))
-            numbers = (printed(value, _DIGITS) for value in (noise, row.fit_percent, *errors))
-            table.add_row(row.signal, _degrees(row.unit), *numbers)
-        yield table
+def _free_run(rows: Sequence[Prediction]) -> Table:
+    columns = (
+        *(Column(header, numeric=False) for header in ("free run", "unit")),
+        *(Column(header) for header in ("noise", "fit %", "RMSE", "unchanged", "prior", "vehicle file")),
+    )
+    body: list[list[Cell]] = []
+    for row in rows:
+        values = row.noise, row.rmse, row.constant_velocity_rmse, row.prior_rmse, row.vehicle_file_rmse
+        noise, *errors = (_in_degrees(value, row.unit) for value in values)
+        body.append([row.signal, _degrees(row.unit), noise, row.fit_percent, *errors])
+    return Table("free-run", "Errors of the free run", columns, body)
 
 
 def _fits_ahead(rows: Sequence[Prediction]) -> Table:
-    """Tabulate the fit by signal and horizon, and the share of errors that the stated uncertainty explains."""
+    """Lay out the fit by signal and horizon, and the share of errors that the stated uncertainty explains."""
     horizons = list(dict.fromkeys(row.horizon_s for row in rows))
-    table = screen_table()
-    table.add_column("fit % ahead")
-    for horizon in horizons:
-        table.add_column(f"{horizon:g} s", justify="right")
+    columns = Column("fit % ahead", numeric=False), *(Column(f"{horizon:g} s") for horizon in horizons)
     fits = {(row.signal, row.horizon_s): row.fit_percent for row in rows}
-    for signal in dict.fromkeys(row.signal for row in rows):
-        table.add_row(signal, *(printed(fits.get((signal, horizon)), _DIGITS) for horizon in horizons))
-    shares = [_share_within(rows, horizon) for horizon in horizons]
-    table.add_row("% within band", *(printed(share, _DIGITS) for share in shares))
-    return table
+    signals = dict.fromkeys(row.signal for row in rows)
+    body: list[list[Cell]] = [[signal, *(fits.get((signal, horizon)) for horizon in horizons)] for signal in signals]
+    within: list[Cell] = ["% within band", *(_share_within(rows, horizon) for horizon in horizons)]
+    return Table("fits-ahead", "Fits ahead", columns, [*body, within])
 
 
 def _share_within(rows: Sequence[Prediction], horizon: float) -> float | None:

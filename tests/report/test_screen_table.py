@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from auvid_cli.report.screen_table import first_that_fits, fits, screen_table
+from auvid_cli.report.table import Column, Table
 
 
 def console_of(width):
@@ -21,11 +22,8 @@ def shown(table, width):
 
 
 def table_of(*cells):
-    table = screen_table()
-    for number, _ in enumerate(cells):
-        table.add_column(f"c{number}")
-    table.add_row(*cells)
-    return table
+    columns = tuple(Column(f"c{number}", numeric=False) for number, _ in enumerate(cells))
+    return screen_table(console_of(80), Table("key", "Title", columns, [list(cells)]))
 
 
 @given(st.lists(st.text("abc", min_size=2, max_size=30), min_size=1, max_size=5), st.integers(8, 120))
