@@ -36,3 +36,9 @@ def test_a_table_fits_where_it_is_shown_as_on_the_widest_terminal(cells, width):
 def test_the_first_that_fits_is_taken_or_else_the_last(width, kept):
     tables = [table_of(*["x" * 20] * count) for count in (3, 2, 1)]
     assert len(first_that_fits(console_of(width), iter(tables)).columns) == kept
+
+
+def test_a_column_that_is_left_out_is_gone_from_body_and_totals():
+    columns = tuple(Column(header) for header in ("a", "b", "a"))
+    table = Table("key", "Title", columns, [[1.0, 2.0, 3.0]], [["x", "y", "z"]]).without("a")
+    assert (table.columns, table.rows, table.totals) == ((Column("b"),), [[2.0]], [["y"]])
