@@ -46,17 +46,17 @@ def test_runs_are_measured_as_the_report_does(performed):
         wanted = evaluate(prepare(dataset), [estimate], BoundsOf(prepare(dataset)))
         rows = {(row.kind, row.name): row for row in result.rows}
         for row in wanted.coefficients:
-            found = rows["coefficient", row.coefficient]
-            assert (found.true, found.estimate, found.standard_deviation, found.rmse) == (
+            measure = rows["coefficient", row.coefficient]
+            assert (measure.true, measure.estimate, measure.standard_deviation, measure.rmse) == (
                 row.true,
                 row.estimate,
                 row.standard_deviation,
                 row.rmse,
             )
-            assert found.cramer_rao_bound == pytest.approx(row.cramer_rao_bound)
+            assert measure.cramer_rao_bound == pytest.approx(row.cramer_rao_bound)
         for row in wanted.consistency:
-            found = rows["sensor", row.sensor]
-            assert found.squares / found.components == pytest.approx(row.mean_nis)
+            measure = rows["sensor", row.sensor]
+            assert measure.squares / measure.components == pytest.approx(row.mean_nis)
         run = rows["run", ""]
         assert run.steady_state_error_percent == wanted.summary[0].average_steady_state_error_percent
         # NEES by the definition, with an inverse.
