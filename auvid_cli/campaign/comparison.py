@@ -42,7 +42,7 @@ def compare_filters(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
     comparisons = []
     for key, cell in runs.groupby(list(columns), sort=False, dropna=False) if columns else [((), runs)]:
         settings = dict(zip(columns, key if isinstance(key, tuple) else (key,), strict=True))
-        by_name = {name: own for name, own in cell.groupby("filter")}
+        by_name = {name: of_filter for name, of_filter in cell.groupby("filter")}
         for first, second in combinations([name for name in names if name in by_name], 2):
             for measure in MEASURES:
                 pair = {"first": first, "second": second, "measure": measure}

@@ -40,4 +40,4 @@ def find(rows: pd.DataFrame, columns: Sequence[str]) -> Findings:
 def in_order(rows: pd.DataFrame, runs: Iterable[str]) -> pd.DataFrame:
     """Put rows in the order in which their runs were planned, not in that in which these ended."""
     place = {run: k for k, run in enumerate(runs)}
-    return rows.sort_values("run", kind="stable", key=lambda own: own.map(place))
+    return rows.sort_values("run", kind="stable", key=lambda runs: runs.map(place))

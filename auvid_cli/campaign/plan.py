@@ -225,8 +225,8 @@ class Plan:
 
     def _assumed(self, variant: int, known: list[Change]) -> Experiment:
         *_, written = self._tree.descend(("filters", variant, "settings"))
-        own = changes_in(written) if self.filters[variant].settings else []
-        experiment, name = self._experiment([*known, *own]), self.filters[variant].filter
+        of_filter = changes_in(written) if self.filters[variant].settings else []
+        experiment, name = self._experiment([*known, *of_filter]), self.filters[variant].filter
         experiment.identification.check_filters([name])
         identification = experiment.identification.model_copy(update={"filters": (name,)})
         return experiment.model_copy(update={"identification": identification})

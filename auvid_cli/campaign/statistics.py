@@ -77,8 +77,8 @@ def _of_filter(rows: pd.DataFrame) -> dict[str, float]:
         **_per_component("nees", sound),
     }
     sensors = rows[rows["kind"] == "sensor"]
-    for sensor, own in sensors.groupby("name", sort=False):
-        summary |= _per_component(f"nis_{sensor}", own)
+    for sensor, of_sensor in sensors.groupby("name", sort=False):
+        summary |= _per_component(f"nis_{sensor}", of_sensor)
     return summary | {"processor_time": _median(sound["processor_time"])}
 
 

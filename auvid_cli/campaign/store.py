@@ -176,8 +176,8 @@ class Store:
     def rows(self, labels: Mapping[str, Mapping[str, Label]]) -> pa.Table:
         """Read all rows of the campaign, one for each of its failed runs included; `labels` as of `conform`."""
         done = [self._conformed(_read(path)) for path in _files(self._results)]
-        own = [failure for failure in self.failures if failure.run in labels]
-        failed = self._table(_failure_row(failure)._asdict() | dict(labels[failure.run]) for failure in own)
+        failures = [failure for failure in self.failures if failure.run in labels]
+        failed = self._table(_failure_row(failure)._asdict() | dict(labels[failure.run]) for failure in failures)
         return pa.concat_tables([*done, failed])
 
     def _forget_what_was_merged(self) -> None:

@@ -176,12 +176,12 @@ def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) 
 def _plausibility(estimate: Estimate) -> list[Check]:
     """Judge signs by physics and the convention of fin angles, and sizes by what a body of that size can have."""
     final = {s: v for s, v in estimate.final_coefficients().items() if s in estimate.state}
-    known = {
+    significant = {
         symbol: abs(final[symbol]) > _SIGMAS * estimate.standard_deviation[-1, estimate.state.index(symbol)]
         for symbol in final
     }
-    gaining = [s for s, sign in _SIGNS.items() if s in final and known[s] and final[s] * sign < 0.0]
-    reversed_fins = [s for s, sign in _FIN_SIGNS.items() if s in final and known[s] and final[s] * sign < 0.0]
+    gaining = [s for s, sign in _SIGNS.items() if s in final and significant[s] and final[s] * sign < 0.0]
+    reversed_fins = [s for s, sign in _FIN_SIGNS.items() if s in final and significant[s] and final[s] * sign < 0.0]
     size = estimate.experiment.vehicle.size
     magnitudes = {
         c.symbol: abs(final[c.symbol]) / natural_magnitude(c, size) for c in COEFFICIENTS if c.symbol in final

@@ -35,8 +35,8 @@ def constants(model: IdentifiedModel) -> list[Constant]:
     remarks = {q.symbol: f"{q.unit}, {q.meaning}" for q in PARAMETERS}
     restoring = [Constant(symbol, parameters[symbol], remarks[symbol]) for symbol in _RESTORING]
     return restoring + [
-        Constant(identifier(c.symbol), each.value, f"{c.unit}, {c.meaning}; {certainty(each)}")
-        for c, each in zip(COEFFICIENTS, model.coefficients, strict=True)
+        Constant(identifier(c.symbol), identified.value, f"{c.unit}, {c.meaning}; {certainty(identified)}")
+        for c, identified in zip(COEFFICIENTS, model.coefficients, strict=True)
     ]
 
 
@@ -71,8 +71,10 @@ def identifier(symbol: str) -> str:
 
 
 def _force(row: str) -> list[str]:
-    own = [c for c in COEFFICIENTS if ROWS[c.row] == row]
-    sums = [" + ".join(_term(c) for c in own if c.group == group) for group in dict.fromkeys(c.group for c in own)]
+    in_row = [c for c in COEFFICIENTS if ROWS[c.row] == row]
+    sums = [
+        " + ".join(_term(c) for c in in_row if c.group == group) for group in dict.fromkeys(c.group for c in in_row)
+    ]
     return [f"{row} = {_KNOWN[row]}", *(f"{row} = {row} + {terms}" for terms in sums)]
 
 

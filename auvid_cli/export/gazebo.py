@@ -64,10 +64,10 @@ def gazebo_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
     _child(system, "disable_coriolis", "true")
     # Gazebo's axes are a half turn about x away, but no coefficient changes its sign: where the force turns, so does
     # one signal, and else none or two.
-    for coefficient, each in zip(COEFFICIENTS, model.coefficients, strict=True):
+    for coefficient, identified in zip(COEFFICIENTS, model.coefficients, strict=True):
         if coefficient.symbol not in _FIN_TERMS:
-            system.append(ElementTree.Comment(f" {xml_comment([f'{each.symbol}: {certainty(each)}'])} "))
-            _child(system, _element(coefficient), _numbers(each.value))
+            system.append(ElementTree.Comment(f" {xml_comment([f'{identified.symbol}: {certainty(identified)}'])} "))
+            _child(system, _element(coefficient), _numbers(identified.value))
     ElementTree.indent(root)
     heading = indent(xml_comment([*heading_lines(model, losses), *_advice(gravity, size.density)]), "  ")
     return f'<?xml version="1.0"?>\n<!--\n{heading}\n-->\n{ElementTree.tostring(root, encoding="unicode")}\n'

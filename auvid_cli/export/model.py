@@ -125,11 +125,13 @@ class IdentifiedModel:
 
     def estimated(self) -> tuple[str, ...]:
         """Return the symbols of the coefficients that were not held."""
-        return tuple(each.symbol for each in self.coefficients if each.standard_deviation is not None)
+        return tuple(
+            coefficient.symbol for coefficient in self.coefficients if coefficient.standard_deviation is not None
+        )
 
     def not_identified(self) -> tuple[str, ...]:
         """Return the symbols of those that were estimated in vain."""
-        return tuple(each.symbol for each in self.coefficients if each.identified is False)
+        return tuple(coefficient.symbol for coefficient in self.coefficients if coefficient.identified is False)
 
 
 def model_found_by(estimate: Estimate, dataset: Dataset, estimate_sha256: str) -> IdentifiedModel:

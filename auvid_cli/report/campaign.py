@@ -61,10 +61,10 @@ def comparison_sentences(findings: Findings) -> list[str]:
     sentences = []
     if not len(findings.comparisons):
         return sentences
-    for (first, second, measure), own in findings.comparisons.groupby(["first", "second", "measure"], sort=False):
-        counts = own["verdict"].value_counts()
+    for (first, second, measure), rows in findings.comparisons.groupby(["first", "second", "measure"], sort=False):
+        counts = rows["verdict"].value_counts()
         verdicts = ", ".join(f"{verdict} in {count}" for verdict, count in counts.items())
-        sentences.append(f"{first} and {second}, {_WHAT[str(measure)]}: {verdicts}, of {len(own)}")
+        sentences.append(f"{first} and {second}, {_WHAT[str(measure)]}: {verdicts}, of {len(rows)}")
     return sentences
 
 

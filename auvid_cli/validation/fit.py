@@ -60,5 +60,5 @@ class Fit(NamedTuple):
 
         None as for `rmse`, and where the measurements do not vary; it can be any negative number.
         """
-        known = self.rmse is not None and 0.0 < self.spread < inf
-        return 100.0 * (1.0 - sqrt(self.squares / self.spread)) if known else None
+        varies = self.rmse is not None and 0.0 < self.spread < inf
+        return 100.0 * (1.0 - sqrt(self.squares / self.spread)) if varies else None

@@ -122,9 +122,9 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
     lowest, highest = np.log10([errors.min(), errors.max()]) if errors.size else (0.0, 0.0)
     image = None
     for axes, name in zip(panels, filters, strict=False):
-        own = table[table["filter"] == name]
+        of_filter = table[table["filter"] == name]
         error, lost, belied = (
-            own.groupby([down, across])[value]
+            of_filter.groupby([down, across])[value]
             .agg(over)
             .unstack()
             .reindex(index=rows, columns=cols)

@@ -80,12 +80,12 @@ def _draw_strip(axes: Axes, inspection: Inspection, name: str, scale: float) -> 
     edges = np.linspace(*inspection.span, inspection.presence[name].size + 1) / scale
     axes.stairs(inspection.presence[name], edges, fill=True, color=_PRESENT, alpha=0.55, linewidth=0.0)
     least = _LEAST * (inspection.span[1] - inspection.span[0])
-    own = [mark for mark in inspection.marks if mark.sensor == name]
+    marks = [mark for mark in inspection.marks if mark.sensor == name]
     for kind, (colour, height, _) in _KINDS.items():
-        spans = _drawn([mark for mark in own if mark.kind == kind], least)
+        spans = _drawn([mark for mark in marks if mark.kind == kind], least)
         boxes = [Rectangle((a / scale, height - 0.5 * _ROW), (b - a) / scale, _ROW) for a, b in spans]
         axes.add_collection(PatchCollection(boxes, facecolor=colour, edgecolor="none"), autolim=False)
-    counted = {words: sum(mark.kind == kind for mark in own) for kind, (*_, words) in _KINDS.items()}
+    counted = {words: sum(mark.kind == kind for mark in marks) for kind, (*_, words) in _KINDS.items()}
     counts = ", ".join(f"{words}: {count}" for words, count in counted.items() if count)
     _name(axes, name)
     if counts:
