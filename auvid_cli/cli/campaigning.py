@@ -34,7 +34,7 @@ class Where(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """Which runs are done although they have been, and whether whole estimates are written."""
+    """Choice of runs that are done although they have been, and of whole estimates that are written."""
 
     retry: bool
     again: bool

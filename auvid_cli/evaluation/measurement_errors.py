@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 class MeasurementErrors(NamedTuple):
-    """Why measurements of a motion are not that motion; zero where no filter looked.
+    """Errors between a motion and the measurements of it; zero where no filter looked.
 
     Attributes
     ----------

@@ -15,7 +15,7 @@ SCHEMA_VERSION = 1
 
 
 def json_losses(model: IdentifiedModel) -> Losses:
-    """Lose nothing."""
+    """Return no losses."""
     return NOTHING
 
 

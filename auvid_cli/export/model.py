@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 class IdentifiedCoefficient(NamedTuple):
-    """One of the 22.
+    """A coefficient of the identified model.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ class PlusMinus(NamedTuple):
 
 
 class Unidentified(NamedTuple):
-    """What a filter says of something that the data do not determine: never printed without a mark."""
+    """A value that the data do not determine: never printed without a mark."""
 
     cell: float | PlusMinus
 

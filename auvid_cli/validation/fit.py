@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 
 class Fit(NamedTuple):
-    """Sums over measurements and what was predicted for them.
+    """Sums over measurements and their predictions.
 
     Attributes
     ----------

@@ -86,7 +86,7 @@ def fit_free_runs(
 
 
 class _Farthest:
-    """How far a run goes from the mean of each signal."""
+    """Farthest distances of a run from the mean of each signal."""
 
     def __init__(self, signals: Mapping[str, Signal]) -> None:
         self._signals = signals

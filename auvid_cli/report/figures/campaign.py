@@ -50,7 +50,7 @@ def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, s
         for k, (name, look) in enumerate(looks.items()):
             of_filter = cell[cell["filter"] == name]
             by_level = [of_filter if along is None else of_filter[of_filter[along] == level] for level in levels]
-            places = np.arange(len(levels)) + _WIDTH * ((k + 0.5) / len(looks) - 0.5)
+            places = np.arange(len(levels), dtype=np.float64) + _WIDTH * ((k + 0.5) / len(looks) - 0.5)
             _draw_boxes(axes, by_level, places, 0.85 * _WIDTH / len(looks), look)
             _write_losses(axes, by_level, places)
         _tidy_errors(axes)
