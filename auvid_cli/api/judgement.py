@@ -168,8 +168,8 @@ def validate(dataset: Dataset, estimate: Estimate, training: Dataset | None = No
 
     Examples
     --------
-    >>> found = auvid.validate(other, estimate, training=dataset)
-    >>> found.run.to_xarray()["u"].attrs["units"]
+    >>> validation = auvid.validate(other, estimate, training=dataset)
+    >>> validation.run.to_xarray()["u"].attrs["units"]
     'm/s'
     """
     return validation.validate(unseen_data(dataset, estimate, training), estimate)

@@ -16,7 +16,7 @@ Change: TypeAlias = tuple[Path, Tree]
 
 
 class Option(NamedTuple):
-    """What an axis sets in one run.
+    """Settings of one run by one axis.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Option(NamedTuple):
     changes : list of Change
         Settings, with the place where they are written.
     known : bool
-        Whether filters are told.
+        Whether filters assume it, too.
     """
 
     label: Label
@@ -51,8 +51,8 @@ def options(axis: Axis, written: Tree, experiment: Mapping[str, Any]) -> list[Ca
     """
     if axis.levels is not None:
         places = {label: _at(written, ("levels", label)) for label in axis.levels}
-        found = [Option(label, changes_in(place), axis.known) for label, place in places.items()]
-        return [lambda seed, option=option: option for option in found]
+        choices = [Option(label, changes_in(place), axis.known) for label, place in places.items()]
+        return [lambda seed, option=option: option for option in choices]
     setting = setting_path(str(axis.setting))
 
     def option(label: Any, place: Tree) -> Option:
@@ -69,8 +69,8 @@ def options(axis: Axis, written: Tree, experiment: Mapping[str, Any]) -> list[Ca
             return option(value, _instead(place, value))
 
         return [drawn]
-    found = [option(value, _at(written, ("values", k))) for k, value in enumerate(axis.values or ())]
-    return [lambda seed, option=option: option for option in found]
+    choices = [option(value, _at(written, ("values", k))) for k, value in enumerate(axis.values or ())]
+    return [lambda seed, option=option: option for option in choices]
 
 
 def changes_in(mapping: Tree | None) -> list[Change]:
@@ -106,17 +106,17 @@ def _draw(distribution: Distribution, random: np.random.Generator) -> float:
 
 def _times(factor: Any, setting: Path, experiment: Mapping[str, Any], place: Tree) -> float | list[float]:
     """Multiply what the experiment states by a factor."""
-    stated: Any = experiment
+    value: Any = experiment
     for part in setting:
-        stated = stated.get(part) if isinstance(stated, dict) else None
-    if isinstance(stated, dict):
+        value = value.get(part) if isinstance(value, dict) else None
+    if isinstance(value, dict):
         # An entry of a vehicle, which says where its value comes from.
-        stated = stated.get("value")
-    numbers = stated if isinstance(stated, list) else [stated]
+        value = value.get("value")
+    numbers = value if isinstance(value, list) else [value]
     if isinstance(factor, bool) or not isinstance(factor, int | float):
         raise ConfigError(report([Mistake(place.at, setting, f"`relative` multiplies by numbers, got {factor!r}")]))
     if not numbers or not all(isinstance(number, int | float) for number in numbers):
         message = "`relative` multiplies a number, and the experiment states none there"
         raise ConfigError(report([Mistake(place.at, setting, message)]))
     scaled = [factor * float(number) for number in numbers]
-    return scaled if isinstance(stated, list) else scaled[0]
+    return scaled if isinstance(value, list) else scaled[0]

@@ -39,15 +39,15 @@ def compare_filters(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
     """
     runs = _runs(rows, columns)
     names = list(dict.fromkeys(runs["filter"]))
-    found = []
+    comparisons = []
     for key, cell in runs.groupby(list(columns), sort=False, dropna=False) if columns else [((), runs)]:
         settings = dict(zip(columns, key if isinstance(key, tuple) else (key,), strict=True))
-        by_name = {name: own for name, own in cell.groupby("filter")}
+        by_name = {name: of_filter for name, of_filter in cell.groupby("filter")}
         for first, second in combinations([name for name in names if name in by_name], 2):
             for measure in MEASURES:
                 pair = {"first": first, "second": second, "measure": measure}
-                found.append(settings | pair | _difference(by_name[first], by_name[second], measure))
-    table = pd.DataFrame(found)
+                comparisons.append(settings | pair | _difference(by_name[first], by_name[second], measure))
+    table = pd.DataFrame(comparisons)
     if not len(table):
         return table
     for p in ("p_value", "p_diverged"):
@@ -74,14 +74,14 @@ def _difference(first: pd.DataFrame, second: pd.DataFrame, measure: str) -> dict
     only_first = int((both["diverged_first"] & both["ended_second"]).sum())
     only_second = int((both["ended_first"] & both["diverged_second"]).sum())
     finished = both[both["ended_first"] & both["ended_second"]]
-    one, other = (finished[f"{measure}_{side}"].to_numpy(dtype=np.float64) for side in ("first", "second"))
-    difference = one - other
+    of_first, of_second = (finished[f"{measure}_{side}"].to_numpy(dtype=np.float64) for side in ("first", "second"))
+    difference = of_first - of_second
     low, high = median_interval(difference)
     lost = only_first + only_second
     return {
         "seeds": len(difference),
-        "median_first": float(np.median(one)) if one.size else np.nan,
-        "median_second": float(np.median(other)) if other.size else np.nan,
+        "median_first": float(np.median(of_first)) if of_first.size else np.nan,
+        "median_second": float(np.median(of_second)) if of_second.size else np.nan,
         "difference": float(np.median(difference)) if difference.size else np.nan,
         "difference_low": low,
         "difference_high": high,
@@ -93,7 +93,7 @@ def _difference(first: pd.DataFrame, second: pd.DataFrame, measure: str) -> dict
 
 
 def median_interval(values: Array) -> tuple[float, float]:
-    """Interval of the median of what values are drawn from, by order statistics; infinite where they are too few.
+    """Return an interval of the median by order statistics; infinite where the values are too few.
 
     The number of values below the median is binomial, whatever the distribution.
     """

@@ -89,7 +89,7 @@ def _local_cluster(workers: int | None) -> LocalCluster:
 
 
 def n_threads(client: Client) -> int:
-    """How many runs are done at once."""
+    """Say how many runs are done at once."""
     return sum(client.nthreads().values())  # pyright: ignore[reportAttributeAccessIssue]
 
 

@@ -30,7 +30,7 @@ class Findings(NamedTuple):
 
 
 def find(rows: pd.DataFrame, columns: Sequence[str]) -> Findings:
-    """Statistics of rows as `auvid_cli.campaign.measures.Measure`, with a column for each axis."""
+    """Summarise rows as of `auvid_cli.campaign.measures.Measure`, with a column for each axis."""
     runs = rows.loc[rows["kind"] == "run", [*columns, "filter", "seed", "status", "steady_state_error_percent"]]
     return Findings(
         list(columns), runs, by_filter(rows, columns), by_coefficient(rows, columns), compare_filters(rows, columns)
@@ -38,6 +38,6 @@ def find(rows: pd.DataFrame, columns: Sequence[str]) -> Findings:
 
 
 def in_order(rows: pd.DataFrame, runs: Iterable[str]) -> pd.DataFrame:
-    """Rows in the order in which their runs were planned, not in that in which these ended."""
+    """Put rows in the order in which their runs were planned, not in that in which these ended."""
     place = {run: k for k, run in enumerate(runs)}
-    return rows.sort_values("run", kind="stable", key=lambda own: own.map(place))
+    return rows.sort_values("run", kind="stable", key=lambda runs: runs.map(place))

@@ -69,7 +69,7 @@ class Measure(NamedTuple):
 def measures(
     run: str, filter_name: str, seed: int, estimate: Estimate, truth: TruthRecord, bounds: Mapping[str, float]
 ) -> list[Measure]:
-    """All rows of a run.
+    """Return all rows of a run.
 
     Parameters
     ----------

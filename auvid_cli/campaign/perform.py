@@ -28,7 +28,7 @@ _OF_THE_DATA = {"coefficients", "use", "fin_time_constant", "estimate", "integra
 
 
 class Performed(NamedTuple):
-    """What came of a run.
+    """Outcome of a run.
 
     Attributes
     ----------
@@ -58,8 +58,8 @@ def perform(group: Group, with_estimates: bool = False) -> list[Performed]:
     if group.version != __version__:
         raise ConfigError(f"the worker has auvid {__version__}, the campaign is of auvid {group.version}")
     with threadpool_limits(1):
-        pairs = zip(group.runs, group.told, strict=True)
-        return [_perform(group.simulated, run, told, with_estimates) for run, told in pairs]
+        pairs = zip(group.runs, group.assumed, strict=True)
+        return [_perform(group.simulated, run, assumed, with_estimates) for run, assumed in pairs]
 
 
 def shortened(group: Group, duration: float) -> tuple[Group, float]:
@@ -74,21 +74,21 @@ def shortened(group: Group, duration: float) -> tuple[Group, float]:
         changes = {"manoeuvre": manoeuvre, "identification": identification}
         return json.dumps(given_settings(experiment.model_copy(update=changes)))
 
-    return group._replace(simulated=cut(group.simulated), told=[cut(text) for text in group.told]), part / whole
+    return group._replace(simulated=cut(group.simulated), assumed=[cut(text) for text in group.assumed]), part / whole
 
 
 def _perform(simulated: str, run: Run, given: str, with_estimates: bool) -> Performed:
     try:
         dataset = _data(simulated)
-        told = Experiment.model_validate_json(given)
-        (name,) = told.identification.filters
-        estimate = identify(_as_told(dataset, told), name)
-        bounds = _bounds(simulated, told.identification.model_dump_json(include=_OF_THE_DATA, exclude_none=True))
+        assumed = Experiment.model_validate_json(given)
+        (name,) = assumed.identification.filters
+        estimate = identify(_as_assumed(dataset, assumed), name)
+        bounds = _bounds(simulated, assumed.identification.model_dump_json(include=_OF_THE_DATA, exclude_none=True))
         rows = measures(run.identity, run.filter, run.seed, estimate, _truth(dataset), bounds)
     except AuvidError as error:
         return Performed(run, [], str(error), None)
     except Exception as error:
-        # A campaign goes on; the failure is told with its place, and counted.
+        # A campaign goes on; the failure is named with its place, and counted.
         place = traceback.extract_tb(error.__traceback__)[-1]
         return Performed(run, [], f"{type(error).__name__}: {error} ({place.name}, line {place.lineno})", None)
     return Performed(run, rows, "", estimate if with_estimates else None)
@@ -100,13 +100,13 @@ def _data(simulated: str) -> Dataset:
     return simulate(Experiment.model_validate_json(simulated))
 
 
-def _as_told(dataset: Dataset, told: Experiment) -> Dataset:
-    """Return the data with the settings that a filter is told, the noise of the sensors included."""
+def _as_assumed(dataset: Dataset, assumed: Experiment) -> Dataset:
+    """Return the data with the settings that a filter assumes, the noise of the sensors included."""
     records = {
-        name: replace(record, standard_deviation=np.array(getattr(told.sensors, name).stated_standard_deviation()))
+        name: replace(record, standard_deviation=np.array(getattr(assumed.sensors, name).stated_standard_deviation()))
         for name, record in dataset.sensors.items()
     }
-    return replace(dataset, sensors=records, experiment=told)
+    return replace(dataset, sensors=records, experiment=assumed)
 
 
 def _truth(dataset: Dataset) -> TruthRecord:
@@ -117,7 +117,7 @@ def _truth(dataset: Dataset) -> TruthRecord:
 
 @lru_cache(maxsize=8)
 def _bounds(simulated: str, identification: str) -> Mapping[str, float]:
-    """Cramer-Rao bounds at the truth, by symbol; empty where there are none.
+    """Return Cramer-Rao bounds at the truth, by symbol; empty where there are none.
 
     Parameters
     ----------

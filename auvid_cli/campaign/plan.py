@@ -1,4 +1,4 @@
-"""A campaign as its runs: which data are simulated, which filters look at them, and what they are told."""
+"""A campaign as its runs: which data are simulated, which filters look at them, and what they assume."""
 
 import hashlib
 import json
@@ -59,8 +59,8 @@ class Group(NamedTuple):
     simulated : str
         Experiment as JSON that makes the data.
     runs : list of Run
-    told : list of str
-        Of each run the experiment as its filter is told it, as JSON: vehicle and sensors, and how to identify, with
+    assumed : list of str
+        Of each run the experiment that its filter assumes, as JSON: vehicle and sensors, and how to identify, with
         that filter alone.
     version : str
         Of auvid, which whoever does the runs must have as well.
@@ -68,17 +68,17 @@ class Group(NamedTuple):
 
     simulated: str
     runs: list[Run]
-    told: list[str]
+    assumed: list[str]
     version: str = __version__
 
 
 class _Resolved(NamedTuple):
-    """A combination of settings, apart from the seed: of the data, and what each filter is told; and their hashes."""
+    """A combination of settings, apart from the seed: of the data, and what each filter assumes; and their hashes."""
 
     labels: dict[str, Label]
     simulated: dict[str, Any]
     data: str
-    told: list[tuple[dict[str, Any], str]]
+    assumed: list[tuple[dict[str, Any], str]]
 
 
 _Chosen: TypeAlias = Callable[[int], Option]
@@ -136,21 +136,21 @@ class Plan:
 
     @property
     def columns(self) -> dict[str, bool]:
-        """Names of the axes, in their order, and whether what they hold is numbers."""
+        """Return the names of the axes, in their order, and whether what they hold is numbers."""
         return {axis.column: axis.draw is not None or _are_numbers(axis.values) for axis in self.campaign.vary}
 
     @property
     def fixed_columns(self) -> list[str]:
-        """Names of the axes that are not drawn for each seed."""
+        """Return the names of the axes that are not drawn for each seed."""
         return [axis.column for axis in self.campaign.vary if axis.draw is None]
 
     @property
     def n_runs(self) -> int:
-        """How many there are."""
+        """Count the runs."""
         return self.campaign.n_cells * len(self.filters) * self.campaign.n_seeds
 
     def examples(self, most: int) -> Iterator[Group]:
-        """Of some combinations, far apart, what is done for the first seed."""
+        """Yield, of some combinations that are far apart, what is done for the first seed."""
         seed = self.campaign.seed_list[0]
         for cell in self._cells[:: -(-len(self._cells) // most)]:
             yield _group(list(self._runs([self._resolve(cell)], seed)), seed)
@@ -166,19 +166,19 @@ class Plan:
                     yield _group(triples[k : k + LARGEST_GROUP], seed)
 
     def labels(self) -> dict[str, dict[str, Label]]:
-        """Filter and axes of each run, by its identity.
+        """Return filter and axes of each run, by its identity.
 
         Raises
         ------
         ConfigError
             If a combination of settings cannot be, or if two of the runs are the same.
         """
-        found: dict[str, dict[str, Label]] = {}
+        labels: dict[str, dict[str, Label]] = {}
         for seed in self.campaign.seed_list:
             triples = list(self._of_seed(seed))
             _refuse_twins(self._path, triples)
-            found |= {run.identity: {"filter": run.filter, **run.labels} for *_, run in triples}
-        return found
+            labels |= {run.identity: {"filter": run.filter, **run.labels} for *_, run in triples}
+        return labels
 
     def _refuse_too_many(self) -> None:
         """Raise ConfigError before a list is made of more runs than there is room for."""
@@ -200,33 +200,33 @@ class Plan:
 
     def _runs(self, cells: Iterable[_Resolved], seed: int) -> Iterator[_Triple]:
         for cell in cells:
-            for variant, (told, key) in zip(self.filters, cell.told, strict=True):
+            for variant, (assumed, key) in zip(self.filters, cell.assumed, strict=True):
                 # Under whatever name: the same settings are the same run.
                 identity = _hash(__version__, cell.data, key, seed)
-                yield cell, told, Run(identity, cell.labels, variant.name, seed)
+                yield cell, assumed, Run(identity, cell.labels, variant.name, seed)
 
     def _resolve(self, cell: tuple[_Chosen, ...], seed: int | None = None) -> _Resolved:
         chosen = [option(self.campaign.seed_list[0] if seed is None else seed) for option in cell]
         every = [change for option in chosen for change in option.changes]
         known = [change for option in chosen if option.known for change in option.changes]
         simulated = self._experiment(every)
-        told = [self._told(k, known) for k in range(len(self.filters))]
+        assumed = [self._assumed(k, known) for k in range(len(self.filters))]
         labels = dict(zip(self.columns, (option.label for option in chosen), strict=True))
         data = given_settings(simulated)
-        given = [given_settings(experiment) for experiment in told]
+        given = [given_settings(experiment) for experiment in assumed]
         return _Resolved(
             labels,
             data,
             _hash(
                 *(data[section] for section in ("vehicle", "sensors", "manoeuvre")), _digest(data["manoeuvre"], "file")
             ),
-            [(one, _hash_of_given(one)) for one in given],
+            [(settings, _hash_of_given(settings)) for settings in given],
         )
 
-    def _told(self, variant: int, known: list[Change]) -> Experiment:
+    def _assumed(self, variant: int, known: list[Change]) -> Experiment:
         *_, written = self._tree.descend(("filters", variant, "settings"))
-        own = changes_in(written) if self.filters[variant].settings else []
-        experiment, name = self._experiment([*known, *own]), self.filters[variant].filter
+        of_filter = changes_in(written) if self.filters[variant].settings else []
+        experiment, name = self._experiment([*known, *of_filter]), self.filters[variant].filter
         experiment.identification.check_filters([name])
         identification = experiment.identification.model_copy(update={"filters": (name,)})
         return experiment.model_copy(update={"identification": identification})
@@ -250,16 +250,16 @@ def _one_at_a_time(axes: Sequence[Sequence[_Chosen]]) -> list[tuple[_Chosen, ...
 
 def _group(triples: Sequence[_Triple], seed: int) -> Group:
     cells, given, runs = zip(*triples, strict=True)
-    return Group(_text(cells[0].simulated, seed), list(runs), [_text(told, seed) for told in given])
+    return Group(_text(cells[0].simulated, seed), list(runs), [_text(assumed, seed) for assumed in given])
 
 
 def _refuse_twins(path: Path, triples: Iterable[_Triple]) -> None:
     """Raise ConfigError if two runs of a seed are one and the same, and would be counted as two."""
-    seen: dict[str, Run] = {}
+    by_identity: dict[str, Run] = {}
     for *_, run in triples:
-        twin = seen.setdefault(run.identity, run)
+        twin = by_identity.setdefault(run.identity, run)
         if twin is not run:
-            which, other = (f"{one.filter} with {one.settings() or 'the same settings'}" for one in (twin, run))
+            which, other = (f"{same.filter} with {same.settings() or 'the same settings'}" for same in (twin, run))
             raise ConfigError(
                 f"{path}: two runs of the campaign are the same: {which}, and {other}; leave out one of them"
             )
@@ -269,14 +269,14 @@ def _hash(*settings: Any) -> str:
     return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:_LENGTH]
 
 
-def _hash_of_given(told: dict[str, Any]) -> str:
-    prior = told["identification"].get("prior", {})
-    sections = (told[section] for section in ("vehicle", "sensors", "identification"))
+def _hash_of_given(settings: dict[str, Any]) -> str:
+    prior = settings["identification"].get("prior", {})
+    sections = (settings[section] for section in ("vehicle", "sensors", "identification"))
     return _hash(*sections, _digest(prior, "from_estimate"))
 
 
 def _digest(settings: dict[str, Any], key: str) -> str:
-    """Of the file that a setting names: with another content it is another run."""
+    """Hash the file that a setting names: with another content it is another run."""
     return digest(Path(settings[key])) if key in settings else ""
 
 
@@ -288,13 +288,13 @@ def _all_or_errors(
     resolve: Callable[[tuple[_Chosen, ...]], _Resolved],
     cells: list[tuple[_Chosen, ...]],
 ) -> list[_Resolved]:
-    """Every combination, or one error that says what is wrong with any of them."""
-    found, wrong = [], {}
+    """Resolve every combination, or raise one error that says what is wrong with any of them."""
+    resolved, wrong = [], {}
     for cell in cells:
         try:
-            found.append(resolve(cell))
+            resolved.append(resolve(cell))
         except ConfigError as error:
             wrong[str(error)] = None
     if wrong:
         raise ConfigError("\n".join(wrong))
-    return found
+    return resolved

@@ -66,7 +66,7 @@ def _of_filter(rows: pd.DataFrame) -> dict[str, float]:
     rows, runs = rows[ended(rows)], rows[rows["kind"] == "run"]
     sound = rows[rows["kind"] == "run"]
     coefficients = rows[rows["kind"] == "coefficient"]
-    found = {
+    summary = {
         "runs": len(runs),
         "failed": float(failed(runs).mean()),
         "diverged": float(diverged(runs).mean()),
@@ -77,9 +77,9 @@ def _of_filter(rows: pd.DataFrame) -> dict[str, float]:
         **_per_component("nees", sound),
     }
     sensors = rows[rows["kind"] == "sensor"]
-    for sensor, own in sensors.groupby("name", sort=False):
-        found |= _per_component(f"nis_{sensor}", own)
-    return found | {"processor_time": _median(sound["processor_time"])}
+    for sensor, of_sensor in sensors.groupby("name", sort=False):
+        summary |= _per_component(f"nis_{sensor}", of_sensor)
+    return summary | {"processor_time": _median(sound["processor_time"])}
 
 
 def _of_coefficient(rows: pd.DataFrame) -> dict[str, float | str]:
@@ -98,8 +98,8 @@ def _of_coefficient(rows: pd.DataFrame) -> dict[str, float | str]:
 
 
 def _spread(name: str, values: pd.Series) -> dict[str, float]:
-    known = values.dropna()
-    low, median, high = known.quantile([LOW, 0.5, HIGH]) if len(known) else (np.nan,) * 3
+    finite = values.dropna()
+    low, median, high = finite.quantile([LOW, 0.5, HIGH]) if len(finite) else (np.nan,) * 3
     return {name: median, f"{name}_low": low, f"{name}_high": high}
 
 
@@ -111,24 +111,24 @@ def _within_two_sigma(coefficients: pd.DataFrame) -> NDArray[np.bool_]:
 
 
 def _against_bound(coefficients: pd.DataFrame) -> dict[str, float]:
-    known = coefficients[np.isfinite(coefficients["cramer_rao_bound"].astype(float))]
-    error = (known["estimate"] - known["true"]) / known["cramer_rao_bound"]
+    finite = coefficients[np.isfinite(coefficients["cramer_rao_bound"].astype(float))]
+    error = (finite["estimate"] - finite["true"]) / finite["cramer_rao_bound"]
     return {
-        "times_bound": _median(known["times_bound"]),
+        "times_bound": _median(finite["times_bound"]),
         "error_times_bound": float(np.sqrt(np.mean(error**2))) if len(error) else np.nan,
     }
 
 
 def _per_component(name: str, rows: pd.DataFrame) -> dict[str, float]:
-    """Mean of normalised squares, and where chance leaves the mean of so many."""
-    known = rows[np.isfinite(rows["squares"].astype(np.float64))]
-    components = float(known["components"].sum())
+    """Return the mean of normalised squares, and where chance leaves the mean of so many."""
+    finite = rows[np.isfinite(rows["squares"].astype(np.float64))]
+    components = float(finite["components"].sum())
     if components == 0.0:
         return {name: np.nan, f"{name}_low": np.nan, f"{name}_high": np.nan}
     low, high = (
         float(chi2.ppf(p, components)) / components for p in (0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE))
     )
-    return {name: float(known["squares"].sum()) / components, f"{name}_low": low, f"{name}_high": high}
+    return {name: float(finite["squares"].sum()) / components, f"{name}_low": low, f"{name}_high": high}
 
 
 def _share(values: NDArray[np.bool_]) -> float:
@@ -136,5 +136,5 @@ def _share(values: NDArray[np.bool_]) -> float:
 
 
 def _median(values: pd.Series) -> float:
-    known = values.dropna()
-    return float(known.median()) if len(known) else np.nan
+    finite = values.dropna()
+    return float(finite.median()) if len(finite) else np.nan

@@ -7,15 +7,15 @@ if TYPE_CHECKING:
 
 
 def ended(rows: "pd.DataFrame") -> "pd.Series":
-    """Whether a row is of a run that came to the end of its data."""
+    """Say whether a row is of a run that came to the end of its data."""
     return rows["status"].str.startswith(("completed", "inconsistent"))
 
 
 def failed(rows: "pd.DataFrame") -> "pd.Series":
-    """Whether a row is of a run that could not be done at all."""
+    """Say whether a row is of a run that could not be done at all."""
     return rows["status"].str.startswith("failed")
 
 
 def diverged(rows: "pd.DataFrame") -> "pd.Series":
-    """Whether a row is of a run whose filter did not come to the end of its data."""
+    """Say whether a row is of a run whose filter did not come to the end of its data."""
     return ~ended(rows) & ~failed(rows)

@@ -92,15 +92,15 @@ class Store:
         self._parts = len(_files(self._incoming))
         finished = self.finished()
         # Killed between writing a result and this list, a run may stand in both.
-        self._failures = {one.run: one for one in self._read_failures() if one.run not in finished}
+        self._failures = {failure.run: failure for failure in self._read_failures() if failure.run not in finished}
 
     @property
     def failures(self) -> list[Failure]:
-        """Runs that failed when they were last tried."""
+        """Return the runs that failed when they were last tried."""
         return list(self._failures.values())
 
     def finished(self) -> set[str]:
-        """Identities of the runs that are there, those that are kept apart included."""
+        """Return the identities of the runs that are there, those that are kept apart included."""
         return _runs(self._results) | _runs(self._incoming) | _runs(self._earlier)
 
     def conform(self, labels: Mapping[str, Mapping[str, Label]]) -> None:
@@ -175,10 +175,10 @@ class Store:
             path.unlink()
 
     def rows(self, labels: Mapping[str, Mapping[str, Label]]) -> pa.Table:
-        """All rows of the campaign, with one for each of its runs that failed; `labels` as of `conform`."""
+        """Read all rows of the campaign, one for each of its failed runs included; `labels` as of `conform`."""
         done = [self._conformed(_read(path)) for path in _files(self._results)]
-        own = [failure for failure in self.failures if failure.run in labels]
-        failed = self._table(_failure_row(failure)._asdict() | dict(labels[failure.run]) for failure in own)
+        failures = [failure for failure in self.failures if failure.run in labels]
+        failed = self._table(_failure_row(failure)._asdict() | dict(labels[failure.run]) for failure in failures)
         return pa.concat_tables([*done, failed])
 
     def _forget_what_was_merged(self) -> None:
@@ -188,7 +188,7 @@ class Store:
                 (self._incoming / name).unlink(missing_ok=True)
 
     def _conformed(self, table: pa.Table) -> pa.Table:
-        """With the present columns; of axes that were not there, or held something else, nothing yet."""
+        """Give rows the present columns; of axes that were not there, or held something else, nothing yet."""
         columns = [
             table[field.name]
             if field.name in table.schema.names and table.schema.field(field.name).type == field.type
@@ -267,7 +267,7 @@ def _unique(table: pa.Table) -> list[str]:
 
 
 def _keep(path: Path, table: pa.Table, kept: pa.Table) -> bool:
-    """Make a file hold only some of its rows; whether it is still there."""
+    """Make a file hold only some of its rows; return whether it is still there."""
     if kept.num_rows == 0:
         path.unlink()
     elif kept.num_rows < table.num_rows:

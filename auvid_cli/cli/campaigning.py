@@ -34,7 +34,7 @@ class Where(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """Which runs are done although they have been, and whether whole estimates are written."""
+    """Choice of runs that are done although they have been, and of whole estimates that are written."""
 
     retry: bool
     again: bool
@@ -91,7 +91,7 @@ def _seconds_of_a_run(plan: Plan) -> tuple[float | None, str]:
             perform(group)
         start = perf_counter()
         performed = perform(group)
-        failure = next((one.failure for one in performed if one.failure), "")
+        failure = next((result.failure for result in performed if result.failure), "")
         if not failure:
             taken.append((perf_counter() - start) / len(performed) / share)
         if perf_counter() - begin > _PATIENCE:
@@ -143,12 +143,12 @@ def _conduct(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: T
 
 
 def _done_and_failed(store: Store, labels: Mapping[str, Mapping[str, Label]]) -> tuple[set[str], set[str]]:
-    """Of the planned runs, those that a store has results of, and those that failed."""
+    """Return which of the planned runs a store has results of, and which failed."""
     return store.finished() & labels.keys(), {failure.run for failure in store.failures} & labels.keys()
 
 
 def _skipped(done: set[str], failed: set[str], choice: Choice) -> set[str]:
-    """Of the runs that were done or failed, those that are left as they are."""
+    """Return which of the runs that were done or failed are left as they are."""
     if choice.again:
         return set()
     return done if choice.retry else done | failed
@@ -184,12 +184,12 @@ def _report(
         rows = store.rows(labels).to_pandas()
     if len(rows):
         with terminal.stage("statistics"):
-            found = find(in_order(rows, labels), plan.fixed_columns)
-        paths = write_findings(found, folder / "tables")
+            findings = find(in_order(rows, labels), plan.fixed_columns)
+        paths = write_findings(findings, folder / "tables")
         with pipeline.drawing(folder) as figures, terminal.progress("figures") as (progress,):
-            figures.add_campaign(found, {variant.name: variant.filter.value for variant in plan.filters})
+            figures.add_campaign(findings, {variant.name: variant.filter.value for variant in plan.filters})
             paths += figures.finish(progress)
-        print_findings(terminal.out, found, paths)
+        print_findings(terminal.out, findings, paths)
     n_runs = int((rows["kind"] == "run").sum()) - len(failures)
     terminal.say(f"{folder / 'results'}: {n_runs} of {len(labels)} runs")
     if apart := len(store.finished() - labels.keys()):

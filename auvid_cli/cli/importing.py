@@ -32,11 +32,11 @@ def import_logs(map_file: Path, given: Sequence[str], output: Path | None, overw
     keep_apart([path], inputs)
     say_doubts(settings.vehicle, terminal)
     with terminal.stage("read the logs"):
-        dataset, found = dataset_from_logs(settings, tree, files)
+        dataset, report = dataset_from_logs(settings, tree, files)
     with terminal.stage("write the dataset"):
         put_dataset(path, dataset, inputs, overwrite, other_run(path, dataset.experiment))
-    print_import_report(terminal.out, found.accounts, found.remarks)
-    terminal.say(f"{path}: t = 0 is {found.origin:.6f} s by the log's clock")
+    print_import_report(terminal.out, report.accounts, report.remarks)
+    terminal.say(f"{path}: t = 0 is {report.origin:.6f} s by the log's clock")
     terminal.say(f"next: auvid inspect {path}")
 
 

@@ -88,8 +88,8 @@ def overrides(settings: list[str] | None, seed: int | None = None, use: list[str
     return (*(settings or ()), *seeds, *((f"identification.use.spans={spans(use)}",) if use else ()))
 
 
-def spans(stated: list[str]) -> str:
-    """Spans as `--use` takes them, as a list in YAML; null where a span has no beginning or no end.
+def spans(texts: list[str]) -> str:
+    """Write spans, given as `--use` takes them, as a list in YAML; null where one has no beginning or no end.
 
     Raises
     ------
@@ -99,15 +99,15 @@ def spans(stated: list[str]) -> str:
     from auvid_cli.config.quantity import parse_quantity
 
     pairs = []
-    for span in stated:
+    for span in texts:
         begin, colon, end = (part.strip() for part in span.partition(":"))
         try:
-            known = [parse_quantity(bound, "s") for bound in (begin, end) if bound]
+            times = [parse_quantity(bound, "s") for bound in (begin, end) if bound]
         except ValueError:
-            known = []
-        if not colon or not known:
+            times = []
+        if not colon or not times:
             raise ConfigError(f"--use {span}: expected BEGIN:END in seconds, such as 0:80, or 80: for all after that")
-        if known != sorted(set(known)):
+        if times != sorted(set(times)):
             raise ConfigError(f"--use {span}: ends before it begins, or as it does")
         pairs.append(f"[{begin or 'null'}, {end or 'null'}]")
     return f"[{', '.join(pairs)}]"

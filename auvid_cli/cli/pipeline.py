@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def results_folder(experiment: RunSettings, output: Path | None) -> Path:
-    """Where an experiment's results go."""
+    """Say where an experiment's results go."""
     return output if output is not None else Path("results") / experiment.name
 
 
@@ -97,11 +97,11 @@ def assess_to(folder: Path, dataset: Dataset, at: Path | None, terminal: Termina
 
     The coefficients are those of an estimate file, if one is named.
     """
-    known, where = None, "the true coefficients" if dataset.truth is not None else "those of the vehicle file"
+    coefficients, where = None, "the true coefficients" if dataset.truth is not None else "those of the vehicle file"
     vehicle = dataset.experiment.vehicle.name
     if at is not None:
         earlier = read_estimate(at)
-        known, where = earlier.final_coefficients(), f"those of {at}"
+        coefficients, where = earlier.final_coefficients(), f"those of {at}"
         if earlier.experiment.vehicle.name != vehicle:
             where += f", which is of another vehicle ({earlier.experiment.vehicle.name})"
     with terminal.compiling():
@@ -109,13 +109,13 @@ def assess_to(folder: Path, dataset: Dataset, at: Path | None, terminal: Termina
         from auvid_cli.report.csv_tables import write_csv_tables
         from auvid_cli.report.screen import print_identifiability
     with terminal.stage("sensitivities"):
-        found = assess_dataset(dataset, known)
-    paths = write_csv_tables(found.tables(), folder / "tables")
+        identifiability = assess_dataset(dataset, coefficients)
+    paths = write_csv_tables(identifiability.tables(), folder / "tables")
     with drawing(folder) as figures, terminal.progress("figures") as (progress,):
-        figures.add_identifiability(found)
+        figures.add_identifiability(identifiability)
         paths += figures.finish(progress)
     terminal.say(f"{vehicle}, at {where}:")
-    print_identifiability(terminal.out, found)
+    print_identifiability(terminal.out, identifiability)
     for path in paths:
         terminal.say(str(path))
 
@@ -184,7 +184,7 @@ def identify_to(
 
 
 class _StoppedError(Exception):
-    """Another filter failed, or the user has had enough."""
+    """The end of a filter because another failed, or the user has had enough."""
 
 
 def _run_filter(filter_run: "FilterRun", path: Path, progress: Callable[[float, float], None]) -> Estimate:
@@ -239,7 +239,7 @@ def report_to(
 
 @contextmanager
 def drawing(folder: Path) -> Iterator["FigureQueue"]:
-    """Where to put the figures of a results folder, with workers that draw them."""
+    """Say where to put the figures of a results folder, with workers that draw them."""
     from auvid_cli.report.figures.draw import FigureQueue
     from auvid_cli.report.figures.workers import figure_workers
 
@@ -248,7 +248,7 @@ def drawing(folder: Path) -> Iterator["FigureQueue"]:
 
 
 def exit_code(estimates: list[Estimate]) -> int:
-    """1 if a filter diverged or its innovations belie it."""
+    """Return 1 if a filter diverged or its innovations belie it."""
     from auvid_cli.evaluation.consistency import verdict
 
     return DONE if all(verdict(estimate) == "completed" for estimate in estimates) else VERDICT_FAILED
@@ -281,12 +281,12 @@ def dataset_path(source: str | None) -> Path | None:
 
 
 def home_of(path: Path) -> Path:
-    """Results folder of a dataset file: its own folder if it is one, else results/STEM."""
+    """Return the results folder of a dataset file: its own folder if it is one, else results/STEM."""
     return path.parent if path.name == "dataset.h5" else Path("results") / path.stem
 
 
 def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:
-    """Dataset and estimates of a results folder, estimates in the order of `FilterName`.
+    """Read dataset and estimates of a results folder, estimates in the order of `FilterName`.
 
     Raises
     ------

@@ -55,7 +55,7 @@ def reporting_errors() -> Iterator[None]:
 
 
 class Advance(Protocol):
-    """What moves a bar."""
+    """Function that moves a bar."""
 
     def __call__(self, done: float, total: float, note: str = "") -> None:
         """Move it to so much of so much, and put a note behind the rate."""
@@ -63,7 +63,7 @@ class Advance(Protocol):
 
 
 class Terminal:
-    """Where a command's messages go.
+    """Streams and bars for a command's messages.
 
     Parameters
     ----------

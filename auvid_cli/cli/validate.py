@@ -57,15 +57,15 @@ def validate(
         put_copy(dataset_file, whole, folder, [estimate_file], overwrite)
         keep_apart(tables_and_figures(folder), [estimate_file, dataset_file])
         with terminal.stage("predict"):
-            found = validated(dataset, estimate)
-        paths = write_csv_tables(found.tables(), folder / "tables")
+            validation = validated(dataset, estimate)
+        paths = write_csv_tables(validation.tables(), folder / "tables")
         with pipeline.drawing(folder) as figures, terminal.progress("figures") as (progress,):
-            figures.add_validation(dataset, found)
+            figures.add_validation(dataset, validation)
             paths += figures.finish(progress)
-        print_validation(terminal.out, found)
+        print_validation(terminal.out, validation)
         for path in paths:
             terminal.say(str(path))
-        raise typer.Exit(VERDICT_FAILED if failed(found.checks) else DONE)
+        raise typer.Exit(VERDICT_FAILED if failed(validation.checks) else DONE)
 
 
 def _dataset_behind(path: Path, estimate: "Estimate") -> "Dataset | None":

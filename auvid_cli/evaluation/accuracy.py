@@ -57,7 +57,7 @@ class CoefficientResult(NamedTuple):
 def coefficient_results(
     estimate: Estimate, truth: TruthRecord | None, bounds: Mapping[str, float]
 ) -> list[CoefficientResult]:
-    """Results of one filter, in the order of its state; `bounds` are Cramer-Rao's by symbol, as far as known."""
+    """Return the results of one filter, in the order of its state; `bounds` are Cramer-Rao's by symbol, if known."""
     steady, shares = steady_part(estimate), shares_of_value(estimate, truth, bounds)
     sound = verdict(estimate) == "completed"
     results = []
@@ -91,7 +91,7 @@ def coefficient_results(
 
 
 def shares_of_value(estimate: Estimate, truth: TruthRecord | None, bounds: Mapping[str, float]) -> dict[str, float]:
-    """How large the uncertainty of each coefficient is in proportion, by symbol.
+    """Say how large the uncertainty of each coefficient is in proportion, by symbol.
 
     The larger of the standard deviation and, where it is known, the Cramer-Rao bound, over the true value, else over
     the estimate. Where the truth is zero: over the natural magnitude of a body of this size.
@@ -109,7 +109,7 @@ def shares_of_value(estimate: Estimate, truth: TruthRecord | None, bounds: Mappi
 
 
 def normalised_estimation_error(estimate: Estimate, truth: TruthRecord) -> float:
-    """Normalised estimation error squared (NEES) of all coefficients at the last time.
+    """Return the normalised estimation error squared (NEES) of all coefficients at the last time.
 
     Chi-squared with as many degrees of freedom as there are coefficients, if the covariance is honest; infinite if it
     claims to know a combination of them exactly.
@@ -125,12 +125,12 @@ def normalised_estimation_error(estimate: Estimate, truth: TruthRecord) -> float
 
 
 def steady_part(estimate: Estimate) -> slice:
-    """The events of the last 10 % of the time."""
+    """Return the events of the last 10 % of the time."""
     begin = estimate.time[-1] - STEADY_SHARE * (estimate.time[-1] - estimate.time[0])
     return slice(int(np.searchsorted(estimate.time, begin)), None)
 
 
 def average_steady_state_error(results: list[CoefficientResult]) -> float | None:
-    """Mean over the coefficients that have one, percent; None if none has."""
+    """Return the mean over the coefficients that have one, percent; None if none has."""
     errors = [r.steady_state_error_percent for r in results if r.steady_state_error_percent is not None]
     return float(np.mean(errors)) if errors else None

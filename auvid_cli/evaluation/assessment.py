@@ -72,7 +72,7 @@ class Collinear(NamedTuple):
 
 
 class SensorErrorBound(NamedTuple):
-    """What data say of a sensor's own error.
+    """Least standard deviation of a sensor's own error.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class SensorErrorBound(NamedTuple):
 
 
 class Identifiability(NamedTuple):
-    """All that is said of a dataset.
+    """Bounds of coefficients and sensor errors by what data hold at best.
 
     Attributes
     ----------

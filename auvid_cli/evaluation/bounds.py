@@ -52,20 +52,20 @@ class BoundsOf:
 
     def __init__(self, prepared: PreparedData) -> None:
         self._prepared = prepared
-        self._found: dict[str, Bounds] = {}
+        self._bounds: dict[str, Bounds] = {}
 
     def __call__(self, estimate: Estimate) -> Bounds:
-        """Bounds of an estimate, with the settings with which it was made."""
+        """Return the bounds of an estimate, with the settings with which it was made."""
         key = estimate.experiment.model_dump_json()
         if self._prepared.dataset.truth is None:
             key += estimate.filter
-        if key not in self._found:
-            self._found[key] = _bounds(self._prepared, estimate)
-        found = self._found[key]
+        if key not in self._bounds:
+            self._bounds[key] = _bounds(self._prepared, estimate)
+        bounds = self._bounds[key]
         settings = estimate.experiment.identification.output_error
         if estimate.in_one_batch and not settings.use_prior:
-            return found._replace(with_prior=found.of_data)
-        return found
+            return bounds._replace(with_prior=bounds.of_data)
+        return bounds
 
 
 def _bounds(prepared: PreparedData, estimate: Estimate) -> Bounds:
@@ -76,8 +76,8 @@ def _bounds(prepared: PreparedData, estimate: Estimate) -> Bounds:
     experiment = estimate.experiment.model_copy(update={"identification": identification})
     truth = prepared.dataset.truth
     values = truth.coefficients if truth is not None else estimate.final_coefficients()
-    found = bounds_at(prepared.with_settings(experiment), values)
-    return found._replace(with_prior={}) if settings.prior.from_estimate else found
+    bounds = bounds_at(prepared.with_settings(experiment), values)
+    return bounds._replace(with_prior={}) if settings.prior.from_estimate else bounds
 
 
 def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
@@ -99,7 +99,7 @@ def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
 
 
 def true_initial_motions(prepared: PreparedData) -> list[Array] | None:
-    """The true motion next to where each segment starts, shape (9,); None without truth."""
+    """Return the true motion next to where each segment starts, shape (9,); None without truth."""
     truth = prepared.dataset.truth
     if truth is None:
         return None

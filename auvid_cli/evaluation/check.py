@@ -41,12 +41,13 @@ class Check(NamedTuple):
         filter_name: str,
         subject: str,
         check: str,
+        *,
         statistic: str,
         threshold: str,
         passed: bool | None,
         advice: str,
     ) -> "Check":
-        """A verdict that gives advice only where it is needed."""
+        """Make a verdict that gives advice only where it is needed."""
         return cls(filter_name, subject, check, statistic, threshold, passed, "" if passed else advice)
 
     @classmethod
@@ -56,29 +57,39 @@ class Check(NamedTuple):
         subject: str,
         check: str,
         values: Mapping[str, float],
+        *,
         limit: float,
         meaning: str,
         advice: str,
-        *,
         fails: bool = True,
         is_least: bool = False,
     ) -> "Check":
-        """A verdict on named numbers of which none may be beyond a limit; names those that are, the farthest first."""
+        """Judge named numbers, none of which may be beyond a limit; those that are stand there, the farthest first."""
         sign = -1.0 if is_least else 1.0
         ordered = sorted(values, key=lambda name: -sign * values[name])
         beyond = [name for name in ordered if not sign * values[name] <= sign * limit]
         statistic = ", ".join(f"{name} {values[name]:.3g}" for name in beyond or ordered[:1])
         threshold = f"{'>=' if is_least else '<='} {limit:.3g} {meaning}"
         passed = True if not beyond else False if fails else None
-        return cls.of(filter_name, subject, check, statistic, threshold, passed, advice)
+        return cls.of(
+            filter_name, subject, check, statistic=statistic, threshold=threshold, passed=passed, advice=advice
+        )
 
     @classmethod
     def of_names(
-        cls, filter_name: str, check: str, names: Sequence[str], threshold: str, advice: str, fails: bool = True
+        cls, filter_name: str, check: str, names: Sequence[str], *, threshold: str, advice: str, fails: bool = True
     ) -> "Check":
-        """A verdict that passes if no name is on a list."""
+        """Make a verdict that passes if no name is on a list."""
         passed = True if not names else False if fails else None
-        return cls.of(filter_name, "coefficients", check, ", ".join(names) or "none", threshold, passed, advice)
+        return cls.of(
+            filter_name,
+            "coefficients",
+            check,
+            statistic=", ".join(names) or "none",
+            threshold=threshold,
+            passed=passed,
+            advice=advice,
+        )
 
 
 class Checks(list[Check]):

@@ -32,7 +32,7 @@ class SensorConsistency(NamedTuple):
 
 
 def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
-    """Consistency of every sensor, in the order of the estimate."""
+    """Return the consistency of every sensor, in the order of the estimate."""
     results = []
     for name, innovations in estimate.innovations.items():
         tally = innovations.tally()
@@ -50,7 +50,7 @@ _FEWEST_COMPONENTS = 200
 
 
 def verdict(estimate: Estimate) -> str:
-    """Status of an estimate: as the filter ended, or "inconsistent" where its innovations belie it.
+    """Return the status of an estimate: as the filter ended, or "inconsistent" where its innovations belie it.
 
     A filter can reach the end of the data with a covariance that says all is well and coefficients
     that are far off; its innovations then are, or were, larger than their stated variance.
@@ -69,16 +69,16 @@ def verdict(estimate: Estimate) -> str:
 
 
 def windowed_nis(innovations: Innovations) -> NDArray[np.float64]:
-    """Start, s, and mean NIS per component of every `WINDOW` that has enough measurements to tell.
+    """Return start, s, and mean NIS per component of every `WINDOW` that has enough measurements to tell.
 
     Returns
     -------
     ndarray, shape (k, 2)
     """
     tally = innovations.tally()
-    told = np.flatnonzero(tally.components >= _FEWEST_COMPONENTS)
-    starts = tally.start + WINDOW * told.astype(np.float64)
-    return np.stack([starts, tally.squares[told] / tally.components[told]], axis=1).astype(np.float64)
+    enough = np.flatnonzero(tally.components >= _FEWEST_COMPONENTS)
+    starts = tally.start + WINDOW * enough.astype(np.float64)
+    return np.stack([starts, tally.squares[enough] / tally.components[enough]], axis=1).astype(np.float64)
 
 
 def _belied(sensor: str, nis: float, when: str) -> str:
@@ -89,7 +89,7 @@ def _belied(sensor: str, nis: float, when: str) -> str:
 
 
 def mean_nis(estimate: Estimate) -> float:
-    """Normalised innovation squared per component, over all sensors."""
+    """Return the normalised innovation squared per component, over all sensors."""
     tallies = [innovations.tally() for innovations in estimate.innovations.values()]
     components = sum(float(tally.components.sum()) for tally in tallies)
     return sum(float(tally.squares.sum()) for tally in tallies) / components if components else float("nan")

@@ -16,20 +16,20 @@ _LONGEST_REPEAT = 2.0
 
 
 def data_checks(segments: Sequence[Dataset], filter_name: str, sensors: Sequence[str]) -> list[Check]:
-    """Stuck values and gaps of the sensors that a filter used; time between two segments is no gap."""
+    """Judge stuck values and gaps of the sensors that a filter used; time between two segments is no gap."""
     checks = []
     for name in sensors:
         records = [segment.sensors[name] for segment in segments]
-        told = [record for record in records if np.isfinite(record.values).any(axis=1).sum() > 1]
-        if told:
+        measured = [record for record in records if np.isfinite(record.values).any(axis=1).sum() > 1]
+        if measured:
             for judge in (_stuck, _gap):
-                _, worst = max((judge(filter_name, name, record) for record in told), key=lambda judged: judged[0])
+                _, worst = max((judge(filter_name, name, record) for record in measured), key=lambda judged: judged[0])
                 checks.append(worst)
     return checks
 
 
 def repeats(record: SensorRecord) -> Array:
-    """First and last time, s, of every run of the same measurement, shape (n, 2); a measurement alone is a run."""
+    """Find first and last time, s, of every run of the same measurement, shape (n, 2); one alone is a run, too."""
     present = np.isfinite(record.values).any(axis=1)
     time, values = record.time[present], record.values[present]
     moved = np.flatnonzero(np.any((values[1:] != values[:-1]) & np.isfinite(values[1:]), axis=1)) + 1
@@ -38,13 +38,13 @@ def repeats(record: SensorRecord) -> Array:
 
 
 def stuck_times(record: SensorRecord) -> Array:
-    """Those of the `repeats` that last too long."""
+    """Return those of the `repeats` that last too long."""
     runs = repeats(record)
     return runs[runs[:, 1] - runs[:, 0] > _LONGEST_REPEAT]
 
 
 def gaps(record: SensorRecord) -> Array:
-    """Begin and end, s, of every time without a measurement, shape (n, 2)."""
+    """Find begin and end, s, of every time without a measurement, shape (n, 2)."""
     time = record.time[np.isfinite(record.values).any(axis=1)]
     intervals = np.diff(time)
     long = np.flatnonzero(intervals > gap_limit(intervals)) if intervals.size else []
@@ -52,23 +52,23 @@ def gaps(record: SensorRecord) -> Array:
 
 
 def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Check]:
-    """The longest time over which a measurement is repeated exactly, s, and the verdict on it."""
+    """Return the longest time over which a measurement is repeated exactly, s, and the verdict on it."""
     runs = repeats(record)
     start, end = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
     return float(end - start), Check.of(
         filter_name,
         name,
         "stuck",
-        f"{end - start:.4g} s from t = {start:.6g} s on",
-        f"<= {_LONGEST_REPEAT:g} s of the same measurement",
-        bool(end - start <= _LONGEST_REPEAT),
-        f"{name} repeats one measurement from t = {start:.6g} s to {end:.6g} s: it has failed or was logged twice. "
-        "Mark that time as not valid.",
+        statistic=f"{end - start:.4g} s from t = {start:.6g} s on",
+        threshold=f"<= {_LONGEST_REPEAT:g} s of the same measurement",
+        passed=bool(end - start <= _LONGEST_REPEAT),
+        advice=f"{name} repeats one measurement from t = {start:.6g} s to {end:.6g} s: it has failed or was logged "
+        "twice. Mark that time as not valid.",
     )
 
 
 def _gap(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Check]:
-    """The longest time without a measurement, s, and the verdict on it."""
+    """Return the longest time without a measurement, s, and the verdict on it."""
     time = record.time[np.isfinite(record.values).any(axis=1)]
     intervals = np.diff(time)
     longest = int(intervals.argmax())
@@ -77,9 +77,9 @@ def _gap(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Chec
         filter_name,
         name,
         "gap",
-        f"{intervals[longest]:.4g} s from t = {time[longest]:.6g} s on",
-        f"<= {limit:.3g} s without a measurement",
-        True if intervals[longest] <= limit else None,
-        f"{name} is silent from t = {time[longest]:.6g} s to {time[longest + 1]:.6g} s. The filter bridges it with "
-        "the model alone: see in the innovations whether it caught up.",
+        statistic=f"{intervals[longest]:.4g} s from t = {time[longest]:.6g} s on",
+        threshold=f"<= {limit:.3g} s without a measurement",
+        passed=True if intervals[longest] <= limit else None,
+        advice=f"{name} is silent from t = {time[longest]:.6g} s to {time[longest + 1]:.6g} s. The filter bridges it "
+        "with the model alone: see in the innovations whether it caught up.",
     )

@@ -38,7 +38,7 @@ _CONFIDENCE = 0.99
 
 
 def check_estimate(prepared: PreparedData, estimate: Estimate, bounds: Bounds) -> list[Check]:
-    """All verdicts on one estimate; of one that did not end well only those on the data and the innovations."""
+    """Return all verdicts on an estimate; of one that did not end well only those on data and innovations."""
     dataset = prepared.dataset
     used = [segment.dataset for segment in prepared.with_settings(estimate.experiment).segments]
     checks = [_finished(estimate), *data_checks(used, estimate.filter, list(estimate.innovations))]
@@ -60,17 +60,27 @@ def _finished(estimate: Estimate) -> Check:
         estimate.filter,
         "run",
         "finished",
-        f"{estimate.time[-1]:.6g} s",
-        "to the end of the data",
-        estimate.completed,
-        f"{estimate.status}. {advice}",
+        statistic=f"{estimate.time[-1]:.6g} s",
+        threshold="to the end of the data",
+        passed=estimate.completed,
+        advice=f"{estimate.status}. {advice}",
     )
 
 
 def _against_bounds(estimate: Estimate, bounds: Bounds) -> list[Check]:
-    """Whether the filter claims more than data and prior hold, or got much less."""
+    """Judge whether the filter claims more than data and prior hold, or got much less."""
     if bounds.remark:
-        return [Check.of(estimate.filter, "coefficients", "bound", "none", "known", None, f"{bounds.remark}.")]
+        return [
+            Check.of(
+                estimate.filter,
+                "coefficients",
+                "bound",
+                statistic="none",
+                threshold="known",
+                passed=None,
+                advice=f"{bounds.remark}.",
+            )
+        ]
     ratio = {}
     for symbol, least in bounds.with_prior.items():
         if symbol in SYMBOLS:
@@ -78,7 +88,7 @@ def _against_bounds(estimate: Estimate, bounds: Bounds) -> list[Check]:
             ratio[symbol] = 1.0 if deviation == least == np.inf else deviation / least
     if not ratio:
         return []
-    own, meaning = (estimate.filter, "coefficients"), "times the least standard deviation that data and prior allow"
+    meaning = "times the least standard deviation that data and prior allow"
     above = "The data hold more than this filter got out of them: lower the process noise, or use output_error."
     below = (
         "The filter claims more than the data hold: do not use its standard deviations. Its linearisation fails; "
@@ -87,13 +97,31 @@ def _against_bounds(estimate: Estimate, bounds: Bounds) -> list[Check]:
     if estimate.in_one_batch:
         above = below = "The bound is another at the true values: the fit is far from them."
     return [
-        Check.of_values(*own, "near the bound", ratio, _LARGEST_OF_BOUND, meaning, above, fails=False),
-        Check.of_values(*own, "not below the bound", ratio, _LEAST_OF_BOUND, meaning, below, is_least=True),
+        Check.of_values(
+            estimate.filter,
+            "coefficients",
+            "near the bound",
+            ratio,
+            limit=_LARGEST_OF_BOUND,
+            meaning=meaning,
+            advice=above,
+            fails=False,
+        ),
+        Check.of_values(
+            estimate.filter,
+            "coefficients",
+            "not below the bound",
+            ratio,
+            limit=_LEAST_OF_BOUND,
+            meaning=meaning,
+            advice=below,
+            is_least=True,
+        ),
     ]
 
 
 def _at_limits(estimate: Estimate) -> list[Check]:
-    """Coefficients of a fit that ended at the limits set for them."""
+    """Name the coefficients of a fit that ended at the limits set for them."""
     limits = estimate.experiment.identification.output_error.bounds
     if not estimate.in_one_batch or not limits:
         return []
@@ -107,11 +135,11 @@ def _at_limits(estimate: Estimate) -> list[Check]:
         "These are the limits in `identification.output_error.bounds`, not estimates; their standard deviations know "
         "nothing of the limits. Widen them, or find out why the data want to go beyond."
     )
-    return [Check.of_names(estimate.filter, "within its limits", held, "none at a limit", advice)]
+    return [Check.of_names(estimate.filter, "within its limits", held, threshold="none at a limit", advice=advice)]
 
 
 def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) -> list[Check]:
-    """What the data added to the prior, and how much of each value is known."""
+    """Judge what the data added to the prior, and how much of each value is known."""
     settings = estimate.experiment.identification
     priors = prior_standard_deviations(
         estimate.experiment.vehicle.size, settings.prior.factor, settings.prior.standard_deviation
@@ -128,32 +156,32 @@ def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) 
             "coefficients",
             "information",
             left,
-            _LARGEST_SHARE,
-            "of the prior's standard deviation is left",
-            "The data hardly moved these: excite them, hold them at known values (`identification.coefficients`), or "
-            "report them as unknown, or as what the earlier estimate knew.",
+            limit=_LARGEST_SHARE,
+            meaning="of the prior's standard deviation is left",
+            advice="The data hardly moved these: excite them, hold them at known values "
+            "(`identification.coefficients`), or report them as unknown, or as what the earlier estimate knew.",
         ),
         Check.of_values(
             estimate.filter,
             "coefficients",
             "identified",
             shares_of_value(estimate, truth, bounds.of_data),
-            LARGEST_SHARE_OF_VALUE,
-            "of the value is its uncertainty",
-            "The data do not determine these; do not use the numbers. A longer or livelier manoeuvre may.",
+            limit=LARGEST_SHARE_OF_VALUE,
+            meaning="of the value is its uncertainty",
+            advice="The data do not determine these; do not use the numbers. A longer or livelier manoeuvre may.",
         ),
     ]
 
 
 def _plausibility(estimate: Estimate) -> list[Check]:
-    """Signs that physics or the convention of fin angles demands, and sizes that a body of that size can have."""
+    """Judge signs by physics and the convention of fin angles, and sizes by what a body of that size can have."""
     final = {s: v for s, v in estimate.final_coefficients().items() if s in estimate.state}
-    known = {
+    significant = {
         symbol: abs(final[symbol]) > _SIGMAS * estimate.standard_deviation[-1, estimate.state.index(symbol)]
         for symbol in final
     }
-    gaining = [s for s, sign in _SIGNS.items() if s in final and known[s] and final[s] * sign < 0.0]
-    reversed_fins = [s for s, sign in _FIN_SIGNS.items() if s in final and known[s] and final[s] * sign < 0.0]
+    gaining = [s for s, sign in _SIGNS.items() if s in final and significant[s] and final[s] * sign < 0.0]
+    reversed_fins = [s for s, sign in _FIN_SIGNS.items() if s in final and significant[s] and final[s] * sign < 0.0]
     size = estimate.experiment.vehicle.size
     magnitudes = {
         c.symbol: abs(final[c.symbol]) / natural_magnitude(c, size) for c in COEFFICIENTS if c.symbol in final
@@ -163,25 +191,27 @@ def _plausibility(estimate: Estimate) -> list[Check]:
             estimate.filter,
             "sign of drag",
             gaining,
-            "negative",
-            "Drag that pushes: a sign is turned in the data or the model lacks something that these make up for.",
+            threshold="negative",
+            advice="Drag that pushes: a sign is turned in the data or the model lacks something that these make up "
+            "for.",
         ),
         Check.of_names(
             estimate.filter,
             "sign of fins",
             reversed_fins,
-            "Y_uudr > 0 > N_uudr, Z_uude < 0, M_uude < 0",
-            "The fin angles are counted the other way round than in the shipped vehicles (positive rudder: force to "
-            "starboard at the stern): turn the sign of rudder or elevator, or keep it so wherever these are used.",
+            threshold="Y_uudr > 0 > N_uudr, Z_uude < 0, M_uude < 0",
+            advice="The fin angles are counted the other way round than in the shipped vehicles (positive rudder: "
+            "force to starboard at the stern): turn the sign of rudder or elevator, or keep it so wherever these are "
+            "used.",
         ),
         Check.of_values(
             estimate.filter,
             "coefficients",
             "size",
             magnitudes,
-            _LARGEST_SIZE,
-            "times the natural magnitude of a body of this size",
-            "Too large for the vehicle: look at units, mass, length, and at what else is marked here.",
+            limit=_LARGEST_SIZE,
+            meaning="times the natural magnitude of a body of this size",
+            advice="Too large for the vehicle: look at units, mass, length, and at what else is marked here.",
         ),
     ]
 
@@ -196,15 +226,15 @@ def _sensor_errors(estimate: Estimate) -> list[Check]:
             estimate.filter,
             "sensor errors observed",
             names,
-            "less than half of the prior left",
-            "This manoeuvre does not show these errors: do not use their values. The rest is not harmed by it.",
+            threshold="less than half of the prior left",
+            advice="This manoeuvre does not show these errors: do not use their values. The rest is not harmed by it.",
             fails=False,
         )
     ]
 
 
 def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
-    """Simulated data only: are the standard deviations honest?"""
+    """Judge whether the standard deviations are honest; simulated data only."""
     rows = [i for i, symbol in enumerate(estimate.state) if symbol in SYMBOLS]
     true = np.array([truth.coefficients[estimate.state[i]] for i in rows])
     error, deviation = estimate.mean[-1, rows] - true, estimate.standard_deviation[-1, rows]
@@ -217,22 +247,24 @@ def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
             "coefficients",
             "within 3 sigma of truth",
             sigmas,
-            _SIGMAS,
-            "standard deviations from the truth",
-            "The filter is surer of these than it should be: sensor errors that last (AHRS, bias), or wide priors.",
+            limit=_SIGMAS,
+            meaning="standard deviations from the truth",
+            advice="The filter is surer of these than it should be: sensor errors that last (AHRS, bias), or wide "
+            "priors.",
         ),
         Check.of(
             estimate.filter,
             "coefficients",
             "NEES",
-            f"{nees:.3g}",
-            f"<= {limit:.3g} (chi-squared, {len(rows)} components, {_CONFIDENCE:.0%})",
-            nees <= limit,
-            "The covariance of the coefficients as a whole is too small: do not trust the intervals of this run.",
+            statistic=f"{nees:.3g}",
+            threshold=f"<= {limit:.3g} (chi-squared, {len(rows)} components, {_CONFIDENCE:.0%})",
+            passed=nees <= limit,
+            advice="The covariance of the coefficients as a whole is too small: do not trust the intervals of this "
+            "run.",
         ),
     ]
 
 
 def failed(checks: Sequence[Check]) -> list[Check]:
-    """Those that did not pass."""
+    """Return those that did not pass."""
     return [check for check in checks if check.passed is False]

@@ -62,7 +62,7 @@ class Evaluation(NamedTuple):
 def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Callable[[Estimate], Bounds]) -> Evaluation:
     """Evaluate estimates against the dataset they came from, its truth where it has one, and their bounds."""
     bounds = {estimate.filter: bounds_of(estimate) for estimate in estimates}
-    remarks = {f"no Cramer-Rao bound: {found.remark}" for found in bounds.values() if found.remark}
+    remarks = {f"no Cramer-Rao bound: {bound.remark}" for bound in bounds.values() if bound.remark}
     evaluation = Evaluation([], [], [], [], [], {}, [*sorted(remarks), *_of_different_data(estimates)])
     for estimate in estimates:
         run, errors = free_run(prepared.with_settings(estimate.experiment), estimate)
@@ -88,9 +88,11 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
 
 
 def _of_different_data(estimates: list[Estimate]) -> list[str]:
-    """A sentence if estimates were made from different parts of the data, which their numbers then do not compare."""
+    """Return a sentence if estimates were made from different parts of the data, whose numbers do not compare."""
     used = {estimate.filter: estimate.experiment.identification.use.model_dump_json() for estimate in estimates}
     if len(set(used.values())) < 2:
         return []
-    spans = ", ".join(f"{one.filter} {one.time[0]:.6g} to {one.time[-1]:.6g} s" for one in estimates)
+    spans = ", ".join(
+        f"{estimate.filter} {estimate.time[0]:.6g} to {estimate.time[-1]:.6g} s" for estimate in estimates
+    )
     return [f"made from different parts of the data, which do not compare (identification.use): {spans}"]

@@ -34,7 +34,7 @@ class VelocityError(NamedTuple):
 
 
 class Keeper:
-    """Keeps evenly spaced samples of a free run, no more than are drawn.
+    """Evenly spaced samples of a free run, no more than are drawn.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Keeper:
             self._chunks.append(FreeRun(self._chunks[-1].time[-1:], np.full((1, N_MOTION), np.nan)))
 
     def kept(self) -> FreeRun:
-        """What was kept."""
+        """Return the samples that were kept."""
         return FreeRun(*(np.concatenate(rows) for rows in zip(*self._chunks, strict=True)))
 
 
@@ -113,27 +113,27 @@ def free_run(prepared: PreparedData, estimate: Estimate) -> tuple[FreeRun, list[
     """
     measuring = prepared.measuring
     model = prepared.experiment.vehicle.known_parameters(), estimate.final_coefficients(), estimate.final_thrust()
-    found = estimated_errors(estimate.state, estimate.mean[-1])
+    sensor_errors = estimated_errors(estimate.state, estimate.mean[-1])
     sums, counts = np.zeros(N_MOTION), np.zeros(N_MOTION)
     keeper = Keeper(measuring)
     for segment in prepared.segments:
         keeper.interrupt()
-        for timeline, predicted in free_motion(segment.timelines, motion_behind(segment.motion, found), *model):
-            read = as_read(predicted, found)
+        for timeline, predicted in free_motion(segment.timelines, motion_behind(segment.motion, sensor_errors), *model):
+            read = as_read(predicted, sensor_errors)
             keeper.keep(timeline.time, read)
             event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
             for sensor, name in enumerate(measuring):
-                own = timeline.measurement_sensor == sensor
+                by_sensor = timeline.measurement_sensor == sensor
                 for component, quantity in enumerate(SENSORS[name]):
                     if quantity.symbol not in MOTION_SYMBOLS:
                         continue
                     column = MOTION_SYMBOLS.index(quantity.symbol)
-                    said = own & ~np.isnan(timeline.measurement[:, component])
-                    sums[column] += np.abs(read[event[said], column] - timeline.measurement[said, component]).sum()
-                    counts[column] += np.count_nonzero(said)
+                    finite = by_sensor & ~np.isnan(timeline.measurement[:, component])
+                    sums[column] += np.abs(read[event[finite], column] - timeline.measurement[finite, component]).sum()
+                    counts[column] += np.count_nonzero(finite)
     errors = []
     for column, quantity in enumerate(MOTION[:6]):
-        known = counts[column] and isfinite(sums[column])
-        error = float(sums[column] / counts[column]) if known else None
+        comparable = counts[column] and isfinite(sums[column])
+        error = float(sums[column] / counts[column]) if comparable else None
         errors.append(VelocityError(estimate.filter, quantity.symbol, quantity.unit, error))
     return keeper.kept(), errors

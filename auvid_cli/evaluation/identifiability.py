@@ -41,19 +41,19 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     DataError
         If a coefficient to be estimated has no value, or the model blows up with these values.
     """
-    stated = dataset.experiment.vehicle.coefficients.by_symbol()
-    known = at if at is not None else dataset.truth.coefficients if dataset.truth is not None else stated
-    missing = [symbol for symbol in dataset.experiment.identification.estimated() if symbol not in known]
+    of_vehicle = dataset.experiment.vehicle.coefficients.by_symbol()
+    coefficients = at if at is not None else dataset.truth.coefficients if dataset.truth is not None else of_vehicle
+    missing = [symbol for symbol in dataset.experiment.identification.estimated() if symbol not in coefficients]
     if missing:
         raise DataError(
             f"no value is known of {', '.join(missing)}: sensitivities need one of each coefficient; name an estimate "
             "that has them (--at FILE), or give the vehicle those of a similar one"
         )
     prepared = prepare(dataset)
-    information = information_at(prepared, known, true_initial_motions(prepared))
+    information = information_at(prepared, coefficients, true_initial_motions(prepared))
     size = dataset.experiment.vehicle.size
     values = {
-        c.symbol: Assessed(known[c.symbol], c.unit, abs(known[c.symbol]) or natural_magnitude(c, size))
+        c.symbol: Assessed(coefficients[c.symbol], c.unit, abs(coefficients[c.symbol]) or natural_magnitude(c, size))
         for c in COEFFICIENTS
         if c.symbol in information.state
     }
@@ -62,10 +62,12 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
         for block in dataset.experiment.identification.estimate.blocks()
         for quantity in block.quantities
     }
-    found = assess(information.by_sensor, information.growing, values, information.scale, spreads)
+    identifiability = assess(information.by_sensor, information.growing, values, information.scale, spreads)
     lost = information.lost_after
     return (
-        found if lost is None else found._replace(remark=f"{UNSTABLE.format(lost)}: only what comes before is judged")
+        identifiability
+        if lost is None
+        else identifiability._replace(remark=f"{UNSTABLE.format(lost)}: only what comes before is judged")
     )
 
 
@@ -92,7 +94,9 @@ def assess(
         Of each constant sensor error the place in the state, and its standard deviation before any data, SI.
     """
     n = len(values)
-    value, size = (np.array([getattr(one, name) for one in values.values()]) for name in ("value", "size"))
+    value, size = (
+        np.array([getattr(coefficient, name) for coefficient in values.values()]) for name in ("value", "size")
+    )
     pick = np.eye(to_si.size)[:n] * to_si[:n, None]
     uncertainty = growing[-1][1].uncertainty()
     bound = uncertainty.deviation(pick)
@@ -133,7 +137,7 @@ def assess(
 
 
 def _shares(by_sensor: Mapping[str, Information], n: int) -> dict[str, Array]:
-    """Of the variance ``c = I^-1 e`` that the sensors leave, ``c' I_s c / c' I c``: which of them holds it down."""
+    """Return the shares ``c' I_s c / c' I c`` of what holds down the variances ``c = I^-1 e``, by sensor."""
     root = reduce(Information.join, by_sensor.values()).uncertainty().root
     directions = root @ root.T[:, :n]
     squares = {name: np.square(information.factor @ directions).sum(axis=0) for name, information in by_sensor.items()}
@@ -144,7 +148,7 @@ def _shares(by_sensor: Mapping[str, Information], n: int) -> dict[str, Array]:
 def _collinear(
     names: tuple[str, ...], value: Array, size: Array, covariance: Array, correlation: Array, percent: Array
 ) -> list[Collinear]:
-    """Groups linked by correlations, and of each the combination that is known best in proportion."""
+    """Group what correlations link, with the combination of each group that is known best in proportion."""
     linked = np.abs(np.nan_to_num(correlation)) > LARGEST_CORRELATION
     groups, left = [], set(range(len(names)))
     while left:
@@ -156,11 +160,11 @@ def _collinear(
         members = sorted(j for j in group if np.isfinite(percent[j]))
         if len(members) < 2:
             continue
-        own = size[members]
-        relative = covariance[np.ix_(members, members)] / np.outer(own, own)
+        sizes = size[members]
+        relative = covariance[np.ix_(members, members)] / np.outer(sizes, sizes)
         _, directions = np.linalg.eigh(relative)
-        weights = directions[:, 0] / own
-        weights = weights / weights[np.argmax(np.abs(weights * own))]
+        weights = directions[:, 0] / sizes
+        weights = weights / weights[np.argmax(np.abs(weights * sizes))]
         deviation = float(np.sqrt(weights @ covariance[np.ix_(members, members)] @ weights))
         combined = float(abs(weights @ value[members]))
         groups.append(
@@ -175,7 +179,7 @@ def _collinear(
 
 
 def _as_text(names: Sequence[str], weights: Array) -> str:
-    """A linear combination, the heaviest first and without a factor."""
+    """Write a linear combination, the heaviest first and without a factor."""
     order = sorted(range(len(names)), key=lambda j: abs(weights[j] - 1.0))
     text = names[order[0]]
     for j in order[1:]:

@@ -25,7 +25,7 @@ _FEWEST = 50
 
 
 def innovation_checks(dataset: Dataset, estimate: Estimate) -> list[Check]:
-    """NIS, whiteness and freedom from the inputs, sensor by sensor."""
+    """Judge NIS, whiteness and freedom from the inputs, sensor by sensor."""
     checks = []
     for sensor, innovations in estimate.innovations.items():
         if innovations.used().any():
@@ -56,10 +56,10 @@ def _nis(filter_name: str, sensor: str, innovations: Innovations) -> Check:
         filter_name,
         sensor,
         "NIS",
-        f"{nis:.4g}",
-        f"{low:.4g} to {high:.4g} (chi-squared, {_CONFIDENCE:.0%}), tolerance {_TOLERANCE}",
-        passed,
-        too_small if passed is None else too_large,
+        statistic=f"{nis:.4g}",
+        threshold=f"{low:.4g} to {high:.4g} (chi-squared, {_CONFIDENCE:.0%}), tolerance {_TOLERANCE}",
+        passed=passed,
+        advice=too_small if passed is None else too_large,
     )
 
 
@@ -72,46 +72,48 @@ def _nis_in_windows(filter_name: str, sensor: str, innovations: Innovations) -> 
         filter_name,
         sensor,
         f"NIS in any {WINDOW:.0f} s",
-        f"{largest:.4g} from t = {start:.6g} s on",
-        f"<= {LARGEST_NIS_IN_WINDOW:g}",
-        bool(largest <= LARGEST_NIS_IN_WINDOW),
-        f"Something happened to {sensor} or to the vehicle then, or the filter was thrown off course: look at "
+        statistic=f"{largest:.4g} from t = {start:.6g} s on",
+        threshold=f"<= {LARGEST_NIS_IN_WINDOW:g}",
+        passed=bool(largest <= LARGEST_NIS_IN_WINDOW),
+        advice=f"Something happened to {sensor} or to the vehicle then, or the filter was thrown off course: look at "
         "figures/innovations, leave the time out, gate outliers (`identification.gate`), or narrow the prior.",
     )
 
 
 def _gate(filter_name: str, sensor: str, innovations: Innovations) -> Check:
-    """A few rejected measurements are worth knowing; many mean that the filter no longer listens."""
+    """Judge how much the gate rejects: many rejections mean that the filter no longer listens."""
     rejected, used = innovations.tally().rejected, int(innovations.tally().components.sum())
     share = rejected / (rejected + used)
     return Check.of(
         filter_name,
         sensor,
         "gate",
-        f"{rejected} of {rejected + used} components rejected",
-        f"<= {_LARGEST_REJECTED:.0%}",
-        True if not rejected else None if share <= _LARGEST_REJECTED else False,
-        f"Outliers of {sensor} were left out; where they are many, the filter has lost its way and no longer listens: "
-        "look at figures/innovations, and run without the gate.",
+        statistic=f"{rejected} of {rejected + used} components rejected",
+        threshold=f"<= {_LARGEST_REJECTED:.0%}",
+        passed=True if not rejected else None if share <= _LARGEST_REJECTED else False,
+        advice=f"Outliers of {sensor} were left out; where they are many, the filter has lost its way and no longer "
+        "listens: look at figures/innovations, and run without the gate.",
     )
 
 
 def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check:
-    """Largest autocorrelation of the normalised innovations over some lags."""
-    found = {}
+    """Judge the largest autocorrelation of the normalised innovations over some lags."""
+    largest = {}
     for column, quantity in enumerate(SENSORS[sensor]):
         values = _normalised(innovations, column)
         if np.isfinite(values).sum() >= _FEWEST:
             correlations = [_correlation(values[lag:], values[:-lag]) for lag in range(1, _LAGS + 1)]
-            found[quantity.symbol] = float(np.max(np.abs(correlations)))
-    if not found:
-        return Check.of(filter_name, sensor, "whiteness", "too few measurements", "", True, "")
+            largest[quantity.symbol] = float(np.max(np.abs(correlations)))
+    if not largest:
+        return Check.of(
+            filter_name, sensor, "whiteness", statistic="too few measurements", threshold="", passed=True, advice=""
+        )
     return _uncorrelated(
         filter_name,
         sensor,
         "whiteness",
         innovations,
-        found,
+        largest,
         f"correlation over {_LAGS} lags",
         f"Errors of {sensor} last from sample to sample: standard deviations of the coefficients are too small, unless "
         "its noise was stated larger for that. Estimate its bias (`identification.estimate.biases`) or state more.",
@@ -119,23 +121,25 @@ def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check
 
 
 def _inputs(filter_name: str, sensor: str, innovations: Innovations, dataset: Dataset) -> Check:
-    """Correlation of the innovations with what the actuators did shortly before."""
-    found = {}
+    """Judge the correlation of the innovations with what the actuators did shortly before."""
+    correlations = {}
     held = np.searchsorted(dataset.inputs.time, innovations.time, side="right") - 1
     for column, quantity in enumerate(SENSORS[sensor]):
         values = _normalised(innovations, column)
         for place, given in enumerate(INPUTS):
             signal = dataset.inputs.values[np.maximum(held, 0), place]
             if np.isfinite(values).sum() >= _FEWEST and signal.std() > 0.0:
-                found[f"{quantity.symbol} by {given.symbol}"] = abs(_correlation(values, signal))
-    if not found:
-        return Check.of(filter_name, sensor, "free of inputs", "nothing to compare", "", True, "")
+                correlations[f"{quantity.symbol} by {given.symbol}"] = abs(_correlation(values, signal))
+    if not correlations:
+        return Check.of(
+            filter_name, sensor, "free of inputs", statistic="nothing to compare", threshold="", passed=True, advice=""
+        )
     return _uncorrelated(
         filter_name,
         sensor,
         "free of inputs",
         innovations,
-        found,
+        correlations,
         "correlation with an input",
         "What an actuator does still shows in what should be noise: its model is wrong (delay, saturation, sign, a "
         "term that is missing), or the filter has not settled.",
@@ -147,16 +151,16 @@ def _uncorrelated(
     sensor: str,
     name: str,
     innovations: Innovations,
-    found: dict[str, float],
+    correlations: dict[str, float],
     meaning: str,
     advice: str,
 ) -> Check:
-    """A verdict on correlations.
+    """Judge correlations.
 
     A sensor told to be more than twice as bad as it is, as an AHRS is, has paid for the memory of its errors.
     """
     limit = _LARGEST_CORRELATION + 3.0 / np.sqrt(len(innovations.time))
-    check = Check.of_values(filter_name, sensor, name, found, limit, meaning, advice)
+    check = Check.of_values(filter_name, sensor, name, correlations, limit=limit, meaning=meaning, advice=advice)
     tally = innovations.tally()
     small = tally.squares.sum() < 0.25 * tally.components.sum()
     return check._replace(passed=None) if check.passed is False and small else check

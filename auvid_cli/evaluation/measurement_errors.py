@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 class MeasurementErrors(NamedTuple):
-    """Why measurements of a motion are not that motion; zero where no filter looked.
+    """Errors between a motion and the measurements of it; zero where no filter looked.
 
     Attributes
     ----------
@@ -29,16 +29,16 @@ class MeasurementErrors(NamedTuple):
 
 
 def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
-    """Those among the components of a state, shape (len(state),)."""
-    known = dict(zip(state, values, strict=True))
+    """Pick them from the components of a state, shape (len(state),)."""
+    by_symbol = dict(zip(state, values, strict=True))
     return MeasurementErrors(
-        np.array([known.get(f"bias_{symbol}", 0.0) for symbol in MOTION_SYMBOLS]),
-        np.array([known.get(quantity.symbol, 0.0) for quantity in (DVL_SCALE, DVL_YAW, *CURRENT)]),
+        np.array([by_symbol.get(f"bias_{symbol}", 0.0) for symbol in MOTION_SYMBOLS]),
+        np.array([by_symbol.get(quantity.symbol, 0.0) for quantity in (DVL_SCALE, DVL_YAW, *CURRENT)]),
     )
 
 
 def as_read(motion: Array, errors: MeasurementErrors) -> Array:
-    """What noiseless sensors would say of a motion.
+    """Return what noiseless sensors would say of a motion.
 
     Of the velocity a DVL, see `auvid_cli.identification.observation`.
 
@@ -62,7 +62,7 @@ def as_read(motion: Array, errors: MeasurementErrors) -> Array:
 
 
 def motion_behind(measurement: Array, errors: MeasurementErrors) -> Array:
-    """The motion, shape (..., 9), of which noiseless sensors would say this: the inverse of `as_read`."""
+    """Return the motion, shape (..., 9), of which noiseless sensors would say this: the inverse of `as_read`."""
     scale, yaw, *current = errors.dvl
     motion = measurement - errors.offset
     over_ground = motion[..., :3] @ np.linalg.inv(dvl_axes(scale, yaw)).T

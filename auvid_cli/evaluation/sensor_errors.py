@@ -34,7 +34,7 @@ class SensorErrorResult(NamedTuple):
 
 
 def sensor_error_results(estimate: Estimate) -> list[SensorErrorResult]:
-    """Results of one filter, in the order of the settings."""
+    """Return the results of one filter, in the order of the settings."""
     results = []
     for block in estimate.experiment.identification.estimate.blocks():
         for quantity in block.quantities:
@@ -56,5 +56,5 @@ def sensor_error_results(estimate: Estimate) -> list[SensorErrorResult]:
 
 
 def is_observed(deviation: float, prior: float) -> bool:
-    """Whether the data, and not the prior, say what a sensor's error is."""
+    """Say whether the data, and not the prior, determine a sensor's error."""
     return deviation <= LARGEST_SHARE * prior

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class Actuation(NamedTuple):
-    """How inputs act, and what that makes of the forces.
+    """Effect of the actuators between the inputs and the forces.
 
     Attributes
     ----------
@@ -38,14 +38,14 @@ class Actuation(NamedTuple):
 
 
 def acting_inputs(estimate: Estimate, inputs: InputRecord) -> Array:
-    """Inputs at the times of an estimate with the fins where its filter saw them, the surge force as stated."""
+    """Return inputs at the times of an estimate, the fins where its filter saw them, the surge force as stated."""
     settings = estimate.experiment.identification
     acting = lagged(inputs, settings.fin_time_constant, settings.integration_step)
     return held_inputs(estimate.time, acting.time, acting.values)
 
 
 def actuation(estimate: Estimate, inputs: InputRecord, coefficients: Mapping[str, float], motion: Array) -> Actuation:
-    """Gain and lag of an estimate, sized along its motion.
+    """Return gain and lag of an estimate, sized along its motion.
 
     Parameters
     ----------
@@ -57,12 +57,12 @@ def actuation(estimate: Estimate, inputs: InputRecord, coefficients: Mapping[str
     motion : ndarray, shape (n, 9)
         At the times of the estimate.
     """
-    stated = held_inputs(estimate.time, inputs.time, inputs.values)
+    commanded = held_inputs(estimate.time, inputs.time, inputs.values)
     by_command, by_fin = (
-        term_histories(coefficients, motion, each) for each in (stated, acting_inputs(estimate, inputs))
+        term_histories(coefficients, motion, each) for each in (commanded, acting_inputs(estimate, inputs))
     )
     changes = np.sqrt(np.mean((by_fin - by_command) ** 2, axis=0))
-    thrust, force = estimate.final_thrust(), stated[:, INPUT_SYMBOLS.index("surge_force")]
+    thrust, force = estimate.final_thrust(), commanded[:, INPUT_SYMBOLS.index("surge_force")]
     return Actuation(
         thrust=thrust,
         thrust_rms=float(abs(thrust - 1.0) * np.sqrt(np.mean(force**2))),

@@ -15,14 +15,14 @@ SCHEMA_VERSION = 1
 
 
 def json_losses(model: IdentifiedModel) -> Losses:
-    """Nothing."""
+    """Return no losses."""
     return NOTHING
 
 
 def json_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
-    """The whole file; numbers in SI, angles in radians."""
+    """Write the whole file; numbers in SI, angles in radians."""
     vehicle = model.experiment.vehicle
-    known = vehicle.known_parameters()
+    parameters = vehicle.known_parameters()
     held = {
         "kind": "auvid model",
         "schema_version": SCHEMA_VERSION,
@@ -32,25 +32,27 @@ def json_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
         "filter": model.filter,
         "status": model.verdict,
         "doubts": doubts(model),
-        "parameters": {q.symbol: {"value": known[q.symbol], "unit": q.unit, "meaning": q.meaning} for q in PARAMETERS},
+        "parameters": {
+            q.symbol: {"value": parameters[q.symbol], "unit": q.unit, "meaning": q.meaning} for q in PARAMETERS
+        },
         "coefficients": {
-            each.symbol: {
-                "value": each.value,
-                "unit": each.unit,
-                "standard_deviation": each.standard_deviation,
-                "estimated": each.standard_deviation is not None,
-                "identified": each.identified,
+            estimated.symbol: {
+                "value": estimated.value,
+                "unit": estimated.unit,
+                "standard_deviation": estimated.standard_deviation,
+                "estimated": estimated.standard_deviation is not None,
+                "identified": estimated.identified,
                 "meaning": coefficient.meaning,
                 "equation": coefficient.equation,
             }
-            for each, coefficient in zip(model.coefficients, COEFFICIENTS, strict=True)
+            for estimated, coefficient in zip(model.coefficients, COEFFICIENTS, strict=True)
         },
         "states": {
-            each.symbol: {"value": each.value, "unit": each.unit, "standard_deviation": each.standard_deviation}
-            for each in model.states
+            state.symbol: {"value": state.value, "unit": state.unit, "standard_deviation": state.standard_deviation}
+            for state in model.states
         },
         "covariance": {
-            "order": [*model.estimated(), *(each.symbol for each in model.states)],
+            "order": [*model.estimated(), *(state.symbol for state in model.states)],
             "values": model.covariance.tolist(),
         },
         "thrust": {

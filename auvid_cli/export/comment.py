@@ -7,12 +7,12 @@ from auvid_cli.printable import one_line
 
 
 def line_comments(mark: str, lines: Iterable[str]) -> str:
-    """Comments that end with their lines: of Python and YAML behind ``#``, of MATLAB behind ``%``."""
+    """Write comments that end with their lines: of Python and YAML behind ``#``, of MATLAB behind ``%``."""
     return "".join(f"{mark} {_line(line)}\n" for line in lines)
 
 
 def xml_comment(lines: Iterable[str]) -> str:
-    """What may stand between ``<!--`` and ``-->``, where two hyphens may not."""
+    """Return what may stand between ``<!--`` and ``-->``, where two hyphens may not."""
     return re.sub("-(?=-)", "- ", "\n".join(_line(line) for line in lines))
 
 

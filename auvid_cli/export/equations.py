@@ -30,24 +30,24 @@ class Constant(NamedTuple):
 
 
 def constants(model: IdentifiedModel) -> list[Constant]:
-    """Weight, buoyancy, their centres and the coefficients, SI."""
-    known = model.experiment.vehicle.known_parameters()
+    """List weight, buoyancy, their centres and the coefficients, SI."""
+    parameters = model.experiment.vehicle.known_parameters()
     remarks = {q.symbol: f"{q.unit}, {q.meaning}" for q in PARAMETERS}
-    restoring = [Constant(symbol, known[symbol], remarks[symbol]) for symbol in _RESTORING]
+    restoring = [Constant(symbol, parameters[symbol], remarks[symbol]) for symbol in _RESTORING]
     return restoring + [
-        Constant(identifier(c.symbol), each.value, f"{c.unit}, {c.meaning}; {certainty(each)}")
-        for c, each in zip(COEFFICIENTS, model.coefficients, strict=True)
+        Constant(identifier(c.symbol), identified.value, f"{c.unit}, {c.meaning}; {certainty(identified)}")
+        for c, identified in zip(COEFFICIENTS, model.coefficients, strict=True)
     ]
 
 
 def mass_rows(model: IdentifiedModel) -> list[list[float]]:
-    """Rigid-body and added mass."""
+    """Return rigid-body and added mass."""
     # Adding zero takes the sign off a zero.
     return (mass_matrix(model.experiment.vehicle.known_parameters()) + 0.0).tolist()
 
 
 def statements() -> list[str]:
-    """Assignments of the forces X to N and of the attitude rates.
+    """Write assignments of the forces X to N and of the attitude rates.
 
     They need the constants, the motion u to theta, the inputs, and the momentum of the mass matrix, linear a1 to a3 and
     angular b1 to b3. Sabet et al. 2018, eqs. (3), (8) and (13).
@@ -66,13 +66,15 @@ def statements() -> list[str]:
 
 
 def identifier(symbol: str) -> str:
-    """A coefficient's symbol as a name, for example ``X_uu`` for ``X_u|u|``."""
+    """Write a coefficient's symbol as a name, for example ``X_uu`` for ``X_u|u|``."""
     return symbol.replace("|", "")
 
 
 def _force(row: str) -> list[str]:
-    own = [c for c in COEFFICIENTS if ROWS[c.row] == row]
-    sums = [" + ".join(_term(c) for c in own if c.group == group) for group in dict.fromkeys(c.group for c in own)]
+    in_row = [c for c in COEFFICIENTS if ROWS[c.row] == row]
+    sums = [
+        " + ".join(_term(c) for c in in_row if c.group == group) for group in dict.fromkeys(c.group for c in in_row)
+    ]
     return [f"{row} = {_KNOWN[row]}", *(f"{row} = {row} + {terms}" for terms in sums)]
 
 

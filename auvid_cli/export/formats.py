@@ -17,7 +17,7 @@ from auvid_cli.printable import printable
 
 
 class Format(NamedTuple):
-    """How to write a form.
+    """A form, and how to write it.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ _LONGEST = 40
 
 
 def default_stem(model: IdentifiedModel) -> str:
-    """File name without suffix, from vehicle and filter; also a name for Python and MATLAB."""
+    """Return a file name without suffix, from vehicle and filter; also a name for Python and MATLAB."""
     words = re.sub(r"[^a-z0-9]+", "_", model.experiment.vehicle.name.lower())[:_LONGEST].strip("_")
     return f"{words if words[:1].isalpha() else f'vehicle_{words}'}_{model.filter}"
 

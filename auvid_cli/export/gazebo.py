@@ -31,7 +31,7 @@ _NOTES = (
 
 
 def gazebo_losses(model: IdentifiedModel) -> Losses:
-    """Fin forces, which the Hydrodynamics system has no place for, and an inertia that Gazebo would not accept."""
+    """Name fin forces, for which Hydrodynamics has no place, and an inertia that Gazebo would not accept."""
     smallest, middle, largest = np.linalg.eigvalsh(_central_inertia(model.experiment.vehicle.known_parameters()))
     physical = smallest > 0.0 and smallest + middle >= largest
     if physical:
@@ -44,17 +44,17 @@ def gazebo_losses(model: IdentifiedModel) -> Losses:
 
 
 def gazebo_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
-    """The whole file: one model of one link; `name` is the model's."""
-    size, known = model.experiment.vehicle.size, model.experiment.vehicle.known_parameters()
-    gravity = known["W"] / known["m"]
+    """Write the whole file: one model of one link; `name` is the model's."""
+    size, parameters = model.experiment.vehicle.size, model.experiment.vehicle.known_parameters()
+    gravity = parameters["W"] / parameters["m"]
     root = ElementTree.Element("sdf", version="1.10")
     body = _child(root, "model", name=printable(name))
     link = _child(body, "link", name=_LINK)
-    _add_inertial(link, known)
-    width = float(np.sqrt(known["B"] / (gravity * size.density * size.length)))
+    _add_inertial(link, parameters)
+    width = float(np.sqrt(parameters["B"] / (gravity * size.density * size.length)))
     for kind in ("collision", "visual"):
         part = _child(link, kind, name=f"displaced_volume_{kind}")
-        _child(part, "pose", _numbers(*_turned(known, "B"), 0.0, 0.0, 0.0))
+        _child(part, "pose", _numbers(*_turned(parameters, "B"), 0.0, 0.0, 0.0))
         _child(_child(_child(part, "geometry"), "box"), "size", _numbers(size.length, width, width))
     system = _child(body, "plugin", filename="gz-sim-hydrodynamics-system", name="gz::sim::systems::Hydrodynamics")
     _child(system, "link_name", _LINK)
@@ -64,10 +64,10 @@ def gazebo_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
     _child(system, "disable_coriolis", "true")
     # Gazebo's axes are a half turn about x away, but no coefficient changes its sign: where the force turns, so does
     # one signal, and else none or two.
-    for coefficient, each in zip(COEFFICIENTS, model.coefficients, strict=True):
+    for coefficient, identified in zip(COEFFICIENTS, model.coefficients, strict=True):
         if coefficient.symbol not in _FIN_TERMS:
-            system.append(ElementTree.Comment(f" {xml_comment([f'{each.symbol}: {certainty(each)}'])} "))
-            _child(system, _element(coefficient), _numbers(each.value))
+            system.append(ElementTree.Comment(f" {xml_comment([f'{identified.symbol}: {certainty(identified)}'])} "))
+            _child(system, _element(coefficient), _numbers(identified.value))
     ElementTree.indent(root)
     heading = indent(xml_comment([*heading_lines(model, losses), *_advice(gravity, size.density)]), "  ")
     return f'<?xml version="1.0"?>\n<!--\n{heading}\n-->\n{ElementTree.tostring(root, encoding="unicode")}\n'
@@ -87,11 +87,11 @@ def _advice(gravity: float, density: float) -> list[str]:
     ]
 
 
-def _add_inertial(link: ElementTree.Element, known: dict[str, float]) -> None:
+def _add_inertial(link: ElementTree.Element, parameters: dict[str, float]) -> None:
     inertial = _child(link, "inertial")
-    _child(inertial, "mass", _numbers(known["m"]))
-    _child(inertial, "pose", _numbers(*_turned(known, "G"), 0.0, 0.0, 0.0))
-    inertia, moments = _child(inertial, "inertia"), _central_inertia(known)
+    _child(inertial, "mass", _numbers(parameters["m"]))
+    _child(inertial, "pose", _numbers(*_turned(parameters, "G"), 0.0, 0.0, 0.0))
+    inertia, moments = _child(inertial, "inertia"), _central_inertia(parameters)
     for row, column in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
         _child(inertia, f"i{'xyz'[row]}{'xyz'[column]}", _numbers(moments[row, column]))
     added = _child(inertial, "fluid_added_mass")
@@ -106,22 +106,22 @@ def _add_inertial(link: ElementTree.Element, known: dict[str, float]) -> None:
         ("qq", ("M_qdot",)),
         ("rr", ("N_rdot",)),
     ):
-        _child(added, element, _numbers(-sum(known[symbol] for symbol in symbols) / len(symbols)))
+        _child(added, element, _numbers(-sum(parameters[symbol] for symbol in symbols) / len(symbols)))
 
 
-def _central_inertia(known: dict[str, float]) -> NDArray[np.float64]:
-    """Inertia about the centre of gravity in Gazebo's axes; auvid's moments are about the origin of the body."""
-    lever = np.array(_turned(known, "G"))
-    about_origin = np.diag([known["Ixx"], known["Iyy"], known["Izz"]])
-    return about_origin - known["m"] * (lever @ lever * np.eye(3) - np.outer(lever, lever))
+def _central_inertia(parameters: dict[str, float]) -> NDArray[np.float64]:
+    """Return the inertia about the centre of gravity in Gazebo's axes; auvid's is about the body's origin."""
+    lever = np.array(_turned(parameters, "G"))
+    about_origin = np.diag([parameters["Ixx"], parameters["Iyy"], parameters["Izz"]])
+    return about_origin - parameters["m"] * (lever @ lever * np.eye(3) - np.outer(lever, lever))
 
 
-def _turned(known: dict[str, float], centre: str) -> tuple[float, float, float]:
-    return known[f"x{centre}"], -known[f"y{centre}"], -known[f"z{centre}"]
+def _turned(parameters: dict[str, float], centre: str) -> tuple[float, float, float]:
+    return parameters[f"x{centre}"], -parameters[f"y{centre}"], -parameters[f"z{centre}"]
 
 
 def _element(coefficient: Coefficient) -> str:
-    """Name of the element, for example ``yUV``, or ``yRabsR`` where a magnitude enters."""
+    """Name the element, for example ``yUV``, or ``yRabsR`` where a magnitude enters."""
     factors = sorted(zip(coefficient.moduli, coefficient.signals, strict=True), key=lambda factor: factor[0])
     return ROWS[coefficient.row].lower() + "".join("abs" * modulus + signal.upper() for modulus, signal in factors)
 

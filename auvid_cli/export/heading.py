@@ -6,7 +6,7 @@ from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
 
 
 def heading_lines(model: IdentifiedModel, losses: Losses) -> list[str]:
-    """Vehicle, filter, origin, doubts and losses, a line each; for `auvid_cli.export.comment`."""
+    """Write vehicle, filter, origin, doubts and losses, a line each; for `auvid_cli.export.comment`."""
     experiment, origin = model.experiment, model.origin
     return [
         f"{experiment.vehicle.name}: coefficients identified by {model.filter}",
@@ -20,7 +20,7 @@ def heading_lines(model: IdentifiedModel, losses: Losses) -> list[str]:
 
 
 def doubts(model: IdentifiedModel) -> list[str]:
-    """What speaks against the estimate and its coefficients, a sentence each."""
+    """Say what speaks against the estimate and its coefficients, a sentence each."""
     sentences = []
     if model.verdict != "completed":
         sentences.append(f"Do not rely on these values: the filter is {model.verdict}.")
@@ -31,7 +31,7 @@ def doubts(model: IdentifiedModel) -> list[str]:
 
 
 def certainty(coefficient: IdentifiedCoefficient) -> str:
-    """How sure a coefficient is, as a remark beside its value."""
+    """Say how sure a coefficient is, as a remark beside its value."""
     if coefficient.standard_deviation is None:
         return "held, not estimated"
     remark = f"standard deviation {coefficient.standard_deviation!r}"

@@ -10,7 +10,7 @@ _COVARIANCES = "The covariances are lost; standard deviations stand beside the v
 
 
 class Losses(NamedTuple):
-    """What is lost.
+    """Parts of a model that a form cannot hold.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ NOTHING = Losses((), ())
 
 
 def losses_of(model: IdentifiedModel, symbols: Collection[str] = (), notes: tuple[str, ...] = ()) -> Losses:
-    """What a form loses that holds the equations of motion alone.
+    """Return what a form loses that holds the equations of motion alone.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def losses_of(model: IdentifiedModel, symbols: Collection[str] = (), notes: tupl
 
 
 def loss_lines(losses: Losses) -> list[str]:
-    """Losses in words, a line each."""
+    """Write losses in words, a line each."""
     if not losses.terms and not losses.notes:
         return ["Nothing is lost."]
     if not losses.terms:
@@ -54,18 +54,18 @@ def loss_lines(losses: Losses) -> list[str]:
 
 
 def _actuation_lines(model: IdentifiedModel) -> list[str]:
-    found, lines = model.actuation, []
-    if found.thrust != 1.0:
+    actuation, lines = model.actuation, []
+    if actuation.thrust != 1.0:
         lines.append(
-            f"The propeller's gain is lost: multiply the stated surge force by {found.thrust:.5g}; along the estimated "
-            f"motion that changed it by {found.thrust_rms:.3g} N RMS."
+            f"The propeller's gain is lost: multiply the stated surge force by {actuation.thrust:.5g}; along the "
+            f"estimated motion that changed it by {actuation.thrust_rms:.3g} N RMS."
         )
-    if found.fin_time_constant:
+    if actuation.fin_time_constant:
         units = {size.symbol: size.unit for size in model.term_sizes}
-        changes = ", ".join(f"{symbol} by {rms:.3g} {units[symbol]}" for symbol, rms in found.lag_rms.items())
+        changes = ", ".join(f"{symbol} by {rms:.3g} {units[symbol]}" for symbol, rms in actuation.lag_rms.items())
         lines.append(
-            f"The fins' lag is lost: put one of {found.fin_time_constant:g} s, first order, between the commands and "
-            f"rudder and elevator here; along the estimated motion it changed {changes} RMS."
+            f"The fins' lag is lost: put one of {actuation.fin_time_constant:g} s, first order, between the commands "
+            f"and rudder and elevator here; along the estimated motion it changed {changes} RMS."
         )
     return lines
 

@@ -15,7 +15,7 @@ For example: [t, x] = ode45(@(t, x) {name}(x, [0 0 100 0]), [0 10], [2 0 0 0 0 0
 
 
 def matlab_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
-    """The whole function; `name` is that of the file without ``.m``."""
+    """Write the whole function; `name` is that of the file without ``.m``."""
     rows = "; ...\n".join("    " + " ".join(f"{number:.17g}" for number in row) for row in mass_rows(model))
     signals = [f"{symbol} = motion({i})" for i, symbol in enumerate(MOTION_SYMBOLS, 1) if symbol != "psi"]
     signals += [f"{symbol} = inputs({i})" for i, symbol in enumerate(INPUT_SYMBOLS, 1)]

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 class IdentifiedCoefficient(NamedTuple):
-    """One of the 22.
+    """A coefficient of the identified model.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class EstimatedState(NamedTuple):
 
 
 class Origin(NamedTuple):
-    """Where a model comes from.
+    """Origin of a model.
 
     Attributes
     ----------
@@ -81,12 +81,12 @@ class Origin(NamedTuple):
 
     @property
     def dataset(self) -> str:
-        """The dataset in words."""
+        """Name the dataset in words."""
         return f"the dataset with SHA-256 {self.dataset_sha256}" if self.dataset_sha256 else "a dataset in memory"
 
     @property
     def estimate(self) -> str:
-        """The estimate in words."""
+        """Name the estimate in words."""
         return f"the estimate with SHA-256 {self.estimate_sha256}" if self.estimate_sha256 else "an estimate in memory"
 
 
@@ -124,12 +124,14 @@ class IdentifiedModel:
     origin: Origin
 
     def estimated(self) -> tuple[str, ...]:
-        """Symbols of the coefficients that were not held."""
-        return tuple(each.symbol for each in self.coefficients if each.standard_deviation is not None)
+        """Return the symbols of the coefficients that were not held."""
+        return tuple(
+            coefficient.symbol for coefficient in self.coefficients if coefficient.standard_deviation is not None
+        )
 
     def not_identified(self) -> tuple[str, ...]:
-        """Symbols of those that were estimated in vain."""
-        return tuple(each.symbol for each in self.coefficients if each.identified is False)
+        """Return the symbols of those that were estimated in vain."""
+        return tuple(coefficient.symbol for coefficient in self.coefficients if coefficient.identified is False)
 
 
 def model_found_by(estimate: Estimate, dataset: Dataset, estimate_sha256: str) -> IdentifiedModel:
@@ -179,16 +181,16 @@ def identified_model(
             "so nothing is exported"
         )
     values = estimate.final_coefficients()
-    found = {result.coefficient: result for result in coefficient_results(estimate, dataset.truth, bounds)}
+    results = {result.coefficient: result for result in coefficient_results(estimate, dataset.truth, bounds)}
     coefficients = []
     for coefficient in COEFFICIENTS:
-        result = found.get(coefficient.symbol)
+        result = results.get(coefficient.symbol)
         certainty = (None, None) if result is None else (result.standard_deviation, result.identified)
         coefficients.append(
             IdentifiedCoefficient(coefficient.symbol, coefficient.unit, values[coefficient.symbol], *certainty)
         )
     others = [i for i, symbol in enumerate(estimate.state) if symbol not in (*SYMBOLS, *MOTION_SYMBOLS, DEPTH.symbol)]
-    kept = [*(estimate.state.index(symbol) for symbol in SYMBOLS if symbol in found), *others]
+    kept = [*(estimate.state.index(symbol) for symbol in SYMBOLS if symbol in results), *others]
     motion = estimate.mean[:, [estimate.state.index(symbol) for symbol in MOTION_SYMBOLS]]
     terms = term_histories(values, motion, acting_inputs(estimate, dataset.inputs))
     return IdentifiedModel(

@@ -28,12 +28,12 @@ def motion_derivative(motion, inputs):
 
 
 def python_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
-    """The whole module."""
+    """Write the whole module."""
     rows = ",\n".join(f"        {row!r}" for row in mass_rows(model))
     deviations = [
-        f"    {each.symbol!r}: {each.standard_deviation!r},\n"
-        for each in model.coefficients
-        if each.standard_deviation is not None
+        f"    {coefficient.symbol!r}: {coefficient.standard_deviation!r},\n"
+        for coefficient in model.coefficients
+        if coefficient.standard_deviation is not None
     ]
     lines = [
         # Else a vehicle's name could state an encoding, in which the module would be another one.

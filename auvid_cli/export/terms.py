@@ -39,7 +39,7 @@ class TermSize(NamedTuple):
 
 
 def term_histories(coefficients: Mapping[str, float], motion: Array, inputs: Array) -> Array:
-    """Force or moment of every coefficient, Sabet et al. 2018, eq. (13).
+    """Return the force or moment of every coefficient, Sabet et al. 2018, eq. (13).
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def term_histories(coefficients: Mapping[str, float], motion: Array, inputs: Arr
 
 
 def term_sizes(terms: Array) -> list[TermSize]:
-    """Size of every term from its history; `terms` as of `term_histories`."""
+    """Return the size of every term from its history; `terms` as of `term_histories`."""
     squares = np.mean(terms**2, axis=0)
     rows = np.array([coefficient.row for coefficient in COEFFICIENTS])
     of_rows = np.sqrt(np.bincount(rows, squares, minlength=len(ROWS)))
@@ -81,7 +81,7 @@ def term_sizes(terms: Array) -> list[TermSize]:
 
 
 def held_inputs(time: Array, input_time: Array, values: Array) -> Array:
-    """Inputs in force at given times; each holds from its own time to the next.
+    """Return the inputs in force at given times; each holds from its own time to the next.
 
     Times are compared in whole nanoseconds, to which a filter rounds those of its events.
 

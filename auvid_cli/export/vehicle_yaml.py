@@ -12,15 +12,15 @@ from auvid_cli.vehicle.parameters import PARAMETERS
 
 
 def yaml_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
-    """The whole file; what was not estimated stands as in the vehicle file before."""
+    """Write the whole file; what was not estimated stands as in the vehicle file before."""
     before = model.experiment.vehicle.model_dump(mode="json", by_alias=True, exclude_none=True)
     units = {quantity.symbol: quantity.unit for quantity in PARAMETERS}
     parameters = {symbol: _with_unit(entry, units[symbol]) for symbol, entry in before["parameters"].items()}
     coefficients = {
-        each.symbol: _with_unit(before["coefficients"][each.symbol], each.unit)
-        if each.standard_deviation is None
-        else _estimated(each, model)
-        for each in model.coefficients
+        coefficient.symbol: _with_unit(before["coefficients"][coefficient.symbol], coefficient.unit)
+        if coefficient.standard_deviation is None
+        else _estimated(coefficient, model)
+        for coefficient in model.coefficients
     }
     notes = [*before["notes"], _provenance(model)]
     vehicle = before | {"notes": notes, "parameters": parameters, "coefficients": coefficients}

@@ -18,7 +18,7 @@ _SIGMAS = 3.0
 
 
 def rotation_checks(signals: Signals, time_constant: float | None) -> list[Check]:
-    """Rates against angles about each axis, and the answer to each moment."""
+    """Judge rates against angles about each axis, and the answer to each moment."""
     checks = []
     for axis in AXES:
         fits = response_fits(signals, axis, time_constant)
@@ -27,46 +27,54 @@ def rotation_checks(signals: Signals, time_constant: float | None) -> list[Check
             if rates and signals.has(axis.rate):
                 tie = rates[axis.rate]
                 window = signals.window(axis.rate, angle)
-                found = tied(signals.values[axis.rate], tie.main, tie.others, window)
-                checks.append(_agreement(axis, angle, subject, found, answers(axis, fits)))
+                fitted = tied(signals.values[axis.rate], tie.main, tie.others, window)
+                checks.append(_agreement(axis, angle, subject, fitted, answers(axis, fits)))
         if fits:
             checks.append(response_check(axis, fits))
     return checks
 
 
-def _agreement(axis: Axis, angle: str, other: str, found: Fit | None, told: dict[str, int]) -> Check:
+def _agreement(axis: Axis, angle: str, other: str, fitted: Fit | None, signs: dict[str, int]) -> Check:
     name, threshold = f"{axis.rate} against {angle}", f"gain 1 +- {_TOLERANCE}, correlation >= {_LEAST_CORRELATION}"
-    if found is None or found.spread < _LEAST_SPREAD:
-        turning = "too short" if found is None else f"{np.rad2deg(found.spread):.2g} deg/s"
+    if fitted is None or fitted.spread < _LEAST_SPREAD:
+        turning = "too short" if fitted is None else f"{np.rad2deg(fitted.spread):.2g} deg/s"
         return judged(
             "gyroscope",
             name,
-            f"not excited enough to tell: {turning}",
-            threshold,
-            None,
-            f"The vehicle hardly turns about this axis: sign and scale of {axis.rate} and {angle} cannot be checked.",
+            statistic=f"not excited enough to tell: {turning}",
+            threshold=threshold,
+            passed=None,
+            advice=f"The vehicle hardly turns about this axis: sign and scale of {axis.rate} and {angle} cannot be "
+            "checked.",
         )
-    shown = f"gain {found.gain:.3g} +- {found.error:.2g}, correlation {found.correlation:.2g}"
-    agrees = found.correlation >= _LEAST_CORRELATION and abs(found.gain - 1.0) <= _TOLERANCE + _SIGMAS * found.error
+    statistic = f"gain {fitted.gain:.3g} +- {fitted.error:.2g}, correlation {fitted.correlation:.2g}"
+    agrees = fitted.correlation >= _LEAST_CORRELATION and abs(fitted.gain - 1.0) <= _TOLERANCE + _SIGMAS * fitted.error
     # Of two that contradict each other in sign, the one whose answer to the input is wrong as well.
-    angle_is_wrong = angle == "heading" or (told.get("attitude") == -1 and told.get("gyroscope") == 1)
-    subject = other if found.gain < 0.0 and angle_is_wrong and told.get("gyroscope") != -1 else "gyroscope"
-    return judged(subject, name, shown, threshold, agrees, _advice(found, axis.rate, angle, subject))
+    angle_is_wrong = angle == "heading" or (signs.get("attitude") == -1 and signs.get("gyroscope") == 1)
+    subject = other if fitted.gain < 0.0 and angle_is_wrong and signs.get("gyroscope") != -1 else "gyroscope"
+    return judged(
+        subject,
+        name,
+        statistic=statistic,
+        threshold=threshold,
+        passed=agrees,
+        advice=_advice(fitted, axis.rate, angle, subject),
+    )
 
 
-def _advice(found: Fit, rate: str, angle: str, subject: str) -> str:
-    if abs(found.correlation) < _LEAST_CORRELATION:
+def _advice(fitted: Fit, rate: str, angle: str, subject: str) -> str:
+    if abs(fitted.correlation) < _LEAST_CORRELATION:
         return (
             f"{rate} and {angle} do not belong together: axes are exchanged, one of them is delayed or smoothed, or it "
             "does not measure."
         )
     advice = []
-    if found.gain < 0.0:
+    if fitted.gain < 0.0:
         wrong = rate if subject == "gyroscope" else angle
         advice.append(
             f"The sign of {wrong} is turned, or its axes are those of another frame (x forward, y starboard, z down)."
         )
-    size = abs(found.gain)
+    size = abs(fitted.gain)
     if abs(size - 1.0) > _TOLERANCE:
         advice.append(
             mistaken_units(size, (rate, "rad/s"), (angle, "rad"))

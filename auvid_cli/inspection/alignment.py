@@ -25,7 +25,7 @@ _OTHER_FIN = {"elevator": "rudder", "rudder": "elevator"}
 
 
 class Alignment(NamedTuple):
-    """How the inputs are to be read.
+    """Delay of the inputs, and assignment of the fins.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Alignment(NamedTuple):
 
     @property
     def is_delayed(self) -> bool:
-        """Whether inputs come later or earlier than fins and averaging explain."""
+        """Say whether inputs come later or earlier than fins and averaging explain."""
         return self.delay is not None and abs(self.delay) > _USUAL + _ROUNDING
 
 
@@ -57,12 +57,12 @@ def input_alignment(signals: Signals, time_constant: float | None) -> Alignment:
     """
     roll, *fins = AXES
     crossed_fins = [axis._replace(given=_OTHER_FIN[axis.given]) for axis in fins]
-    by_roll, own, crossed = (_likelihood(signals, axes, time_constant) for axes in ([roll], fins, crossed_fins))
-    own, crossed = own + by_roll, crossed + by_roll
-    if not max(own.max(), crossed.max()) > 0.0:
+    by_roll, as_named, crossed = (_likelihood(signals, axes, time_constant) for axes in ([roll], fins, crossed_fins))
+    as_named, crossed = as_named + by_roll, crossed + by_roll
+    if not max(as_named.max(), crossed.max()) > 0.0:
         return Alignment(None, None)
-    exchanged = bool(crossed.max() > own.max() + _LIKELIER)
-    likelihood, delays = crossed if exchanged else own, _lags(signals)
+    exchanged = bool(crossed.max() > as_named.max() + _LIKELIER)
+    likelihood, delays = crossed if exchanged else as_named, _lags(signals)
     usual = np.abs(delays) <= _USUAL + 0.5 * signals.grid.step
     if not likelihood.max() > likelihood[usual].max() + _LIKELIER:
         likelihood = np.where(usual, likelihood, -np.inf)
@@ -70,7 +70,7 @@ def input_alignment(signals: Signals, time_constant: float | None) -> Alignment:
 
 
 def aligned(signals: Signals, alignment: Alignment) -> Signals:
-    """Signals with the inputs where they belong."""
+    """Put the inputs of signals where they belong."""
     value = dict(signals.values)
     if alignment.exchanged:
         value["rudder"], value["elevator"] = value["elevator"], value["rudder"]
@@ -82,7 +82,7 @@ def aligned(signals: Signals, alignment: Alignment) -> Signals:
 
 
 def alignment_checks(alignment: Alignment) -> list[Check]:
-    """Verdicts on the delay of the inputs and on which fin is which, where any answer tells."""
+    """Judge the delay of the inputs and which fin is which, where any answer tells."""
     if alignment.delay is None or alignment.exchanged is None:
         return []
     delay = alignment.delay
@@ -91,11 +91,11 @@ def alignment_checks(alignment: Alignment) -> list[Check]:
         judged(
             "inputs",
             "delay",
-            f"inputs {late}",
-            f"<= {_USUAL:g} s; fails beyond {_LARGEST:g} s",
-            True if not alignment.is_delayed else None if abs(delay) <= _LARGEST + _ROUNDING else False,
-            "Shift the times of the inputs, for an input that comes at another time than its answer spoils every "
-            "coefficient of a fin. Signs were judged as if they were shifted."
+            statistic=f"inputs {late}",
+            threshold=f"<= {_USUAL:g} s; fails beyond {_LARGEST:g} s",
+            passed=True if not alignment.is_delayed else None if abs(delay) <= _LARGEST + _ROUNDING else False,
+            advice="Shift the times of the inputs, for an input that comes at another time than its answer spoils "
+            "every coefficient of a fin. Signs were judged as if they were shifted."
             if delay > 0.0
             else "Inputs are commands that fins follow late (`identification.fin_time_constant`), or their clock is "
             "ahead of that of the sensors: shift their times. Signs were judged as if they were shifted.",
@@ -103,17 +103,17 @@ def alignment_checks(alignment: Alignment) -> list[Check]:
         judged(
             "inputs",
             "rudder and elevator",
-            "r answers elevator, q rudder" if alignment.exchanged else "r answers rudder, q elevator",
-            "r answers rudder, q elevator",
-            not alignment.exchanged,
-            "The columns of rudder and elevator are exchanged: exchange their names in the map. Signs were judged as "
-            "if they were.",
+            statistic="r answers elevator, q rudder" if alignment.exchanged else "r answers rudder, q elevator",
+            threshold="r answers rudder, q elevator",
+            passed=not alignment.exchanged,
+            advice="The columns of rudder and elevator are exchanged: exchange their names in the map. Signs were "
+            "judged as if they were.",
         ),
     ]
 
 
 def _likelihood(signals: Signals, axes: Sequence[Axis], time_constant: float | None) -> Array:
-    """How much likelier some answers are than none, as a logarithm, for each of the `_lags`."""
+    """Say how much likelier some answers are than none, as a logarithm, for each of the `_lags`."""
     total = np.zeros(_lags(signals).size)
     for axis in axes:
         correlation, windows = _correlations(signals, axis, time_constant)
@@ -123,7 +123,7 @@ def _likelihood(signals: Signals, axes: Sequence[Axis], time_constant: float | N
 
 
 def _correlations(signals: Signals, axis: Axis, time_constant: float | None) -> tuple[Array, float]:
-    """Partial correlation of the change of a rate and the mean input that was stamped so much later.
+    """Correlate, in part, the change of a rate and the mean input that was stamped so much later.
 
     Beside it stand the means of what else turns the vehicle: unlike in `responses.response_fits`, where they are those
     at the begin, so that a linear answer without delay fits best without delay.
@@ -145,9 +145,9 @@ def _correlations(signals: Signals, axis: Axis, time_constant: float | None) -> 
     rows = np.stack([change(rate, window), *(smoothed(each, window) for each in beside)])
     force = smoothed(force, window)
     # Known at every lag.
-    known = np.isfinite(rows).all(axis=0)
-    known &= np.isfinite(_earlier(smoothed(force, lags.size), int(lags[0])))
-    at = np.flatnonzero(known)
+    complete = np.isfinite(rows).all(axis=0)
+    complete &= np.isfinite(_earlier(smoothed(force, lags.size), int(lags[0])))
+    at = np.flatnonzero(complete)
     windows = at.size / window
     if windows < _FEWEST_WINDOWS:
         return np.zeros(lags.size), 0.0
@@ -159,19 +159,19 @@ def _correlations(signals: Signals, axis: Axis, time_constant: float | None) -> 
 
 
 def _left(values: Array, basis: Array) -> Array:
-    """What is left of a signal outside an orthonormal basis, of length 1; 0 if that is rounding."""
+    """Return what is left of a signal outside an orthonormal basis, of length 1; 0 if that is rounding."""
     left = values - basis @ (basis.T @ values)
     length = float(np.linalg.norm(left))
     return left / length if length > _ROUNDING * float(np.linalg.norm(values)) else 0.0 * left
 
 
 def _earlier(values: Array, cells: int) -> Array:
-    """The same so many cells earlier, or later if negative; NaN where nothing is known."""
+    """Shift values so many cells earlier, or later if negative; NaN where nothing is known."""
     lost = np.full(min(abs(cells), values.size), np.nan)
     return np.concatenate([values[cells:], lost] if cells > 0 else [lost, values[: values.size + cells]])
 
 
 def _lags(signals: Signals) -> NDArray[np.int64]:
-    """Cells by which the inputs may be late."""
+    """Return the cells by which the inputs may be late."""
     most = round(_LONGEST / signals.grid.step)
     return np.arange(-most, most + 1)

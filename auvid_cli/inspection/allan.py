@@ -21,7 +21,7 @@ class BiasInstability(NamedTuple):
 
 
 def allan_deviation(rate: Array, step: float, points: int = 30) -> tuple[Array, Array]:
-    """Overlapping Allan deviation, IEEE Std 952-1997, annex C.
+    """Return the overlapping Allan deviation, IEEE Std 952-1997, annex C.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def allan_deviation(rate: Array, step: float, points: int = 30) -> tuple[Array, 
 
 
 def bias_instability(rate: Array, step: float) -> BiasInstability | None:
-    """Where the Allan deviation is least, None if it still falls at the longest averaging time."""
+    """Find where the Allan deviation is least, None if it still falls at the longest averaging time."""
     if rate.size < 100:
         return None
     times, deviation = allan_deviation(rate, step)

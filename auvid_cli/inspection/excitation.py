@@ -23,7 +23,7 @@ _LEAST_PER_TIME_CONSTANT, _GOOD_PER_TIME_CONSTANT = 1.0, 2.0
 
 
 def excitation_checks(dataset: Dataset, signals: Signals) -> list[Check]:
-    """RMS and peak of each input and each velocity or rate, about its mean; and the share of time under way."""
+    """Judge RMS and peak of each input, velocity and rate, about its mean; and the share of time under way."""
     checks = [_input(quantity, signals.values[quantity.symbol]) for quantity in INPUTS]
     noise = {
         quantity.symbol: record.standard_deviation[component]
@@ -37,44 +37,44 @@ def excitation_checks(dataset: Dataset, signals: Signals) -> list[Check]:
 
 
 def _input(quantity: Quantity, values: Array) -> Check:
-    known = values[np.isfinite(values)]
+    finite = values[np.isfinite(values)]
     least = _LEAST_FIN
     if quantity.symbol == "surge_force":
-        least = max(_LEAST_SHARE * abs(float(known.mean())), _LEAST_FORCE)
+        least = max(_LEAST_SHARE * abs(float(finite.mean())), _LEAST_FORCE)
     elif quantity.symbol == "roll_moment":
         least = _LEAST_ROLL_MOMENT
-    return _channel(quantity, known, least, f"{quantity.symbol} hardly moves: {_cannot_tell(quantity.symbol)}")
+    return _channel(quantity, finite, least, f"{quantity.symbol} hardly moves: {_cannot_tell(quantity.symbol)}")
 
 
 def _motion(quantity: Quantity, values: Array, noise: float) -> Check:
-    known = values[np.isfinite(values)]
+    finite = values[np.isfinite(values)]
     advice = f"{quantity.symbol} hardly stands out of its noise: {_cannot_tell(quantity.symbol)}"
-    return _channel(quantity, known, _TIMES_NOISE * noise, advice)
+    return _channel(quantity, finite, _TIMES_NOISE * noise, advice)
 
 
-def _channel(quantity: Quantity, known: Array, least: float, advice: str) -> Check:
+def _channel(quantity: Quantity, values: Array, least: float, advice: str) -> Check:
     scale, unit = (
         (np.rad2deg(1.0), quantity.unit.replace("rad", "deg")) if "rad" in quantity.unit else (1.0, quantity.unit)
     )
-    deviation = known - known.mean()
-    size, peak = float(np.sqrt(np.mean(deviation**2))), float(np.abs(known).max())
+    deviation = values - values.mean()
+    size, peak = float(np.sqrt(np.mean(deviation**2))), float(np.abs(values).max())
     return judged(
         quantity.symbol,
         "excitation",
-        f"RMS {size * scale:.3g} {unit} about the mean, peak {peak * scale:.3g} {unit}",
-        f">= {least * scale:.2g} {unit}",
-        True if size >= least else None,
-        advice,
+        statistic=f"RMS {size * scale:.3g} {unit} about the mean, peak {peak * scale:.3g} {unit}",
+        threshold=f">= {least * scale:.2g} {unit}",
+        passed=True if size >= least else None,
+        advice=advice,
     )
 
 
 def _cannot_tell(symbol: str) -> str:
-    told = {"surge_force": ("X_u|u|",), "roll_moment": ("K_p|p|",)}.get(
+    undetermined = {"surge_force": ("X_u|u|",), "roll_moment": ("K_p|p|",)}.get(
         symbol, tuple(c.symbol for c in COEFFICIENTS if symbol in c.signals)
     )
     if symbol == "u":
         return "drag, lift and fin forces at one speed only; that is no obstacle, but they are known for this speed."
-    return f"do not expect {', '.join(told)} from these data; move it more, or hold them at known values."
+    return f"do not expect {', '.join(undetermined)} from these data; move it more, or hold them at known values."
 
 
 def _under_way(values: Array) -> Check:
@@ -84,15 +84,16 @@ def _under_way(values: Array) -> Check:
     return judged(
         "u",
         "under way",
-        f"{share:.0%} of the time",
-        f">= {_LEAST_MOVING:.0%} faster than {_MOVING:g} of the usual speed",
-        True if share >= _LEAST_MOVING else None,
-        "For much of the time the vehicle lies still or drifts: cut that out, for the model is of a vehicle under way.",
+        statistic=f"{share:.0%} of the time",
+        threshold=f">= {_LEAST_MOVING:.0%} faster than {_MOVING:g} of the usual speed",
+        passed=True if share >= _LEAST_MOVING else None,
+        advice="For much of the time the vehicle lies still or drifts: cut that out, for the model is of a vehicle "
+        "under way.",
     )
 
 
 def fitness_checks(dataset: Dataset, time_constant: float | None) -> list[Check]:
-    """Whether each sensor that a filter measures is fast enough for the vehicle; none if its speed is not known.
+    """Judge whether each sensor of the motion is fast enough for the vehicle; none if its speed is not known.
 
     Parameters
     ----------
@@ -112,11 +113,11 @@ def fitness_checks(dataset: Dataset, time_constant: float | None) -> list[Check]
                 judged(
                     name,
                     "fast enough",
-                    f"{measurements:.3g} measurements in {time_constant:.3g} s, the vehicle's time constant",
-                    f">= {_GOOD_PER_TIME_CONSTANT:g}; fails below {_LEAST_PER_TIME_CONSTANT:g}",
-                    True if good else None if measurements >= _LEAST_PER_TIME_CONSTANT else False,
-                    f"The vehicle turns and settles within its length over its speed, and {name} sees too little of "
-                    "that: coefficients that differ much fit alike. Log faster, or fly slower.",
+                    statistic=f"{measurements:.3g} measurements in {time_constant:.3g} s, the vehicle's time constant",
+                    threshold=f">= {_GOOD_PER_TIME_CONSTANT:g}; fails below {_LEAST_PER_TIME_CONSTANT:g}",
+                    passed=True if good else None if measurements >= _LEAST_PER_TIME_CONSTANT else False,
+                    advice=f"The vehicle turns and settles within its length over its speed, and {name} sees too "
+                    "little of that: coefficients that differ much fit alike. Log faster, or fly slower.",
                 )
             )
     return checks

@@ -22,14 +22,14 @@ _DRIFT = 12.0
 _SENSORS = {"psi": "attitude", "heading": "magnetometer"}
 
 
-def excursion_checks(signals: Signals, known: Collection[str]) -> tuple[list[Check], list[Mark]]:
-    """Verdicts on each heading against the integrated turn rate, or without one of psi against the other heading.
+def excursion_checks(signals: Signals, stepped: Collection[str]) -> tuple[list[Check], list[Mark]]:
+    """Judge each heading by the integrated turn rate, or without one psi by the other heading.
 
     Parameters
     ----------
     signals : Signals
-    known : collection of str
-        Headings of which steps are known; they are not judged again.
+    stepped : collection of str
+        Headings of which steps were found; they are not judged again.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def excursion_checks(signals: Signals, known: Collection[str]) -> tuple[list[Che
     marks : list of Mark
         When they were away.
     """
-    headings = [symbol for symbol in _SENSORS if signals.has(symbol) and symbol not in known]
+    headings = [symbol for symbol in _SENSORS if signals.has(symbol) and symbol not in stepped]
     turned = _turned(signals)
     if turned is not None:
         pairs = [(symbol, "integrated r", turned) for symbol in headings]
@@ -55,26 +55,26 @@ def excursion_checks(signals: Signals, known: Collection[str]) -> tuple[list[Che
 
 
 def _turned(signals: Signals) -> Array | None:
-    """Heading by the gyroscope from the first time on; NaN where it was silent, and then from another beginning."""
+    """Integrate the heading by the gyroscope; NaN where it was silent, and then from another beginning."""
     if not signals.has("q", "r", "phi", "theta"):
         return None
     value = signals.values
     nothing = np.zeros(signals.grid.cells)
     rates = np.column_stack((nothing, value["q"], value["r"]))
     rate = euler_rates(rates, np.column_stack((value["phi"], value["theta"], nothing)))[:, 2]
-    known = np.isfinite(rate)
-    return np.where(known, np.cumsum(np.where(known, rate, 0.0)) * signals.grid.step, np.nan)
+    finite = np.isfinite(rate)
+    return np.where(finite, np.cumsum(np.where(finite, rate, 0.0)) * signals.grid.step, np.nan)
 
 
 def _turn_alike(signals: Signals, heading: Array, reference: Array) -> bool:
     window = signals.window("psi", "heading", "r")
     rate, expected = (smoothed(derivative(each, signals.grid.step), window) for each in (heading, reference))
-    found = fit(rate, expected, [], window)
-    return found is not None and 0.5 < found.gain < 2.0
+    fitted = fit(rate, expected, [], window)
+    return fitted is not None and 0.5 < fitted.gain < 2.0
 
 
 def _away(signals: Signals, difference: Array) -> tuple[Array, Array]:
-    """First and last time, s, of each excursion, and how far it went, rad."""
+    """Find first and last time, s, of each excursion, and how far it went, rad."""
     at = np.flatnonzero(np.isfinite(difference))
     # Round north, and about what two headings differ by for long: declination, drift.
     difference = np.unwrap(difference[at])
@@ -89,17 +89,20 @@ def _away(signals: Signals, difference: Array) -> tuple[Array, Array]:
 
 
 def _verdict(symbol: str, reference: str, spans: Array, peaks: Array) -> Check:
-    found = "none"
+    statistic = "none"
     if peaks.size:
         times = ", ".join(f"{start:.4g} to {end:.4g}" for start, end in spans[:3])
         largest = peaks[np.abs(peaks).argmax()]
-        found = f"{peaks.size}, largest {np.rad2deg(largest):.3g} deg: t = {times}{' ...' if peaks.size > 3 else ''} s"
+        statistic = (
+            f"{peaks.size}, largest {np.rad2deg(largest):.3g} deg: t = {times}{' ...' if peaks.size > 3 else ''} s"
+        )
     return judged(
         _SENSORS[symbol],
         f"excursions of {symbol} from {reference}",
-        found,
-        f"<= {np.rad2deg(_LEAST):.2g} deg or {_TIMES_NOISE:g} times their noise, apart from drift over {_DRIFT:g} s",
-        not peaks.size,
-        f"{symbol} goes away and comes back though the vehicle does not turn so: iron, a motor or a modem disturbs the "
-        "compass. Mark those times as not valid, or use the other source.",
+        statistic=statistic,
+        threshold=f"<= {np.rad2deg(_LEAST):.2g} deg or {_TIMES_NOISE:g} times their noise, apart from drift over "
+        f"{_DRIFT:g} s",
+        passed=not peaks.size,
+        advice=f"{symbol} goes away and comes back though the vehicle does not turn so: iron, a motor or a modem "
+        "disturbs the compass. Mark those times as not valid, or use the other source.",
     )

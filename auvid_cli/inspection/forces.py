@@ -22,16 +22,18 @@ _UNIT = (
 
 
 def force_checks(signals: Signals, vehicle: VehicleSettings) -> list[Check]:
-    """Verdicts on fins, surge force and roll moment, as far as they are not zero all the time."""
-    known, size = vehicle.known_parameters(), vehicle.size
+    """Judge fins, surge force and roll moment, as far as they are not zero all the time."""
+    parameters, size = vehicle.known_parameters(), vehicle.size
     checks = [_fin(signals, symbol) for symbol in ("rudder", "elevator")]
     if signals.has("u") and _reached(signals.values["u"]) > _SLOWEST:
         u = signals.values["u"]
         resistance = 0.5 * size.density * 0.25 * np.pi * size.diameter**2 * _reached(u) ** 2
-        inertia = known["m"] * _reached(derivative(u, signals.grid.step))
+        inertia = parameters["m"] * _reached(derivative(u, signals.grid.step))
         what = "what moves a body of that size and mass so"
         checks.append(_against(signals, "surge_force", "N", resistance + inertia, what))
-    checks.append(_against(signals, "roll_moment", "N m", 0.5 * known["W"] * size.diameter, "weight times radius", 0.0))
+    checks.append(
+        _against(signals, "roll_moment", "N m", 0.5 * parameters["W"] * size.diameter, "weight times radius", 0.0)
+    )
     return [check for check in checks if check is not None]
 
 
@@ -41,13 +43,15 @@ def _fin(signals: Signals, symbol: str) -> Check | None:
         return None
     advice = "No fin turns so far: look at its `unit`, or `centre` and `scale`, in the map."
     reached = f"up to {np.rad2deg(largest):.3g} deg"
-    return judged(symbol, "deflection", reached, "<= 90 deg", largest <= _LARGEST_FIN, advice)
+    return judged(
+        symbol, "deflection", statistic=reached, threshold="<= 90 deg", passed=largest <= _LARGEST_FIN, advice=advice
+    )
 
 
 def _against(
     signals: Signals, symbol: str, unit: str, usual: float, meaning: str, least: float | None = None
 ) -> Check | None:
-    """Verdict on the size of an input; `least` stands for the lower limits where little is nothing doubtful."""
+    """Judge the size of an input; `least` stands for the lower limits where little is nothing doubtful."""
     if not _largest(signals, symbol):
         return None
     reached = _reached(signals.values[symbol])
@@ -61,10 +65,11 @@ def _against(
     return judged(
         symbol,
         "size",
-        f"{reached:.3g} {unit}",
-        f"{low if least is None else least:.2g} to {high:.2g} {unit}: {meaning} takes {usual:.2g} {unit} or less",
-        passed,
-        f"{ratio:.2g} times {meaning}. {_UNIT}",
+        statistic=f"{reached:.3g} {unit}",
+        threshold=f"{low if least is None else least:.2g} to {high:.2g} {unit}: {meaning} takes {usual:.2g} {unit} or "
+        "less",
+        passed=passed,
+        advice=f"{ratio:.2g} times {meaning}. {_UNIT}",
     )
 
 
@@ -73,6 +78,6 @@ def _largest(signals: Signals, symbol: str) -> float:
 
 
 def _reached(values: Array) -> float:
-    """What is exceeded only for a tenth of the time."""
+    """Return what is exceeded only for a tenth of the time."""
     sizes = np.abs(values[np.isfinite(values)])
     return float(np.quantile(sizes, _MOST_OF_THE_TIME)) if sizes.size else 0.0

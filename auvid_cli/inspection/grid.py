@@ -27,7 +27,7 @@ class Grid(NamedTuple):
     cells: int
 
     def centres(self) -> Array:
-        """Times in the middle of each cell, s."""
+        """Return the times in the middle of each cell, s."""
         return self.start + self.step * (0.5 + np.arange(self.cells, dtype=np.float64))
 
 
@@ -39,7 +39,7 @@ class Signals(NamedTuple):
     interval: dict[str, float]
 
     def has(self, *symbols: str) -> bool:
-        """Whether all of these were measured at some time."""
+        """Say whether all of these were measured at some time."""
         return all(symbol in self.values for symbol in symbols)
 
     def blank(self, symbol: str, start: float, end: float) -> None:
@@ -49,7 +49,7 @@ class Signals(NamedTuple):
             self.values[symbol][max(first, 0) : last + 1] = np.nan
 
     def window(self, *symbols: str, least: float = 1.0) -> int:
-        """How many cells to average over, so that the slowest of some components has a few measurements there."""
+        """Say how many cells to average over, so that the slowest of some components has a few measurements there."""
         longest = max(self.interval.get(symbol, 0.0) for symbol in symbols)
         return max(round(max(least, _LONGEST_BRIDGE * longest) / self.grid.step), 1)
 
@@ -83,7 +83,7 @@ def signals_of(inputs: InputRecord, sensors: Mapping[str, SensorRecord], span: t
 
 
 def _on(grid: Grid, time: Array, values: Array) -> Array:
-    """Mean of each cell, or of slow measurements the line between two."""
+    """Return the mean of each cell, or of slow measurements the line between two."""
     usual = float(np.median(np.diff(time)))
     if usual <= 0.5 * grid.step:
         cell = ((time - grid.start) / grid.step).astype(np.int64)
@@ -100,7 +100,7 @@ def _on(grid: Grid, time: Array, values: Array) -> Array:
 
 
 def _input_on(grid: Grid, time: Array, values: Array) -> Array:
-    """Mean over each cell of what is held from each time to the next; NaN before the first."""
+    """Return the mean over each cell of what is held from each time to the next; NaN before the first."""
     edges = grid.start + grid.step * np.arange(grid.cells + 1)
     total = np.append(0.0, np.cumsum(np.diff(time) * values[:-1]))
     beyond = np.maximum(edges - time[-1], 0.0) * values[-1]
@@ -108,10 +108,10 @@ def _input_on(grid: Grid, time: Array, values: Array) -> Array:
 
 
 def smoothed(values: Array, window: int) -> Array:
-    """Mean over `window` cells from each on; NaN where one of them is missing or beyond the end."""
-    known = np.isfinite(values)
-    total = np.append(0.0, np.cumsum(np.where(known, values, 0.0)))
-    count = np.append(0, np.cumsum(known))
+    """Average over `window` cells from each on; NaN where one of them is missing or beyond the end."""
+    finite = np.isfinite(values)
+    total = np.append(0.0, np.cumsum(np.where(finite, values, 0.0)))
+    count = np.append(0, np.cumsum(finite))
     result = np.full(values.size, np.nan)
     if values.size >= window:
         whole = count[window:] - count[:-window] == window
@@ -120,14 +120,14 @@ def smoothed(values: Array, window: int) -> Array:
 
 
 def derivative(values: Array, step: float) -> Array:
-    """Central difference; NaN at both ends and beside what is missing."""
+    """Return the central difference; NaN at both ends and beside what is missing."""
     result = np.full(values.size, np.nan)
     result[1:-1] = (values[2:] - values[:-2]) / (2.0 * step)
     return result
 
 
 def change(values: Array, window: int) -> Array:
-    """What is added over `window` cells from each on; NaN beyond the end."""
+    """Return what is added over `window` cells from each on; NaN beyond the end."""
     result = np.full(values.size, np.nan)
     if values.size > window:
         result[:-window] = values[window:] - values[:-window]
@@ -135,6 +135,6 @@ def change(values: Array, window: int) -> Array:
 
 
 def without_mean(values: Array, window: int) -> Array:
-    """What is left without the mean over `window` cells about each; NaN where one of them is missing."""
+    """Take off the mean over `window` cells about each; NaN where one of them is missing."""
     means = smoothed(values, window)
     return values - np.concatenate([np.full(window // 2, np.nan), means[: values.size - window // 2]])

@@ -47,13 +47,13 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     """
     sensors = {name: record for name, record in dataset.sensors.items() if np.isfinite(record.values).any()}
     checks = [_silent(name) for name in dataset.sensors if name not in sensors] or [_no_sensor()] * (not sensors)
-    checks += [*_said_at_import(dataset.experiment), *_vehicle(dataset.experiment.vehicle)]
+    checks += [*_import_remarks(dataset.experiment), *_vehicle(dataset.experiment.vehicle)]
     marks, sound = [], {}
     for name, record in sensors.items():
-        found = screened(name, record)
-        checks += _alone(dataset, name, found)
-        marks += found.marks
-        sound[name] = found.record
+        screening = screened(name, record)
+        checks += _sensor_checks(dataset, name, screening)
+        marks += screening.marks
+        sound[name] = screening.record
     span = _span(dataset.inputs, sensors)
     signals = signals_of(dataset.inputs, sound, span)
     stepped = set()
@@ -85,37 +85,54 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     return Inspection(checks, marks, inputs, presence, span)
 
 
-def _alone(dataset: Dataset, name: str, found: Screened) -> list[Check]:
-    """Verdicts on a sensor by itself."""
+def _sensor_checks(dataset: Dataset, name: str, screening: Screened) -> list[Check]:
+    """Judge a sensor by itself."""
     record = dataset.sensors[name]
-    checks = timing_checks(name, record, found.jumps) if record.time.size > 1 else []
-    checks += [*data_checks([dataset], "", [name]), *reading_checks(name, record, found.spikes, found.largest)]
+    checks = timing_checks(name, record, screening.jumps) if record.time.size > 1 else []
+    checks += [*data_checks([dataset], "", [name]), *reading_checks(name, record, screening.spikes, screening.largest)]
     tells_pitch = name == "attitude" and np.isfinite(record.values[:, 1]).any()
     return [*checks, gimbal_check(record)] if tells_pitch else checks
 
 
 def _no_sensor() -> Check:
-    return judged("dataset", "sensors", "none", "some", False, "There is nothing to judge, nor to identify from.")
+    return judged(
+        "dataset",
+        "sensors",
+        statistic="none",
+        threshold="some",
+        passed=False,
+        advice="There is nothing to judge, nor to identify from.",
+    )
 
 
 def _silent(name: str) -> Check:
     advice = f"{name} holds no valid value at all: leave it out, or find out why."
-    return judged(name, "missing", "100% of values", "some", False, advice)
+    return judged(name, "missing", statistic="100% of values", threshold="some", passed=False, advice=advice)
 
 
-def _said_at_import(run: RunSettings) -> list[Check]:
-    """What only the log could tell, such as that its other clock is the better one."""
+def _import_remarks(run: RunSettings) -> list[Check]:
+    """List what only the log could tell, such as that its other clock is the better one."""
     remarks = run.recording.remarks if isinstance(run, ImportedRun) else {}
     return [
-        judged(name, "import", "a remark", "none", None, f"At import: {'; '.join(said)}.")
-        for name, said in remarks.items()
+        judged(
+            name,
+            "import",
+            statistic="a remark",
+            threshold="none",
+            passed=None,
+            advice=f"At import: {'; '.join(sentences)}.",
+        )
+        for name, sentences in remarks.items()
     ]
 
 
 def _vehicle(vehicle: VehicleSettings) -> list[Check]:
-    """What of the vehicle's numbers can hardly be."""
+    """List what of the vehicle's numbers can hardly be."""
     advice = "Look at the sign and the unit of that number in the vehicle file, and at what it is compared with."
-    return [judged("vehicle", doubt.subject, doubt.stated, doubt.expected, None, advice) for doubt in doubts(vehicle)]
+    return [
+        judged("vehicle", doubt.subject, statistic=doubt.stated, threshold=doubt.expected, passed=None, advice=advice)
+        for doubt in doubts(vehicle)
+    ]
 
 
 def _span(inputs: InputRecord, sensors: dict[str, SensorRecord]) -> tuple[float, float]:
@@ -124,7 +141,7 @@ def _span(inputs: InputRecord, sensors: dict[str, SensorRecord]) -> tuple[float,
 
 
 def _angles(sensors: dict[str, SensorRecord]) -> Iterator[tuple[str, int, str]]:
-    """Sensor, component and symbol of each angle that is measured."""
+    """Yield sensor, component and symbol of each angle that is measured."""
     for name, record in sensors.items():
         for component, quantity in enumerate(SENSORS[name]):
             if quantity.unit == "rad" and np.isfinite(record.values[:, component]).sum() > 1:
@@ -132,28 +149,28 @@ def _angles(sensors: dict[str, SensorRecord]) -> Iterator[tuple[str, int, str]]:
 
 
 def _stability(signals: Signals) -> list[Check]:
-    """Bias instability of the rates, from what attitude does not explain of them: that of both together."""
+    """State the bias instability of the rates, from what attitude does not explain: that of both together."""
     checks = []
     for symbol, tie in attitude_rates(signals).items():
         if signals.has(symbol):
-            left = signals.values[symbol] - tie.total()
-            found = bias_instability(left[np.isfinite(left)], signals.grid.step)
-            if found is not None:
+            unexplained = signals.values[symbol] - tie.total()
+            instability = bias_instability(unexplained[np.isfinite(unexplained)], signals.grid.step)
+            if instability is not None:
                 checks.append(
                     judged(
                         "gyroscope",
                         f"bias instability of {symbol}",
-                        f"{np.rad2deg(found.value) * 3600.0:.3g} deg/h at {found.time:.3g} s",
-                        "Allan deviation of what attitude does not explain",
-                        True,
-                        "",
+                        statistic=f"{np.rad2deg(instability.value) * 3600.0:.3g} deg/h at {instability.time:.3g} s",
+                        threshold="Allan deviation of what attitude does not explain",
+                        passed=True,
+                        advice="",
                     )
                 )
     return checks
 
 
 def _presence(record: SensorRecord, span: tuple[float, float]) -> Array:
-    """How many of the usual measurements there are in each piece of the span, 0 to 1; a piece has room for a few."""
+    """Count, over the usual, the measurements in each piece of the span, 0 to 1; a piece has room for a few."""
     time = record.time[np.isfinite(record.values).any(axis=1)]
     usual = float(np.median(np.diff(record.time))) if record.time.size > 1 else np.inf
     expected = (span[1] - span[0]) / usual

@@ -14,18 +14,18 @@ Array = NDArray[np.float64]
 
 
 class Tie(NamedTuple):
-    """What should equal `main` plus `others`."""
+    """A signal that should equal `main` plus `others`."""
 
     main: Array
     others: tuple[Array, ...]
 
     def total(self) -> Array:
-        """The sum."""
+        """Return the sum."""
         return sum(self.others, self.main)
 
 
 def attitude_rates(signals: Signals, heading: str = "psi") -> dict[str, Tie]:
-    """Body rates as the change of attitude gives them, Fossen (2011), eq. (2.26) inverted; by symbol.
+    """Return body rates by the change of attitude, Fossen (2011), eq. (2.26) inverted; by symbol.
 
     What stands first contains the angle about the same axis.
     """
@@ -42,7 +42,7 @@ def attitude_rates(signals: Signals, heading: str = "psi") -> dict[str, Tie]:
 
 
 def felt_accelerations(signals: Signals) -> dict[str, Tie]:
-    """Specific force by the symbol of the velocity whose change it contains; needs attitude and DVL."""
+    """Return specific force by the symbol of the velocity whose change it contains; needs attitude and DVL."""
     rates = attitude_rates(signals)
     if not rates or not signals.has("u", "v", "w", "fx", "fy", "fz"):
         return {}
@@ -58,7 +58,7 @@ def felt_accelerations(signals: Signals) -> dict[str, Tie]:
 
 
 def diving_speed(signals: Signals) -> Tie | None:
-    """Depth rate by pitch and surge, by heave, and by sway; needs attitude and DVL."""
+    """Return the depth rate by pitch and surge, by heave, and by sway; needs attitude and DVL."""
     if not signals.has("u", "v", "w", "phi", "theta"):
         return None
     value = signals.values
@@ -74,7 +74,7 @@ def tied(values: Array, main: Array, others: Sequence[Array], window: int) -> Fi
 
 
 def swings(signals: Signals) -> dict[str, Array]:
-    """Acceleration to starboard and down of a place, per metre that it lies ahead of another; by the velocity there.
+    """Return the acceleration, by the velocity there, of a place per metre that it lies ahead of another.
 
     What turning adds to a rigid body's acceleration. Needs attitude.
     """

@@ -14,7 +14,7 @@ _SOURCES = (("v", "fy", "r"), ("w", "fz", "q"))
 
 
 def lever_arm_checks(signals: Signals, forces: dict[str, Tie]) -> list[Check]:
-    """Verdict on the distance along the hull by v in yaw and by w in pitch, where either tells.
+    """Judge the distance along the hull by v in yaw and by w in pitch, where either tells.
 
     A DVL that sits ahead by x measures ``v + x r`` and ``w - x q``, whose change contains what the accelerometer does
     not feel. Without one the arm could not be told from the drift of a hull in a turn, which is proportional to the
@@ -26,7 +26,7 @@ def lever_arm_checks(signals: Signals, forces: dict[str, Tie]) -> list[Check]:
     forces : dict of Tie
         Of `kinematics.felt_accelerations`.
     """
-    found = {}
+    arms = {}
     for symbol, force, rate in _SOURCES:
         window = signals.window(symbol, force, rate, "psi")
         turning = signals.values.get(rate, attitude_rates(signals)[rate].total())
@@ -38,17 +38,17 @@ def lever_arm_checks(signals: Signals, forces: dict[str, Tie]) -> list[Check]:
         arm = fit(lacking, swing, [carried], window)
         if arm is not None and arm.error < _USUAL / _SIGMAS:
             is_far = known_sign(arm) != 0 and abs(arm.gain) > _USUAL + _SIGMAS * arm.error
-            found[f"{arm.gain:+.2f} +- {arm.error:.2g} m by {symbol} and {rate}"] = not is_far
-    if not found:
+            arms[f"{arm.gain:+.2f} +- {arm.error:.2g} m by {symbol} and {rate}"] = not is_far
+    if not arms:
         return []
     return [
         judged(
             "dvl",
             "lever arm",
-            f"ahead of the accelerometer by {', '.join(found)}",
-            f"<= {_USUAL:g} m",
-            all(found.values()) or None,
-            "DVL and accelerometer sit apart, so one of them is not at the origin of the model: state its place "
+            statistic=f"ahead of the accelerometer by {', '.join(arms)}",
+            threshold=f"<= {_USUAL:g} m",
+            passed=all(arms.values()) or None,
+            advice="DVL and accelerometer sit apart, so one of them is not at the origin of the model: state its place "
             "(`position` in the map).",
         )
     ]

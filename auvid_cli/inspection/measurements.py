@@ -27,13 +27,13 @@ _LARGEST_STEP = 12.0**0.5
 
 
 def continuous(values: Array, quantity: Quantity) -> Array:
-    """Values without what is missing; angles without jumps of a turn."""
-    known = values[np.isfinite(values)]
-    return np.unwrap(known) if quantity.unit == "rad" and quantity.symbol != "theta" else known
+    """Return values without what is missing; angles without jumps of a turn."""
+    finite = values[np.isfinite(values)]
+    return np.unwrap(finite) if quantity.unit == "rad" and quantity.symbol != "theta" else finite
 
 
 def noise_floor(values: Array) -> float:
-    """Standard deviation of what changes from sample to sample without any smooth course.
+    """Return the standard deviation of what changes from sample to sample without any smooth course.
 
     The least over some orders of differences of their median absolute value, so that neither spikes nor motion count;
     an upper bound of white noise.
@@ -50,13 +50,13 @@ def noise_floor(values: Array) -> float:
 
 
 def level_distance(values: Array) -> float:
-    """Quantisation step of a signal, 0 where none shows: two levels alone are no grid."""
+    """Return the quantisation step of a signal, 0 where none shows: two levels alone are no grid."""
     some = values[:_ENOUGH]
     return quantisation_step(some) if np.unique(some).size > 2 else 0.0
 
 
-def spike_sizes(time: Array, values: Array, stated: float) -> Array:
-    """How far each measurement is from its neighbours, in robust standard deviations of that distance.
+def spike_sizes(time: Array, values: Array, noise: float) -> Array:
+    """Measure how far each measurement is from its neighbours, in robust standard deviations of that distance.
 
     The lesser of the distances to the median of five and to the cubic through the two on either side: the former does
     not see the ends of a step, the latter no smooth extreme. Of five in a row only the farthest counts, for it draws
@@ -66,8 +66,8 @@ def spike_sizes(time: Array, values: Array, stated: float) -> Array:
     ----------
     time, values : ndarray, shape (n,)
         s; measurements without NaN, angles without jumps of a turn.
-    stated : float
-        Noise, a fifth of which is the least standard deviation: what is smoother than that may be less so at times.
+    noise : float
+        As stated; a fifth of it is the least standard deviation: what is smoother than that may be less so at times.
     """
     distance = np.zeros(values.size)
     if values.size < 5:
@@ -78,7 +78,7 @@ def spike_sizes(time: Array, values: Array, stated: float) -> Array:
     whole = lasted < _LONGEST_FIVE * float(np.median(lasted))
     scale = 1.4826 * float(np.median(from_cubic[whole]))
     # A constant without noise has no scale of its own.
-    floor = max(scale, level_distance(values), _LEAST_OF_STATED * stated) or 1.0
+    floor = max(scale, level_distance(values), _LEAST_OF_STATED * noise) or 1.0
     from_median = np.abs(x - median_filter(values, 5, mode="nearest")[2:-2])
     distance[2:-2] = np.where(whole, np.minimum(from_cubic, from_median), 0.0) / floor
     # The cubic of its neighbours is two thirds as far off as a spike, and may be all there is to tell them apart.
@@ -88,7 +88,7 @@ def spike_sizes(time: Array, values: Array, stated: float) -> Array:
 
 
 def spikes(record: SensorRecord, name: str) -> tuple[NDArray[np.bool_], dict[str, tuple[float, float]]]:
-    """Where the measurements of a sensor are spikes, and the largest of each component.
+    """Find the spikes among the measurements of a sensor, and the largest of each component.
 
     Returns
     -------
@@ -100,11 +100,11 @@ def spikes(record: SensorRecord, name: str) -> tuple[NDArray[np.bool_], dict[str
     largest = {}
     for component, quantity in enumerate(SENSORS[name]):
         column = record.values[:, component]
-        known = np.flatnonzero(np.isfinite(column))
-        if known.size:
-            time, stated = record.time[known], record.standard_deviation[component]
-            sizes = spike_sizes(time, continuous(column, quantity), stated)
-            mask[known, component] = sizes > _LARGEST_SPIKE
+        finite = np.flatnonzero(np.isfinite(column))
+        if finite.size:
+            time, noise = record.time[finite], record.standard_deviation[component]
+            sizes = spike_sizes(time, continuous(column, quantity), noise)
+            mask[finite, component] = sizes > _LARGEST_SPIKE
             at = int(sizes.argmax())
             largest[quantity.symbol] = float(sizes[at]), float(time[at])
     return mask, largest
@@ -113,27 +113,27 @@ def spikes(record: SensorRecord, name: str) -> tuple[NDArray[np.bool_], dict[str
 def reading_checks(
     name: str, record: SensorRecord, mask: NDArray[np.bool_], largest: dict[str, tuple[float, float]]
 ) -> list[Check]:
-    """Spikes as found by `spikes`, quantisation and noise floor of a sensor."""
-    symbol = max(largest, key=lambda one: largest[one][0])
+    """Judge spikes, as of `spikes`, quantisation and noise floor of a sensor."""
+    symbol = max(largest, key=lambda component: largest[component][0])
     size, at = largest[symbol]
     count = int(mask.any(axis=1).sum())
     checks = [
         judged(
             name,
             "spikes",
-            f"{count}; largest {symbol} {size:.3g} at t = {at:.6g} s",
-            f"none beyond {_LARGEST_SPIKE:g} robust standard deviations from its neighbours",
-            not count,
-            "Single measurements far from their neighbours: mark them as not valid, or let the filter reject them "
-            "(`identification.gate`).",
+            statistic=f"{count}; largest {symbol} {size:.3g} at t = {at:.6g} s",
+            threshold=f"none beyond {_LARGEST_SPIKE:g} robust standard deviations from its neighbours",
+            passed=not count,
+            advice="Single measurements far from their neighbours: mark them as not valid, or let the filter reject "
+            "them (`identification.gate`).",
         )
     ]
     steps, floors = {}, {}
     for component, quantity in enumerate(SENSORS[name]):
-        values, stated = continuous(record.values[:, component], quantity), record.standard_deviation[component]
-        if values.size > _ORDERS[-1] and stated > 0.0:
-            steps[quantity.symbol] = level_distance(values) / stated
-            floors[quantity.symbol] = noise_floor(values) / stated
+        values, noise = continuous(record.values[:, component], quantity), record.standard_deviation[component]
+        if values.size > _ORDERS[-1] and noise > 0.0:
+            steps[quantity.symbol] = level_distance(values) / noise
+            floors[quantity.symbol] = noise_floor(values) / noise
     if not floors:
         return checks
     return [
@@ -143,9 +143,9 @@ def reading_checks(
             name,
             "quantisation",
             steps,
-            _LARGEST_STEP,
-            "times the stated noise",
-            f"The steps of {name} are coarser than its stated noise: state step / sqrt(12), or log more digits.",
+            limit=_LARGEST_STEP,
+            meaning="times the stated noise",
+            advice=f"The steps of {name} are coarser than its stated noise: state step / sqrt(12), or log more digits.",
             fails=False,
         ),
         Check.of_values(
@@ -153,9 +153,9 @@ def reading_checks(
             name,
             "noise floor",
             floors,
-            _TIMES_STATED,
-            "times the stated noise",
-            f"{name} scatters more than is stated: state what it does, or find the scale or unit that is wrong.",
+            limit=_TIMES_STATED,
+            meaning="times the stated noise",
+            advice=f"{name} scatters more than is stated: state what it does, or find the scale or unit that is wrong.",
             fails=False,
         ),
     ]

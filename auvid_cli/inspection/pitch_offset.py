@@ -25,7 +25,7 @@ _ROUNDS = 4
 
 
 class PitchOffset(NamedTuple):
-    """How far theta is off.
+    """Offset of theta.
 
     Attributes
     ----------
@@ -45,35 +45,35 @@ class PitchOffset(NamedTuple):
 
     @property
     def largest(self) -> float:
-        """The one to judge by, rad."""
+        """Return the one to judge by, rad."""
         return self.usual if self.away is None else self.away
 
     @property
     def is_too_large(self) -> bool:
-        """Whether it fails."""
+        """Say whether it fails."""
         return abs(self.largest) > _LARGEST
 
 
 def ahead(signals: Signals) -> NDArray[np.bool_]:
-    """Where the vehicle makes way, so that the depth that it gains tells its pitch."""
+    """Say where the vehicle makes way, so that the depth that it gains tells its pitch."""
     u = signals.values["u"]
     return u >= _AHEAD * np.nanquantile(u, 0.9)
 
 
 def offset_by_depth(signals: Signals, dive: Tie) -> PitchOffset | None:
-    """By the depth rate that pitch and speed do not explain; None if the vehicle hardly makes way."""
+    """Find it by the depth rate that pitch and speed do not explain; None if the vehicle hardly makes way."""
     lacking = derivative(signals.values["down"], signals.grid.step) - dive.total()
     return _offset(signals, np.where(ahead(signals), lacking, np.nan), signals.values["u"])
 
 
 def offset_by_gravity(signals: Signals, forward: Tie) -> PitchOffset | None:
-    """By what the accelerometer feels forwards."""
+    """Find it by what the accelerometer feels forwards."""
     lacking = signals.values["fx"] - forward.total()
     return _offset(signals, lacking, np.full(lacking.size, -GRAVITY))
 
 
 def fit_over_seconds(signals: Signals, dive: Tie) -> Fit | None:
-    """Depth rate against pitch and surge as in `kinematics.tied`, of what changes within seconds only.
+    """Regress depth rate on pitch and surge as in `kinematics.tied`, of what changes within seconds only.
 
     An offset that comes and goes spoils the gain over the whole run, and leaves this one alone.
     """
@@ -85,28 +85,28 @@ def fit_over_seconds(signals: Signals, dive: Tie) -> Fit | None:
 
 
 def _offset(signals: Signals, lacking: Array, weight: Array) -> PitchOffset | None:
-    """From `lacking` = `weight` (sin(theta) - sin(theta - offset)), piece by piece."""
+    """Solve `lacking` = `weight` (sin(theta) - sin(theta - offset)), piece by piece."""
     grid, theta = signals.grid, signals.values["theta"]
-    known = np.isfinite(lacking) & np.isfinite(weight) & np.isfinite(theta)
+    finite = np.isfinite(lacking) & np.isfinite(weight) & np.isfinite(theta)
     length = max(round(_PIECE / grid.step), -(-grid.cells // _MOST_PIECES))
     starts, offsets = [], []
     for start in range(0, grid.cells, length):
         piece = slice(start, start + length)
-        own = known[piece]
+        inside = finite[piece]
         # A piece that is hardly known says little, unless there is no other.
-        if own.sum() >= 0.5 * min(length, grid.cells):
+        if inside.sum() >= 0.5 * min(length, grid.cells):
             starts.append(start)
-            offsets.append(_offset_of_piece(lacking[piece][own], weight[piece][own], theta[piece][own]))
+            offsets.append(_offset_of_piece(lacking[piece][inside], weight[piece][inside], theta[piece][inside]))
     if not offsets:
         return None
-    found = np.array(offsets)
-    usual = float(np.median(found))
-    first, end = _longest_run(np.where(np.abs(found) > _LARGEST, np.sign(found), 0.0))
-    if end - first < _FEWEST_IN_A_ROW or end - first == found.size:
+    by_piece = np.array(offsets)
+    usual = float(np.median(by_piece))
+    first, end = _longest_run(np.where(np.abs(by_piece) > _LARGEST, np.sign(by_piece), 0.0))
+    if end - first < _FEWEST_IN_A_ROW or end - first == by_piece.size:
         return PitchOffset(usual)
     span = grid.start + grid.step * starts[first], grid.start + grid.step * min(starts[end - 1] + length, grid.cells)
-    rest = np.delete(found, slice(first, end))
-    return PitchOffset(usual, float(np.median(found[first:end])), span, float(np.median(rest)))
+    rest = np.delete(by_piece, slice(first, end))
+    return PitchOffset(usual, float(np.median(by_piece[first:end])), span, float(np.median(rest)))
 
 
 def _offset_of_piece(lacking: Array, weight: Array, theta: Array) -> float:
@@ -119,14 +119,14 @@ def _offset_of_piece(lacking: Array, weight: Array, theta: Array) -> float:
 
 
 def _longest_run(signs: Array) -> tuple[int, int]:
-    """First and one past the last of the longest run of the same sign that is not 0; both 0 if there is none."""
+    """Find first and one past the last of the longest run of one sign that is not 0; both 0 if there is none."""
     edges = np.flatnonzero(np.diff(signs, prepend=np.nan, append=np.nan))
     runs = [(a, b) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True) if signs[a]]
     return max(runs, key=lambda run: run[1] - run[0], default=(0, 0))
 
 
 def pitch_offset_check(offset: PitchOffset, witness: str) -> Check:
-    """A verdict on how far theta is off; `witness` says by what."""
+    """Judge how far theta is off; `witness` says by what."""
     size = abs(offset.largest)
     when = ""
     if offset.span is not None and offset.rest is not None:
@@ -135,10 +135,10 @@ def pitch_offset_check(offset: PitchOffset, witness: str) -> Check:
     return judged(
         "attitude",
         "pitch offset",
-        f"theta is {np.rad2deg(offset.largest):+.2g} deg off by the {witness}{when}",
-        f"<= {np.rad2deg(_USUAL):.2g} deg; fails beyond {np.rad2deg(_LARGEST):.2g} deg",
-        True if size <= _USUAL else None if size <= _LARGEST else False,
-        "The pitch of this source is wrong for a part of the run: use another source, or identify from the rest "
+        statistic=f"theta is {np.rad2deg(offset.largest):+.2g} deg off by the {witness}{when}",
+        threshold=f"<= {np.rad2deg(_USUAL):.2g} deg; fails beyond {np.rad2deg(_LARGEST):.2g} deg",
+        passed=True if size <= _USUAL else None if size <= _LARGEST else False,
+        advice="The pitch of this source is wrong for a part of the run: use another source, or identify from the rest "
         "(`--use`)."
         if when
         else "The unit that measures theta, or the one that measures velocity, is mounted at an angle: take this off "

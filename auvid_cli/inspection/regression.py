@@ -15,7 +15,7 @@ _TUNING, _ROUNDS = 1.345, 12
 
 
 class Fit(NamedTuple):
-    """How one signal follows another, those beside it taken into account.
+    """Regression of one signal on another, those beside it taken into account.
 
     Attributes
     ----------
@@ -50,25 +50,27 @@ def fit(values: Array, regressor: Array, others: Sequence[Array], window: int) -
         None if too little is known.
     """
     columns = np.stack([values, regressor, *others])
-    known = np.flatnonzero(np.isfinite(columns).all(axis=0))
-    windows = known.size / window
+    complete = np.flatnonzero(np.isfinite(columns).all(axis=0))
+    windows = complete.size / window
     if windows < _FEWEST_WINDOWS + len(others):
         return None
-    y, *rows = columns[:, known[:: 1 + known.size // _MOST_ROWS]]
+    y, *rows = columns[:, complete[:: 1 + complete.size // _MOST_ROWS]]
     beside = np.stack([*(_unit(row) for row in rows[1:]), np.ones(y.size)], axis=1)
     x = rows[0]
-    found = _weighted(y, x, beside, np.ones(y.size))
+    weighted = _weighted(y, x, beside, np.ones(y.size))
     for _ in range(_ROUNDS):
-        residual = np.abs(found.residual)
+        residual = np.abs(weighted.residual)
         scale = _TUNING * 1.4826 * float(np.median(residual))
         if scale == 0.0:
             break
-        found = _weighted(y, x, beside, np.minimum(1.0, scale / np.maximum(residual, scale)))
-    if not found.power > 0.0:
+        weighted = _weighted(y, x, beside, np.minimum(1.0, scale / np.maximum(residual, scale)))
+    if not weighted.power > 0.0:
         return Fit(0.0, np.inf, 0.0, 0.0)
-    correlation = found.gain * np.sqrt(found.power / found.power_of_values) if found.power_of_values > 0.0 else 0.0
-    error = np.sqrt(found.variance / found.power / (windows - len(rows)))
-    return Fit(found.gain, float(error), float(correlation), float(np.sqrt(found.power)))
+    correlation = (
+        weighted.gain * np.sqrt(weighted.power / weighted.power_of_values) if weighted.power_of_values > 0.0 else 0.0
+    )
+    error = np.sqrt(weighted.variance / weighted.power / (windows - len(rows)))
+    return Fit(weighted.gain, float(error), float(correlation), float(np.sqrt(weighted.power)))
 
 
 class _Weighted(NamedTuple):
@@ -97,7 +99,7 @@ def _unit(values: Array) -> Array:
 
 
 def _left(values: Array, beside: Array, weights: Array) -> Array:
-    """What weighted least squares leave of a signal."""
+    """Return what weighted least squares leave of a signal."""
     root = np.sqrt(weights)
     solution = np.linalg.lstsq(root[:, None] * beside, root * values, rcond=1e-10)[0]
     return values - beside @ solution

@@ -47,15 +47,15 @@ AXES = (
 )
 
 
-def known_sign(found: Fit | None) -> int:
-    """1 or -1 where a gain is clearly positive or negative, else 0."""
-    if found is None or abs(found.correlation) < _LEAST_CORRELATION or abs(found.gain) < _SIGMAS * found.error:
+def known_sign(fitted: Fit | None) -> int:
+    """Return 1 or -1 where a gain is clearly positive or negative, else 0."""
+    if fitted is None or abs(fitted.correlation) < _LEAST_CORRELATION or abs(fitted.gain) < _SIGMAS * fitted.error:
         return 0
-    return 1 if found.gain > 0.0 else -1
+    return 1 if fitted.gain > 0.0 else -1
 
 
 def moment(signals: Signals, axis: Axis) -> Array | None:
-    """What an input turns the vehicle by, but for a factor; None of a fin that does not move."""
+    """Return what an input turns the vehicle by, but for a factor; None of a fin that does not move."""
     given = signals.values[axis.given]
     if axis.given == "roll_moment":
         return given
@@ -65,96 +65,106 @@ def moment(signals: Signals, axis: Axis) -> Array | None:
 
 
 def answer_window(signals: Signals, axis: Axis, time_constant: float | None) -> int:
-    """How many cells to watch for the answer to an input."""
+    """Say how many cells to watch for the answer to an input."""
     return signals.window(axis.rate, axis.angle, least=_shown_within(time_constant))
 
 
 def _shown_within(time_constant: float | None) -> float:
-    """How long to watch for the answer to an input, s."""
+    """Say how long to watch for the answer to an input, s."""
     return _USUAL_ANSWER if time_constant is None else min(max(time_constant, _SHORTEST_ANSWER), _LONGEST_ANSWER)
 
 
 def response_fits(signals: Signals, axis: Axis, time_constant: float | None) -> dict[str, Fit | None]:
-    """How fast a rate changes by an input, by the sensor that says the rate: "gyroscope" and "attitude".
+    """Fit how fast a rate changes by an input, by the sensor that says the rate: "gyroscope" and "attitude".
 
     The change over a window is regressed on the mean input there, and on what the vehicle did at its begin: so an
     autopilot, which lets the input follow the motion, does not turn the sign.
     """
-    value, rates = signals.values, attitude_rates(signals)
-    said = {"gyroscope": value[axis.rate]} if signals.has(axis.rate) else {}
-    if rates:
-        said["attitude"] = rates[axis.rate].total()
+    value, by_sensor = signals.values, _rates_by_sensor(signals, axis.rate)
     force, window = moment(signals, axis), answer_window(signals, axis, time_constant)
     if force is None:
-        return dict.fromkeys(said)
+        return dict.fromkeys(by_sensor)
     force = smoothed(force, window)
     return {
         name: fit(change(rate, window), force, [rate, *(value[s] for s in axis.beside if signals.has(s))], window)
-        for name, rate in said.items()
+        for name, rate in by_sensor.items()
     }
 
 
+def _rates_by_sensor(signals: Signals, symbol: str) -> dict[str, Array]:
+    rates = attitude_rates(signals)
+    by_sensor = {"gyroscope": signals.values[symbol]} if signals.has(symbol) else {}
+    return by_sensor | ({"attitude": rates[symbol].total()} if rates else {})
+
+
 def answers(axis: Axis, fits: dict[str, Fit | None]) -> dict[str, int]:
-    """1 where a sensor says that the vehicle answers the right way, -1 where the wrong way; where it can be told."""
-    signs = {name: axis.sign * known_sign(found) for name, found in fits.items()}
+    """Return 1 where by a sensor the vehicle answers the right way, -1 where the wrong way; where it can be told."""
+    signs = {name: axis.sign * known_sign(fitted) for name, fitted in fits.items()}
     return {name: sign for name, sign in signs.items() if sign}
 
 
 def response_check(axis: Axis, fits: dict[str, Fit | None]) -> Check:
-    """Whether any sensor finds the answer to an input as it should be: a wrong rate or angle is named elsewhere."""
-    told = answers(axis, fits)
-    found = ", ".join(
-        f"{name} {each.gain:.3g} (correlation {each.correlation:.2g})" for name, each in fits.items() if each
+    """Judge whether any sensor sees the right answer to an input: a wrong rate or angle is named elsewhere."""
+    signs = answers(axis, fits)
+    statistic = ", ".join(
+        f"{name} {fitted.gain:.3g} (correlation {fitted.correlation:.2g})" for name, fitted in fits.items() if fitted
     )
     threshold = f"{'positive' if axis.sign > 0 else 'negative'} {axis.rate} from a positive {axis.given}"
-    if not told:
-        found = f"not excited enough to tell: {found or 'it hardly moves, or not for long'}"
-        return judged(axis.given, f"response of {axis.rate}", found, threshold, None, _untold(axis.given))
+    if not signs:
+        statistic = f"not excited enough to tell: {statistic or 'it hardly moves, or not for long'}"
+        return judged(
+            axis.given,
+            f"response of {axis.rate}",
+            statistic=statistic,
+            threshold=threshold,
+            passed=None,
+            advice=_unknown_sign(axis.given),
+        )
     return judged(
         axis.given,
         f"response of {axis.rate}",
-        found,
-        threshold,
-        any(sign > 0 for sign in told.values()),
-        f"The vehicle answers {axis.given} the wrong way round: turn its sign (positive rudder or elevator pushes the "
-        "stern to starboard or up), or the order of its columns.",
+        statistic=statistic,
+        threshold=threshold,
+        passed=any(sign > 0 for sign in signs.values()),
+        advice=f"The vehicle answers {axis.given} the wrong way round: turn its sign (positive rudder or elevator "
+        "pushes the stern to starboard or up), or the order of its columns.",
     )
 
 
 def thrust_check(signals: Signals, time_constant: float | None) -> Check:
-    """Whether the vehicle is faster for more thrust."""
+    """Judge whether the vehicle is faster for more thrust."""
     value = signals.values
     window = signals.window("u", least=_shown_within(time_constant))
     u = value["u"]
     beside = [np.abs(u) * u, *([value["v"] * value["r"]] if signals.has("v", "r") else [])]
-    found = fit(change(u, window), smoothed(value["surge_force"], window), beside, window)
-    sign = known_sign(found)
-    shown = f"{found.gain:.3g} (correlation {found.correlation:.2g})" if found else "too short"
+    fitted = fit(change(u, window), smoothed(value["surge_force"], window), beside, window)
+    sign = known_sign(fitted)
+    statistic = f"{fitted.gain:.3g} (correlation {fitted.correlation:.2g})" if fitted else "too short"
     advice = "The vehicle slows down for more thrust: turn the sign of surge_force or of u."
     return judged(
         "surge_force",
         "response of u",
-        shown if sign else f"not excited enough to tell: {shown}",
-        "positive u from a positive surge_force",
-        sign > 0 if sign else None,
-        advice if sign else _untold("surge_force"),
+        statistic=statistic if sign else f"not excited enough to tell: {statistic}",
+        threshold="positive u from a positive surge_force",
+        passed=sign > 0 if sign else None,
+        advice=advice if sign else _unknown_sign("surge_force"),
     )
 
 
 def slip_sign(signals: Signals, symbol: str) -> dict[str, int]:
-    """Whether v or w points out of the turn: 1 if so, -1 if into it, by the sensor that says the rate.
+    """Say whether v or w points out of the turn: 1 if so, -1 if into it, by the sensor that says the rate.
 
     A slender hull with its fins at the stern drifts outwards: v against r u, w with q u.
     """
-    rate, sign = {"v": ("r", -1), "w": ("q", 1)}[symbol]
-    value, rates = signals.values, attitude_rates(signals)
-    said = {"gyroscope": value[rate]} if signals.has(rate) else {}
-    if rates:
-        said["attitude"] = rates[rate].total()
-    window = signals.window(symbol, rate)
-    found = {name: sign * known_sign(tied(value[symbol], each * value["u"], (), window)) for name, each in said.items()}
-    return {name: each for name, each in found.items() if each}
+    rate_symbol, outwards = {"v": ("r", -1), "w": ("q", 1)}[symbol]
+    value = signals.values
+    by_sensor, window = _rates_by_sensor(signals, rate_symbol), signals.window(symbol, rate_symbol)
+    signs = {
+        name: outwards * known_sign(tied(value[symbol], rate * value["u"], (), window))
+        for name, rate in by_sensor.items()
+    }
+    return {name: sign for name, sign in signs.items() if sign}
 
 
-def _untold(given: str) -> str:
+def _unknown_sign(given: str) -> str:
     return f"{given} hardly moves, or what it does is hidden by the rest: its sign cannot be checked on these data."

@@ -13,7 +13,7 @@ from auvid_cli.inspection.timing import clock_jumps
 
 
 class Screened(NamedTuple):
-    """What can be compared with other sensors, and what was left out.
+    """A record that can be compared with other sensors, and what was left out.
 
     Attributes
     ----------

@@ -24,7 +24,7 @@ _LARGEST_PITCH, _GIMBAL = np.deg2rad(75.0), np.deg2rad(85.0)
 
 
 def angle_steps(sensors: Mapping[str, SensorRecord], name: str, component: int) -> tuple[Array, Array, Array]:
-    """Jumps of an angle between two measurements that the turn rates do not explain.
+    """Find jumps of an angle between two measurements that the turn rates do not explain.
 
     Parameters
     ----------
@@ -57,26 +57,26 @@ def angle_steps(sensors: Mapping[str, SensorRecord], name: str, component: int) 
 
 
 def _euler_rate(sensors: Mapping[str, SensorRecord], symbol: str) -> tuple[Array, Array]:
-    """Times, s, and rate of an angle, rad/s, by gyroscope and attitude, Fossen (2011), eq. (2.26)."""
+    """Return times, s, and rate of an angle, rad/s, by gyroscope and attitude, Fossen (2011), eq. (2.26)."""
     gyroscope = sensors["gyroscope"]
-    known = np.isfinite(gyroscope.values).all(axis=1)
-    time = gyroscope.time[known]
+    finite = np.isfinite(gyroscope.values).all(axis=1)
+    time = gyroscope.time[finite]
     tilt = [_tilt_at(time, sensors.get("attitude"), component) for component in (0, 1)]
     angles = np.column_stack((*tilt, np.zeros(time.size)))
     # A compass says the yaw under a name of its own.
-    return time, euler_rates(gyroscope.values[known], angles)[:, {"phi": 0, "theta": 1}.get(symbol, 2)]
+    return time, euler_rates(gyroscope.values[finite], angles)[:, {"phi": 0, "theta": 1}.get(symbol, 2)]
 
 
 def _tilt_at(time: Array, attitude: SensorRecord | None, component: int) -> Array:
-    """Roll or pitch at some times, level if it is not measured."""
+    """Return roll or pitch at some times, level if it is not measured."""
     if attitude is None:
         return np.zeros(time.size)
-    known = np.isfinite(attitude.values[:, component])
-    return np.interp(time, attitude.time[known], attitude.values[known, component]) if known.any() else 0.0 * time
+    finite = np.isfinite(attitude.values[:, component])
+    return np.interp(time, attitude.time[finite], attitude.values[finite, component]) if finite.any() else 0.0 * time
 
 
 def _integrated(time: Array, rate: Array, until: Array) -> Array:
-    """Integral of a rate between each two of some times; none beyond its own time."""
+    """Integrate a rate between each two of some times; none beyond its own time."""
     total = np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time)))
     if not time.size:
         return np.full(until.size - 1, np.nan)
@@ -84,33 +84,33 @@ def _integrated(time: Array, rate: Array, until: Array) -> Array:
 
 
 def step_check(name: str, symbol: str, before: Array, size: Array) -> Check:
-    """A verdict on the steps of an angle, which names excursions: away and back within seconds."""
+    """Judge the steps of an angle; excursions are named: away and back within seconds."""
     starts = _excursions(before, size)
-    found = "none"
+    statistic = "none"
     if starts.size:
         lasted = before[starts + 1] - before[starts]
         times = ", ".join(f"{before[i]:.6g}" for i in starts[:3])
-        found = (
+        statistic = (
             f"{starts.size} times away by {np.rad2deg(np.median(np.abs(size[starts]))):.3g} deg and back after "
             f"{np.median(lasted):.3g} s: t = {times}{' ...' if starts.size > 3 else ''} s"
         )
     elif size.size:
         i = int(np.abs(size).argmax())
-        found = f"{size.size}; largest {np.rad2deg(size[i]):.3g} deg at t = {before[i]:.6g} s"
+        statistic = f"{size.size}; largest {np.rad2deg(size[i]):.3g} deg at t = {before[i]:.6g} s"
     return judged(
         name,
         f"steps of {symbol}",
-        found,
-        f"<= {np.rad2deg(_LEAST_STEP):.2g} deg or {_ROBUST_SIGMAS:g} robust standard deviations between measurements, "
-        "beyond what the rates say",
-        not size.size,
-        f"{symbol} of {name} jumps although the vehicle cannot have: the device switches between solutions, or two "
-        "sources are mixed in one column. Mark those times as not valid, or use another source.",
+        statistic=statistic,
+        threshold=f"<= {np.rad2deg(_LEAST_STEP):.2g} deg or {_ROBUST_SIGMAS:g} robust standard deviations between "
+        "measurements, beyond what the rates say",
+        passed=not size.size,
+        advice=f"{symbol} of {name} jumps although the vehicle cannot have: the device switches between solutions, or "
+        "two sources are mixed in one column. Mark those times as not valid, or use another source.",
     )
 
 
 def _excursions(time: Array, size: Array) -> NDArray[np.int64]:
-    """Steps that the next one takes back; of a step away and back in turn, those that last less."""
+    """Find steps that the next one takes back; of a step away and back in turn, those that last less."""
     back = np.abs(size[1:] + size[:-1]) < 0.5 * np.abs(size[1:])
     lasted = np.where(back & (np.diff(time) <= _LONGEST_EXCURSION), np.diff(time), np.inf)
     least = np.minimum(np.append(np.inf, lasted[:-1]), np.append(lasted[1:], np.inf))
@@ -118,16 +118,16 @@ def _excursions(time: Array, size: Array) -> NDArray[np.int64]:
 
 
 def gimbal_check(record: SensorRecord) -> Check:
-    """Pitch of an attitude record where Euler angles are of no use."""
+    """Judge the pitch of an attitude record by where Euler angles are of use."""
     theta = np.abs(record.values[:, 1])
     theta = theta[np.isfinite(theta)]
     largest = float(theta.max())
     return judged(
         "attitude",
         "gimbal",
-        f"|theta| up to {np.rad2deg(largest):.3g} deg",
-        f"<= {np.rad2deg(_LARGEST_PITCH):.3g} deg",
-        True if largest <= _LARGEST_PITCH else None if largest <= _GIMBAL else False,
-        "Roll and yaw are not defined with the nose straight up or down, and the model's kinematics break down there: "
-        "leave such times out.",
+        statistic=f"|theta| up to {np.rad2deg(largest):.3g} deg",
+        threshold=f"<= {np.rad2deg(_LARGEST_PITCH):.3g} deg",
+        passed=True if largest <= _LARGEST_PITCH else None if largest <= _GIMBAL else False,
+        advice="Roll and yaw are not defined with the nose straight up or down, and the model's kinematics break down "
+        "there: leave such times out.",
     )

@@ -21,13 +21,13 @@ _DISTINCT, _CONTINUOUS = 3.0, 3.0
 
 
 def new_measurement_rate(record: SensorRecord) -> float:
-    """Median rate of measurements that differ from the one before, 1/s; 0 if there are not two."""
+    """Return the median rate of measurements that differ from the one before, 1/s; 0 if there are not two."""
     starts = repeats(record)[:, 0]
     return 1.0 / float(np.median(np.diff(starts))) if starts.size > 1 else 0.0
 
 
 def clock_jumps(record: SensorRecord) -> NDArray[np.int64]:
-    """Where the time leaps but the measurements go on as if it had not.
+    """Find where the time leaps but the measurements go on as if it had not.
 
     Returns
     -------
@@ -45,19 +45,19 @@ def clock_jumps(record: SensorRecord) -> NDArray[np.int64]:
 
 
 def _goes_on(record: SensorRecord, before: int, samples: int) -> bool:
-    """Whether the next measurement is where the very next sample would be, and not `samples` later."""
+    """Say whether the next measurement is where the very next sample would be, and not `samples` later."""
     around = record.values[max(before - 50 * samples, 0) : before + 50 * samples]
-    told = False
+    distinct = False
     for component, step in enumerate(record.values[before + 1] - record.values[before]):
         column = around[:, component]
         if not np.isfinite(step) or column.size <= samples:
             continue
-        one, many = _spread(column[1:] - column[:-1]), _spread(column[samples:] - column[:-samples])
-        if many > _DISTINCT * one:
-            if abs(step) > _CONTINUOUS * one:
+        over_one, over_many = _spread(column[1:] - column[:-1]), _spread(column[samples:] - column[:-samples])
+        if over_many > _DISTINCT * over_one:
+            if abs(step) > _CONTINUOUS * over_one:
                 return False
-            told = True
-    return told
+            distinct = True
+    return distinct
 
 
 def _spread(values: Array) -> float:
@@ -66,7 +66,7 @@ def _spread(values: Array) -> float:
 
 
 def timing_checks(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> list[Check]:
-    """Rate, jitter, clock (from its `clock_jumps`) and missing values of a sensor with more than one sample."""
+    """Judge rate, jitter, clock (from its `clock_jumps`) and missing values of a sensor with several samples."""
     intervals = np.diff(record.time)
     return [
         _rate(name, record, intervals),
@@ -77,7 +77,7 @@ def timing_checks(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> 
 
 
 def input_timing_checks(inputs: InputRecord, time_constant: float | None) -> list[Check]:
-    """Rate and longest gap of the inputs, each of which holds until the next; none if there is but one.
+    """Judge rate and longest gap of the inputs, each of which holds until the next; none if there is but one.
 
     Parameters
     ----------
@@ -96,20 +96,20 @@ def input_timing_checks(inputs: InputRecord, time_constant: float | None) -> lis
         judged(
             "inputs",
             "rate",
-            f"{1.0 / usual:.4g} Hz",
-            f">= {1.0 / slowest:.3g} Hz",
-            True if usual <= slowest else None,
-            "The inputs were logged more seldom than the vehicle answers them. If only changes were logged all is "
-            "well; else what they did in between is lost: log them faster.",
+            statistic=f"{1.0 / usual:.4g} Hz",
+            threshold=f">= {1.0 / slowest:.3g} Hz",
+            passed=True if usual <= slowest else None,
+            advice="The inputs were logged more seldom than the vehicle answers them. If only changes were logged all "
+            "is well; else what they did in between is lost: log them faster.",
         ),
         judged(
             "inputs",
             "gap",
-            f"{end - begin:.4g} s from t = {begin:.6g} s on",
-            f"<= {limit:.3g} s without an input",
-            True if intervals[longest] <= limit else None,
-            f"From t = {begin:.6g} s to {end:.6g} s the last inputs are taken to hold. If they were not logged then, "
-            "leave that time out (`--use`).",
+            statistic=f"{end - begin:.4g} s from t = {begin:.6g} s on",
+            threshold=f"<= {limit:.3g} s without an input",
+            passed=True if intervals[longest] <= limit else None,
+            advice=f"From t = {begin:.6g} s to {end:.6g} s the last inputs are taken to hold. If they were not logged "
+            "then, leave that time out (`--use`).",
         ),
     ]
 
@@ -120,11 +120,11 @@ def _rate(name: str, record: SensorRecord, intervals: Array) -> Check:
     return judged(
         name,
         "rate",
-        f"{rate:.4g} Hz" + (f", new measurements at {new:.3g} Hz" if repeated else ""),
-        "every measurement new",
-        None if repeated else True,
-        f"{name} was logged more often than it measures. A filter takes each copy for a measurement of its own and "
-        "becomes too sure: keep only new measurements.",
+        statistic=f"{rate:.4g} Hz" + (f", new measurements at {new:.3g} Hz" if repeated else ""),
+        threshold="every measurement new",
+        passed=None if repeated else True,
+        advice=f"{name} was logged more often than it measures. A filter takes each copy for a measurement of its own "
+        "and becomes too sure: keep only new measurements.",
     )
 
 
@@ -135,24 +135,24 @@ def _jitter(name: str, intervals: Array) -> Check:
     return judged(
         name,
         "jitter",
-        f"98 % of intervals {least:.4g} to {most:.4g} s",
-        f"within {_LARGEST_JITTER:.0%} of {usual:.4g} s",
-        True if spread <= _LARGEST_JITTER else None,
-        f"Times of {name} are those of a busy logger rather than of the measurement, or some are missing: if the "
-        "device stamps its own, use those.",
+        statistic=f"98 % of intervals {least:.4g} to {most:.4g} s",
+        threshold=f"within {_LARGEST_JITTER:.0%} of {usual:.4g} s",
+        passed=True if spread <= _LARGEST_JITTER else None,
+        advice=f"Times of {name} are those of a busy logger rather than of the measurement, or some are missing: if "
+        "the device stamps its own, use those.",
     )
 
 
 def _clock(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> Check:
-    found = ", ".join(f"{record.time[i + 1] - record.time[i]:.4g} s at t = {record.time[i]:.6g} s" for i in jumps[:3])
+    leaps = ", ".join(f"{record.time[i + 1] - record.time[i]:.4g} s at t = {record.time[i]:.6g} s" for i in jumps[:3])
     return judged(
         name,
         "clock",
-        f"{jumps.size} jumps: {found}" if jumps.size else "no jump",
-        "no leap of the time without one of the measurements",
-        not jumps.size,
-        f"The clock of {name} was set while it ran: from there on its times do not fit those of the others. Shift "
-        "them back, or use only one side of the jump.",
+        statistic=f"{jumps.size} jumps: {leaps}" if jumps.size else "no jump",
+        threshold="no leap of the time without one of the measurements",
+        passed=not jumps.size,
+        advice=f"The clock of {name} was set while it ran: from there on its times do not fit those of the others. "
+        "Shift them back, or use only one side of the jump.",
     )
 
 
@@ -161,9 +161,9 @@ def _missing(name: str, record: SensorRecord) -> Check:
     return judged(
         name,
         "missing",
-        f"{share:.2%} of values",
-        f"<= {_MOST_MISSING:.0%}",
-        True if share <= _MOST_MISSING else None if share <= _HARDLY_ANY else False,
-        f"{name} often has no valid value: look at what makes it fail (bottom lost, quality flags), and whether they "
-        "are missing just when the vehicle manoeuvres.",
+        statistic=f"{share:.2%} of values",
+        threshold=f"<= {_MOST_MISSING:.0%}",
+        passed=True if share <= _MOST_MISSING else None if share <= _HARDLY_ANY else False,
+        advice=f"{name} often has no valid value: look at what makes it fail (bottom lost, quality flags), and whether "
+        "they are missing just when the vehicle manoeuvres.",
     )

@@ -26,16 +26,18 @@ def mistaken_unit(symbol: str, unit: str, times: float) -> str:
     times : float
         Positive.
     """
-    found = []
+    candidates = []
     for name, factor in _FACTORS[unit].items():
-        found.append((abs(log(times / factor)), f"{symbol} is in {name}, taken for {unit}."))
-        found.append((abs(log(times * factor)), f"{symbol} was in {unit} and was converted as if it were in {name}."))
-    nearest, words = min(found)
+        candidates.append((abs(log(times / factor)), f"{symbol} is in {name}, taken for {unit}."))
+        candidates.append(
+            (abs(log(times * factor)), f"{symbol} was in {unit} and was converted as if it were in {name}.")
+        )
+    nearest, words = min(candidates)
     return words if nearest < _NEAR else ""
 
 
 def mistaken_units(factor: float, above: tuple[str, str], below: tuple[str, str]) -> str:
-    """The same where a gain may be that of either of two signals, each a symbol and its SI unit, or of both."""
+    """Do the same where a gain may be that of either of two signals, each a symbol and its SI unit, or of both."""
     if factor == 0.0:
         return ""
     size = abs(factor)

@@ -31,7 +31,7 @@ _UNDER_WAY = 0.2
 
 
 def velocity_checks(signals: Signals, time_constant: float | None) -> list[Check]:
-    """Verdicts on the DVL and on what depends on it; where its axes are not even plausible nothing more is told.
+    """Judge the DVL and what depends on it; where its axes are not even plausible nothing more is said.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def velocity_checks(signals: Signals, time_constant: float | None) -> list[Check
 
 
 def mean_speed(signals: Signals) -> float | None:
-    """Mean surge velocity while under way, m/s; None if none was measured, or the vehicle lay still."""
+    """Return the mean surge velocity under way, m/s; None if none was measured, or the vehicle lay still."""
     if not signals.has("u"):
         return None
     u = np.abs(signals.values["u"])
@@ -84,83 +84,84 @@ def _speed(signals: Signals) -> Check:
     return judged(
         "dvl",
         "speed",
-        f"median u {u:.3g}, v {v:.3g}, w {w:.3g} m/s",
-        f"u {_SLOWEST:g} to {_FASTEST:g} m/s; |v|, |w| <= {_LARGEST_SLIP:g} u",
-        plausible,
-        "The vehicle does not go forwards by these: axes exchanged, a sign turned, a unit mistaken (knots, mm/s), a "
-        "DVL mounted at an angle, or velocity over the earth instead of in body axes. What needs them was not checked.",
+        statistic=f"median u {u:.3g}, v {v:.3g}, w {w:.3g} m/s",
+        threshold=f"u {_SLOWEST:g} to {_FASTEST:g} m/s; |v|, |w| <= {_LARGEST_SLIP:g} u",
+        passed=plausible,
+        advice="The vehicle does not go forwards by these: axes exchanged, a sign turned, a unit mistaken (knots, "
+        "mm/s), a DVL mounted at an angle, or velocity over the earth instead of in body axes. What needs them was not "
+        "checked.",
     )
 
 
 def _against_force(signals: Signals, symbol: str, tie: Tie) -> Check:
-    """Change of a velocity against the accelerometer: sign and order of size."""
+    """Judge the change of a velocity by the accelerometer: sign and order of size."""
     window = signals.window(symbol, f"f{'xyz'['uvw'.index(symbol)]}")
     force = signals.values[f"f{'xyz'['uvw'.index(symbol)]}"]
     moved = tied(force, tie.main, tie.others, window)
     # Where the sensors do not sit together, what turning adds to one of them is no change of velocity.
     apart = [swing for other, swing in swings(signals).items() if other == symbol]
-    found = tied(force, tie.main, (*tie.others, *apart), window)
+    fitted = tied(force, tie.main, (*tie.others, *apart), window)
     name = f"{symbol} against accelerometer"
     threshold = f"gain {1.0 / _LARGEST_FACTOR:.2g} to {_LARGEST_FACTOR:g}"
-    if found is None or moved is None or moved.spread < _LEAST_ACCELERATION or not known_sign(found):
-        return _not_told(symbol, name, threshold)
+    if fitted is None or moved is None or moved.spread < _LEAST_ACCELERATION or not known_sign(fitted):
+        return _undetermined(symbol, name, threshold)
     return judged(
         "dvl",
         name,
-        f"gain {found.gain:.3g} +- {found.error:.2g}, correlation {found.correlation:.2g}",
-        threshold,
-        1.0 / _LARGEST_FACTOR <= found.gain <= _LARGEST_FACTOR,
-        _with_units(
+        statistic=f"gain {fitted.gain:.3g} +- {fitted.error:.2g}, correlation {fitted.correlation:.2g}",
+        threshold=threshold,
+        passed=1.0 / _LARGEST_FACTOR <= fitted.gain <= _LARGEST_FACTOR,
+        advice=_with_units(
             f"{symbol} does not change as the accelerometer feels it: its sign is turned, its unit mistaken, or its "
             "axis exchanged with another.",
-            mistaken_units(found.gain, ("the accelerometer", "m/s^2"), (symbol, "m/s")),
+            mistaken_units(fitted.gain, ("the accelerometer", "m/s^2"), (symbol, "m/s")),
         ),
     )
 
 
 def _direction(signals: Signals, symbol: str, forces: dict[str, Tie], dive: Tie | None) -> Check:
-    """Sign of v or w by the best witness there is: depth, accelerometer, or the slip in a turn."""
+    """Judge the sign of v or w by the best witness there is: depth, accelerometer, or the slip in a turn."""
     if symbol == "w" and dive is not None:
         window = signals.window("down", "w", "theta")
         by_heave, by_sway = dive.others
-        found = tied(_sinking(signals), by_heave, (dive.main, by_sway), window)
-        if found is not None and found.spread > _LEAST_SPEED and known_sign(found):
+        fitted = tied(_sinking(signals), by_heave, (dive.main, by_sway), window)
+        if fitted is not None and fitted.spread > _LEAST_SPEED and known_sign(fitted):
             return judged(
                 "dvl",
                 "w against depth",
-                f"gain {found.gain:.3g} +- {found.error:.2g}, correlation {found.correlation:.2g}",
-                "positive",
-                found.gain > 0.0,
-                "The depth changes against w: turn the sign of w (positive down).",
+                statistic=f"gain {fitted.gain:.3g} +- {fitted.error:.2g}, correlation {fitted.correlation:.2g}",
+                threshold="positive",
+                passed=fitted.gain > 0.0,
+                advice="The depth changes against w: turn the sign of w (positive down).",
             )
     if forces:
         against = _against_force(signals, symbol, forces[symbol])
         if against.passed is not None:
             return against
-    told = slip_sign(signals, symbol) if signals.has("p", "q", "r") else {}
+    signs = slip_sign(signals, symbol) if signals.has("p", "q", "r") else {}
     name, outwards = f"{symbol} in a turn", f"{symbol} points out of the turn"
-    if not told:
-        return _not_told(symbol, name, outwards)
-    agrees = any(sign > 0 for sign in told.values())
+    if not signs:
+        return _undetermined(symbol, name, outwards)
+    agrees = any(sign > 0 for sign in signs.values())
     return judged(
         "dvl",
         name,
-        outwards if agrees else f"{symbol} points into the turn",
-        outwards,
-        agrees,
-        f"Slender hulls drift outwards: turn the sign of {symbol}, unless the DVL sits so far from the origin that its "
-        "own speed in the turn outweighs this (then correct for its lever arm).",
+        statistic=outwards if agrees else f"{symbol} points into the turn",
+        threshold=outwards,
+        passed=agrees,
+        advice=f"Slender hulls drift outwards: turn the sign of {symbol}, unless the DVL sits so far from the origin "
+        "that its own speed in the turn outweighs this (then correct for its lever arm).",
     )
 
 
-def _not_told(symbol: str, name: str, threshold: str) -> Check:
+def _undetermined(symbol: str, name: str, threshold: str) -> Check:
     return judged(
         "dvl",
         name,
-        "not excited enough to tell",
-        threshold,
-        None,
-        f"{symbol} hardly changes, or nothing witnesses it: its sign cannot be checked on these data.",
+        statistic="not excited enough to tell",
+        threshold=threshold,
+        passed=None,
+        advice=f"{symbol} hardly changes, or nothing witnesses it: its sign cannot be checked on these data.",
     )
 
 
@@ -169,34 +170,34 @@ def _sinking(signals: Signals) -> Array:
 
 
 def _depth_rate(signals: Signals, dive: Tie, offset: PitchOffset | None) -> Check:
-    """Depth rate against what pitch and surge make of it; an offset of pitch, which may come and go, is no fault."""
+    """Judge depth rate against pitch and surge; an offset of pitch, which may come and go, is no fault."""
     window = signals.window("down", "u", "theta")
-    found: Fit | None = tied(_sinking(signals), dive.main, dive.others, window)
+    fitted: Fit | None = tied(_sinking(signals), dive.main, dive.others, window)
     threshold = f"gain 1 +- {_TOLERANCE}, correlation >= {_LEAST_CORRELATION}"
-    if found is None or found.spread < _LEAST_SPEED:
+    if fitted is None or fitted.spread < _LEAST_SPEED:
         return judged(
             "depth",
             "depth against pitch and u",
-            "not excited enough to tell",
-            threshold,
-            None,
-            "The vehicle hardly pitches: signs and scales of depth and theta cannot be checked on these data.",
+            statistic="not excited enough to tell",
+            threshold=threshold,
+            passed=None,
+            advice="The vehicle hardly pitches: signs and scales of depth and theta cannot be checked on these data.",
         )
-    agrees, over = found.correlation >= _LEAST_CORRELATION and _is_one(found), ""
+    agrees, over = fitted.correlation >= _LEAST_CORRELATION and _is_one(fitted), ""
     if not agrees and offset is not None and offset.is_too_large:
         within_seconds = fit_over_seconds(signals, dive)
         if within_seconds is not None and known_sign(within_seconds) > 0 and _is_one(within_seconds):
-            found, agrees, over = within_seconds, True, ", of what changes within seconds"
+            fitted, agrees, over = within_seconds, True, ", of what changes within seconds"
     return judged(
         "depth",
         "depth against pitch and u",
-        f"gain {found.gain:.3g} +- {found.error:.2g}, correlation {found.correlation:.2g}{over}",
-        threshold,
-        agrees,
-        _with_units(
+        statistic=f"gain {fitted.gain:.3g} +- {fitted.error:.2g}, correlation {fitted.correlation:.2g}{over}",
+        threshold=threshold,
+        passed=agrees,
+        advice=_with_units(
             "The vehicle does not go where its nose points: depth must be positive down and in m, theta positive nose "
             "up; or one of them is delayed.",
-            mistaken_units(found.gain, ("depth", "m"), ("u", "m/s")),
+            mistaken_units(fitted.gain, ("depth", "m"), ("u", "m/s")),
         ),
     )
 
@@ -205,26 +206,27 @@ def _with_units(advice: str, unit: str) -> str:
     return f"{advice} By the size of the gain: {unit}" if unit else advice
 
 
-def _is_one(found: Fit) -> bool:
-    return abs(found.gain - 1.0) <= _TOLERANCE + _SIGMAS * found.error
+def _is_one(fitted: Fit) -> bool:
+    return abs(fitted.gain - 1.0) <= _TOLERANCE + _SIGMAS * fitted.error
 
 
 def _heading_offset(signals: Signals) -> Check:
-    """Angle about z between the DVL and the hull: sway in proportion to surge that no turn explains."""
+    """Judge the angle about z between DVL and hull: sway in proportion to surge that no turn explains."""
     value = signals.values
     window = signals.window("u", "v", "r")
     u, v = value["u"], value["v"]
-    found = fit(smoothed(v, window), smoothed(u, window), [smoothed(value["r"] * u, window)], window)
+    fitted = fit(smoothed(v, window), smoothed(u, window), [smoothed(value["r"] * u, window)], window)
     threshold = f"<= {np.rad2deg(_USUAL_OFFSET):.2g} deg"
-    tangent = 0.0 if found is None else found.gain
-    seen = found is not None and found.error < 0.5 * np.tan(_USUAL_OFFSET)
+    tangent = 0.0 if fitted is None else fitted.gain
+    is_observed = fitted is not None and fitted.error < 0.5 * np.tan(_USUAL_OFFSET)
     return judged(
         "dvl",
         "heading offset",
-        f"{np.rad2deg(np.arctan(tangent)):.2g} deg" if seen else "not excited enough to tell",
-        threshold,
-        True if seen and abs(tangent) <= np.tan(_USUAL_OFFSET) else None,
-        "Sway goes with surge: the DVL may be turned to the hull by this; estimate it (`identification.estimate`)."
-        if seen
+        statistic=f"{np.rad2deg(np.arctan(tangent)):.2g} deg" if is_observed else "not excited enough to tell",
+        threshold=threshold,
+        passed=True if is_observed and abs(tangent) <= np.tan(_USUAL_OFFSET) else None,
+        advice="Sway goes with surge: the DVL may be turned to the hull by this; estimate it "
+        "(`identification.estimate`)."
+        if is_observed
         else "The speed hardly changes apart from the turns: a DVL turned to the hull would not show.",
     )

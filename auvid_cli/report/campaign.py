@@ -1,12 +1,11 @@
 """What a campaign found, as files and on the screen."""
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table as ScreenTable
 from rich.text import Text
 
 from auvid_cli.campaign.findings import Findings
@@ -15,15 +14,18 @@ from auvid_cli.data.files import write_text
 from auvid_cli.report.markdown import render_markdown
 from auvid_cli.report.notation import setting_text
 from auvid_cli.report.screen import print_files
-from auvid_cli.report.screen_table import first_that_fits, screen_table
+from auvid_cli.report.screen_table import narrowed
 from auvid_cli.report.table import Cell, Column, Table, number
 
 # More combinations than this are for the files.
 _MOST_ON_SCREEN = 40
+_SCREEN_DIGITS = 3
+# What gives way where the terminal is narrow, first to last.
+_LEAST_OF_COLUMNS = "by chance", "error / bound", "5 - 95 %", "sd / bound", "in 2 sd %", "NEES"
 _WHAT = {"steady_state_error_percent": "steady-state error", "rmse_percent": "RMSE"}
 
 
-def write_findings(found: Findings, folder: Path) -> list[Path]:
+def write_findings(findings: Findings, folder: Path) -> list[Path]:
     """Write ``filters.csv``, ``coefficients.csv``, ``comparisons.csv`` and ``campaign.md``.
 
     Raises
@@ -31,40 +33,43 @@ def write_findings(found: Findings, folder: Path) -> list[Path]:
     FileError
         If one cannot be written; it is then not there, or as it was before.
     """
-    tables = {"filters": found.filters, "coefficients": found.coefficients, "comparisons": found.comparisons}
+    tables = {"filters": findings.filters, "coefficients": findings.coefficients, "comparisons": findings.comparisons}
     paths = [folder / f"{name}.csv" for name in tables]
     for path, table in zip(paths, tables.values(), strict=True):
         write_text(path, table.map(csv_cell).rename(columns=csv_cell).to_csv(index=False))
     markdown = folder / "campaign.md"
-    write_text(markdown, render_markdown([_filters_table(found), *_comparison_table(found)]))
+    write_text(markdown, render_markdown([_filters_table(findings), *_comparison_table(findings)]))
     return [*paths, markdown]
 
 
-def print_findings(console: Console, found: Findings, files: Sequence[Path]) -> None:
+def print_findings(console: Console, findings: Findings, files: Sequence[Path]) -> None:
     """Print a row for each combination of settings and filter, who is better in how many, and where the files are."""
-    if len(found.filters) <= _MOST_ON_SCREEN:
-        console.print(first_that_fits(console, _ever_narrower(_filters_table(found))))
+    if len(findings.filters) <= _MOST_ON_SCREEN:
+        table = _filters_table(findings)
+        if not any(findings.filters["failed"]):
+            table = table.without("failed %")
+        console.print(narrowed(console, table, _LEAST_OF_COLUMNS, _SCREEN_DIGITS))
     else:
-        console.print(Text(f"{len(found.filters)} combinations of settings and filter: see the tables"))
-    for sentence in comparison_sentences(found):
+        console.print(Text(f"{len(findings.filters)} combinations of settings and filter: see the tables"))
+    for sentence in comparison_sentences(findings):
         console.print(Text(sentence))
     print_files(console, files)
 
 
-def comparison_sentences(found: Findings) -> list[str]:
-    """For each pair of filters and measure: in how many combinations of settings which verdict holds."""
+def comparison_sentences(findings: Findings) -> list[str]:
+    """Say for each pair of filters and measure in how many combinations of settings which verdict holds."""
     sentences = []
-    if not len(found.comparisons):
+    if not len(findings.comparisons):
         return sentences
-    for (first, second, measure), own in found.comparisons.groupby(["first", "second", "measure"], sort=False):
-        counts = own["verdict"].value_counts()
+    for (first, second, measure), rows in findings.comparisons.groupby(["first", "second", "measure"], sort=False):
+        counts = rows["verdict"].value_counts()
         verdicts = ", ".join(f"{verdict} in {count}" for verdict, count in counts.items())
-        sentences.append(f"{first} and {second}, {_WHAT[str(measure)]}: {verdicts}, of {len(own)}")
+        sentences.append(f"{first} and {second}, {_WHAT[str(measure)]}: {verdicts}, of {len(rows)}")
     return sentences
 
 
-def _filters_table(found: Findings) -> Table:
-    columns = [Column(_heading(column), numeric=False) for column in [*found.columns, "filter"]]
+def _filters_table(findings: Findings) -> Table:
+    columns = [Column(_heading(column), numeric=False) for column in [*findings.columns, "filter"]]
     headers = (
         "runs",
         "failed %",
@@ -79,7 +84,7 @@ def _filters_table(found: Findings) -> Table:
     columns += [Column(header) for header in (*headers, "NEES", "by chance")]
     rows: list[list[Cell]] = [
         [
-            *(setting_text(row[column]) for column in [*found.columns, "filter"]),
+            *(setting_text(row[column]) for column in [*findings.columns, "filter"]),
             int(row["runs"]),
             100.0 * row["failed"],
             100.0 * row["diverged"],
@@ -92,7 +97,7 @@ def _filters_table(found: Findings) -> Table:
             row["nees"],
             _interval(row, "nees"),
         ]
-        for row in found.filters.to_dict("records")
+        for row in findings.filters.to_dict("records")
     ]
     notes = (
         "Error: mean steady-state error of the coefficients, median over the runs; 90 % of them lie from 5 to 95 %. "
@@ -105,11 +110,11 @@ def _filters_table(found: Findings) -> Table:
     return Table("campaign", "Filters", tuple(columns), rows, notes=notes)
 
 
-def _comparison_table(found: Findings) -> list[Table]:
-    """Who is better where; nothing if there is but one filter."""
-    if not len(found.comparisons):
+def _comparison_table(findings: Findings) -> list[Table]:
+    """Compare the filters in a table; in none if there is but one filter."""
+    if not len(findings.comparisons):
         return []
-    kept = [*found.columns, "first", "second"]
+    kept = [*findings.columns, "first", "second"]
     headers = ("measure", "of first %", "of second %", "difference", "95 %", "p, adjusted", "seeds", "verdict")
     columns = [Column(_heading(name), numeric=False) for name in kept]
     columns += [Column(header, numeric=header not in ("measure", "verdict")) for header in headers]
@@ -125,10 +130,10 @@ def _comparison_table(found: Findings) -> list[Table]:
             int(row["seeds"]),
             row["verdict"],
         ]
-        for row in found.comparisons.to_dict("records")
+        for row in findings.comparisons.to_dict("records")
     ]
     notes = (
-        *comparison_sentences(found),
+        *comparison_sentences(findings),
         "On the same data, seed by seed: median of the difference, first minus second, with its 95 % interval; "
         "Wilcoxon's p-value, adjusted for the number of comparisons (Benjamini and Hochberg). A tie: the whole "
         "interval lies within 1 % of the error itself.",
@@ -136,34 +141,8 @@ def _comparison_table(found: Findings) -> list[Table]:
     return [Table("comparisons", "Filters against each other", tuple(columns), rows, notes=notes)]
 
 
-def _ever_narrower(table: Table) -> Iterator[ScreenTable]:
-    """On the screen, with ever fewer columns."""
-    failed = [column.header for column in table.columns].index("failed %")
-    shown = [
-        column.header
-        for column in table.columns
-        if column.header != "failed %" or any(row[failed] for row in table.rows)
-    ]
-    for dropped in ("", "by chance", "error / bound", "5 - 95 %", "sd / bound", "in 2 sd %", "NEES"):
-        shown = [header for header in shown if header != dropped]
-        screen = screen_table()
-        for column in table.columns:
-            if column.header in shown:
-                screen.add_column(Text(column.header), justify="right" if column.numeric else "left")
-        for row in table.rows:
-            cells = zip(row, table.columns, strict=True)
-            screen.add_row(*(Text(_printed(cell)) for cell, column in cells if column.header in shown))
-        yield screen
-
-
-def _printed(cell: Cell) -> str:
-    if isinstance(cell, str):
-        return cell
-    return (number(cell, 3) if isinstance(cell, int | float) else None) or "-"
-
-
 def _heading(column: str) -> str:
-    """Of a setting its last two keys."""
+    """Shorten a setting to its last two keys."""
     return ".".join(column.split(".")[-2:])
 
 

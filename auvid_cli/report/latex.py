@@ -30,7 +30,7 @@ _ESCAPES = str.maketrans(
 
 
 def render_latex(tables: list[Table]) -> str:
-    """One fragment with all tables."""
+    """Render one fragment with all tables."""
     return "% Needs \\usepackage{booktabs}.\n\n" + "\n\n".join(_table(table) for table in tables) + "\n"
 
 
@@ -99,5 +99,5 @@ def _number(text: str | None) -> str:
 
 
 def escape(text: str) -> str:
-    """Plain text for LaTeX."""
+    """Write plain text for LaTeX."""
     return one_line(text).translate(_ESCAPES)

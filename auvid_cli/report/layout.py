@@ -14,7 +14,7 @@ _BOUND = "Cramér-Rao bound"
 
 
 def lay_out(evaluation: Evaluation, with_paper: bool) -> list[Table]:
-    """All printed tables.
+    """Lay out all printed tables.
 
     Parameters
     ----------
@@ -43,8 +43,8 @@ def _columns(group: str, filters: list[str]) -> list[Column]:
     return [Column(filter_label(name), group) for name in filters]
 
 
-def _by_coefficient(evaluation: Evaluation) -> dict[str, dict[str, CoefficientResult]]:
-    """Results by coefficient and filter, in the order in which they come."""
+def by_coefficient(evaluation: Evaluation) -> dict[str, dict[str, CoefficientResult]]:
+    """Return results by coefficient and filter, in the order in which they come."""
     results: dict[str, dict[str, CoefficientResult]] = {}
     for row in evaluation.coefficients:
         results.setdefault(row.coefficient, {})[row.filter] = row
@@ -61,11 +61,11 @@ def _accuracy(evaluation: Evaluation, with_paper: bool) -> Table:
         return [paper[row].get(key, "") for key in keys]
 
     rows: list[list[Cell]] = []
-    for symbol, by_filter in _by_coefficient(evaluation).items():
-        found = [by_filter.get(name) for name in filters]
+    for symbol, by_filter in by_coefficient(evaluation).items():
+        results = [by_filter.get(name) for name in filters]
         any_row = next(iter(by_filter.values()))
-        rmse = [row and _marked(row, row.rmse) for row in found]
-        error = [row and _marked(row, row.steady_state_error_percent) for row in found]
+        rmse = [row and marked(row, row.rmse) for row in results]
+        error = [row and marked(row, row.steady_state_error_percent) for row in results]
         rows.append([Symbol(symbol), Unit(any_row.unit), any_row.true, *rmse, *error, *theirs(symbol)])
     nothing = [""] * len(filters)
     average = [row.average_steady_state_error_percent for row in evaluation.summary]
@@ -89,7 +89,8 @@ def _accuracy(evaluation: Evaluation, with_paper: bool) -> Table:
     )
 
 
-def _marked(row: CoefficientResult, cell: float | PlusMinus | None) -> Cell:
+def marked(row: CoefficientResult, cell: float | PlusMinus | None) -> Cell:
+    """Mark what the data do not determine."""
     return cell if row.identified or cell is None else Unidentified(cell)
 
 
@@ -101,9 +102,9 @@ def mark_explained(evaluation: Evaluation) -> list[str]:
 def _estimates(evaluation: Evaluation) -> Table:
     filters = _filters(evaluation)
     rows: list[list[Cell]] = []
-    for symbol, by_filter in _by_coefficient(evaluation).items():
-        found = [by_filter.get(name) for name in filters]
-        values = [row and _marked(row, PlusMinus(row.estimate, row.standard_deviation)) for row in found]
+    for symbol, by_filter in by_coefficient(evaluation).items():
+        results = [by_filter.get(name) for name in filters]
+        values = [row and marked(row, PlusMinus(row.estimate, row.standard_deviation)) for row in results]
         rows.append([Symbol(symbol), Unit(next(iter(by_filter.values())).unit), *values])
     return Table(
         "estimates",
@@ -119,16 +120,16 @@ def _estimates(evaluation: Evaluation) -> Table:
 
 
 def _bounds(evaluation: Evaluation) -> Table:
-    """At the truth the bound is one; at each filter's own estimate it is another for each."""
+    """Lay out bounds: at the truth there is one; at each filter's own estimate it is another for each."""
     filters = _filters(evaluation)
     rows: list[list[Cell]] = []
-    by_coefficient = _by_coefficient(evaluation)
-    differ = any(len({row.cramer_rao_bound for row in by_filter.values()}) > 1 for by_filter in by_coefficient.values())
-    for symbol, by_filter in by_coefficient.items():
-        found = [by_filter.get(name) for name in filters]
+    results_of = by_coefficient(evaluation)
+    differ = any(len({row.cramer_rao_bound for row in by_filter.values()}) > 1 for by_filter in results_of.values())
+    for symbol, by_filter in results_of.items():
+        results = [by_filter.get(name) for name in filters]
         any_row = next(iter(by_filter.values()))
-        bound = [row and row.cramer_rao_bound for row in (found if differ else [any_row])]
-        rows.append([Symbol(symbol), Unit(any_row.unit), *bound, *(row and row.times_bound for row in found)])
+        bound = [row and row.cramer_rao_bound for row in (results if differ else [any_row])]
+        rows.append([Symbol(symbol), Unit(any_row.unit), *bound, *(row and row.times_bound for row in results)])
     return Table(
         "bounds",
         "Least standard deviations that the data allow, and how many times as large those of the estimates are",
@@ -200,10 +201,10 @@ def rejections(evaluation: Evaluation) -> list[str]:
 
 def _sensor_errors(evaluation: Evaluation) -> Table:
     filters = _filters(evaluation)
-    found = {(row.state, row.filter): row for row in evaluation.sensor_errors}
+    by_state = {(row.state, row.filter): row for row in evaluation.sensor_errors}
     rows: list[list[Cell]] = []
     for state, any_row in {row.state: row for row in evaluation.sensor_errors}.items():
-        results = [found.get((state, name)) for name in filters]
+        results = [by_state.get((state, name)) for name in filters]
         values = [row and PlusMinus(row.estimate, row.standard_deviation) for row in results]
         rows.append([Symbol(state), Unit(any_row.unit), any_row.prior_standard_deviation, *values])
     return Table(

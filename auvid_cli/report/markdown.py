@@ -13,7 +13,7 @@ _MARKS = str.maketrans({"&": "&amp;", "<": "&lt;", **{mark: f"\\{mark}" for mark
 
 
 def render_markdown(tables: list[Table]) -> str:
-    """One document with all tables."""
+    """Render one document with all tables."""
     return "# Results\n\n" + "\n\n".join(_table(table) for table in tables) + "\n"
 
 
@@ -43,10 +43,10 @@ def _cell(cell: Cell) -> str:
 
 
 def _in_a_cell(text: str) -> str:
-    """Auvid's own words, which may have marks in them."""
+    """Write auvid's own words, which may have marks in them."""
     return one_line(text).replace("|", r"\|")
 
 
 def escape(text: str) -> str:
-    """Plain text for Markdown."""
+    """Write plain text for Markdown."""
     return re.sub(r"(?<!\w)_|_(?!\w)", r"\\_", one_line(text).translate(_MARKS))

@@ -35,6 +35,6 @@ def published(table: str) -> dict[str, dict[str, str]]:
 
 
 def published_filters(table: str, column: str, filters: list[str]) -> list[str]:
-    """Those of `filters` for which the paper has `column`, in the order given."""
+    """Return those of `filters` for which the paper has `column`, in the order given."""
     columns = {name for row in published(table).values() for name in row}
     return [name for name in filters if f"{column}_{name}" in columns]

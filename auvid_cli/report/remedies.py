@@ -15,12 +15,12 @@ _NARROW, _NARROWER = 1.0, 0.3
 
 def remedies(estimates: Sequence[Estimate]) -> list[str]:
     """Return a line for each remedy with the filters that it is for; none where only a closer look will help."""
-    found: dict[str, list[str]] = {}
+    labels_by_remedy: dict[str, list[str]] = {}
     for estimate in estimates:
         remedy = _remedy(estimate)
         if remedy is not None:
-            found.setdefault(remedy, []).append(filter_label(estimate.filter))
-    return [f"{', '.join(labels)}: {remedy}" for remedy, labels in found.items()]
+            labels_by_remedy.setdefault(remedy, []).append(filter_label(estimate.filter))
+    return [f"{', '.join(labels)}: {remedy}" for remedy, labels in labels_by_remedy.items()]
 
 
 def _remedy(estimate: Estimate) -> str | None:

@@ -1,26 +1,27 @@
 """What a run found, for the terminal."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from itertools import product
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
+from rich.table import Table as ScreenTable
 from rich.text import Text
 
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.assessment import CLASSES, Identifiability
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.report.layout import mark_explained, rejections, unobserved
-from auvid_cli.report.notation import filter_label, unit_text
-from auvid_cli.report.screen_table import first_that_fits, fits, screen_table
+from auvid_cli.report.layout import by_coefficient, mark_explained, marked, rejections, unobserved
+from auvid_cli.report.notation import filter_label
+from auvid_cli.report.screen_table import empty_table, encodable, first_that_fits, fits, narrowed, printed, screen_table
 from auvid_cli.report.sentence import sentence
-from auvid_cli.report.table import DEVIATION_DIGITS, number
+from auvid_cli.report.table import Cell, Column, PlusMinus, Symbol, Table, Unit
 
-_MISSING = "-"
+_AVERAGE = "average error %"
+# What gives way where the terminal is narrow, first to last.
+_LEAST_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
 _ERROR_DIGITS = 2
 
 
@@ -37,12 +38,12 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
     if evaluation.coefficients:
         for table in _tables_that_fit(console, evaluation, filters):
             console.print(table)
-    console.print(_runs(console, evaluation))
+    console.print(screen_table(console, _runs(evaluation), unbroken=("filter", "status")))
     for row in evaluation.summary:
         if row.status != "completed":
             console.print(Text(f"{filter_label(row.filter)} {row.status}"))
-    marked = [_printable(console, text, text.replace("†", "?")) for text in mark_explained(evaluation)]
-    for text in [*marked, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:
+    explained = [encodable(console, text) for text in mark_explained(evaluation)]
+    for text in [*explained, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:
         console.print(Text(text))
 
 
@@ -56,148 +57,120 @@ def print_files(console: Console, files: Sequence[Path]) -> None:
 def print_checks(console: Console, checks: Sequence[Check], passed: bool = True) -> None:
     """Print verdicts, those that did not pass with what to do about them; `passed` says whether also the others."""
     for name in dict.fromkeys(check.filter for check in checks):
-        own = [check for check in checks if check.filter == name]
+        of_filter = [check for check in checks if check.filter == name]
         whose = filter_label(name) if name else "data"
-        console.print(Text(f"{whose}: {sum(check.passed is True for check in own)} of {len(own)} passed"))
-        table = screen_table()
+        console.print(Text(f"{whose}: {sum(check.passed is True for check in of_filter)} of {len(of_filter)} passed"))
+        table = empty_table()
         for header in ("", "of", "check", "found", "may be"):
             table.add_column(header, overflow="fold")
-        for check in own if passed else [check for check in own if not check.passed]:
+        for check in of_filter if passed else [check for check in of_filter if not check.passed]:
             verdict = {True: "pass", False: "FAIL", None: "note"}[check.passed]
             style = {True: "", False: "bold red", None: "yellow"}[check.passed]
             cells = check.subject, check.check, check.statistic, check.threshold
             table.add_row(Text(verdict, style=style), *(Text(cell) for cell in cells))
         if table.rows:
             console.print(table)
-        for check in own:
+        for check in of_filter:
             if not check.passed:
                 console.print(Text(f"{check.check} of {check.subject}: {check.advice}"))
                 console.print()
 
 
-def print_identifiability(console: Console, found: Identifiability) -> None:
+def print_identifiability(console: Console, identifiability: Identifiability) -> None:
     """Print bounds by verdict, who contributes, what goes together, how bounds fall, and unseen sensor errors."""
-    console.print(first_that_fits(console, _ever_fewer_bounds(console, found)))
-    if found.remark:
-        console.print(Text(sentence(found.remark)))
-    for group in found.groups:
+    console.print(narrowed(console, _bounds(identifiability), _LEAST_OF_BOUNDS))
+    if identifiability.remark:
+        console.print(Text(sentence(identifiability.remark)))
+    for group in identifiability.groups:
         console.print(
             Text(
                 f"{', '.join(group.members)} go together: {group.combination} is known to {group.percent:.2g} %, "
                 f"the worst of them alone to {group.worst_percent:.2g} %"
             )
         )
-    for symbol, error in found.sensor_errors.items():
+    for symbol, error in identifiability.sensor_errors.items():
         unseen = "" if error.observed else ": cannot be observed on this manoeuvre"
         console.print(Text(f"{symbol}: bound {printed(error.bound, 2)}, prior {printed(error.prior, 2)}{unseen}"))
-    half = min(found.growth, key=lambda entry: abs(entry[0] - 0.5 * found.growth[-1][0]))
-    whole = found.growth[-1]
+    half = min(identifiability.growth, key=lambda entry: abs(entry[0] - 0.5 * identifiability.growth[-1][0]))
+    whole = identifiability.growth[-1]
     medians = [f"{np.median(percent):.2g} % after {time:.4g} s" for time, percent in dict([half, whole]).items()]
     console.print(Text(f"median bound {', '.join(medians)}"))
 
 
-def _ever_fewer_bounds(console: Console, found: Identifiability) -> Iterator[Table]:
-    """With ever fewer columns; symbol, bound in percent and verdict always."""
+def _bounds(identifiability: Identifiability) -> Table:
     ranks = {label: rank for rank, (_, label) in enumerate(CLASSES)}
-    bounds = sorted(found.bounds, key=lambda one: ranks[one.verdict])
-    columns = {
-        "symbol": [bound.coefficient for bound in bounds],
-        "unit": [_printable(console, unit_text(bound.unit), bound.unit) for bound in bounds],
-        "value": [printed(bound.value) for bound in bounds],
-        "bound": [printed(bound.cramer_rao_bound, 2) for bound in bounds],
-        "bound %": [printed(bound.percent, 2) for bound in bounds],
-        "verdict": [bound.verdict for bound in bounds],
-        "mostly from": [f"{bound.best_sensor} {bound.best_share:.0%}" for bound in bounds],
-        "goes with": [bound.group for bound in bounds],
-    }
-    if not found.groups:
-        del columns["goes with"]
-    for dropped in ("", "goes with", "unit", "value", "bound", "mostly from"):
-        columns.pop(dropped, None)
-        table = screen_table()
-        for header in columns:
-            table.add_column(header, justify="right" if header in ("value", "bound", "bound %") else "left")
-        for row in zip(*columns.values(), strict=True):
-            table.add_row(*(Text(cell) for cell in row))
-        yield table
+    columns = (
+        *(Column(header, numeric=False) for header in ("symbol", "unit")),
+        *(Column(header) for header in ("value", "bound", "bound %")),
+        *(Column(header, numeric=False) for header in ("verdict", "mostly from", "goes with")),
+    )
+    rows: list[list[Cell]] = [
+        [
+            Symbol(bound.coefficient),
+            Unit(bound.unit),
+            bound.value,
+            printed(bound.cramer_rao_bound, 2),
+            printed(bound.percent, 2),
+            bound.verdict,
+            f"{bound.best_sensor} {bound.best_share:.0%}",
+            bound.group,
+        ]
+        for bound in sorted(identifiability.bounds, key=lambda bound: ranks[bound.verdict])
+    ]
+    table = Table("bounds", "Least standard deviations that the data allow", columns, rows)
+    return table if identifiability.groups else table.without("goes with")
 
 
-def _tables_that_fit(console: Console, evaluation: Evaluation, filters: list[str]) -> list[Table]:
-    """One table with as much in it as there is room for, or else one for each filter."""
+def _tables_that_fit(console: Console, evaluation: Evaluation, filters: list[str]) -> list[ScreenTable]:
+    """Make one table with as much in it as there is room for, or else one for each filter."""
+    full = _coefficients(evaluation, filters, deviations=True)
     has_truth = any(row.true is not None for row in evaluation.coefficients)
-    shown = product((True, False) if has_truth else (True,), (True, False))
-    table = first_that_fits(console, (_coefficients(console, evaluation, filters, *which) for which in shown))
+    wide = [full, *([_coefficients(evaluation, filters, deviations=False)] if has_truth else [])]
+    narrower = (narrow for table in wide for narrow in (table, table.without("unit")))
+    unbroken = ("symbol", "unit", "true", "error %")
+    table = first_that_fits(console, (screen_table(console, table, unbroken=unbroken) for table in narrower))
     if len(filters) == 1 or fits(console, table):
         return [table]
     return [table for name in filters for table in _tables_that_fit(console, evaluation, [name])]
 
 
-def _coefficients(console: Console, evaluation: Evaluation, filters: list[str], deviations: bool, units: bool) -> Table:
-    table = screen_table()
-    plus_minus = _printable(console, "±", "+-")
+def _coefficients(evaluation: Evaluation, filters: list[str], deviations: bool) -> Table:
     has_truth = any(row.true is not None for row in evaluation.coefficients)
-    table.add_column("symbol", no_wrap=True)
-    if units:
-        table.add_column("unit", no_wrap=True)
-    if has_truth:
-        table.add_column("true", justify="right", no_wrap=True)
+    columns = [Column("symbol", numeric=False), Column("unit", numeric=False)]
+    columns += [Column("true")] * has_truth
     for name in filters:
-        table.add_column(f"{filter_label(name)}{f' {plus_minus} sd' if deviations else ''}", justify="right")
-        if has_truth:
-            table.add_column("error %", justify="right", no_wrap=True)
+        columns += [Column(f"{filter_label(name)}{' ± sd' if deviations else ''}"), *[Column("error %")] * has_truth]
 
-    def cells(row: CoefficientResult | None) -> list[str]:
+    def cells(row: CoefficientResult | None) -> list[Cell]:
         if row is None:
-            return [_MISSING, _MISSING] if has_truth else [_MISSING]
-        estimate = printed(row.estimate)
-        if deviations:
-            estimate += f" {plus_minus} {printed(row.standard_deviation, DEVIATION_DIGITS)}"
-        estimate += "" if row.identified else _printable(console, "†", "?")
-        return [estimate, printed(row.steady_state_error_percent, _ERROR_DIGITS)] if has_truth else [estimate]
+            return [None] * (1 + has_truth)
+        estimate = marked(row, PlusMinus(row.estimate, row.standard_deviation) if deviations else row.estimate)
+        return [estimate, *[printed(row.steady_state_error_percent, _ERROR_DIGITS)] * has_truth]
 
-    rows = {(row.coefficient, row.filter): row for row in evaluation.coefficients}
-    for symbol in dict.fromkeys(row.coefficient for row in evaluation.coefficients):
-        found = [rows.get((symbol, name)) for name in filters]
-        known = next((row for row in found if row is not None), None)
-        if known is None:
-            continue
-        unit = _printable(console, unit_text(known.unit), known.unit)
-        line = [symbol, *([unit] if units else []), *([printed(known.true)] if has_truth else [])]
-        table.add_row(*(Text(cell) for cell in [*line, *(cell for row in found for cell in cells(row))]))
-    return table
+    rows: list[list[Cell]] = []
+    for symbol, by_filter in by_coefficient(evaluation).items():
+        any_row = next((by_filter[name] for name in filters if name in by_filter), None)
+        if any_row is not None:
+            results = (cell for name in filters for cell in cells(by_filter.get(name)))
+            rows.append([Symbol(symbol), Unit(any_row.unit), *[any_row.true] * has_truth, *results])
+    return Table("coefficients", "Coefficients", tuple(columns), rows)
 
 
-def _runs(console: Console, evaluation: Evaluation) -> Table:
-    """One line for each filter."""
-    table = screen_table()
-    microseconds = _printable(console, "µs/step", "us/step")
-    table.add_column("filter", no_wrap=True)
-    has_average = any(row.average_steady_state_error_percent is not None for row in evaluation.summary)
-    average = ["average error %"] if has_average else []
-    for header in (*average, "mean NIS", "CPU time s", "steps", microseconds):
-        table.add_column(header, justify="right")
-    table.add_column("status", no_wrap=True)
-    for row in evaluation.summary:
-        numbers = [
-            *([printed(row.average_steady_state_error_percent)] if has_average else []),
-            printed(row.mean_nis),
-            printed(row.cpu_time_s),
-            printed(row.steps),
-            printed(row.microseconds_per_step),
+def _runs(evaluation: Evaluation) -> Table:
+    columns = [Column("filter", numeric=False)]
+    columns += [Column(header) for header in (_AVERAGE, "mean NIS", "CPU time s", "steps", "µs/step")]
+    rows: list[list[Cell]] = [
+        [
+            filter_label(row.filter),
+            row.average_steady_state_error_percent,
+            row.mean_nis,
+            row.cpu_time_s,
+            row.steps,
+            row.microseconds_per_step,
+            row.status.split()[0].rstrip(":"),
         ]
-        table.add_row(*(Text(cell) for cell in [filter_label(row.filter), *numbers, row.status.split()[0].rstrip(":")]))
-    return table
-
-
-def printed(value: float | None, digits: int = 4) -> str:
-    """Write a number for the terminal, a dash where there is none."""
-    return _MISSING if value is None else number(value, digits) or _MISSING
-
-
-def _printable(console: Console, text: str, plain: str) -> str:
-    """Return the text, or plain letters where the terminal's encoding lacks its signs."""
-    try:
-        text.encode(console.encoding)
-    except UnicodeEncodeError:
-        return plain
-    return text
+        for row in evaluation.summary
+    ]
+    table = Table("runs", "Filters", (*columns, Column("status", numeric=False)), rows)
+    has_average = any(row.average_steady_state_error_percent is not None for row in evaluation.summary)
+    return table if has_average else table.without(_AVERAGE)

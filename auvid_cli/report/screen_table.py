@@ -1,29 +1,107 @@
-"""Tables for the terminal: alike, and with as much in them as there is room for."""
+"""Printed tables on the terminal: alike, and with as much in them as there is room for."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Sequence
+from itertools import accumulate
 
 from rich import box
 from rich.console import Console
-from rich.table import Table
+from rich.table import Table as ScreenTable
+from rich.text import Text
 
+from auvid_cli.report.notation import unit_text
+from auvid_cli.report.table import (
+    DEVIATION_DIGITS,
+    DIGITS,
+    Cell,
+    PlusMinus,
+    Symbol,
+    Table,
+    Unidentified,
+    Unit,
+    number,
+)
+
+MISSING = "-"
 # Columns; wider than any table, so that none is measured as it would be squeezed.
 _UNLIMITED = 10_000
+# What stands for auvid's own signs on a terminal that lacks them.
+_PLAIN = str.maketrans({"±": "+-", "µ": "u", "†": "?"})
 
 
-def screen_table() -> Table:
+def empty_table() -> ScreenTable:
     """Make an empty table as all of them look: a rule under the headings, and nothing else."""
-    return Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    return ScreenTable(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
 
 
-def fits(console: Console, table: Table) -> bool:
-    """Whether a console is wide enough for a table without breaking its lines."""
+def screen_table(console: Console, table: Table, digits: int = DIGITS, unbroken: Collection[str] = ()) -> ScreenTable:
+    """Render a table for a console.
+
+    Parameters
+    ----------
+    console : rich.console.Console
+    table : Table
+    digits : int
+        Significant ones of a number.
+    unbroken : collection of str
+        Headings of columns whose lines are not broken, however narrow the console is.
+    """
+    screen = empty_table()
+    for column in table.columns:
+        header, justify = Text(encodable(console, column.header)), "right" if column.numeric else "left"
+        screen.add_column(header, justify=justify, no_wrap=column.header in unbroken)
+    for row in table.rows:
+        screen.add_row(*(Text(_cell(console, cell, digits)) for cell in row))
+    return screen
+
+
+def narrowed(console: Console, table: Table, dropped: Sequence[str], digits: int = DIGITS) -> ScreenTable:
+    """Render a table without as many columns as there is no room for, by their headings in this order."""
+    ever_narrower = accumulate(dropped, Table.without, initial=table)
+    return first_that_fits(console, (screen_table(console, each, digits) for each in ever_narrower))
+
+
+def fits(console: Console, table: ScreenTable) -> bool:
+    """Say whether a console is wide enough for a table without breaking its lines."""
     return console.measure(table, options=console.options.update(max_width=_UNLIMITED)).maximum <= console.width
 
 
-def first_that_fits(console: Console, tables: Iterable[Table]) -> Table:
+def first_that_fits(console: Console, tables: Iterable[ScreenTable]) -> ScreenTable:
     """Return the first of ever narrower tables, at least one, for which there is room, or else the last."""
-    table = Table()
+    table = ScreenTable()
     for table in tables:
         if fits(console, table):
             break
     return table
+
+
+def printed(value: float | None, digits: int = DIGITS) -> str:
+    """Write a number for the terminal, a dash where there is none."""
+    return MISSING if value is None else number(value, digits) or MISSING
+
+
+def encodable(console: Console, text: str) -> str:
+    """Return the text, or plain letters for auvid's signs where the terminal's encoding lacks them."""
+    return text if _has_signs(console, text) else text.translate(_PLAIN)
+
+
+def _cell(console: Console, cell: Cell, digits: int) -> str:
+    match cell:
+        case Symbol(name):
+            return name
+        case Unit(name):
+            return unit_text(name) if _has_signs(console, unit_text(name)) else name
+        case PlusMinus(value, deviation):
+            return encodable(console, f"{printed(value, digits)} ± {printed(deviation, DEVIATION_DIGITS)}")
+        case Unidentified(marked):
+            return _cell(console, marked, digits) + encodable(console, "†")
+        case str():
+            return cell
+    return printed(cell, digits)
+
+
+def _has_signs(console: Console, text: str) -> bool:
+    try:
+        text.encode(console.encoding)
+    except UnicodeEncodeError:
+        return False
+    return True

@@ -1,6 +1,7 @@
-"""A printed table before it is Markdown or LaTeX: columns, typed cells, notes."""
+"""A printed table before it is Markdown, LaTeX or on the screen: columns, typed cells, notes."""
 
 from collections.abc import Sequence
+from itertools import compress
 from math import floor, isfinite, log10
 from typing import NamedTuple, TypeAlias
 
@@ -29,7 +30,7 @@ class PlusMinus(NamedTuple):
 
 
 class Unidentified(NamedTuple):
-    """What a filter says of something that the data do not determine: never printed without a mark."""
+    """A value that the data do not determine: never printed without a mark."""
 
     cell: float | PlusMinus
 
@@ -72,6 +73,12 @@ class Table(NamedTuple):
     rows: list[list[Cell]]
     totals: Sequence[list[Cell]] = ()
     notes: tuple[str, ...] = ()
+
+    def without(self, header: str) -> "Table":
+        """Leave out the columns with a heading."""
+        kept = [column.header != header for column in self.columns]
+        rows, totals = ([list(compress(row, kept)) for row in body] for body in (self.rows, self.totals))
+        return self._replace(columns=tuple(compress(self.columns, kept)), rows=rows, totals=totals)
 
 
 def number(value: float, digits: int = DIGITS) -> str | None:

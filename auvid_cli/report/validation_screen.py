@@ -1,107 +1,104 @@
 """What an identified model predicts of other data, for the terminal; angles in degrees."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from auvid_cli.evaluation.estimate_checks import failed
 from auvid_cli.report.notation import filter_label
-from auvid_cli.report.screen import print_checks, printed
-from auvid_cli.report.screen_table import first_that_fits, screen_table
+from auvid_cli.report.screen import print_checks
+from auvid_cli.report.screen_table import narrowed, printed, screen_table
 from auvid_cli.report.sentence import sentence
+from auvid_cli.report.table import Cell, Column, Table
 from auvid_cli.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
 
 _DIGITS = 3
+# What gives way where the terminal is narrow, first to last.
+_LEAST_OF_MODELS = "vehicle file", "prior", "unchanged"
 _BAND = "Band: two standard deviations of coefficients, start and measurements together, without process noise."
 
 
-def print_validation(console: Console, found: Validation) -> None:
+def print_validation(console: Console, validation: Validation) -> None:
     """Print errors of the free run, fits by horizon, numbers of manoeuvres, and verdicts."""
-    ahead = [row for row in found.predictions if row.kind == AHEAD]
-    free = [row for row in found.predictions if row.kind == FREE_RUN]
-    console.print(first_that_fits(console, _ever_fewer_models(free)))
+    ahead = [row for row in validation.predictions if row.kind == AHEAD]
+    free = [row for row in validation.predictions if row.kind == FREE_RUN]
+    console.print(narrowed(console, _free_run(free), _LEAST_OF_MODELS, _DIGITS))
     if ahead:
-        console.print(_fits_ahead(ahead))
+        console.print(screen_table(console, _fits_ahead(ahead), _DIGITS))
         if any(row.share_within_band is not None for row in ahead):
             console.print(Text(_BAND))
-    for line in _manoeuvres(found.manoeuvres):
+    for line in _manoeuvres(validation.manoeuvres):
         console.print(Text(line))
-    for remark in found.remarks:
+    for remark in validation.remarks:
         console.print(Text(sentence(remark)))
-    print_checks(console, found.checks)
-    console.print(Text(_verdict(found)))
+    print_checks(console, validation.checks)
+    console.print(Text(_verdict(validation)))
 
 
-def _verdict(found: Validation) -> str:
-    """Whether the model predicts these data, or what of them, and what it does not."""
-    worse = {"in the free run": found.worse_than_the_mean(FREE_RUN), "ahead": found.worse_than_the_mean(AHEAD)}
+def _verdict(validation: Validation) -> str:
+    """Say whether the model predicts these data, or what of them, and what it does not."""
+    worse = {
+        "in the free run": validation.worse_than_the_mean(FREE_RUN),
+        "ahead": validation.worse_than_the_mean(AHEAD),
+    }
     unpredicted = {signal for signals in worse.values() for signal in signals}
-    predicted = [s for s in dict.fromkeys(row.signal for row in found.predictions) if s not in unpredicted]
-    if failed(found.checks) or not predicted:
+    predicted = [s for s in dict.fromkeys(row.signal for row in validation.predictions) if s not in unpredicted]
+    if failed(validation.checks) or not predicted:
         verdict = "does not predict these data."
     elif unpredicted:
         verdict = f"predicts {', '.join(predicted)} of these data."
     else:
         verdict = "predicts these data."
     if unpredicted:
-        told = "; ".join(f"{', '.join(signals)} {where}" for where, signals in worse.items() if signals)
-        verdict += f" Worse than their mean (fit below 0): {told}."
-    return f"The model of the {filter_label(found.filter)} {verdict}"
+        where_worse = "; ".join(f"{', '.join(signals)} {where}" for where, signals in worse.items() if signals)
+        verdict += f" Worse than their mean (fit below 0): {where_worse}."
+    return f"The model of the {filter_label(validation.filter)} {verdict}"
 
 
-def _ever_fewer_models(rows: Sequence[Prediction]) -> Iterator[Table]:
-    """Root mean square errors of the free run, one line for each signal; with ever fewer of the other models."""
-    others = "unchanged", "prior", "vehicle file"
-    for count in range(len(others), -1, -1):
-        table = screen_table()
-        table.add_column("free run")
-        table.add_column("unit")
-        for header in ("noise", "fit %", "RMSE", *others[:count]):
-            table.add_column(header, justify="right")
-        for row in rows:
-            theirs = (row.constant_velocity_rmse, row.prior_rmse, row.vehicle_file_rmse)[:count]
-            noise, *errors = (_in_degrees(value, row.unit) for value in (row.noise, row.rmse, *theirs))
-            numbers = (printed(value, _DIGITS) for value in (noise, row.fit_percent, *errors))
-            table.add_row(row.signal, _degrees(row.unit), *numbers)
-        yield table
+def _free_run(rows: Sequence[Prediction]) -> Table:
+    columns = (
+        *(Column(header, numeric=False) for header in ("free run", "unit")),
+        *(Column(header) for header in ("noise", "fit %", "RMSE", "unchanged", "prior", "vehicle file")),
+    )
+    body: list[list[Cell]] = []
+    for row in rows:
+        values = row.noise, row.rmse, row.constant_velocity_rmse, row.prior_rmse, row.vehicle_file_rmse
+        noise, *errors = (_in_degrees(value, row.unit) for value in values)
+        body.append([row.signal, _degrees(row.unit), noise, row.fit_percent, *errors])
+    return Table("free-run", "Errors of the free run", columns, body)
 
 
 def _fits_ahead(rows: Sequence[Prediction]) -> Table:
-    """Fit in percent by signal and horizon, and the share of all errors that the stated uncertainty explains."""
+    """Lay out the fit by signal and horizon, and the share of errors that the stated uncertainty explains."""
     horizons = list(dict.fromkeys(row.horizon_s for row in rows))
-    table = screen_table()
-    table.add_column("fit % ahead")
-    for horizon in horizons:
-        table.add_column(f"{horizon:g} s", justify="right")
+    columns = Column("fit % ahead", numeric=False), *(Column(f"{horizon:g} s") for horizon in horizons)
     fits = {(row.signal, row.horizon_s): row.fit_percent for row in rows}
-    for signal in dict.fromkeys(row.signal for row in rows):
-        table.add_row(signal, *(printed(fits.get((signal, horizon)), _DIGITS) for horizon in horizons))
-    shares = [_share_within(rows, horizon) for horizon in horizons]
-    table.add_row("% within band", *(printed(share, _DIGITS) for share in shares))
-    return table
+    signals = dict.fromkeys(row.signal for row in rows)
+    body: list[list[Cell]] = [[signal, *(fits.get((signal, horizon)) for horizon in horizons)] for signal in signals]
+    within: list[Cell] = ["% within band", *(_share_within(rows, horizon) for horizon in horizons)]
+    return Table("fits-ahead", "Fits ahead", columns, [*body, within])
 
 
 def _share_within(rows: Sequence[Prediction], horizon: float) -> float | None:
-    """In percent, of the errors of all signals at a horizon."""
+    """Average the share over the errors of all signals at a horizon, percent."""
     shares = [row.share_within_band for row in rows if row.horizon_s == horizon and row.share_within_band is not None]
     return 100.0 * sum(shares) / len(shares) if shares else None
 
 
 def _manoeuvres(numbers: Sequence[ManoeuvreNumber]) -> list[str]:
-    """One line for each kind of number; those of a zigzag are many, and their mean is printed."""
+    """Write a line for each kind of number; those of a zigzag are many, and their mean is printed."""
     kinds: dict[tuple[str, str], list[ManoeuvreNumber]] = {}
-    for one in numbers:
-        kinds.setdefault((one.manoeuvre, one.number.rstrip(" 0123456789")), []).append(one)
+    for number in numbers:
+        kinds.setdefault((number.manoeuvre, number.number.rstrip(" 0123456789")), []).append(number)
     lines = []
-    for (manoeuvre, kind), own in kinds.items():
-        unit = own[0].unit
-        known = [one.predicted for one in own if one.predicted is not None]
-        measured = _in_degrees(float(np.mean([one.measured for one in own])), unit)
-        predicted = _in_degrees(float(np.mean(known)), unit) if len(known) == len(own) else None
-        count = f" (mean of {len(own)})" if len(own) > 1 else ""
+    for (manoeuvre, kind), alike in kinds.items():
+        unit = alike[0].unit
+        predictions = [number.predicted for number in alike if number.predicted is not None]
+        measured = _in_degrees(float(np.mean([number.measured for number in alike])), unit)
+        predicted = _in_degrees(float(np.mean(predictions)), unit) if len(predictions) == len(alike) else None
+        count = f" (mean of {len(alike)})" if len(alike) > 1 else ""
         what = f"{manoeuvre}, {kind}{count}" + ("" if unit == "1" else f" in {_degrees(unit)}")
         lines.append(f"{what}: measured {printed(measured)}, predicted {printed(predicted)}")
     return lines

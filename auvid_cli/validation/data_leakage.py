@@ -74,7 +74,7 @@ def check_unseen(dataset: Dataset, estimate: Estimate, training: Dataset | None 
 
 
 def _clock_shift(dataset: Dataset, estimate: Estimate) -> float | None:
-    """What turns a dataset's times, s, into those of an estimate from the same log; None if it is from another."""
+    """Return what turns a dataset's times, s, into those of an estimate of the same log; None if it is another."""
     if estimate.dataset_sha256 and estimate.dataset_sha256 == dataset.sha256:
         return 0.0
     here, there = dataset.experiment, estimate.experiment
@@ -86,7 +86,7 @@ def _clock_shift(dataset: Dataset, estimate: Estimate) -> float | None:
 
 
 def have_run_in_common(some: Array, others: Array) -> bool:
-    """Whether consecutive measurements of one record stand in another too, at whatever times.
+    """Say whether consecutive measurements of one record stand in another too, at whatever times.
 
     Components that one of them never has are not looked at, nor measurements that only repeat the one before.
 
@@ -113,13 +113,13 @@ def have_run_in_common(some: Array, others: Array) -> bool:
 
 
 def _changing(record: Array) -> Array:
-    """Whole measurements, each other than the one before."""
+    """Return whole measurements, each other than the one before."""
     whole = record[np.isfinite(record).all(axis=1)]
     return whole[np.concatenate([[True], (np.diff(whole, axis=0) != 0.0).any(axis=1)])] if len(whole) else whole
 
 
 def other_vehicle(dataset: Dataset, estimate: Estimate) -> list[str]:
-    """Known parameters and sizes that a dataset states otherwise than an estimate, by symbol."""
+    """Name known parameters and sizes that a dataset states otherwise than an estimate, by symbol."""
     ours, theirs = (
         settings.known_parameters() | settings.size.model_dump()
         for settings in (estimate.experiment.vehicle, dataset.experiment.vehicle)

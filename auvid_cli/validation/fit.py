@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 
 class Fit(NamedTuple):
-    """Sums over measurements and what was predicted for them.
+    """Sums over measurements and their predictions.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Fit(NamedTuple):
 
     @classmethod
     def of(cls, measured: Array, predicted: Array) -> "Fit":
-        """Of measurements, shape (n,), and their predictions, in one unit; angles without jumps of a turn."""
+        """Sum over measurements, shape (n,), and their predictions, in one unit; angles without jumps of a turn."""
         if not measured.size:
             return cls()
         mean = float(measured.mean())
@@ -40,7 +40,7 @@ class Fit(NamedTuple):
         return cls(measured.size, mean, float(np.square(measured - mean).sum()), squares)
 
     def plus(self, other: "Fit") -> "Fit":
-        """Of both together; the deviations by the update of Chan, Golub and LeVeque (1983)."""
+        """Join both; the deviations by the update of Chan, Golub and LeVeque (1983)."""
         measurements = self.measurements + other.measurements
         if not measurements:
             return self
@@ -51,14 +51,14 @@ class Fit(NamedTuple):
 
     @property
     def rmse(self) -> float | None:
-        """Root mean square error; None without measurements or where the prediction is not finite."""
+        """Return the root mean square error; None without measurements or where the prediction is not finite."""
         return sqrt(self.squares / self.measurements) if self.measurements and isfinite(self.squares) else None
 
     @property
     def percent(self) -> float | None:
-        """100 (1 - norm of the errors / norm of the deviations from the mean): 100 is perfect, 0 is the mean itself.
+        """Return 100 (1 - norm of errors / norm of deviations from the mean): 100 is perfect, 0 is the mean itself.
 
         None as for `rmse`, and where the measurements do not vary; it can be any negative number.
         """
-        known = self.rmse is not None and 0.0 < self.spread < inf
-        return 100.0 * (1.0 - sqrt(self.squares / self.spread)) if known else None
+        varies = self.rmse is not None and 0.0 < self.spread < inf
+        return 100.0 * (1.0 - sqrt(self.squares / self.spread)) if varies else None

@@ -1,15 +1,16 @@
 """The free run against every measurement: the identified model, what there was before, and an unchanged motion."""
 
-from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.evaluation.free_run import Keeper, free_motion
-from auvid_cli.evaluation.measurement_errors import as_read
+from auvid_cli.evaluation.measurement_errors import MeasurementErrors, as_read
 from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.timeline import Timelines
 from auvid_cli.validation.fit import Fit
 from auvid_cli.validation.initial_states import InitialStates
@@ -20,10 +21,12 @@ from auvid_cli.validation.signals import SAME, Signal, is_angle
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
+# Times of events, s, and what is predicted of measurements there, shape (events, 9), chunk by chunk.
+_Run: TypeAlias = Iterator[tuple[Array, Array]]
 
 
 class FreeRunFit(NamedTuple):
-    """What came out of the free runs.
+    """Fit of the free runs to all measurements.
 
     Attributes
     ----------
@@ -61,74 +64,97 @@ def fit_free_runs(
         has not settled, would stay in all that follows. Measurements are predicted with the sensors' errors and the
         current that the filter knows at the end; where these walk, how they were before is left out.
     """
-    start, motion, errors = float(starts.time[0]), starts.motion[0], starts.final_errors
+    start, motion = float(starts.time[0]), starts.motion[0]
     timelines = Timelines(dataset.inputs, dict(measuring), start, dataset.experiment.identification.integration_step)
     parameters = dataset.experiment.vehicle.known_parameters()
-    keeper, farthest = Keeper(measuring), np.zeros(N_MOTION)
-    centres = np.array([signals[s].values.mean() if s in signals else 0.0 for s in MOTION_SYMBOLS])
-
-    def watched() -> Iterator[tuple[Array, Array]]:
-        for timeline, predicted in free_motion(timelines, motion, parameters, models.identified):
-            read = as_read(predicted, errors)
-            keeper.keep(timeline.time, read)
-            with np.errstate(invalid="ignore"):
-                farthest[:] = np.maximum(farthest, np.abs(read - centres).max(axis=0))
-            yield timeline.time, read
-
-    def others(coefficients: Mapping[str, float]) -> Iterator[tuple[Array, Array]]:
-        for timeline, predicted in free_motion(timelines, motion, parameters, coefficients):
-            yield timeline.time, as_read(predicted, errors)
-
-    def unchanged() -> Iterator[tuple[Array, Array]]:
-        angles = motion[6:9]
-        for timeline in timelines:
-            predicted = unchanged_motion(timeline.time - start, motion, angles)
-            angles = predicted[-1, 6:9]
-            yield timeline.time, as_read(predicted, errors)
-
-    runs = {"identified": watched(), "constant_velocity": unchanged()}
-    runs |= {name: others(values) for name, values in models._asdict().items() if values and name != "identified"}
-    fits = {name: _fits(run, signals) for name, run in runs.items()}
+    motions = {
+        name: free_motion(timelines, motion, parameters, coefficients)
+        for name, coefficients in models._asdict().items()
+        if coefficients
+    }
+    motions["constant_velocity"] = _constant_velocity(timelines, start, motion)
+    predictions = {name: _as_measured(run, starts.final_errors) for name, run in motions.items()}
+    keeper, farthest = Keeper(measuring), _Farthest(signals)
+    predictions["identified"] = _watched(predictions["identified"], keeper, farthest)
+    fits = {name: _fits(run, signals) for name, run in predictions.items()}
     length = timelines.span[1] - start
-
-    def rmse(name: str, symbol: str) -> float | None:
-        return fits[name][symbol].rmse if name in fits else None
-
     rows = [
-        Prediction(
-            symbol,
-            MOTION[MOTION_SYMBOLS.index(symbol)].unit,
-            FREE_RUN,
-            length,
-            fits["identified"][symbol].measurements,
-            signal.deviation,
-            fits["identified"][symbol].percent,
-            rmse("identified", symbol),
-            rmse("prior", symbol),
-            rmse("vehicle_file", symbol),
-            rmse("constant_velocity", symbol),
-        )
+        _row(symbol, signal, length, {name: by_symbol[symbol] for name, by_symbol in fits.items()})
         for symbol, signal in signals.items()
     ]
-    reach = {s: float(np.abs(g.values - g.values.mean()).max()) + g.deviation for s, g in signals.items()}
-    excursion = {
-        symbol: float(np.nan_to_num(farthest[column], nan=np.inf)) / reach[symbol]
-        for column, symbol in enumerate(MOTION_SYMBOLS[:-1])
-        if symbol in signals
-    }
-    return FreeRunFit(keeper.kept(), rows, excursion)
+    return FreeRunFit(keeper.kept(), rows, farthest.over_reach())
 
 
-def _fits(run: Iterator[tuple[Array, Array]], signals: Mapping[str, Signal]) -> dict[str, Fit]:
-    """Of every signal, chunk by chunk, of what is predicted of its measurements."""
+class _Farthest:
+    """Farthest distances of a run from the mean of each signal."""
+
+    def __init__(self, signals: Mapping[str, Signal]) -> None:
+        self._signals = signals
+        self._centres = np.array([signals[s].values.mean() if s in signals else 0.0 for s in MOTION_SYMBOLS])
+        self._distance = np.zeros(N_MOTION)
+
+    def take(self, predicted: Array) -> None:
+        """Take the next chunk of the run."""
+        with np.errstate(invalid="ignore"):
+            self._distance = np.maximum(self._distance, np.abs(predicted - self._centres).max(axis=0))
+
+    def over_reach(self) -> dict[str, float]:
+        """Return it over how far the measurements went, for each signal but the heading; infinite if not finite."""
+        reach = {s: float(np.abs(g.values - g.values.mean()).max()) + g.deviation for s, g in self._signals.items()}
+        return {
+            symbol: float(np.nan_to_num(self._distance[column], nan=np.inf)) / reach[symbol]
+            for column, symbol in enumerate(MOTION_SYMBOLS[:-1])
+            if symbol in self._signals
+        }
+
+
+def _constant_velocity(timelines: Timelines, start: float, motion: Array) -> Iterator[tuple[Timeline, Array]]:
+    angles = motion[6:9]
+    for timeline in timelines:
+        predicted = unchanged_motion(timeline.time - start, motion, angles)
+        angles = predicted[-1, 6:9]
+        yield timeline, predicted
+
+
+def _as_measured(run: Iterable[tuple[Timeline, Array]], errors: MeasurementErrors) -> _Run:
+    for timeline, predicted in run:
+        yield timeline.time, as_read(predicted, errors)
+
+
+def _watched(run: _Run, keeper: Keeper, farthest: _Farthest) -> _Run:
+    for time, predicted in run:
+        keeper.keep(time, predicted)
+        farthest.take(predicted)
+        yield time, predicted
+
+
+def _fits(run: _Run, signals: Mapping[str, Signal]) -> dict[str, Fit]:
+    """Compare a run with the measurements of every signal, chunk by chunk."""
     fits = dict.fromkeys(signals, Fit())
     turns: dict[str, float] = {}
     for time, predicted in run:
         for symbol, signal in signals.items():
-            own = slice(*np.searchsorted(signal.time, [time[0] - SAME, time[-1] + SAME]))
+            in_chunk = slice(*np.searchsorted(signal.time, [time[0] - SAME, time[-1] + SAME]))
             column = MOTION_SYMBOLS.index(symbol)
-            expected = predicted[np.searchsorted(time, signal.time[own] - SAME), column]
+            expected = predicted[np.searchsorted(time, signal.time[in_chunk] - SAME), column]
             if is_angle(symbol) and symbol not in turns:
                 turns[symbol] = signal.turns(float(time[0]), float(predicted[0, column]))
-            fits[symbol] = fits[symbol].plus(Fit.of(signal.values[own], expected + turns.get(symbol, 0.0)))
+            fits[symbol] = fits[symbol].plus(Fit.of(signal.values[in_chunk], expected + turns.get(symbol, 0.0)))
     return fits
+
+
+def _row(symbol: str, signal: Signal, length: float, fits: Mapping[str, Fit]) -> Prediction:
+    rmse, identified = {name: fit.rmse for name, fit in fits.items()}, fits["identified"]
+    return Prediction(
+        signal=symbol,
+        unit=MOTION[MOTION_SYMBOLS.index(symbol)].unit,
+        kind=FREE_RUN,
+        horizon_s=length,
+        measurements=identified.measurements,
+        noise=signal.deviation,
+        fit_percent=identified.percent,
+        rmse=identified.rmse,
+        prior_rmse=rmse.get("prior"),
+        vehicle_file_rmse=rmse.get("vehicle_file"),
+        constant_velocity_rmse=rmse["constant_velocity"],
+    )

@@ -52,7 +52,7 @@ class Bundle(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """What came out at one target.
+    """Predictions at one target.
 
     Attributes
     ----------
@@ -78,14 +78,14 @@ class Collected(NamedTuple):
 
 
 def evenly_spaced(begin: float, end: float, most: int) -> Array:
-    """Times at which to start, s, some time after the filter has begun and one shortest horizon before the end."""
+    """Return times to start at, s, some time after the filter has begun and a shortest horizon before the end."""
     settled = begin + min(5.0, 0.1 * (end - begin))
     last = end - HORIZONS[0]
     return np.linspace(settled, last, most) if last > settled else np.zeros(0)
 
 
 def targets_of(signals: Mapping[str, Signal], start: float) -> list[Target]:
-    """The first measurement of each signal at or after each horizon."""
+    """Find the first measurement of each signal at or after each horizon."""
     targets = []
     for symbol, signal in signals.items():
         for horizon in HORIZONS:
@@ -151,23 +151,23 @@ def predict_ahead(
 
 
 def _variance(drawn: Array, centre: float) -> float:
-    """Mean square of the draws about the identified model; of those that did not blow up, NaN if they are too few."""
+    """Return the mean square about the identified model of the draws that are finite; NaN if they are too few."""
     sound = drawn[np.isfinite(drawn)]
     return float(np.square(sound - centre).mean()) if sound.size > 0.5 * drawn.size else np.nan
 
 
 def _timelines(dataset: Dataset, measuring: Mapping[str, SensorRecord], start: float, end: float) -> Timelines:
-    """Events of a segment of the data."""
+    """Return the events of a segment of the data."""
     segment = {}
     for name, record in measuring.items():
-        own = record.between(start - SAME, end + SAME)
-        if np.isfinite(own.values).any():
-            segment[name] = own
+        within = record.between(start - SAME, end + SAME)
+        if np.isfinite(within.values).any():
+            segment[name] = within
     return Timelines(dataset.inputs, segment, start, dataset.experiment.identification.integration_step)
 
 
 def rows_ahead(collected: Collected, names: Sequence[str], signals: Mapping[str, Signal]) -> Iterator[Prediction]:
-    """A row for each horizon that is reached often enough, and signal.
+    """Yield a row for each horizon that is reached often enough, and signal.
 
     The fit relates errors to how far the measurements of the whole run are from their mean, at every horizon alike:
     those that are compared may all be of a steady turn.
@@ -176,30 +176,30 @@ def rows_ahead(collected: Collected, names: Sequence[str], signals: Mapping[str,
     for horizon in HORIZONS:
         for symbol, signal in signals.items():
             column = MOTION_SYMBOLS.index(symbol)
-            own = [s for s in collected.samples if s.target.horizon == horizon and s.target.column == column]
-            if len(own) < FEWEST_STARTS:
+            samples = [s for s in collected.samples if s.target.horizon == horizon and s.target.column == column]
+            if len(samples) < FEWEST_STARTS:
                 continue
-            measured = np.array([sample.target.measurement for sample in own])
-            predicted = np.array([sample.named for sample in own])
+            measured = np.array([sample.target.measurement for sample in samples])
+            predicted = np.array([sample.named for sample in samples])
             fits = {name: Fit.of(measured, predicted[:, i]) for i, name in enumerate(names)}
-            whole = fits["identified"]._replace(spread=len(own) * float(signal.values.var()))
-            deviation = np.sqrt([sample.variance for sample in own])
-            known = bool(np.isfinite(deviation).all() and fits["identified"].rmse is not None)
+            whole = fits["identified"]._replace(spread=len(samples) * float(signal.values.var()))
+            deviation = np.sqrt([sample.variance for sample in samples])
+            has_band = bool(np.isfinite(deviation).all() and fits["identified"].rmse is not None)
             within = np.abs(measured - predicted[:, 0]) <= _SIGMAS * deviation
             yield Prediction(
                 symbol,
                 MOTION[column].unit,
                 AHEAD,
                 horizon,
-                len(own),
+                len(samples),
                 signal.deviation,
                 whole.percent,
                 fits["identified"].rmse,
                 fits["prior"].rmse if "prior" in fits else None,
                 fits["vehicle_file"].rmse if "vehicle_file" in fits else None,
-                Fit.of(measured, np.array([sample.unchanged for sample in own])).rmse,
-                float(np.sqrt(np.square(deviation).mean())) if known else None,
-                float(within.mean()) if known else None,
+                Fit.of(measured, np.array([sample.unchanged for sample in samples])).rmse,
+                float(np.sqrt(np.square(deviation).mean())) if has_band else None,
+                float(within.mean()) if has_band else None,
                 drawn,
                 blown_up,
             )

@@ -62,7 +62,7 @@ class InitialStates:
 
 
 def with_model(dataset: Dataset, estimate: Estimate) -> Dataset:
-    """The data as the identified model sees them: its vehicle, coefficients, fins, propeller and settings; no truth."""
+    """Return the data as the model sees them: its vehicle, coefficients, fins, propeller, settings; no truth."""
     earlier, identification = estimate.experiment, estimate.experiment.identification
     table = earlier.vehicle.coefficients.model_validate(estimate.final_coefficients())
     inputs = lagged(dataset.inputs, identification.fin_time_constant, identification.integration_step)
@@ -104,12 +104,12 @@ def filtered_initial_states(prepared: PreparedData, wanted: Array) -> InitialSta
     DataError
         As `augmented_problem`.
     """
-    first = found = _filtered(prepared, wanted)
+    first = states = _filtered(prepared, wanted)
     for factor in _NOISE_FACTORS:
-        if found.status == "completed" and max(found.nis.values()) <= LARGEST_NIS:
+        if states.status == "completed" and max(states.nis.values()) <= LARGEST_NIS:
             break
-        found = replace(_filtered(_with_noise(prepared, factor), wanted), noise_factor=factor)
-    return replace(found, nis=first.nis)
+        states = replace(_filtered(_with_noise(prepared, factor), wanted), noise_factor=factor)
+    return replace(states, nis=first.nis)
 
 
 def _with_noise(prepared: PreparedData, factor: float) -> PreparedData:
@@ -139,11 +139,11 @@ def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
         events = np.unique(np.searchsorted(time, moments))
         kept.extend(zip(time[events], records.mean[events], records.standard_deviation[events], strict=True))
         reached, last = float(time[-1]), records.mean[-1]
-        said = timeline.measurement_sensor[: len(records.nis)]
+        sensors = timeline.measurement_sensor[: len(records.nis)]
         for sensor in range(squares.size):
-            own = (said == sensor) & np.isfinite(records.nis)
-            squares[sensor] += records.nis[own].sum()
-            components[sensor] += np.isfinite(records.innovation_variance[own]).sum()
+            counted = (sensors == sensor) & np.isfinite(records.nis)
+            squares[sensor] += records.nis[counted].sum()
+            components[sensor] += np.isfinite(records.innovation_variance[counted]).sum()
 
     points = cubature(prior.mean.size)
     outcome = run_square_root_filter(points, problem.process, problem.sensors, timelines, prior, receive)

@@ -40,7 +40,7 @@ class Hold(NamedTuple):
 
 
 def rudder_holds(inputs: InputRecord) -> list[Hold]:
-    """Segments of time in which the rudder is over and does not move."""
+    """Find the segments of time in which the rudder is over and does not move."""
     rudder = inputs.values[:, _RUDDER]
     largest = float(np.abs(rudder).max())
     if largest < _SMALLEST:
@@ -60,7 +60,7 @@ def rudder_holds(inputs: InputRecord) -> list[Hold]:
 
 
 def manoeuvre_numbers(inputs: InputRecord, signals: Mapping[str, Signal], run: FreeRun) -> list[ManoeuvreNumber]:
-    """Numbers of the zigzags and turning circles in the data, measured and predicted.
+    """Return the numbers of the zigzags and turning circles in the data, measured and predicted.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def _covers(signal: Signal, hold: Hold) -> bool:
 
 
 def _chains(holds: Sequence[Hold]) -> list[list[Hold]]:
-    """Holds to one side and to the other in turn, each right after the one before."""
+    """Chain holds to one side and to the other in turn, each right after the one before."""
     chains: list[list[Hold]] = []
     for hold in holds:
         before = chains[-1][-1] if chains else None
@@ -100,7 +100,7 @@ def _chains(holds: Sequence[Hold]) -> list[list[Hold]]:
 
 
 def _zigzag(chain: Sequence[Hold], measured: Signal, predicted: Signal) -> list[ManoeuvreNumber]:
-    """Overshoots: how far the heading goes on after each reversal."""
+    """Return overshoots: how far the heading goes on after each reversal."""
     course = heading_at(measured, chain[0].begin)
     turned = np.array([heading_at(measured, hold.end) - course for hold in chain[:-1]])
     alternates = bool((np.diff(np.sign(turned)) != 0.0).all())
@@ -110,16 +110,16 @@ def _zigzag(chain: Sequence[Hold], measured: Signal, predicted: Signal) -> list[
     numbers = []
     for i, (hold, after) in enumerate(pairwise(chain), 1):
         side = float(np.sign(turned[i - 1]))
-        found = overshoot(measured, hold.end, after.end, side)
-        if found is not None:
+        angle = overshoot(measured, hold.end, after.end, side)
+        if angle is not None:
             expected = overshoot(predicted, hold.end, after.end, side)
             name = f"zigzag {np.rad2deg(abs(hold.level)):.3g}"
-            numbers.append(ManoeuvreNumber(name, f"overshoot {i}", hold.end, "rad", found, expected))
+            numbers.append(ManoeuvreNumber(name, f"overshoot {i}", hold.end, "rad", angle, expected))
     return numbers
 
 
 def overshoot(heading: Signal, reversal: float, end: float, side: float) -> float | None:
-    """How far a heading goes on to a side, 1 or -1, after the rudder's reversal, rad; None if it does not come back."""
+    """Say how far a heading goes on to a side, 1 or -1, after a reversal, rad; None if it does not come back."""
     span = slice(*np.searchsorted(heading.time, [reversal, end]))
     time, values = heading.time[span], side * heading.values[span]
     if time.size < 3 or not np.isfinite(values).all():
@@ -131,7 +131,7 @@ def overshoot(heading: Signal, reversal: float, end: float, side: float) -> floa
 
 
 def heading_at(heading: Signal, time: float) -> float:
-    """Heading at a time, from a parabola through the measurements around it, rad."""
+    """Return the heading at a time, from a parabola through the measurements around it, rad."""
     around = slice(*np.searchsorted(heading.time, [time - _AROUND, time + _AROUND]))
     apart, values = heading.time[around] - time, heading.values[around]
     if apart.size < 5:
@@ -142,19 +142,19 @@ def heading_at(heading: Signal, time: float) -> float:
 def _turning_circle(
     hold: Hold, measured: Mapping[str, Signal], predicted: Mapping[str, Signal]
 ) -> list[ManoeuvreNumber]:
-    """Turn rate, and with a measured velocity radius, speed and speed lost, once the turn is steady."""
+    """Return turn rate, and with a measured velocity radius, speed and speed lost, once the turn is steady."""
     heading = measured["psi"]
     inside = slice(*np.searchsorted(heading.time, [hold.begin, hold.end]))
     turned = np.abs(heading.values[inside] - heading_at(heading, hold.begin))
     if not turned.size or turned[-1] < _TRANSIENT + _STEADY_TURN:
         return []
     begin = float(heading.time[inside][np.argmax(turned >= _TRANSIENT)])
-    found, expected = (steady_turn(signals, hold.begin, begin, hold.end) for signals in (measured, predicted))
+    numbers, expected = (steady_turn(signals, hold.begin, begin, hold.end) for signals in (measured, predicted))
     name = f"turning circle {np.rad2deg(abs(hold.level)):.3g}"
     units = {"turn rate": "rad/s", "speed": "m/s", "radius": "m", "speed lost": "1"}
     return [
         ManoeuvreNumber(name, number, begin, units[number], value, _finite(expected.get(number)))
-        for number, value in found.items()
+        for number, value in numbers.items()
     ]
 
 
@@ -163,7 +163,7 @@ def _finite(value: float | None) -> float | None:
 
 
 def steady_turn(signals: Mapping[str, Signal], execute: float, begin: float, end: float) -> dict[str, float]:
-    """Numbers of a turn that is steady from begin to end, s.
+    """Return the numbers of a turn that is steady from begin to end, s.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def steady_turn(signals: Mapping[str, Signal], execute: float, begin: float, end
 
 
 def _horizontal_speed(signals: Mapping[str, Signal]) -> Signal:
-    """At the times of u, m/s; where no attitude tells how level the path is, the speed along it."""
+    """Return it at the times of u, m/s; where no attitude tells how level the path is, the speed along it."""
     time = signals["u"].time
 
     def at_its_times(symbol: str) -> Array:

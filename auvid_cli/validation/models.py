@@ -30,7 +30,7 @@ class Models(NamedTuple):
 
 
 def models_of(estimate: Estimate) -> Models:
-    """The models that an estimate knows of."""
+    """Return the models that an estimate knows of."""
     return Models(estimate.final_coefficients(), _prior(estimate), _vehicle_file(estimate))
 
 
@@ -50,7 +50,7 @@ def _vehicle_file(estimate: Estimate) -> Mapping[str, float] | None:
 
 
 def drawn_coefficients(estimate: Estimate, count: int, rng: np.random.Generator) -> Array | None:
-    """Sets of coefficients from the final mean and covariance of an estimate.
+    """Draw sets of coefficients from the final mean and covariance of an estimate.
 
     Returns
     -------

@@ -41,7 +41,7 @@ def move_side_by_side(
     n = len(motion)
     constants, work = vehicle_constants(parameters), np.zeros(N_WORK)
     block, rows = (_in_lanes(each) for each in (motion, np.hstack([coefficients, np.ones((n, 1))])))
-    states, found = block.reshape(N_MOTION, LANES), np.empty((wanted.size, n, N_MOTION))
+    states, moved = block.reshape(N_MOTION, LANES), np.empty((wanted.size, n, N_MOTION))
     done = 0
     for timeline in timelines:
         inputs, durations = [timeline.inputs[i] for i in timeline.substep_input], timeline.substep_duration.tolist()
@@ -52,23 +52,23 @@ def move_side_by_side(
             until = int(timeline.substep_offset[event + 1])
             for held, duration in zip(inputs[substep:until], durations[substep:until], strict=True):
                 runge_kutta_step(block, rows, held, constants, n, duration, work)
-            found[done], substep, done = states[:, :n].T, until, done + 1
+            moved[done], substep, done = states[:, :n].T, until, done + 1
         if done == wanted.size:
             break
         for held, duration in zip(inputs[substep:], durations[substep:], strict=True):
             runge_kutta_step(block, rows, held, constants, n, duration, work)
-    return found[:done]
+    return moved[:done]
 
 
 def _in_lanes(values: Array) -> Array:
-    """Rows of quantities with a lane for each model; lanes without one repeat the first."""
+    """Lay out rows of quantities with a lane for each model; lanes without one repeat the first."""
     lanes = np.tile(values[0], (LANES, 1))
     lanes[: len(values)] = values
     return np.ascontiguousarray(lanes.T).ravel()
 
 
 def unchanged_motion(elapsed: Array, motion: Array, angles: Array | None = None) -> Array:
-    """Velocities and rates held; the attitude follows from them in closed form (Rodrigues' formula).
+    """Hold velocities and rates; the attitude follows in closed form (Rodrigues' formula).
 
     Parameters
     ----------

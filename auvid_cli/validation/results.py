@@ -85,7 +85,7 @@ class ManoeuvreNumber(NamedTuple):
 
 
 class Validation(NamedTuple):
-    """All that is said of an estimate on other data.
+    """Predictions and verdicts of an estimate on other data.
 
     Attributes
     ----------
@@ -120,6 +120,6 @@ class Validation(NamedTuple):
         return frames(self.tables())
 
     def worse_than_the_mean(self, kind: str) -> list[str]:
-        """Signals whose measurements are nearer to their own mean than to a prediction of a kind."""
+        """Name signals whose measurements are nearer to their own mean than to a prediction of a kind."""
         fits = ((row.signal, row.fit_percent) for row in self.predictions if row.kind == kind)
         return list(dict.fromkeys(signal for signal, fit in fits if fit is not None and fit < 0.0))

@@ -17,7 +17,7 @@ SAME = 0.75e-9
 
 
 class Signal(NamedTuple):
-    """What was measured of one motion state.
+    """Measurements of one motion state.
 
     Attributes
     ----------
@@ -32,29 +32,29 @@ class Signal(NamedTuple):
     deviation: float
 
     def since(self, time: float) -> int:
-        """Index of the first measurement at or after a time."""
+        """Return the index of the first measurement at or after a time."""
         return int(np.searchsorted(self.time, time - SAME))
 
     def turns(self, time: float, value: float) -> float:
-        """What to add to a value at a time to be on the same turn as the measurements, rad; a multiple of a turn."""
+        """Return what to add to a value to be on the same turn as the measurements, rad; a multiple of a turn."""
         measurement = self.values[max(int(np.searchsorted(self.time, time + SAME)) - 1, 0)]
         return 2.0 * np.pi * float(np.round((measurement - value) / (2.0 * np.pi)))
 
 
 def is_angle(symbol: str) -> bool:
-    """Whether a motion state is known modulo a turn."""
+    """Say whether a motion state is known modulo a turn."""
     return symbol in _ANGLES
 
 
 def measured_signals(measuring: Mapping[str, SensorRecord]) -> dict[str, Signal]:
-    """Signals by motion symbol, in the order of the motion states; those that are measured."""
+    """Return signals by motion symbol, in the order of the motion states; those that are measured."""
     signals = {}
     for name, record in measuring.items():
         for component, quantity in enumerate(SENSORS[name]):
             values = record.values[:, component]
             finite = np.isfinite(values)
             if finite.any():
-                known = np.unwrap(values[finite]) if is_angle(quantity.symbol) else values[finite]
+                continuous = np.unwrap(values[finite]) if is_angle(quantity.symbol) else values[finite]
                 deviation = float(record.standard_deviation[component])
-                signals[quantity.symbol] = Signal(record.time[finite], known, deviation)
+                signals[quantity.symbol] = Signal(record.time[finite], continuous, deviation)
     return {symbol: signals[symbol] for symbol in MOTION_SYMBOLS if symbol in signals}

@@ -46,37 +46,37 @@ def validate(dataset: Dataset, estimate: Estimate, starts: int = STARTS) -> Vali
     """
     if not estimate.completed:
         raise DataError(f"the estimate {estimate.status}: it is no model to be validated")
-    seen, models = with_model(dataset, estimate), models_of(estimate)
-    prepared = prepare(seen)
+    data, models = with_model(dataset, estimate), models_of(estimate)
+    prepared = prepare(data)
     measuring = prepared.measuring
     signals = measured_signals(measuring)
     begin = prepared.segments[0].timelines.span[0]
     end = max(float(signal.time[-1]) for signal in signals.values())
-    found = filtered_initial_states(prepared, evenly_spaced(begin, end, starts))
-    if not found.time.size:
+    initial_states = filtered_initial_states(prepared, evenly_spaced(begin, end, starts))
+    if not initial_states.time.size:
         raise DataError(
             f"there is no time at which a prediction can start: the measurements from {begin:g} s to {end:g} s are too "
-            f"short, or this model cannot follow them ({found.status})"
+            f"short, or this model cannot follow them ({initial_states.status})"
         )
-    free = fit_free_runs(seen, measuring, signals, models, found)
+    free = fit_free_runs(data, measuring, signals, models, initial_states)
     rng = np.random.default_rng(estimate.experiment.seed)
     bundle = _bundle(models, drawn_coefficients(estimate, DRAWS, rng))
-    collected = predict_ahead(seen, measuring, signals, found, bundle, rng)
+    collected = predict_ahead(data, measuring, signals, initial_states, bundle, rng)
     rows = [*free.rows, *rows_ahead(collected, bundle.names, signals)]
-    numbers = manoeuvre_numbers(seen.inputs, signals, free.run)
-    remarks = [*_remarks(dataset, estimate, found, collected.blown_up), *_taken_as_level(numbers, signals)]
+    numbers = manoeuvre_numbers(data.inputs, signals, free.run)
+    remarks = [*_remarks(dataset, estimate, initial_states, collected.blown_up), *_taken_as_level(numbers, signals)]
     return Validation(
         estimate.filter,
         rows,
         numbers,
-        verdicts(estimate.filter, rows, free.excursion, found.nis, found.status),
+        verdicts(estimate.filter, rows, free.excursion, initial_states.nis, initial_states.status),
         free.run,
         remarks,
     )
 
 
 def _bundle(models: Models, drawn: Array | None) -> Bundle:
-    """The models that are known by name, and behind them what is drawn."""
+    """Bundle the models that are known by name and, behind them, what is drawn."""
     named = {name: values for name, values in models._asdict().items() if values is not None}
     table = np.array([[values[symbol] for symbol in SYMBOLS] for values in named.values()])
     return Bundle(tuple(named), table if drawn is None else np.vstack([table, drawn]))
@@ -103,6 +103,7 @@ def _remarks(dataset: Dataset, estimate: Estimate, starts: InitialStates, blown_
 
 
 def _taken_as_level(numbers: Sequence[ManoeuvreNumber], signals: Mapping[str, Signal]) -> Iterator[str]:
-    untold = [symbol for symbol in TILT if symbol not in signals]
-    if untold and any(one.number == "radius" for one in numbers):
-        yield f"turns are taken as level, their speed as that along the path: no sensor measures {' or '.join(untold)}"
+    unmeasured = [symbol for symbol in TILT if symbol not in signals]
+    if unmeasured and any(row.number == "radius" for row in numbers):
+        lacking = " or ".join(unmeasured)
+        yield f"turns are taken as level, their speed as that along the path: no sensor measures {lacking}"

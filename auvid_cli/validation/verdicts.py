@@ -19,7 +19,7 @@ _SMALLEST_SHARE = 0.85
 def verdicts(
     name: str, rows: Sequence[Prediction], excursion: Mapping[str, float], nis: Mapping[str, float], status: str
 ) -> list[Check]:
-    """All verdicts on the predictions of one estimate.
+    """Return all verdicts on the predictions of one estimate.
 
     Parameters
     ----------
@@ -39,19 +39,19 @@ def verdicts(
         "free run",
         "stable",
         excursion,
-        _LARGEST_EXCURSION,
-        "times the reach of the measurements",
-        "Left to itself the model runs away. A vehicle that is unstable in open loop does so too: judge it by the "
-        "predictions ahead; else the coefficients are wrong.",
+        limit=_LARGEST_EXCURSION,
+        meaning="times the reach of the measurements",
+        advice="Left to itself the model runs away. A vehicle that is unstable in open loop does so too: judge it by "
+        "the predictions ahead; else the coefficients are wrong.",
     )
     followed = Check.of(
         name,
         "start",
         "motion followed",
-        status,
-        "to the end of the data",
-        status == "completed",
-        "With this model no filter follows these measurements: predictions were made as far as it came.",
+        statistic=status,
+        threshold="to the end of the data",
+        passed=status == "completed",
+        advice="With this model no filter follows these measurements: predictions were made as far as it came.",
     )
     checks = [stable, followed]
     if ahead:
@@ -66,10 +66,10 @@ def verdicts(
             "one measurement ahead",
             "NIS",
             nis,
-            LARGEST_NIS,
-            "of a component",
-            "From one measurement to the next the model errs more than its settings say: its coefficients are off, it "
-            "misses something here, or these sensors are worse than stated.",
+            limit=LARGEST_NIS,
+            meaning="of a component",
+            advice="From one measurement to the next the model errs more than its settings say: its coefficients are "
+            "off, it misses something here, or these sensors are worse than stated.",
             fails=False,
         )
     )
@@ -77,7 +77,7 @@ def verdicts(
 
 
 def _better(name: str, other: str, rows: Sequence[Prediction], rmse_of: Callable[[Prediction], float | None]) -> Check:
-    """Whether the model errs less than another, wherever that errs by more than noise."""
+    """Judge whether the model errs less than another, wherever that errs by more than noise."""
     ratios = []
     for row in rows:
         theirs = rmse_of(row)
@@ -85,21 +85,27 @@ def _better(name: str, other: str, rows: Sequence[Prediction], rmse_of: Callable
             ratios.append((row, row.rmse / theirs if row.rmse is not None else float("inf")))
     if not ratios:
         return Check.of(
-            name, "ahead", f"better than {other}", "-", "something to predict", None, "It errs by noise alone or fails."
+            name,
+            "ahead",
+            f"better than {other}",
+            statistic="-",
+            threshold="something to predict",
+            passed=None,
+            advice="It errs by noise alone or fails.",
         )
     return Check.of_values(
         name,
         "ahead",
         f"better than {other}",
         _worst(ratios),
-        _LARGEST_RATIO,
-        "times its error, where that is no noise",
-        "The model is no use there: the coefficients behind that motion are wrong, or the vehicle has changed.",
+        limit=_LARGEST_RATIO,
+        meaning="times its error, where that is no noise",
+        advice="The model is no use there: the coefficients behind that motion are wrong, or the vehicle has changed.",
     )
 
 
 def _band(name: str, rows: Sequence[Prediction]) -> list[Check]:
-    """Whether the stated uncertainty explains the errors, horizon by horizon."""
+    """Judge whether the stated uncertainty explains the errors, horizon by horizon."""
     shares = [(row, row.share_within_band) for row in rows if row.share_within_band is not None]
     if not shares:
         return []
@@ -109,10 +115,11 @@ def _band(name: str, rows: Sequence[Prediction]) -> list[Check]:
             "ahead",
             "explained by its uncertainty",
             _worst(shares, is_least=True),
-            _SMALLEST_SHARE,
-            "of the errors within two sigma",
-            "The errors are larger than coefficients, start and sensors are uncertain; the band is without process "
-            "noise. The structure of the model does not hold for this manoeuvre, or the covariance is too small.",
+            limit=_SMALLEST_SHARE,
+            meaning="of the errors within two sigma",
+            advice="The errors are larger than coefficients, start and sensors are uncertain; the band is without "
+            "process noise. The structure of the model does not hold for this manoeuvre, or the covariance is too "
+            "small.",
             fails=False,
             is_least=True,
         )
@@ -120,7 +127,7 @@ def _band(name: str, rows: Sequence[Prediction]) -> list[Check]:
 
 
 def _worst(values: Sequence[tuple[Prediction, float]], is_least: bool = False) -> dict[str, float]:
-    """Of each signal the largest value, or the least, with its horizon."""
+    """Return the largest value of each signal, or the least, with its horizon."""
     worst: dict[str, tuple[Prediction, float]] = {}
     for row, value in sorted(values, key=lambda pair: pair[1], reverse=not is_least):
         worst.setdefault(row.signal, (row, value))

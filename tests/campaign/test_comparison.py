@@ -37,14 +37,14 @@ def test_a_filter_that_is_better_on_the_same_data_is_named():
     random = np.random.default_rng(2)
     # The seeds differ far more than the filters: only pairs can tell.
     difficulty = np.exp(random.standard_normal(N))
-    found = verdicts(rows_of("ckf", difficulty), rows_of("ekf", difficulty * 1.1))
-    row = found["steady_state_error_percent", "ckf", "ekf"]
+    by_pair = verdicts(rows_of("ckf", difficulty), rows_of("ekf", difficulty * 1.1))
+    row = by_pair["steady_state_error_percent", "ckf", "ekf"]
     assert row["verdict"] == "ckf is better"
     assert row["seeds"] == N
     assert row["difference"] == pytest.approx(np.median(-0.1 * difficulty))
     assert row["difference_high"] < 0.0
     # 0.02 |error| of a true value of 2 is one percent of it.
-    assert found["rmse_percent", "ckf", "ekf"]["median_first"] == pytest.approx(np.median(difficulty))
+    assert by_pair["rmse_percent", "ckf", "ekf"]["median_first"] == pytest.approx(np.median(difficulty))
     assert (
         verdicts(rows_of("ekf", difficulty * 1.1), rows_of("ckf", difficulty))[
             "steady_state_error_percent", "ekf", "ckf"

@@ -55,23 +55,23 @@ def test_two_of_eight_workers_that_are_killed_lose_and_repeat_nothing(planned):
                 os.kill(victim, signal.SIGKILL)
                 time.sleep(1.0)
 
-        found = []
+        performed = []
         killer = threading.Thread(target=kill_two)
         for group in perform_groups(client, plan.groups(), False):
-            found += group
+            performed += group
             if not killer.ident:
                 killer.start()
         killer.join()
     assert len(killed) == 2
-    assert sorted(done.run.identity for done in found) == sorted(plan.labels())
-    assert {done.failure for done in found} == {""}
+    assert sorted(done.run.identity for done in performed) == sorted(plan.labels())
+    assert {done.failure for done in performed} == {""}
 
 
 def test_a_group_that_no_worker_can_do_has_failed_and_the_others_go_on(planned):
     plan = planned(MANY, "seeds=3")
     groups = list(plan.groups())
     # Text that no worker can read: it fails in the worker's own code, not in a run.
-    broken = [groups[0], Group(7, groups[1].runs, groups[1].told), groups[2]]
+    broken = [groups[0], Group(7, groups[1].runs, groups[1].assumed), groups[2]]
     with (
         LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
         cluster_client(cluster.scheduler_address, 1) as client,

@@ -38,25 +38,25 @@ def test_a_shortened_group_is_the_beginning_of_its_data(planned):
 
 def test_runs_are_measured_as_the_report_does(performed):
     group, done = performed
-    for told, result in zip(group.told, done, strict=True):
+    for assumed, result in zip(group.assumed, done, strict=True):
         assert result.failure == ""
-        experiment = Experiment.model_validate_json(told)
+        experiment = Experiment.model_validate_json(assumed)
         dataset = simulate(experiment)
         estimate = identify(dataset, experiment.identification.filters[0])
         wanted = evaluate(prepare(dataset), [estimate], BoundsOf(prepare(dataset)))
         rows = {(row.kind, row.name): row for row in result.rows}
         for row in wanted.coefficients:
-            found = rows["coefficient", row.coefficient]
-            assert (found.true, found.estimate, found.standard_deviation, found.rmse) == (
+            measure = rows["coefficient", row.coefficient]
+            assert (measure.true, measure.estimate, measure.standard_deviation, measure.rmse) == (
                 row.true,
                 row.estimate,
                 row.standard_deviation,
                 row.rmse,
             )
-            assert found.cramer_rao_bound == pytest.approx(row.cramer_rao_bound)
+            assert measure.cramer_rao_bound == pytest.approx(row.cramer_rao_bound)
         for row in wanted.consistency:
-            found = rows["sensor", row.sensor]
-            assert found.squares / found.components == pytest.approx(row.mean_nis)
+            measure = rows["sensor", row.sensor]
+            assert measure.squares / measure.components == pytest.approx(row.mean_nis)
         run = rows["run", ""]
         assert run.steady_state_error_percent == wanted.summary[0].average_steady_state_error_percent
         # NEES by the definition, with an inverse.
@@ -80,7 +80,7 @@ def test_a_filter_that_is_not_told_keeps_the_noise_it_knows(planned):
     (group,) = planned(text).groups()
     rows = perform(group)[0].rows
     (dvl,) = [row for row in rows if row.kind == "sensor" and row.name == "dvl"]
-    nominal = Experiment.model_validate_json(group.told[0]).sensors.dvl.stated_standard_deviation()[0]
+    nominal = Experiment.model_validate_json(group.assumed[0]).sensors.dvl.stated_standard_deviation()[0]
     # Innovations are larger by about the square of how much more noise there is than the filter believes.
     assert dvl.squares / dvl.components > 0.3 * (0.5 / nominal) ** 2
     assert rows[0].status.startswith(("inconsistent", "diverged"))
@@ -88,9 +88,9 @@ def test_a_filter_that_is_not_told_keeps_the_noise_it_knows(planned):
 
 def test_what_goes_wrong_in_one_run_is_its_failure(planned):
     (group,) = planned(TEXT).groups()
-    broken = group.told[0].replace('"length": 2.194', '"length": -1.0')
-    assert broken != group.told[0]
-    first, second = perform(replace_told(group, [broken, group.told[1]]))
+    broken = group.assumed[0].replace('"length": 2.194', '"length": -1.0')
+    assert broken != group.assumed[0]
+    first, second = perform(replace_assumed(group, [broken, group.assumed[1]]))
     assert "length" in first.failure
     assert first.rows == []
     assert second.failure == ""
@@ -111,5 +111,5 @@ def test_data_that_cannot_be_simulated_fail_all_their_runs(planned):
         assert done.rows == []
 
 
-def replace_told(group, told):
-    return group._replace(told=told)
+def replace_assumed(group, assumed):
+    return group._replace(assumed=assumed)

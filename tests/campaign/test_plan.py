@@ -1,4 +1,4 @@
-"""What a campaign's file means: which runs, on which data, told what."""
+"""What a campaign's file means: which runs, on which data, and what their filters assume."""
 
 import json
 from statistics import mean, stdev
@@ -29,8 +29,8 @@ def simulated(group):
     return Experiment.model_validate_json(group.simulated)
 
 
-def told(group):
-    return [Experiment.model_validate_json(text) for text in group.told]
+def assumed(group):
+    return [Experiment.model_validate_json(text) for text in group.assumed]
 
 
 def test_every_combination_is_run_with_every_filter_and_seed(planned):
@@ -57,7 +57,7 @@ def test_runs_on_the_same_data_go_together_and_are_told_their_own_settings(plann
         rate = {run.labels["rate"] for run in group.runs}
         assert rate == {"slow" if data.sensors.gyroscope.rate == 10.0 else "fast"}
         assert {run.seed for run in group.runs} == {data.seed}
-        for run, given in zip(group.runs, told(group), strict=True):
+        for run, given in zip(group.runs, assumed(group), strict=True):
             assert given.identification.prior.factor == run.labels["identification.prior.factor"]
             assert given.sensors == data.sensors
             (name,) = given.identification.filters
@@ -154,7 +154,7 @@ def test_draws_are_the_same_for_all_filters_and_follow_their_distribution(planne
         (factor,) = {run.labels["vehicle.parameters.m"] for run in group.runs}
         factors[group.runs[0].seed] = factor
         if len(factors) < 4:
-            nominal = told(group)[0].vehicle.parameters.by_symbol()["m"]
+            nominal = assumed(group)[0].vehicle.parameters.by_symbol()["m"]
             assert simulated(group).vehicle.parameters.by_symbol()["m"] == pytest.approx(factor * nominal)
             assert len(group.runs) == 2
     values = list(factors.values())
@@ -175,9 +175,9 @@ def test_what_filters_are_not_told_they_keep_from_the_experiment(planned):
     )
     (group,) = planned(text).groups()
     assert simulated(group).sensors.dvl.noise == (0.05,)
-    assert told(group)[0].sensors.dvl.noise != (0.05,)
+    assert assumed(group)[0].sensors.dvl.noise != (0.05,)
     (known,) = planned(text.replace(", known: false", "")).groups()
-    assert told(known)[0].sensors.dvl.noise == (0.05,)
+    assert assumed(known)[0].sensors.dvl.noise == (0.05,)
 
 
 def test_relative_values_multiply_each_component(planned):
@@ -191,7 +191,7 @@ def test_relative_values_multiply_each_component(planned):
 
 def test_settings_travel_as_text_that_means_the_same(planned):
     for group in planned(GRID).groups():
-        for text in (group.simulated, *group.told):
+        for text in (group.simulated, *group.assumed):
             assert Experiment.model_validate_json(json.dumps(json.loads(text))) == Experiment.model_validate_json(text)
 
 

@@ -22,14 +22,14 @@ def begun(tmp_path):
     environment = os.environ | dict([mark.split("=")])
 
     def marked() -> list[str]:
-        found = []
+        commands = []
         for process in Path("/proc").glob("[0-9]*"):
             try:
                 if mark.encode() in (process / "environ").read_bytes():
-                    found.append((process / "cmdline").read_text().replace("\0", " "))
+                    commands.append((process / "cmdline").read_text().replace("\0", " "))
             except OSError:
                 continue
-        return found
+        return commands
 
     def begin(*arguments: str, **more: str):
         command = [sys.executable, *arguments]

@@ -82,9 +82,9 @@ def test_the_python_file_sails(results, tmp_path, monkeypatch):
     monkeypatch.delitem(sys.modules, "vt690_found")
     start = [3.9, *np.zeros(8)]
     thrust = [0.0, 0.0, 73.8, 0.0]
-    found = solve_ivp(lambda t, motion: vt690_found.motion_derivative(motion, thrust), (0.0, 10.0), start, rtol=1e-8)
-    assert found.success
-    assert found.y[0, -1] == pytest.approx(3.9, abs=0.05)
+    solution = solve_ivp(lambda t, motion: vt690_found.motion_derivative(motion, thrust), (0.0, 10.0), start, rtol=1e-8)
+    assert solution.success
+    assert solution.y[0, -1] == pytest.approx(3.9, abs=0.05)
 
 
 def test_the_yaml_file_is_the_vehicle_of_an_experiment(results, tmp_path):

@@ -53,15 +53,15 @@ def exported(short_run, tmp_path_factory):
 def test_simulated_run_comes_back_from_its_csv_files(short_run, exported, tmp_path):
     result = auvid_import("--map", exported / "map.yaml", "-o", tmp_path / "dataset.h5")
     assert result.exit_code == 0, result.output
-    found = read_dataset(tmp_path / "dataset.h5")
-    assert found.truth is None
-    assert set(found.sensors) == {"gyroscope", "dvl", "attitude"}
-    for name, record in found.sensors.items():
+    imported = read_dataset(tmp_path / "dataset.h5")
+    assert imported.truth is None
+    assert set(imported.sensors) == {"gyroscope", "dvl", "attitude"}
+    for name, record in imported.sensors.items():
         assert record.time == pytest.approx(short_run.sensors[name].time, abs=1e-12)
         assert record.values == pytest.approx(short_run.sensors[name].values, abs=1e-12, nan_ok=True)
-    assert found.inputs.time == pytest.approx(short_run.inputs.time, abs=1e-12)
-    assert found.inputs.values == pytest.approx(short_run.inputs.values, abs=1e-12)
-    run = found.experiment
+    assert imported.inputs.time == pytest.approx(short_run.inputs.time, abs=1e-12)
+    assert imported.inputs.values == pytest.approx(short_run.inputs.values, abs=1e-12)
+    run = imported.experiment
     assert (run.name, run.recording.map, run.recording.origin) == ("sea_trial", MAP, 0.0)
     assert [file.name for file in run.recording.files] == ["gyroscope.csv", "dvl.csv", "attitude.csv", "inputs.csv"]
     assert all(re.fullmatch("[0-9a-f]{64}", file.sha256) for file in run.recording.files)
@@ -100,10 +100,10 @@ def test_suggested_map_of_exported_logs_imports_once_it_is_filled_in(short_run, 
     path.write_text(text.replace("standard_deviation: null", "standard_deviation: estimate"))
     result = auvid_import("--map", path, "-o", tmp_path / "d.h5")
     assert result.exit_code == 0, result.output
-    found = read_dataset(tmp_path / "d.h5")
+    imported = read_dataset(tmp_path / "d.h5")
     for name in ("gyroscope", "dvl", "attitude"):
-        assert found.sensors[name].values == pytest.approx(short_run.sensors[name].values, abs=1e-12, nan_ok=True)
-    assert found.inputs.values == pytest.approx(short_run.inputs.values, abs=1e-12)
+        assert imported.sensors[name].values == pytest.approx(short_run.sensors[name].values, abs=1e-12, nan_ok=True)
+    assert imported.inputs.values == pytest.approx(short_run.inputs.values, abs=1e-12)
 
 
 def test_layout_of_the_text_is_told_by_the_map(tmp_path):
@@ -120,12 +120,12 @@ def test_layout_of_the_text_is_told_by_the_map(tmp_path):
     )
     result = auvid_import("--map", path, "-o", tmp_path / "d.h5")
     assert result.exit_code == 0, result.output
-    found = read_dataset(tmp_path / "d.h5")
+    imported = read_dataset(tmp_path / "d.h5")
     expected = (2 + np.arange(50) / 8) * 1852 / 3600
     expected[7] = np.nan
-    assert found.sensors["dvl"].values[:, 0] == pytest.approx(expected, nan_ok=True)
-    assert np.isnan(found.sensors["dvl"].values[:, 1:]).all()
-    assert found.inputs.values[:, 0] == pytest.approx(np.radians(np.arange(50) % 3))
+    assert imported.sensors["dvl"].values[:, 0] == pytest.approx(expected, nan_ok=True)
+    assert np.isnan(imported.sensors["dvl"].values[:, 1:]).all()
+    assert imported.inputs.values[:, 0] == pytest.approx(np.radians(np.arange(50) % 3))
 
 
 def test_units_in_cells_and_under_the_names_are_suggested_and_imported(tmp_path):
@@ -139,11 +139,13 @@ def test_units_in_cells_and_under_the_names_are_suggested_and_imported(tmp_path)
     path.write_text(text.replace("standard_deviation: null", "standard_deviation: 0.1"))
     result = auvid_import("--map", path, "-o", tmp_path / "d.h5")
     assert result.exit_code == 0, result.output
-    found, k = read_dataset(tmp_path / "d.h5"), np.arange(50)
-    assert found.sensors["attitude"].values[:, :2] == pytest.approx(np.radians(np.column_stack((k % 7 + 0.5, k % 3))))
-    assert found.sensors["dvl"].values[:, 0] == pytest.approx(0.01 * k)
-    assert found.sensors["dvl"].time == pytest.approx(0.1 * k)
-    assert found.inputs.values[:, 0] == pytest.approx(np.radians(k % 5))
+    imported, k = read_dataset(tmp_path / "d.h5"), np.arange(50)
+    assert imported.sensors["attitude"].values[:, :2] == pytest.approx(
+        np.radians(np.column_stack((k % 7 + 0.5, k % 3)))
+    )
+    assert imported.sensors["dvl"].values[:, 0] == pytest.approx(0.01 * k)
+    assert imported.sensors["dvl"].time == pytest.approx(0.1 * k)
+    assert imported.inputs.values[:, 0] == pytest.approx(np.radians(k % 5))
 
 
 TWO_FILES = f"""\
@@ -215,16 +217,16 @@ try:
 except typer.Exit as end:
     print(raised, end.exit_code)
 """
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert found.stdout == "['auvid_cli.config.log_map'] 130\n", found.stderr
-    assert found.stderr == "auvid: interrupted; files already written are complete\n"
+    imported = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert imported.stdout == "['auvid_cli.config.log_map'] 130\n", imported.stderr
+    assert imported.stderr == "auvid: interrupted; files already written are complete\n"
 
 
 def test_command_loads_nothing_heavy_before_it_runs():
     heavy = ("numpy", "pandas", "h5py", "pydantic")
     code = f"import sys, auvid_cli.cli.import_log; print([name for name in {heavy} if name in sys.modules])"
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"
+    imported = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert imported.stdout.strip() == "[]"
 
 
 @pytest.mark.parametrize("target", ["dvl.csv", "map.yaml"])

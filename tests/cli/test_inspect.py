@@ -33,15 +33,15 @@ def test_sound_data_pass_and_leave_a_table_and_a_figure(short_run, tmp_path, run
     write_dataset(tmp_path / "dataset.h5", short_run)
     result = run(tmp_path / "dataset.h5")
     assert result.exit_code == 0, result.output
-    found = rows(tmp_path)
-    assert list(found[0]) == ["subject", "check", "statistic", "threshold", "passed", "advice"]
-    assert all(row["passed"] in ("True", "") for row in found)
+    verdicts = rows(tmp_path)
+    assert list(verdicts[0]) == ["subject", "check", "statistic", "threshold", "passed", "advice"]
+    assert all(row["passed"] in ("True", "") for row in verdicts)
     assert {"rate", "jitter", "clock", "spikes", "noise floor", "excitation", "fast enough"} <= {
-        row["check"] for row in found
+        row["check"] for row in verdicts
     }
     assert {path.name for path in (tmp_path / "figures").iterdir()} == {"timeline.png", "timeline.svg"}
-    passed = sum(row["passed"] == "True" for row in found)
-    assert f"data: {passed} of {len(found)} passed" in result.output
+    passed = sum(row["passed"] == "True" for row in verdicts)
+    assert f"data: {passed} of {len(verdicts)} passed" in result.output
     assert "fast enough" not in result.output
     assert "fast enough" in run(tmp_path / "dataset.h5", "--verbose").output
 

@@ -8,7 +8,7 @@ from auvid_cli.errors import ConfigError
 
 
 @pytest.mark.parametrize(
-    ("stated", "meant"),
+    ("texts", "meant"),
     [
         (["0:80"], [[0, 80]]),
         (["100:"], [[100, None]]),
@@ -16,8 +16,8 @@ from auvid_cli.errors import ConfigError
         ([":20", "1 min : 80 s", "1e2:"], [[None, 20], ["1 min", "80 s"], ["1e2", None]]),
     ],
 )
-def test_a_span_without_an_end_is_null_there(stated, meant):
-    assert yaml.safe_load(spans(stated)) == meant
+def test_a_span_without_an_end_is_null_there(texts, meant):
+    assert yaml.safe_load(spans(texts)) == meant
 
 
 @pytest.mark.parametrize("wrong", ["80", ":", " : ", "", "1:2:3", "::", "a:b", "3 m:"])
@@ -34,6 +34,6 @@ def test_a_span_ends_after_it_begins(wrong):
 
 
 def test_short_options_come_after_the_settings_that_they_override():
-    found = overrides(["name=a", "seed=1"], seed=7, use=["3:"])
-    assert found == ("name=a", "seed=1", "seed=7", "identification.use.spans=[[3, null]]")
+    merged = overrides(["name=a", "seed=1"], seed=7, use=["3:"])
+    assert merged == ("name=a", "seed=1", "seed=7", "identification.use.spans=[[3, null]]")
     assert overrides(None) == ()

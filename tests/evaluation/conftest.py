@@ -24,10 +24,10 @@ def truth_of():
 def innovations_of(rng):
     """Function: innovations with the given variance in fact and as stated."""
 
-    def make(count, components, actual, stated):
+    def make(count, components, actual, claimed):
         innovation = np.sqrt(actual) * rng.standard_normal((count, components))
-        variance = np.full((count, components), stated)
+        variance = np.full((count, components), claimed)
         nis = (innovation**2 / variance).sum(axis=1)
-        return Innovations(np.arange(float(count)), innovation, variance, nis, np.full(components, np.sqrt(stated)))
+        return Innovations(np.arange(float(count)), innovation, variance, nis, np.full(components, np.sqrt(claimed)))
 
     return make

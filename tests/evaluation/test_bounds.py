@@ -33,7 +33,7 @@ def with_identification(estimate, **changes):
 def test_with_truth_the_bound_is_one_for_all_and_that_of_the_true_motion(short_run, short_estimates):
     bounds_of = BoundsOf(prepare(short_run))
     bounds = {name: bounds_of(estimate).of_data for name, estimate in short_estimates.items()}
-    assert all(found is bounds[FilterName.CKF] for found in bounds.values())
+    assert all(bound is bounds[FilterName.CKF] for bound in bounds.values())
     truth = short_run.truth
     at_start = truth.motion[np.argmin(np.abs(truth.time - short_estimates[FilterName.CKF].time[0]))]
     assert bounds[FilterName.CKF] == information_at(prepare(short_run), truth.coefficients, [at_start]).bound()
@@ -43,9 +43,9 @@ def test_with_truth_the_bound_is_one_for_all_and_that_of_the_true_motion(short_r
 def test_without_truth_it_is_that_of_each_estimate_and_nearly_the_same(short_run, short_estimates):
     with_truth = BoundsOf(prepare(short_run))(short_estimates[FilterName.CKF]).of_data
     bounds_of = BoundsOf(prepare(short_run.without_truth()))
-    found = [bounds_of(short_estimates[name]).of_data for name in (FilterName.CKF, FilterName.OUTPUT_ERROR)]
-    assert found[0] != found[1]
-    for bounds in found:
+    of_estimates = [bounds_of(short_estimates[name]).of_data for name in (FilterName.CKF, FilterName.OUTPUT_ERROR)]
+    assert of_estimates[0] != of_estimates[1]
+    for bounds in of_estimates:
         ratio = [bounds[symbol] / with_truth[symbol] for symbol in SYMBOLS]
         assert np.abs(np.log(ratio)).max() < 0.2
 
@@ -103,10 +103,10 @@ def unstable_run():
 
 def test_a_motion_too_unstable_for_sensitivities_is_judged_as_long_as_they_hold(unstable_run):
     """More data cannot say less; after 300 s this vehicle's seem to say nothing at all."""
-    found = assess_dataset(unstable_run)
-    assert "unstable in open loop" in found.remark
-    assert found.growth[-1][0] < 200.0
-    assert all(bound.cramer_rao_bound < np.inf for bound in found.bounds)
+    identifiability = assess_dataset(unstable_run)
+    assert "unstable in open loop" in identifiability.remark
+    assert identifiability.growth[-1][0] < 200.0
+    assert all(bound.cramer_rao_bound < np.inf for bound in identifiability.bounds)
     estimate = identify(unstable_run, FilterName.CKF)
     bounds = BoundsOf(prepare(unstable_run))(estimate)
     assert bounds.of_data == {}

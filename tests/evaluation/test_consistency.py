@@ -11,9 +11,9 @@ def estimate_with(hand_made, **innovations):
     return hand_made([0, 1], {"Y_url": [0, 1]}, innovations=innovations)
 
 
-@pytest.mark.parametrize(("actual", "stated", "expected"), [(4.0, 4.0, 1.0), (4.0, 1.0, 4.0), (1.0, 4.0, 0.25)])
-def test_nis_per_component_is_the_ratio_of_variances(actual, stated, expected, hand_made, innovations_of):
-    estimate = estimate_with(hand_made, dvl=innovations_of(3000, 3, actual, stated))
+@pytest.mark.parametrize(("actual", "claimed", "expected"), [(4.0, 4.0, 1.0), (4.0, 1.0, 4.0), (1.0, 4.0, 0.25)])
+def test_nis_per_component_is_the_ratio_of_variances(actual, claimed, expected, hand_made, innovations_of):
+    estimate = estimate_with(hand_made, dvl=innovations_of(3000, 3, actual, claimed))
     (result,) = sensor_consistency(estimate)
     # 9000 squares: a standard deviation of 1.5 percent.
     assert result.mean_nis == pytest.approx(expected, rel=0.07)

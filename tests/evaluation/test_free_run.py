@@ -62,11 +62,11 @@ def test_a_current_and_the_errors_of_the_dvl_are_seen_through(simulated_with, wi
         *NOISELESS,
     )
     blind = with_coefficients(drifting.truth.coefficients)
-    found = np.tile([0.3, -0.2, 0.02, 0.1], (len(blind.mean), 1))
+    sensor_errors = np.tile([0.3, -0.2, 0.02, 0.1], (len(blind.mean), 1))
     knowing = replace(
         blind,
         state=(*blind.state, "current_north", "current_east", "dvl_scale", "dvl_yaw"),
-        mean=np.hstack([blind.mean, found]),
+        mean=np.hstack([blind.mean, sensor_errors]),
     )
     (run, errors), (_, worse) = (free_run(prepare(drifting), estimate) for estimate in (knowing, blind))
     assert max(e.mean_absolute_error for e in errors) < 1e-5

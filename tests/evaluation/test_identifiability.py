@@ -28,43 +28,47 @@ def judged(by_sensor, values=VALUES, to_si=(1.0, 1.0, 1.0, 1.0)):
 def test_bounds_are_those_of_weighted_least_squares():
     rng = np.random.default_rng(4)
     rows, scale = rng.standard_normal((50, 4)), np.array([2.0, 0.1, 30.0, 1.0])
-    found = judged({"dvl": information(*rows[:20]), "gyroscope": information(*rows[20:])}, to_si=scale)
+    identifiability = judged({"dvl": information(*rows[:20]), "gyroscope": information(*rows[20:])}, to_si=scale)
     covariance = np.linalg.inv(rows.T @ rows) * np.outer(scale, scale)
     deviation = np.sqrt(np.diag(covariance))
-    assert_allclose([bound.cramer_rao_bound for bound in found.bounds], deviation)
-    assert_allclose([bound.percent for bound in found.bounds], 100.0 * deviation / np.abs(VALUES))
-    assert_allclose(found.correlation, covariance / np.outer(deviation, deviation), atol=1e-12)
-    assert [bound.coefficient for bound in found.bounds] == list(NAMES)
+    assert_allclose([bound.cramer_rao_bound for bound in identifiability.bounds], deviation)
+    assert_allclose([bound.percent for bound in identifiability.bounds], 100.0 * deviation / np.abs(VALUES))
+    assert_allclose(identifiability.correlation, covariance / np.outer(deviation, deviation), atol=1e-12)
+    assert [bound.coefficient for bound in identifiability.bounds] == list(NAMES)
 
 
 def test_verdicts_follow_the_bound_in_percent():
     weights = 100.0 / np.abs(VALUES) / [0.5, 4.0, 19.0, 21.0]
-    found = judged({"dvl": information(*np.diag(weights))})
-    assert [b.verdict for b in found.bounds] == ["within 1 %", "within 5 %", "within 20 %", "not identified"]
+    identifiability = judged({"dvl": information(*np.diag(weights))})
+    assert [b.verdict for b in identifiability.bounds] == ["within 1 %", "within 5 %", "within 20 %", "not identified"]
 
 
 def test_what_no_measurement_sees_has_no_bound_and_a_zero_goes_by_its_natural_magnitude():
-    found = judged({"dvl": information([100, 0, 0, 0], [0, 100, 0, 0], [0, 0, 100, 0])}, values=(-4.0, 0.0, 6.0, 0.5))
-    assert found.bounds[3].cramer_rao_bound == np.inf
-    assert found.bounds[3].verdict == "not identified"
-    assert found.bounds[1].cramer_rao_bound == pytest.approx(0.01)
-    assert found.bounds[1].percent == pytest.approx(1.0 / 40.0)
-    assert found.bounds[0].verdict == "within 1 %"
+    identifiability = judged(
+        {"dvl": information([100, 0, 0, 0], [0, 100, 0, 0], [0, 0, 100, 0])}, values=(-4.0, 0.0, 6.0, 0.5)
+    )
+    assert identifiability.bounds[3].cramer_rao_bound == np.inf
+    assert identifiability.bounds[3].verdict == "not identified"
+    assert identifiability.bounds[1].cramer_rao_bound == pytest.approx(0.01)
+    assert identifiability.bounds[1].percent == pytest.approx(1.0 / 40.0)
+    assert identifiability.bounds[0].verdict == "within 1 %"
 
 
 def test_each_sensor_has_its_share():
-    found = judged({"dvl": information([3, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1]), "gyroscope": information(*np.eye(4))})
-    assert_allclose(found.shares["dvl"] + found.shares["gyroscope"], 1.0)
-    assert found.shares["dvl"][0] == pytest.approx(0.9)
-    assert found.shares["dvl"][1] == pytest.approx(0.5)
-    assert found.bounds[0].best_sensor == "dvl"
-    assert found.bounds[0].best_share == pytest.approx(0.9)
+    identifiability = judged(
+        {"dvl": information([3, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1]), "gyroscope": information(*np.eye(4))}
+    )
+    assert_allclose(identifiability.shares["dvl"] + identifiability.shares["gyroscope"], 1.0)
+    assert identifiability.shares["dvl"][0] == pytest.approx(0.9)
+    assert identifiability.shares["dvl"][1] == pytest.approx(0.5)
+    assert identifiability.bounds[0].best_sensor == "dvl"
+    assert identifiability.bounds[0].best_share == pytest.approx(0.9)
 
 
 def test_only_a_combination_is_determined():
     seen = information([0, 100, 90, 0], [0, 1, -1, 0], [50, 0, 0, 0], [0, 0, 0, 50])
-    found = judged({"dvl": seen})
-    (group,) = found.groups
+    identifiability = judged({"dvl": seen})
+    (group,) = identifiability.groups
     assert group.members == ("Y_uvl", "Y_uudr")
     heavy, _, factor, light = group.combination.replace("+ ", "+ ").split()
     assert {heavy, light} == {"Y_uvl", "Y_uudr"}
@@ -72,18 +76,18 @@ def test_only_a_combination_is_determined():
     assert ratio == pytest.approx(0.9, rel=0.02)
     assert group.percent < 0.1
     assert group.worst_percent > 5.0
-    assert found.bounds[1].group == "Y_uudr"
-    assert found.bounds[0].group == ""
+    assert identifiability.bounds[1].group == "Y_uudr"
+    assert identifiability.bounds[0].group == ""
 
 
 def test_bounds_fall_with_the_duration_and_sensor_errors_stand_beside_their_priors():
     half, whole = information(*np.eye(4)), information(*np.eye(4), *np.eye(4))
     named = {name: Assessed(v, "kg", abs(v)) for name, v in zip(NAMES[:3], VALUES[:3], strict=True)}
-    found = assess({"dvl": whole}, [(5.0, half), (10.0, whole)], named, np.ones(4), {"bias_p": (3, 0.4)})
-    (first, before), (last, after) = found.growth
+    identifiability = assess({"dvl": whole}, [(5.0, half), (10.0, whole)], named, np.ones(4), {"bias_p": (3, 0.4)})
+    (first, before), (last, after) = identifiability.growth
     assert (first, last) == (5.0, 10.0)
     assert_allclose(before / after, np.sqrt(2.0))
-    error = found.sensor_errors["bias_p"]
+    error = identifiability.sensor_errors["bias_p"]
     assert error.bound == pytest.approx(np.sqrt(0.5))
     assert error.prior == 0.4
     # Together they leave 0.348, more than half of the prior.

@@ -49,6 +49,6 @@ def test_a_model_that_blew_up_is_no_measurement(motion):
 
 def test_errors_are_found_by_name_wherever_they_stand():
     state = ("X_u|u|", "current_east", "u", "psi", "dvl_yaw", "bias_psi", "current_north", "bias_p")
-    found = estimated_errors(state, np.arange(1.0, 9.0))
-    assert_array_equal(found.dvl, [0.0, 5.0, 7.0, 2.0])
-    assert_array_equal(found.offset, [0.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0, 0.0, 6.0])
+    errors = estimated_errors(state, np.arange(1.0, 9.0))
+    assert_array_equal(errors.dvl, [0.0, 5.0, 7.0, 2.0])
+    assert_array_equal(errors.offset, [0.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0, 0.0, 6.0])

@@ -34,28 +34,28 @@ def history(simulated_with, with_settings):
 
 
 def test_the_gain_is_sized_by_the_force_that_it_adds(history):
-    found = actuation(history(thrust_scale=-0.2), INPUTS, VALUES, MOTION)
-    assert found.thrust == pytest.approx(0.8)
-    assert found.thrust_rms == pytest.approx(0.2 * FORCE)
+    effect = actuation(history(thrust_scale=-0.2), INPUTS, VALUES, MOTION)
+    assert effect.thrust == pytest.approx(0.8)
+    assert effect.thrust_rms == pytest.approx(0.2 * FORCE)
 
 
 def test_the_lag_is_sized_by_what_it_changes_in_the_fins_forces(history):
-    found = actuation(history(f"identification.fin_time_constant={LAG} s"), INPUTS, VALUES, MOTION)
+    effect = actuation(history(f"identification.fin_time_constant={LAG} s"), INPUTS, VALUES, MOTION)
     late = np.where(TIME >= 1.0, STEP * np.exp(-(TIME - 1.0) / LAG), 0.0)
     missing = SPEED**2 * np.sqrt(np.mean(late**2))
-    assert found.fin_time_constant == LAG
-    assert found.lag_rms == pytest.approx(
+    assert effect.fin_time_constant == LAG
+    assert effect.lag_rms == pytest.approx(
         {"Y_uudr": 0.0, "Z_uude": 30.0 * missing, "M_uude": 20.0 * missing, "N_uudr": 0.0}, rel=2e-3
     )
 
 
 def test_fins_act_where_the_filter_saw_them(history):
-    found = acting_inputs(history(f"identification.fin_time_constant={LAG} s"), INPUTS)
+    acting = acting_inputs(history(f"identification.fin_time_constant={LAG} s"), INPUTS)
     expected = np.where(TIME >= 1.0, STEP * -np.expm1(-(TIME - 1.0) / LAG), 0.0)
-    np.testing.assert_allclose(found[:, 1], expected, atol=2e-3 * STEP)
-    assert (found[:, 2] == FORCE).all()
+    np.testing.assert_allclose(acting[:, 1], expected, atol=2e-3 * STEP)
+    assert (acting[:, 2] == FORCE).all()
 
 
 def test_without_either_nothing_changes(history):
-    found = actuation(history(), INPUTS, VALUES, MOTION)
-    assert found == (1.0, 0.0, 0.0, dict.fromkeys(("Y_uudr", "Z_uude", "M_uude", "N_uudr"), 0.0))
+    effect = actuation(history(), INPUTS, VALUES, MOTION)
+    assert effect == (1.0, 0.0, 0.0, dict.fromkeys(("Y_uudr", "Z_uude", "M_uude", "N_uudr"), 0.0))

@@ -42,8 +42,8 @@ def read_matlab(text):
     return name, scope[name]
 
 
-def assert_same(found, expected):
-    assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
+def assert_same(actual, expected):
+    assert_allclose(actual, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
 
 
 @pytest.fixture(scope="module")

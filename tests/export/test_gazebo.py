@@ -88,8 +88,8 @@ def gazebo_acceleration(model, motion, inputs):
 def assert_same_without_fins(model, motion, inputs, derivative_of):
     inputs[:2] = 0.0
     expected = derivative_of(model, motion, inputs)[:6]
-    found = gazebo_acceleration(model, motion, inputs)
-    turned = np.concatenate([HALF_TURN @ found[:3], HALF_TURN @ found[3:]])
+    in_gazebo = gazebo_acceleration(model, motion, inputs)
+    turned = np.concatenate([HALF_TURN @ in_gazebo[:3], HALF_TURN @ in_gazebo[3:]])
     assert_allclose(turned, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 

@@ -52,11 +52,11 @@ def test_the_covariance_is_that_of_the_coefficients(model):
 
 def test_what_is_identified_is_what_the_tables_say(estimate, dataset):
     bounds = {"Z_uude": np.inf}
-    found = identified_model(estimate, dataset, bounds, ORIGIN)
-    assert "Z_uude" in found.not_identified()
+    model = identified_model(estimate, dataset, bounds, ORIGIN)
+    assert "Z_uude" in model.not_identified()
     said = {result.coefficient: result.identified for result in coefficient_results(estimate, dataset.truth, bounds)}
-    assert {c.symbol: c.identified for c in found.coefficients if c.identified is not None} == said
-    assert "Z_uude" in doubts(found)[0]
+    assert {c.symbol: c.identified for c in model.coefficients if c.identified is not None} == said
+    assert "Z_uude" in doubts(model)[0]
 
 
 def test_terms_are_sized_along_the_estimated_motion_with_the_inputs_of_the_dataset(model, estimate, dataset):
@@ -84,10 +84,10 @@ def test_with_segments_left_out_the_inputs_are_still_those_of_the_time(simulated
     inputs = dataset.inputs
     clock = inputs.values.copy()
     clock[:, 1] = inputs.time
-    found = acting_inputs(estimate, replace(inputs, values=clock))[:, 1]
+    acting = acting_inputs(estimate, replace(inputs, values=clock))[:, 1]
     step = np.diff(inputs.time).max()
     assert step < 0.2
-    late = estimate.time - found
+    late = estimate.time - acting
     assert late.min() > -1e-9
     assert late.max() < step - 1e-9
 
@@ -97,32 +97,32 @@ def test_what_was_estimated_beside_coefficients_is_there_with_its_covariance(dat
         dataset, "identification.estimate.biases=[thrust, current, gyro]", "identification.fin_time_constant=0.1 s"
     )
     estimate = identify(seen, FilterName.CKF)
-    found = identified_model(estimate, seen, {}, ORIGIN)
-    units = {state.symbol: state.unit for state in found.states}
+    model = identified_model(estimate, seen, {}, ORIGIN)
+    units = {state.symbol: state.unit for state in model.states}
     expected = {"thrust_scale": "1", "current_north": "m/s", "current_east": "m/s"}
     assert units == expected | dict.fromkeys(("bias_p", "bias_q", "bias_r"), "rad/s")
-    for state in found.states:
+    for state in model.states:
         column = estimate.state.index(state.symbol)
         assert state.value == estimate.mean[-1, column]
         assert state.standard_deviation == estimate.standard_deviation[-1, column]
-    assert found.actuation.thrust == pytest.approx(1.0 + estimate.mean[-1, estimate.state.index("thrust_scale")])
-    assert found.actuation.fin_time_constant == 0.1
-    heave = next(size for size in found.term_sizes if size.symbol == "Z_uude")
+    assert model.actuation.thrust == pytest.approx(1.0 + estimate.mean[-1, estimate.state.index("thrust_scale")])
+    assert model.actuation.fin_time_constant == 0.1
+    heave = next(size for size in model.term_sizes if size.symbol == "Z_uude")
     value = estimate.final_coefficients()["Z_uude"]
     force = value * estimate.mean[:, estimate.state.index("u")] ** 2 * acting_inputs(estimate, seen.inputs)[:, 1]
     assert heave.rms == pytest.approx(np.sqrt(np.mean(force**2)))
-    deviations = [each.standard_deviation for each in found.coefficients if each.standard_deviation is not None]
-    deviations += [state.standard_deviation for state in found.states]
-    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), deviations, rtol=1e-9)
+    deviations = [each.standard_deviation for each in model.coefficients if each.standard_deviation is not None]
+    deviations += [state.standard_deviation for state in model.states]
+    np.testing.assert_allclose(np.sqrt(np.diag(model.covariance)), deviations, rtol=1e-9)
 
 
 def test_a_measured_depth_is_motion_and_no_such_state(simulated_with):
     measured = simulated_with("manoeuvre.duration=4 s", "sensors.depth={rate: 10 Hz, noise: 0.02 m}")
     estimate = identify(measured, FilterName.CKF)
     assert "down" in estimate.state
-    found = identified_model(estimate, measured, {}, ORIGIN)
-    assert found.states == ()
-    assert found.covariance.shape == (22, 22)
+    model = identified_model(estimate, measured, {}, ORIGIN)
+    assert model.states == ()
+    assert model.covariance.shape == (22, 22)
 
 
 @pytest.mark.parametrize("status", ["diverged at t = 2 s: not finite", "unconverged: out of evaluations"])
@@ -136,8 +136,8 @@ def test_an_estimate_that_its_data_belie_is_not_to_be_relied_on(estimate, datase
         name: replace(one, innovation=10 * one.innovation, nis=100 * one.nis)
         for name, one in estimate.innovations.items()
     }
-    found = identified_model(replace(estimate, innovations=belied), dataset, {}, ORIGIN)
-    assert found.not_identified() == CHOSEN
-    lines = heading_lines(found, Losses((), ()))
+    model = identified_model(replace(estimate, innovations=belied), dataset, {}, ORIGIN)
+    assert model.not_identified() == CHOSEN
+    lines = heading_lines(model, Losses((), ()))
     assert any(line.startswith("Do not rely on these values: the filter is inconsistent") for line in lines)
     assert "Nothing is lost." in lines

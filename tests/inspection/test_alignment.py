@@ -73,9 +73,9 @@ def test_a_first_order_turn_tells_its_lag(constant, lag, rng):
     still = np.zeros(cells)
     values = {"rudder": np.roll(held, round(lag / step)), "r": rate}
     values |= dict.fromkeys(("elevator", "surge_force", "roll_moment", "p", "q"), still)
-    found = input_alignment(Signals(Grid(0.0, step, cells), values, {"r": 0.1}), constant)
-    assert found.exchanged is False
-    assert found.delay == pytest.approx(lag, abs=0.11)
+    alignment = input_alignment(Signals(Grid(0.0, step, cells), values, {"r": 0.1}), constant)
+    assert alignment.exchanged is False
+    assert alignment.delay == pytest.approx(lag, abs=0.11)
 
 
 def test_inputs_that_do_nothing_tell_no_lag(sound_run):

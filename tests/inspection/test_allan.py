@@ -23,9 +23,9 @@ def test_a_random_walk_on_white_noise_has_its_least_where_both_are_equal(rng):
     # sigma^2 = N^2 / tau + K^2 tau / 3 has its least at sqrt(3) N / K, where it is 2 N K / sqrt(3).
     white, walk = 1.0 * np.sqrt(STEP), 0.05
     rate = white / STEP * rng.standard_normal(400_000) + walk * np.sqrt(STEP) * np.cumsum(rng.standard_normal(400_000))
-    found = bias_instability(rate, STEP)
-    assert found is not None
-    assert found.time == pytest.approx(np.sqrt(3.0) / 0.05, rel=0.5)
-    assert found.value * np.sqrt(2.0 * np.log(2.0) / np.pi) == pytest.approx(
+    instability = bias_instability(rate, STEP)
+    assert instability is not None
+    assert instability.time == pytest.approx(np.sqrt(3.0) / 0.05, rel=0.5)
+    assert instability.value * np.sqrt(2.0 * np.log(2.0) / np.pi) == pytest.approx(
         np.sqrt(2.0 * 0.05 / np.sqrt(3.0)), rel=0.15
     )

@@ -13,10 +13,10 @@ def judged(sound_run):
 
     def judge(symbol, factor):
         run = sound_run()
-        factors = [factor if symbol == one else 1.0 for one in INPUT_SYMBOLS]
+        factors = [factor if symbol == check else 1.0 for check in INPUT_SYMBOLS]
         inputs = replace(run.inputs, values=run.inputs.values * factors)
-        found = inspect_dataset(replace(run, inputs=inputs)).checks
-        return {one.subject: one for one in found if one.check in ("size", "deflection")}
+        checks = inspect_dataset(replace(run, inputs=inputs)).checks
+        return {check.subject: check for check in checks if check.check in ("size", "deflection")}
 
     return judge
 
@@ -48,5 +48,5 @@ def test_a_roll_moment_that_rolls_the_weight_over_is_doubted(sound_run):
     for size, passed in ((1.0, True), (1e3, None), (1e5, False)):
         values = run.inputs.values.copy()
         values[:, INPUT_SYMBOLS.index("roll_moment")] = size
-        found = inspect_dataset(replace(run, inputs=replace(run.inputs, values=values))).checks
-        assert [one.passed for one in found if (one.subject, one.check) == ("roll_moment", "size")] == [passed]
+        checks = inspect_dataset(replace(run, inputs=replace(run.inputs, values=values))).checks
+        assert [check.passed for check in checks if (check.subject, check.check) == ("roll_moment", "size")] == [passed]

@@ -16,27 +16,27 @@ def signals(time, values, inputs=None, end=10.0):
 def test_fast_measurements_are_averaged_and_slow_ones_joined():
     # The mean of a straight line over a cell is its value in the middle, up to half a sample.
     fast = np.arange(0.0005, 10.0, 0.001)
-    found = signals(fast, 2.0 * fast)
-    np.testing.assert_allclose(found.values["u"], 2.0 * found.grid.centres(), atol=1e-9)
+    gridded = signals(fast, 2.0 * fast)
+    np.testing.assert_allclose(gridded.values["u"], 2.0 * gridded.grid.centres(), atol=1e-9)
     slow = np.arange(0.0, 10.5, 0.5)
-    found = signals(slow, 2.0 * slow)
-    np.testing.assert_allclose(found.values["u"], 2.0 * found.grid.centres(), atol=1e-9)
-    assert found.interval["u"] == pytest.approx(0.5)
+    gridded = signals(slow, 2.0 * slow)
+    np.testing.assert_allclose(gridded.values["u"], 2.0 * gridded.grid.centres(), atol=1e-9)
+    assert gridded.interval["u"] == pytest.approx(0.5)
 
 
 def test_gaps_are_not_bridged():
     time = np.concatenate([np.arange(0.0, 3.0, 0.5), np.arange(7.0, 10.5, 0.5)])
-    found = signals(time, time).values["u"]
+    gridded = signals(time, time).values["u"]
     centres = 0.05 + 0.1 * np.arange(100)
-    np.testing.assert_array_equal(np.isnan(found), (centres > 2.5) & (centres < 7.0))
+    np.testing.assert_array_equal(np.isnan(gridded), (centres > 2.5) & (centres < 7.0))
 
 
 def test_inputs_hold_until_the_next():
     inputs = InputRecord(np.array([0.0, 5.03]), np.array([[1.0] * 4, [3.0] * 4]))
-    found = signals(np.arange(0.0, 10.0, 0.1), np.zeros(100), inputs).values["rudder"]
-    assert found[:50] == pytest.approx(1.0)
-    assert found[50] == pytest.approx(0.3 * 1.0 + 0.7 * 3.0)
-    assert found[51:] == pytest.approx(3.0)
+    gridded = signals(np.arange(0.0, 10.0, 0.1), np.zeros(100), inputs).values["rudder"]
+    assert gridded[:50] == pytest.approx(1.0)
+    assert gridded[50] == pytest.approx(0.3 * 1.0 + 0.7 * 3.0)
+    assert gridded[51:] == pytest.approx(3.0)
 
 
 def test_windows_differences_and_changes_know_what_is_missing():

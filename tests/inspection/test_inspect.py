@@ -27,8 +27,8 @@ def verdicts(dataset):
 
 
 def advice_of(inspection, subject, check):
-    (found,) = [c for c in inspection.checks if (c.subject, c.check) == (subject, check)]
-    return found
+    (verdict,) = [c for c in inspection.checks if (c.subject, c.check) == (subject, check)]
+    return verdict
 
 
 def scaled(changed, dataset, symbol, factor):
@@ -52,9 +52,9 @@ def test_what_only_the_log_could_tell_is_said_again(sound_run):
     recording = Recording(files=(), map="by this test", origin=0.0, remarks={"dvl": (remark,)})
     run = ImportedRun(name="log", vehicle=settings.vehicle, recording=recording)
     inspection, _ = verdicts(replace(dataset, experiment=run))
-    told = advice_of(inspection, "dvl", "import")
-    assert told.passed is None
-    assert told.advice == f"At import: {remark}."
+    verdict = advice_of(inspection, "dvl", "import")
+    assert verdict.passed is None
+    assert verdict.advice == f"At import: {remark}."
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -65,8 +65,8 @@ def test_nothing_fails_on_sound_data(manoeuvre, source, seed, sound_run):
     assert fails == set()
     assert inspection.marks == []
     assert all(check.advice == "" for check in inspection.checks if check.passed)
-    told = {check.check for check in inspection.checks if check.passed}
-    assert told >= {"pitch offset", "delay", "rudder and elevator", "lever arm"}
+    passed = {check.check for check in inspection.checks if check.passed}
+    assert passed >= {"pitch offset", "delay", "rudder and elevator", "lever arm"}
 
 
 @pytest.mark.parametrize("name", ["remus100", "lauv", "lrauv", "dive"])

@@ -8,34 +8,34 @@ def test_the_gain_is_that_of_least_squares_where_the_noise_is_normal(rng):
     x, other, noise = rng.standard_normal((3, 4000))
     x += 0.8 * other
     y = 2.5 * x - 3.0 * other + 7.0 + 0.1 * noise
-    found = fit(y, x, [other], 1)
-    assert found is not None
+    fitted = fit(y, x, [other], 1)
+    assert fitted is not None
     exact = np.linalg.lstsq(np.stack([x, other, np.ones(4000)], axis=1), y)[0][0]
     # Huber's weights leave 95 % of the efficiency.
-    assert found.gain == pytest.approx(exact, abs=2.0 * found.error)
-    assert found.gain == pytest.approx(2.5, abs=5.0 * found.error)
+    assert fitted.gain == pytest.approx(exact, abs=2.0 * fitted.error)
+    assert fitted.gain == pytest.approx(2.5, abs=5.0 * fitted.error)
     # sigma / (sqrt(n) spread), and of x what `other` does not explain.
-    assert found.error == pytest.approx(0.1 / np.sqrt(4000), rel=0.1)
-    assert found.spread == pytest.approx(1.0, rel=0.05)
-    assert found.correlation == pytest.approx(2.5 / np.hypot(2.5, 0.1), abs=1e-3)
+    assert fitted.error == pytest.approx(0.1 / np.sqrt(4000), rel=0.1)
+    assert fitted.spread == pytest.approx(1.0, rel=0.05)
+    assert fitted.correlation == pytest.approx(2.5 / np.hypot(2.5, 0.1), abs=1e-3)
 
 
 def test_a_tenth_of_wild_values_hardly_moves_the_gain(rng):
     x, noise = rng.standard_normal((2, 5000))
     y = -x + 0.1 * noise
     y[::10] += 50.0 * x[::10]
-    found = fit(y, x, [], 1)
-    assert found is not None
-    assert found.gain == pytest.approx(-1.0, abs=0.03)
+    fitted = fit(y, x, [], 1)
+    assert fitted is not None
+    assert fitted.gain == pytest.approx(-1.0, abs=0.03)
 
 
 def test_what_is_missing_or_too_short_counts_for_nothing(rng):
     x, noise = rng.standard_normal((2, 1000))
     y = 3.0 * x
     y[::3] = np.nan
-    found = fit(y, x, [], 1)
-    assert found is not None
-    assert found.gain == pytest.approx(3.0, rel=1e-12)
+    fitted = fit(y, x, [], 1)
+    assert fitted is not None
+    assert fitted.gain == pytest.approx(3.0, rel=1e-12)
     assert fit(y, x, [], 100) is None
     constant = fit(noise, np.ones(1000), [], 1)
     assert constant is not None

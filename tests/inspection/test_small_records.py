@@ -56,9 +56,9 @@ def test_a_vehicle_that_lies_still_is_not_excited(sound_run):
     }
     inputs = replace(dataset.inputs, values=0.0 * dataset.inputs.values)
     checks = inspect_dataset(replace(dataset, sensors=still, inputs=inputs)).checks
-    told = {check.subject: check for check in checks if check.check == "excitation"}
-    assert {subject for subject, check in told.items() if check.passed} == set()
-    assert "N_uudr" in told["rudder"].advice
+    excitation = {check.subject: check for check in checks if check.check == "excitation"}
+    assert {subject for subject, check in excitation.items() if check.passed} == set()
+    assert "N_uudr" in excitation["rudder"].advice
     for name in ("p against phi", "q against theta", "r against psi", "response of r"):
         (check,) = [check for check in checks if check.check == name]
         assert check.passed is None

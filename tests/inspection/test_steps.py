@@ -28,8 +28,8 @@ def test_a_full_turn_is_no_step():
 def test_a_turn_on_the_spot_that_the_rates_explain_is_no_step():
     r = np.where(np.abs(TIME - 30.0) < 0.55, 1.5, 0.0)
     psi = np.append(0.0, np.cumsum(0.05 * (r[1:] + r[:-1])))
-    found = step_check("attitude", "psi", *angle_steps({"attitude": attitude(psi)}, "attitude", 2)[::2])
-    assert not found.passed
+    verdict = step_check("attitude", "psi", *angle_steps({"attitude": attitude(psi)}, "attitude", 2)[::2])
+    assert not verdict.passed
     sensors = {"attitude": attitude(psi), "gyroscope": gyroscope(r)}
     assert angle_steps(sensors, "attitude", 2)[0].size == 0
 

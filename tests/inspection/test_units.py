@@ -30,7 +30,7 @@ def test_no_usual_factor_names_nothing(times):
 
 
 def test_either_of_two_signals_may_be_to_blame():
-    found = mistaken_units(-3.281, ("depth", "m"), ("u", "m/s"))
-    assert found == "depth is in feet, taken for m. Or: u was in m/s and was converted as if it were in ft/s."
+    advice = mistaken_units(-3.281, ("depth", "m"), ("u", "m/s"))
+    assert advice == "depth is in feet, taken for m. Or: u was in m/s and was converted as if it were in ft/s."
     assert mistaken_units(0.514, ("depth", "m"), ("u", "m/s")) == "u is in knots, taken for m/s."
     assert mistaken_units(0.0, ("depth", "m"), ("u", "m/s")) == ""

@@ -31,7 +31,7 @@ def rows_of(name, factor, rate, error, lost):
 
 
 @pytest.fixture(scope="module")
-def found():
+def findings():
     parts = [
         rows_of(name, factor, rate, error, lost if factor > 1.0 else 0)
         for rate in ("slow", "fast")
@@ -41,26 +41,26 @@ def found():
     return find(pd.concat(parts, ignore_index=True), COLUMNS)
 
 
-def test_files_hold_every_combination(found, tmp_path):
-    paths = write_findings(found, tmp_path)
+def test_files_hold_every_combination(findings, tmp_path):
+    paths = write_findings(findings, tmp_path)
     assert {path.name for path in paths} == {"filters.csv", "coefficients.csv", "comparisons.csv", "campaign.md"}
-    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "filters.csv"), found.filters, check_dtype=False)
+    pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "filters.csv"), findings.filters, check_dtype=False)
     text = (tmp_path / "campaign.md").read_text()
     assert "| fast | 10 | ekf | 20 | 0 | 50.00 |" in text
     # Two rates, two factors, three pairs, two measures, and twelve filters.
     assert sum(line.startswith(("| slow", "| fast")) for line in text.splitlines()) == 12 + 24
 
 
-def test_sentences_count_the_combinations(found):
-    sentences = comparison_sentences(found)
+def test_sentences_count_the_combinations(findings):
+    sentences = comparison_sentences(findings)
     assert "ckf and wide, steady-state error: tie in 4, of 4" in sentences
     assert "ckf and ekf, steady-state error: ckf is better in 2, ekf diverges more often in 2, of 4" in sentences
 
 
 @pytest.mark.parametrize("width", [40, 80, 200])
-def test_the_screen_shows_what_it_has_room_for(found, width):
+def test_the_screen_shows_what_it_has_room_for(findings, width):
     screen = io.StringIO()
-    print_findings(Console(file=screen, width=width, highlight=False), found, [])
+    print_findings(Console(file=screen, width=width, highlight=False), findings, [])
     text = screen.getvalue()
     assert "ckf and wide" in text.replace("\n", " ")
     if width >= 80:
@@ -68,8 +68,8 @@ def test_the_screen_shows_what_it_has_room_for(found, width):
         assert text.count("ekf") >= 4
 
 
-def test_boxes_are_drawn_for_every_combination_and_losses_are_written(found):
-    figure = spread_figure(found.runs, COLUMNS, FILTERS)
+def test_boxes_are_drawn_for_every_combination_and_losses_are_written(findings):
+    figure = spread_figure(findings.runs, COLUMNS, FILTERS)
     assert [axes.get_title() for axes in figure.axes] == ["rate slow", "rate fast"]
     for axes in figure.axes:
         assert len(axes.patches) == 6
@@ -78,8 +78,8 @@ def test_boxes_are_drawn_for_every_combination_and_losses_are_written(found):
         assert np.isclose(sorted(medians)[0], 1.0 + 0.01 * (SEEDS - 1) / 2)
 
 
-def test_the_map_writes_error_and_losses_into_each_cell(found):
-    figure = map_figure(found.filters, COLUMNS, FILTERS)
+def test_the_map_writes_error_and_losses_into_each_cell(findings):
+    figure = map_figure(findings.filters, COLUMNS, FILTERS)
     panels = {axes.get_title(): [text.get_text() for text in axes.texts] for axes in figure.axes if axes.get_title()}
     assert list(panels) == list(FILTERS)
     assert panels["ckf"] == ["1.1"] * 4
@@ -96,9 +96,9 @@ def test_one_axis_or_none_has_boxes_too():
 
 def test_a_campaign_of_which_all_runs_were_lost_is_told_as_well(tmp_path):
     rows = pd.concat([rows_of(name, 1.0, "slow", 1.0, SEEDS) for name in ("ckf", "ekf")], ignore_index=True)
-    found = find(rows, ["rate", "identification.prior.factor"])
-    write_findings(found, tmp_path)
-    assert set(found.filters["diverged"]) == {1.0}
-    assert set(found.comparisons["verdict"]) == {"no difference found"}
-    spread_figure(found.runs, found.columns, {"ckf": "ckf", "ekf": "ekf"})
-    map_figure(found.filters, found.columns, {"ckf": "ckf", "ekf": "ekf"})
+    findings = find(rows, ["rate", "identification.prior.factor"])
+    write_findings(findings, tmp_path)
+    assert set(findings.filters["diverged"]) == {1.0}
+    assert set(findings.comparisons["verdict"]) == {"no difference found"}
+    spread_figure(findings.runs, findings.columns, {"ckf": "ckf", "ekf": "ekf"})
+    map_figure(findings.filters, findings.columns, {"ckf": "ckf", "ekf": "ekf"})

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from auvid_cli.report.screen_table import first_that_fits, fits, screen_table
+from auvid_cli.report.table import Column, Table
 
 
 def console_of(width):
@@ -21,11 +22,8 @@ def shown(table, width):
 
 
 def table_of(*cells):
-    table = screen_table()
-    for number, _ in enumerate(cells):
-        table.add_column(f"c{number}")
-    table.add_row(*cells)
-    return table
+    columns = tuple(Column(f"c{number}", numeric=False) for number, _ in enumerate(cells))
+    return screen_table(console_of(80), Table("key", "Title", columns, [list(cells)]))
 
 
 @given(st.lists(st.text("abc", min_size=2, max_size=30), min_size=1, max_size=5), st.integers(8, 120))
@@ -38,3 +36,9 @@ def test_a_table_fits_where_it_is_shown_as_on_the_widest_terminal(cells, width):
 def test_the_first_that_fits_is_taken_or_else_the_last(width, kept):
     tables = [table_of(*["x" * 20] * count) for count in (3, 2, 1)]
     assert len(first_that_fits(console_of(width), iter(tables)).columns) == kept
+
+
+def test_a_column_that_is_left_out_is_gone_from_body_and_totals():
+    columns = tuple(Column(header) for header in ("a", "b", "a"))
+    table = Table("key", "Title", columns, [[1.0, 2.0, 3.0]], [["x", "y", "z"]]).without("a")
+    assert (table.columns, table.rows, table.totals) == ((Column("b"),), [[2.0]], [["y"]])

@@ -25,24 +25,32 @@ def prediction(quantity, kind=AHEAD, horizon=120.0, share=0.9):
 
 
 @pytest.fixture
-def found():
+def validation():
     rows = [prediction(quantity, FREE_RUN) for quantity in MOTION]
     rows += [prediction(quantity, horizon=horizon) for horizon in HORIZONS for quantity in MOTION]
     overshoots = [ManoeuvreNumber("zigzag 20", f"overshoot {k}", 10.0 * k, "rad", 0.1, 0.05 * k) for k in (1, 2)]
     turn = ManoeuvreNumber("turning circle 15", "radius", 20.0, "m", 14.25, None)
-    check = Check.of("ckf", "ahead", "better than constant velocity", "u at 1 s 2", "<= 1", False, "Look again.")
+    check = Check.of(
+        "ckf",
+        "ahead",
+        "better than constant velocity",
+        statistic="u at 1 s 2",
+        threshold="<= 1",
+        passed=False,
+        advice="Look again.",
+    )
     run = FreeRun(np.arange(3.0), np.zeros((3, 9)))
     return Validation("ckf", rows, [*overshoots, turn], [check], run, ["one [thing] is missing"])
 
 
-def shown(found, width):
+def shown(validation, width):
     text = StringIO()
-    print_validation(Console(file=text, width=width), found)
+    print_validation(Console(file=text, width=width), validation)
     return text.getvalue()
 
 
-def test_tables_hold_every_row(found, tmp_path):
-    paths = write_csv_tables(found.tables(), tmp_path)
+def test_tables_hold_every_row(validation, tmp_path):
+    paths = write_csv_tables(validation.tables(), tmp_path)
     assert [path.name for path in paths] == ["validation.csv", "manoeuvres.csv", "validation_checks.csv"]
     tables = [list(csv.DictReader(StringIO(path.read_text(encoding="utf-8")))) for path in paths]
     assert [len(table) for table in tables] == [9 + 63, 3, 1]
@@ -64,8 +72,8 @@ def test_tables_hold_every_row(found, tmp_path):
     }
 
 
-def test_the_screen_speaks_of_degrees_and_ends_with_the_verdict(found):
-    text = shown(found, 100)
+def test_the_screen_speaks_of_degrees_and_ends_with_the_verdict(validation):
+    text = shown(validation, 100)
     line = next(line for line in text.splitlines() if line.startswith(" psi"))
     # 0.01, 0.02, 0.4 and 3 rad.
     assert line.split() == ["psi", "deg", "0.573", "97.2", "1.15", "22.9", "-", "172"]
@@ -77,49 +85,49 @@ def test_the_screen_speaks_of_degrees_and_ends_with_the_verdict(found):
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
-def test_nothing_is_cut_off(found, width):
-    text = shown(found, width)
+def test_nothing_is_cut_off(validation, width):
+    text = shown(validation, width)
     assert max(len(line) for line in text.splitlines()) <= width
     assert "…" not in text
     assert ("vehicle file" in text) == (width >= 80)
 
 
-def test_a_model_that_passes_predicts(found):
-    sound = found._replace(checks=[check._replace(passed=True, advice="") for check in found.checks])
+def test_a_model_that_passes_predicts(validation):
+    sound = validation._replace(checks=[check._replace(passed=True, advice="") for check in validation.checks])
     assert shown(sound, 80).splitlines()[-1] == "The model of the CKF predicts these data."
 
 
 @pytest.mark.parametrize("passed", [True, False])
-def test_what_is_worse_than_its_mean_is_not_predicted(found, passed):
+def test_what_is_worse_than_its_mean_is_not_predicted(validation, passed):
     """Of v the free run, of heading predictions over 20 and 50 s."""
     worse = {("v", FREE_RUN, 120.0), ("psi", AHEAD, 20.0), ("psi", AHEAD, 50.0)}
     rows = [
         row._replace(fit_percent=-0.1 if (row.signal, row.kind, row.horizon_s) in worse else row.fit_percent)
-        for row in found.predictions
+        for row in validation.predictions
     ]
-    checks = [check._replace(passed=passed) for check in found.checks]
-    text = " ".join(shown(found._replace(predictions=rows, checks=checks), 200).split())
+    checks = [check._replace(passed=passed) for check in validation.checks]
+    text = " ".join(shown(validation._replace(predictions=rows, checks=checks), 200).split())
     assert "predicts these data" not in text
     assert ("predicts u, w, p, q, r, phi, theta of these data." in text) == passed
     assert ("does not predict these data." in text) != passed
     assert text.endswith("Worse than their mean (fit below 0): v in the free run; psi ahead.")
 
 
-def test_a_model_that_is_worse_than_every_mean_predicts_nothing(found):
-    rows = [row._replace(fit_percent=-5.0) for row in found.predictions]
-    checks = [check._replace(passed=True) for check in found.checks]
-    text = shown(found._replace(predictions=rows, checks=checks), 200)
+def test_a_model_that_is_worse_than_every_mean_predicts_nothing(validation):
+    rows = [row._replace(fit_percent=-5.0) for row in validation.predictions]
+    checks = [check._replace(passed=True) for check in validation.checks]
+    text = shown(validation._replace(predictions=rows, checks=checks), 200)
     assert "The model of the CKF does not predict these data. Worse" in text
 
 
-def test_the_band_is_said_to_be_without_process_noise_where_there_is_one(found):
-    assert "without process noise" in shown(found, 120)
-    rows = [row._replace(share_within_band=None) for row in found.predictions]
-    assert "process noise" not in shown(found._replace(predictions=rows), 120)
+def test_the_band_is_said_to_be_without_process_noise_where_there_is_one(validation):
+    assert "without process noise" in shown(validation, 120)
+    rows = [row._replace(share_within_band=None) for row in validation.predictions]
+    assert "process noise" not in shown(validation._replace(predictions=rows), 120)
 
 
-def test_each_panel_shows_errors_over_the_horizon_with_what_explains_them(found):
-    figure = horizon_figure("ckf", found.predictions)
+def test_each_panel_shows_errors_over_the_horizon_with_what_explains_them(validation):
+    figure = horizon_figure("ckf", validation.predictions)
     assert len(figure.axes) == 9
     heading = figure.axes[8]
     lines = [np.asarray(line.get_ydata(), dtype=float) for line in heading.lines]
@@ -133,7 +141,7 @@ def test_each_panel_shows_errors_over_the_horizon_with_what_explains_them(found)
     assert labels == ["CKF", "unchanged", "vehicle file", "noise", "explained"]
 
 
-def test_a_signal_without_measurements_says_so(found):
-    rows = [row for row in found.predictions if row.signal != "v"]
+def test_a_signal_without_measurements_says_so(validation):
+    rows = [row for row in validation.predictions if row.signal != "v"]
     axes = horizon_figure("ckf", rows).axes[1]
     assert [text.get_text() for text in axes.texts] == ["no measurements ahead"]

@@ -44,9 +44,9 @@ def test_a_model_that_blew_up_has_no_numbers():
 def test_a_target_is_the_first_measurement_at_or_after_the_horizon_and_soon_after():
     silent = (TIME > 11.1) & (TIME < 14.9)
     signal = Signal(TIME[~silent], SIGNAL.values[~silent], 0.1)
-    found = {target.horizon: target.time for target in targets_of({"u": signal}, 10.1)}
+    times = {target.horizon: target.time for target in targets_of({"u": signal}, 10.1)}
     # From 11.1 s on nothing is said until 15 s: 1 s and 2 s ahead have no measurement soon enough.
-    assert found == {0.5: 10.75, 5.0: 15.25, 10.0: 20.25, 20.0: 30.25, 50.0: 60.25}
+    assert times == {0.5: 10.75, 5.0: 15.25, 10.0: 20.25, 20.0: 30.25, 50.0: 60.25}
 
 
 def test_starts_are_settled_and_leave_something_to_predict():

@@ -17,15 +17,15 @@ def with_readings(dataset, name, change):
 
 def test_starts_are_near_the_true_motion_and_know_how_near(zigzag, with_coefficients):
     wanted = np.linspace(5.0, 75.0, 200)
-    found = filtered_initial_states(prepare(with_model(zigzag, with_coefficients(zigzag.truth.coefficients))), wanted)
-    assert_allclose(found.time, wanted, atol=0.011)
-    true = np.stack([np.interp(found.time, zigzag.truth.time, column) for column in zigzag.truth.motion.T], axis=1)
-    sigmas = (found.motion - true) / found.deviation
+    states = filtered_initial_states(prepare(with_model(zigzag, with_coefficients(zigzag.truth.coefficients))), wanted)
+    assert_allclose(states.time, wanted, atol=0.011)
+    true = np.stack([np.interp(states.time, zigzag.truth.time, column) for column in zigzag.truth.motion.T], axis=1)
+    sigmas = (states.motion - true) / states.deviation
     assert np.abs(sigmas).max() < 5.0
-    assert np.all(found.deviation < 0.01)
-    assert found.status == "completed"
-    assert found.noise_factor == 1.0
-    assert_allclose(list(found.nis.values()), 1.0, atol=0.1)
+    assert np.all(states.deviation < 0.01)
+    assert states.status == "completed"
+    assert states.noise_factor == 1.0
+    assert_allclose(list(states.nis.values()), 1.0, atol=0.1)
 
 
 def test_no_start_knows_what_comes_after_it(zigzag, with_coefficients):
@@ -46,17 +46,17 @@ def test_no_start_knows_what_comes_after_it(zigzag, with_coefficients):
 def test_a_wrong_model_is_given_more_process_noise_and_its_starts_follow_the_measurements(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
     wrong = with_model(zigzag, with_coefficients(true, N_uudr=-true["N_uudr"]))
-    found = filtered_initial_states(prepare(wrong), np.linspace(10.0, 75.0, 100))
-    assert found.noise_factor > 1.0
-    assert max(found.nis.values()) > 100.0
-    r = np.interp(found.time, zigzag.truth.time, zigzag.truth.motion[:, 5])
-    assert np.sqrt(np.square(found.motion[:, 5] - r).mean()) < 0.02
+    states = filtered_initial_states(prepare(wrong), np.linspace(10.0, 75.0, 100))
+    assert states.noise_factor > 1.0
+    assert max(states.nis.values()) > 100.0
+    r = np.interp(states.time, zigzag.truth.time, zigzag.truth.motion[:, 5])
+    assert np.sqrt(np.square(states.motion[:, 5] - r).mean()) < 0.02
 
 
 def test_an_event_is_no_two_starts(zigzag, with_coefficients):
     sparse = replace(zigzag, sensors={"dvl": zigzag.sensors["dvl"]})
-    found = filtered_initial_states(
+    states = filtered_initial_states(
         prepare(with_model(sparse, with_coefficients(zigzag.truth.coefficients))), np.linspace(5.0, 7.0, 1000)
     )
-    assert 10 < found.time.size < 20
-    assert (np.diff(found.time) > 0.0).all()
+    assert 10 < states.time.size < 20
+    assert (np.diff(states.time) > 0.0).all()

@@ -101,11 +101,11 @@ def test_numbers_of_a_turning_circle(side):
     slower[:, 8] *= 0.8
     numbers = manoeuvre_numbers(inputs_of(rudder), signals_of(motion), FreeRun(time, slower))
     assert {n.manoeuvre for n in numbers} == {"turning circle 20"}
-    found = {n.number: (n.unit, n.measured, n.predicted) for n in numbers}
-    assert found["turn rate"] == ("rad/s", pytest.approx(side * 0.25), pytest.approx(side * 0.2))
-    assert found["speed"] == ("m/s", pytest.approx(3.0), pytest.approx(3.0))
-    assert found["radius"] == ("m", pytest.approx(12.0), pytest.approx(15.0))
-    assert found["speed lost"] == ("1", pytest.approx(0.25), pytest.approx(0.25))
+    by_name = {n.number: (n.unit, n.measured, n.predicted) for n in numbers}
+    assert by_name["turn rate"] == ("rad/s", pytest.approx(side * 0.25), pytest.approx(side * 0.2))
+    assert by_name["speed"] == ("m/s", pytest.approx(3.0), pytest.approx(3.0))
+    assert by_name["radius"] == ("m", pytest.approx(12.0), pytest.approx(15.0))
+    assert by_name["speed lost"] == ("1", pytest.approx(0.25), pytest.approx(0.25))
     # Steady once the heading has changed by half a turn; the corner where it begins is rounded off.
     assert numbers[0].time_s == pytest.approx(12.0 + np.pi / 0.25, abs=0.1)
 
@@ -137,7 +137,7 @@ def test_without_a_tilt_a_descending_turn_is_taken_as_level_by_measurements_and_
     motion[:, 0], motion[:, 7] = np.where(time < 12.0, 4.0, 3.0), -0.2
     motion[:, 8] = 0.25 * np.maximum(time - 12.0, 0.0)
     signals = {symbol: signal for symbol, signal in signals_of(motion).items() if symbol not in untold}
-    found = {n.number: n for n in manoeuvre_numbers(inputs_of(rudder), signals, FreeRun(time, motion))}
+    by_name = {n.number: n for n in manoeuvre_numbers(inputs_of(rudder), signals, FreeRun(time, motion))}
     expected = {"turn rate": 0.25, "speed": speed, "radius": speed / 0.25, "speed lost": 0.25}
-    assert {name: n.measured for name, n in found.items()} == pytest.approx(expected)
-    assert {name: n.predicted for name, n in found.items()} == pytest.approx(expected)
+    assert {name: n.measured for name, n in by_name.items()} == pytest.approx(expected)
+    assert {name: n.predicted for name, n in by_name.items()} == pytest.approx(expected)

@@ -38,37 +38,37 @@ def test_coasting_slows_down_as_one_over_time_at_any_event_of_any_part():
     drags, wanted = np.array([-3.2, -6.4, 0.0]), np.array([0.0, 0.1, 2.9, 3.0, 7.7, 10.0])
     motion = np.zeros((3, 9))
     motion[:, 0] = 2.0
-    found = move_side_by_side(parts, motion, with_drag(*drags), PLAIN, wanted)
-    assert found.shape == (6, 3, 9)
+    moved = move_side_by_side(parts, motion, with_drag(*drags), PLAIN, wanted)
+    assert moved.shape == (6, 3, 9)
     # (m - X_udot) u' = X u^2
-    assert_allclose(found[:, :, 0], 2.0 / (1.0 - drags / 64.0 * 2.0 * wanted[:, None]), rtol=1e-9)
-    assert_allclose(found[:, :, 1:], 0.0, atol=1e-12)
+    assert_allclose(moved[:, :, 0], 2.0 / (1.0 - drags / 64.0 * 2.0 * wanted[:, None]), rtol=1e-9)
+    assert_allclose(moved[:, :, 1:], 0.0, atol=1e-12)
 
 
 def test_a_model_that_blows_up_leaves_the_others_alone():
     motion = np.zeros((3, 9))
     motion[:, 0] = 2.0
     table = with_drag(-3.2, 1e3, -3.2)
-    found = move_side_by_side([coasting(0, 51, before=False)], motion, table, PLAIN, np.array([5.0]))
-    assert not np.isfinite(found[0, 1, 0])
-    assert_allclose(found[0, [0, 2], 0], 2.0 / (1.0 + 3.2 / 64.0 * 2.0 * 5.0), rtol=1e-9)
+    moved = move_side_by_side([coasting(0, 51, before=False)], motion, table, PLAIN, np.array([5.0]))
+    assert not np.isfinite(moved[0, 1, 0])
+    assert_allclose(moved[0, [0, 2], 0], 2.0 / (1.0 + 3.2 / 64.0 * 2.0 * 5.0), rtol=1e-9)
 
 
 def test_what_the_timeline_does_not_reach_is_not_there():
-    found = move_side_by_side(
+    moved = move_side_by_side(
         [coasting(0, 11, before=False)], np.zeros((1, 9)), with_drag(0.0), PLAIN, np.array([0.5, 4.0])
     )
-    assert len(found) == 1
+    assert len(moved) == 1
 
 
 def test_a_held_yaw_rate_turns_the_heading_on_and_on():
     elapsed = np.linspace(0.0, 60.0, 601)
     motion = np.array([3.0, 0.1, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 20.0])
-    found = unchanged_motion(elapsed, motion)
-    assert_allclose(found[:, 8], 20.0 + 0.5 * elapsed)
-    assert_allclose(found[:, :8], np.tile(motion[:8], (601, 1)), atol=1e-12)
-    later = unchanged_motion(elapsed[300:], motion, found[299, 6:9])
-    assert_allclose(later, found[300:])
+    moved = unchanged_motion(elapsed, motion)
+    assert_allclose(moved[:, 8], 20.0 + 0.5 * elapsed)
+    assert_allclose(moved[:, :8], np.tile(motion[:8], (601, 1)), atol=1e-12)
+    later = unchanged_motion(elapsed[300:], motion, moved[299, 6:9])
+    assert_allclose(later, moved[300:])
 
 
 def test_held_rates_turn_the_attitude_as_the_equations_of_its_angles_say():
@@ -81,8 +81,8 @@ def test_held_rates_turn_the_attitude_as_the_equations_of_its_angles_say():
 
     begin, elapsed = [0.3, -0.4, 2.0], np.linspace(0.0, 6.0, 61)
     expected = solve_ivp(rates, (0.0, 6.0), begin, t_eval=elapsed, rtol=1e-10, atol=1e-12).y.T
-    found = unchanged_motion(elapsed, np.array([1.0, 0.0, 0.0, p, q, r, *begin]))
-    assert_allclose(found[:, 6:9], expected, atol=1e-8)
+    moved = unchanged_motion(elapsed, np.array([1.0, 0.0, 0.0, p, q, r, *begin]))
+    assert_allclose(moved[:, 6:9], expected, atol=1e-8)
 
 
 def test_without_rates_nothing_turns():

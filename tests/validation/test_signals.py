@@ -39,5 +39,5 @@ def test_every_measurement_is_found_among_the_events_at_whatever_time_it_was_tak
     record = replace(gyroscope, time=time, values=gyroscope.values[:2000])
     inputs = replace(short_run.inputs, time=short_run.inputs.time + late)
     events = np.concatenate([part.time for part in Timelines(inputs, {"gyroscope": record}, late, 0.02)])
-    found = events[np.searchsorted(events, time - SAME)]
-    assert_allclose(found, time, rtol=0.0, atol=1e-9)
+    nearest = events[np.searchsorted(events, time - SAME)]
+    assert_allclose(nearest, time, rtol=0.0, atol=1e-9)

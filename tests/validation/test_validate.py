@@ -20,12 +20,12 @@ from .conftest import WHITE, ZIGZAG
 CIRCLE = "manoeuvre={type: turning_circle, duration: 60 s, speed: 3.9 m/s, rudder: -15 deg, approach: 10 s}"
 
 
-def rows_of(found, kind):
-    return [row for row in found.predictions if row.kind == kind]
+def rows_of(validation, kind):
+    return [row for row in validation.predictions if row.kind == kind]
 
 
-def free_fits(found):
-    return {row.signal: row.fit_percent for row in rows_of(found, FREE_RUN)}
+def free_fits(validation):
+    return {row.signal: row.fit_percent for row in rows_of(validation, FREE_RUN)}
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +37,8 @@ def identified(simulated_with):
 
 
 def test_true_coefficients_predict_to_within_the_noise(zigzag, with_coefficients):
-    found = validate(zigzag, with_coefficients(zigzag.truth.coefficients))
-    ahead = rows_of(found, AHEAD)
+    validation = validate(zigzag, with_coefficients(zigzag.truth.coefficients))
+    ahead = rows_of(validation, AHEAD)
     assert {row.horizon_s for row in ahead} == set(HORIZONS)
     assert {row.signal for row in ahead} == set(MOTION_SYMBOLS)
     for row in ahead:
@@ -47,11 +47,11 @@ def test_true_coefficients_predict_to_within_the_noise(zigzag, with_coefficients
         assert row.noise <= row.expected_rmse < 1.3 * row.noise
     shares = [row.share_within_band for row in ahead]
     assert np.mean(shares) == pytest.approx(0.9545, abs=0.01)
-    for row in rows_of(found, FREE_RUN):
+    for row in rows_of(validation, FREE_RUN):
         assert row.rmse == pytest.approx(row.noise, rel=0.15), row
-    assert not failed(found.checks)
-    assert all(check.passed for check in found.checks)
-    assert found.remarks == []
+    assert not failed(validation.checks)
+    assert all(check.passed for check in validation.checks)
+    assert validation.remarks == []
 
 
 def test_no_truth_is_looked_at(zigzag, with_coefficients):
@@ -61,24 +61,24 @@ def test_no_truth_is_looked_at(zigzag, with_coefficients):
 
 
 def test_a_spiral_teaches_the_zigzag(zigzag, identified):
-    found = validate(zigzag, identified)
-    fits = free_fits(found)
+    validation = validate(zigzag, identified)
+    fits = free_fits(validation)
     assert min(fits["u"], fits["r"], fits["psi"]) > 90.0
-    overshoots = np.array([(n.measured, n.predicted) for n in found.manoeuvres])
+    overshoots = np.array([(n.measured, n.predicted) for n in validation.manoeuvres])
     assert len(overshoots) > 10
     np.testing.assert_allclose(overshoots[:, 1], overshoots[:, 0], atol=np.deg2rad(0.2))
-    assert not failed(found.checks)
+    assert not failed(validation.checks)
 
 
 def test_a_rudder_of_the_wrong_sign_is_worse_than_the_mean(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
-    found = validate(zigzag, with_coefficients(true, N_uudr=-true["N_uudr"]))
-    assert free_fits(found)["r"] < 0.0
-    assert {row.fit_percent < 0.0 for row in rows_of(found, AHEAD) if row.signal == "r"} == {True}
-    assert "better than constant velocity" in {check.check for check in failed(found.checks)}
-    assert any("process noise" in remark for remark in found.remarks)
+    validation = validate(zigzag, with_coefficients(true, N_uudr=-true["N_uudr"]))
+    assert free_fits(validation)["r"] < 0.0
+    assert {row.fit_percent < 0.0 for row in rows_of(validation, AHEAD) if row.signal == "r"} == {True}
+    assert "better than constant velocity" in {check.check for check in failed(validation.checks)}
+    assert any("process noise" in remark for remark in validation.remarks)
     # What there was before is judged from the measurements, not from where the wrong model says that they are.
-    known = next(row for row in rows_of(found, AHEAD) if (row.signal, row.horizon_s) == ("r", 5.0))
+    known = next(row for row in rows_of(validation, AHEAD) if (row.signal, row.horizon_s) == ("r", 5.0))
     assert known.vehicle_file_rmse < 2.0 * known.noise
     assert known.rmse > 100.0 * known.noise
 
@@ -86,43 +86,45 @@ def test_a_rudder_of_the_wrong_sign_is_worse_than_the_mean(zigzag, with_coeffici
 def test_an_error_that_was_stated_is_explained_and_one_that_was_not_is_noted(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
     off = {"X_u|u|": 1.1 * true["X_u|u|"]}
-    told, untold = (validate(zigzag, with_coefficients(true, share, **off)) for share in (0.1, 1e-6))
+    uncertain, certain = (validate(zigzag, with_coefficients(true, share, **off)) for share in (0.1, 1e-6))
     name = "explained by its uncertainty"
-    (sound,), (noted,) = ([check for check in found.checks if check.check == name] for found in (told, untold))
+    (sound,), (noted,) = (
+        [check for check in validation.checks if check.check == name] for validation in (uncertain, certain)
+    )
     assert sound.passed is True
     assert noted.passed is None
     assert "u at" in noted.statistic
 
 
 def test_draws_that_blow_up_are_counted_and_said(zigzag, with_coefficients):
-    found = validate(zigzag, with_coefficients(zigzag.truth.coefficients, share=20.0), starts=12)
-    ahead = rows_of(found, AHEAD)
+    validation = validate(zigzag, with_coefficients(zigzag.truth.coefficients, share=20.0), starts=12)
+    ahead = rows_of(validation, AHEAD)
     assert {row.draws for row in ahead} == {50}
     (blown_up,) = {row.draws_blown_up for row in ahead}
     assert 0 < blown_up <= 50
-    assert any(remark.startswith(f"{blown_up} of 50") for remark in found.remarks)
+    assert any(remark.startswith(f"{blown_up} of 50") for remark in validation.remarks)
 
 
 def test_without_a_covariance_there_is_no_band(zigzag, with_coefficients):
     estimate = with_coefficients(zigzag.truth.coefficients)
-    found = validate(zigzag, replace(estimate, covariance=np.full_like(estimate.covariance, np.inf)), starts=12)
-    assert {row.share_within_band for row in rows_of(found, AHEAD)} == {None}
-    assert any("no band" in remark for remark in found.remarks)
+    validation = validate(zigzag, replace(estimate, covariance=np.full_like(estimate.covariance, np.inf)), starts=12)
+    assert {row.share_within_band for row in rows_of(validation, AHEAD)} == {None}
+    assert any("no band" in remark for remark in validation.remarks)
 
 
 def test_a_model_that_runs_away_is_unstable(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
-    found = validate(zigzag, with_coefficients(true, **{"X_u|u|": 5.0}), starts=12)
-    assert "stable" in {check.check for check in failed(found.checks)}
-    assert free_fits(found)["u"] is None
+    validation = validate(zigzag, with_coefficients(true, **{"X_u|u|": 5.0}), starts=12)
+    assert "stable" in {check.check for check in failed(validation.checks)}
+    assert free_fits(validation)["u"] is None
 
 
 def test_another_vehicle_is_said_and_the_models_own_is_used(zigzag, with_coefficients, with_settings):
     estimate = with_coefficients(zigzag.truth.coefficients)
     heavier = with_settings(zigzag, "vehicle.parameters.m=200")
-    found = validate(heavier, estimate, starts=12)
-    assert found.predictions == validate(zigzag, estimate, starts=12).predictions
-    (remark,) = found.remarks
+    validation = validate(heavier, estimate, starts=12)
+    assert validation.predictions == validate(zigzag, estimate, starts=12).predictions
+    (remark,) = validation.remarks
     assert "another vehicle (m differ)" in remark
 
 
@@ -151,12 +153,12 @@ def test_a_current_is_seen_through_where_the_settings_ask_for_it(simulated_with)
     _, errors = free_run(prepare(seen), estimate)
     # Of white noise, the mean absolute value is 0.8 of its standard deviation, 1 mm/s.
     assert max(error.mean_absolute_error for error in errors[:3]) < 2e-3
-    found = validate(unseen, estimate)
-    velocities = [row for row in found.predictions if row.signal in "uvw"]
+    validation = validate(unseen, estimate)
+    velocities = [row for row in validation.predictions if row.signal in "uvw"]
     assert min(row.fit_percent for row in velocities) > 97.0
     assert max(row.rmse for row in velocities) < 1e-2
     assert min(row.share_within_band for row in velocities if row.kind == AHEAD) > 0.85
-    assert not failed(found.checks)
+    assert not failed(validation.checks)
 
 
 def test_a_turn_in_a_current_is_drawn_and_measured_over_ground(simulated_with, with_coefficients, experiment_with):
@@ -164,12 +166,12 @@ def test_a_turn_in_a_current_is_drawn_and_measured_over_ground(simulated_with, w
     drifting = simulated_with(CIRCLE, "manoeuvre.duration=40 s", WHITE, "seed=31", *current)
     asking = experiment_with("identification.estimate.biases=[current]", "identification.estimate.current.walk=0")
     estimate = replace(with_coefficients(drifting.truth.coefficients), experiment=asking)
-    found = validate(drifting, estimate, starts=12)
+    validation = validate(drifting, estimate, starts=12)
     dvl = drifting.sensors["dvl"]
-    after = dvl.time > found.run.time[0]
-    drawn = [np.interp(dvl.time[after], found.run.time, component) for component in found.run.motion[:, :3].T]
+    after = dvl.time > validation.run.time[0]
+    drawn = [np.interp(dvl.time[after], validation.run.time, component) for component in validation.run.motion[:, :3].T]
     np.testing.assert_allclose(np.transpose(drawn), dvl.values[after], atol=0.02)
-    numbers = {number.number: number for number in found.manoeuvres}
+    numbers = {number.number: number for number in validation.manoeuvres}
     time, (north, east, _) = drifting.truth.time, drifting.truth.position.T
     steady = time >= numbers["speed"].time_s
     way = np.hypot(np.diff(north[steady]), np.diff(east[steady])).sum()
@@ -199,15 +201,15 @@ def test_a_turn_without_a_roll_is_taken_as_level_and_that_is_said(simulated_with
 
 def test_without_a_dvl_predictions_start_from_what_the_model_says_of_the_velocity(zigzag, with_coefficients):
     blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "dvl"})
-    found = validate(blind, with_coefficients(zigzag.truth.coefficients), starts=30)
-    assert set(free_fits(found)) == set(MOTION_SYMBOLS[3:])
-    assert free_fits(found)["r"] > 90.0
+    validation = validate(blind, with_coefficients(zigzag.truth.coefficients), starts=30)
+    assert set(free_fits(validation)) == set(MOTION_SYMBOLS[3:])
+    assert free_fits(validation)["r"] > 90.0
 
 
 def test_a_short_run_has_short_horizons(simulated_with, with_coefficients):
     short = simulated_with("manoeuvre.duration=15 s", WHITE)
-    found = validate(short, with_coefficients(short.truth.coefficients), starts=20)
-    assert {row.horizon_s for row in rows_of(found, AHEAD)} == {0.5, 1.0, 2.0, 5.0}
+    validation = validate(short, with_coefficients(short.truth.coefficients), starts=20)
+    assert {row.horizon_s for row in rows_of(validation, AHEAD)} == {0.5, 1.0, 2.0, 5.0}
 
 
 def test_a_filter_that_diverged_left_no_model(zigzag, with_coefficients):

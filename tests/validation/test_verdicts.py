@@ -12,8 +12,8 @@ def row(signal="r", horizon=1.0, rmse=0.02, prior=1.0, unchanged=0.5, share=0.95
 
 def verdict_on(check, rows, excursion=None, nis=None, status="completed"):
     checks = verdicts("ckf", rows, excursion or {"u": 1.0}, nis or {"dvl": 1.0}, status)
-    (found,) = [one for one in checks if one.check == check]
-    return found
+    (verdict,) = [candidate for candidate in checks if candidate.check == check]
+    return verdict
 
 
 def test_a_better_model_passes():
@@ -23,9 +23,9 @@ def test_a_better_model_passes():
 
 
 def test_one_horizon_at_which_nothing_done_is_better_fails():
-    found = verdict_on("better than constant velocity", [row(), row("v", 5.0, rmse=0.6), row("v", 10.0, rmse=1.5)])
-    assert found.passed is False
-    assert found.statistic == "v at 10 s 3"
+    verdict = verdict_on("better than constant velocity", [row(), row("v", 5.0, rmse=0.6), row("v", 10.0, rmse=1.5)])
+    assert verdict.passed is False
+    assert verdict.statistic == "v at 10 s 3"
 
 
 def test_where_there_is_only_noise_to_predict_nobody_has_to_win():
@@ -45,8 +45,8 @@ def test_a_prior_that_blew_up_is_no_standard():
 
 
 def test_errors_beyond_the_band_are_noted():
-    found = verdict_on("explained by its uncertainty", [row(), row("v", share=0.5), row("v", 5.0, share=0.2)])
-    assert (found.passed, found.statistic) == (None, "v at 5 s 0.2")
+    verdict = verdict_on("explained by its uncertainty", [row(), row("v", share=0.5), row("v", 5.0, share=0.2)])
+    assert (verdict.passed, verdict.statistic) == (None, "v at 5 s 0.2")
 
 
 def test_running_away_and_losing_the_motion_fail():
@@ -55,5 +55,5 @@ def test_running_away_and_losing_the_motion_fail():
 
 
 def test_surprising_innovations_are_noted():
-    found = verdict_on("NIS", [row()], nis={"dvl": 2.0, "gyroscope": 1.0})
-    assert (found.passed, found.statistic) == (None, "dvl 2")
+    verdict = verdict_on("NIS", [row()], nis={"dvl": 2.0, "gyroscope": 1.0})
+    assert (verdict.passed, verdict.statistic) == (None, "dvl 2")

@@ -3,9 +3,11 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import NullFormatter
+from numpy.typing import NDArray
 
 from auvid_cli.campaign.status import ended
 from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure, plain
@@ -15,6 +17,8 @@ if TYPE_CHECKING:
     # Who draws something else does not need it.
     import pandas as pd
 
+Array = NDArray[np.float64]
+
 _HATCHES = ("", "////", "xxxx", "....")
 # Of the boxes of one group, what they take of the room between two.
 _WIDTH = 0.8
@@ -23,7 +27,7 @@ _LARGEST = 1e3
 
 
 def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, str]) -> Figure:
-    """Box plots of the mean steady-state error over all runs that came to the end; below, how many did not.
+    """Draw box plots of the mean steady-state error over the runs that ended; below, how many did not.
 
     Parameters
     ----------
@@ -34,64 +38,71 @@ def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, s
     filters : dict
         Of each variant, by name, its filter.
     """
-    along, panels = (columns[-1] if columns else None), columns[:-1]
-    cells = [(_title(panels, key), cell) for key, cell in runs.groupby(panels, sort=False)] if panels else [("", runs)]
-    figure = new_figure(11.0, 2.6 * min(len(cells), _MOST_PANELS) + 0.9)
-    axes_list = np.atleast_1d(figure.subplots(min(len(cells), _MOST_PANELS), 1, sharex=True, sharey=True))
-    levels = list(dict.fromkeys(runs[along])) if along else [""]
-    looks = _looks(filters)
-    for axes, (title, cell) in zip(axes_list, cells, strict=False):
-        for k, name in enumerate(filters):
-            own = cell[cell["filter"] == name]
-            by_level = [own if along is None else own[own[along] == level] for level in levels]
-            places = np.arange(len(levels)) + _WIDTH * ((k + 0.5) / len(filters) - 0.5)
-            boxes = axes.boxplot(
-                [np.minimum(some["steady_state_error_percent"].dropna().to_numpy(), _LARGEST) for some in by_level],
-                positions=places,
-                widths=0.85 * _WIDTH / len(filters),
-                whis=(5, 95),
-                manage_ticks=False,
-                patch_artist=True,
-                medianprops={"color": "white", "linewidth": 1.0},
-                flierprops={"markersize": 2.0, "markeredgecolor": "0.5"},
-            )
-            for box in boxes["boxes"]:
-                box.set(**looks[name])
-            for place, some in zip(places, by_level, strict=True):
-                lost = float((~ended(some)).mean()) if len(some) else 0.0
-                if lost:
-                    axes.text(
-                        place,
-                        0.01,
-                        f"{lost:.0%}",
-                        rotation=90,
-                        fontsize=6.5,
-                        ha="center",
-                        va="bottom",
-                        color="#A00000",
-                        transform=axes.get_xaxis_transform(),
-                    )
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        axes.yaxis.set_minor_formatter(NullFormatter())
-        axes.grid(axis="y", color="0.9", linewidth=0.6)
-        axes.set_axisbelow(True)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.tick_params(labelsize=8)
-        axes.set_ylabel("error (%)", fontsize=9)
+    along, between = (columns[-1] if columns else None), columns[:-1]
+    cells = (
+        [(_title(between, key), cell) for key, cell in runs.groupby(between, sort=False)] if between else [("", runs)]
+    )
+    panels = cells[:_MOST_PANELS]
+    figure = new_figure(11.0, 2.6 * len(panels) + 0.9)
+    axes_list = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True, sharey=True))
+    levels, looks = list(dict.fromkeys(runs[along])) if along else [""], _looks(filters)
+    for axes, (title, cell) in zip(axes_list, panels, strict=True):
+        for k, (name, look) in enumerate(looks.items()):
+            of_filter = cell[cell["filter"] == name]
+            by_level = [of_filter if along is None else of_filter[of_filter[along] == level] for level in levels]
+            places = np.arange(len(levels), dtype=np.float64) + _WIDTH * ((k + 0.5) / len(looks) - 0.5)
+            _draw_boxes(axes, by_level, places, 0.85 * _WIDTH / len(looks), look)
+            _write_losses(axes, by_level, places)
+        _tidy_errors(axes)
         head(axes, title)
     axes_list[-1].set_xticks(range(len(levels)), [plain(setting_text(level)) for level in levels])
     axes_list[-1].set_xlabel(plain(along or ""), fontsize=9)
-    handles = [Patch(label=plain(name), **looks[name]) for name in filters]
     words = ["box: quartiles, whiskers: 5 to 95 %"]
     words += ["red: share that did not end"] * (not ended(runs).all())
-    words += [f"{len(cells) - _MOST_PANELS} more combinations: see the tables"] * (len(cells) > _MOST_PANELS)
+    words += [f"{len(cells) - len(panels)} more combinations: see the tables"] * (len(cells) > len(panels))
+    handles = [Patch(label=plain(name), **look) for name, look in looks.items()]
     legend_above(figure, [*handles, *(Patch(label=text, color="none") for text in words)])
     return figure
 
 
+def _draw_boxes(axes: Axes, by_level: list["pd.DataFrame"], places: Array, width: float, look: dict[str, Any]) -> None:
+    errors = (runs["steady_state_error_percent"].dropna().to_numpy() for runs in by_level)
+    boxes = axes.boxplot(
+        [np.minimum(values, _LARGEST) for values in errors],
+        positions=places,
+        widths=width,
+        whis=(5, 95),
+        manage_ticks=False,
+        patch_artist=True,
+        medianprops={"color": "white", "linewidth": 1.0},
+        flierprops={"markersize": 2.0, "markeredgecolor": "0.5"},
+    )
+    for box in boxes["boxes"]:
+        box.set(**look)
+
+
+def _write_losses(axes: Axes, by_level: list["pd.DataFrame"], places: Array) -> None:
+    """Write below each box what share of its runs did not end, if any."""
+    style = {"rotation": 90, "fontsize": 6.5, "ha": "center", "va": "bottom", "color": "#A00000"}
+    for place, runs in zip(places, by_level, strict=True):
+        lost = float((~ended(runs)).mean()) if len(runs) else 0.0
+        if lost:
+            axes.text(place, 0.01, f"{lost:.0%}", transform=axes.get_xaxis_transform(), **style)
+
+
+def _tidy_errors(axes: Axes) -> None:
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.grid(axis="y", color="0.9", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(labelsize=8)
+    axes.set_ylabel("error (%)", fontsize=9)
+
+
 def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str]) -> Figure:
-    """Median error over two settings, a panel for each filter, with the share of runs that did not end well.
+    """Draw the median error over two settings, a panel for each filter, with the share of runs that were lost.
 
     Parameters
     ----------
@@ -111,9 +122,9 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
     lowest, highest = np.log10([errors.min(), errors.max()]) if errors.size else (0.0, 0.0)
     image = None
     for axes, name in zip(panels, filters, strict=False):
-        own = table[table["filter"] == name]
+        of_filter = table[table["filter"] == name]
         error, lost, belied = (
-            own.groupby([down, across])[value]
+            of_filter.groupby([down, across])[value]
             .agg(over)
             .unstack()
             .reindex(index=rows, columns=cols)
@@ -147,15 +158,15 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
 
 
 def _looks(filters: dict[str, str]) -> dict[str, dict[str, Any]]:
-    """Fill of each variant: the colour of its filter, hatched differently from the filter's other variants."""
+    """Fill each variant: the colour of its filter, hatched differently from the filter's other variants."""
     looks: dict[str, dict[str, Any]] = {}
-    seen: dict[str, int] = {}
+    variants: dict[str, int] = {}
     for name, kind in filters.items():
-        looks[name] = {"facecolor": FILTER_STYLES[kind].color, "hatch": _HATCHES[seen.get(kind, 0) % len(_HATCHES)]}
-        seen[kind] = seen.get(kind, 0) + 1
+        looks[name] = {"facecolor": FILTER_STYLES[kind].color, "hatch": _HATCHES[variants.get(kind, 0) % len(_HATCHES)]}
+        variants[kind] = variants.get(kind, 0) + 1
     return looks
 
 
 def _title(names: list[str], values: object) -> str:
-    stated = values if isinstance(values, tuple) else (values,)
-    return plain(", ".join(f"{name} {setting_text(value)}" for name, value in zip(names, stated, strict=True)))
+    levels = values if isinstance(values, tuple) else (values,)
+    return plain(", ".join(f"{name} {setting_text(value)}" for name, value in zip(names, levels, strict=True)))

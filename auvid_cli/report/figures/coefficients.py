@@ -30,7 +30,7 @@ _BAND_POINTS = 160
 
 
 def coefficient_figure(coefficients: Sequence[Coefficient], estimates: list[Course], true: dict[str, float]) -> Figure:
-    """One panel for each coefficient: estimates with their bands of two standard deviations, and the truth.
+    """Draw a panel for each coefficient: estimates, their bands of two standard deviations, and the truth.
 
     Parameters
     ----------
@@ -88,14 +88,14 @@ def _draw_estimate(axes: Axes, estimate: Course, symbol: str, position: int) -> 
 
 
 def _limits(estimates: list[Course], symbol: str, true: float | None) -> tuple[float, float]:
-    """Room for the later half of the run, whose beginning may be orders of magnitude larger."""
+    """Leave room for the later half of the run, whose beginning may be orders of magnitude larger."""
     # A filter that diverged would squash the others, so it counts only where it is alone.
     counting = [estimate for estimate in estimates if estimate.completed] or estimates
-    shown = [] if true is None else [np.array([true])]
+    extents = [] if true is None else [np.array([true])]
     for estimate in counting:
         column = estimate.state.index(symbol)
         late = estimate.time >= 0.5 * (estimate.time[0] + estimate.time[-1])
         mean, spread = estimate.mean[late, column], 2.0 * estimate.standard_deviation[late, column]
-        shown += [mean - spread, mean + spread]
-    low, high = value_range(*shown) or (0.0, 0.0)
+        extents += [mean - spread, mean + spread]
+    low, high = value_range(*extents) or (0.0, 0.0)
     return padded(*with_near_zero(low, high))

@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 
 def dead_reckoned(time: Array, motion: Array) -> Array:
-    """Path from the origin by the trapezoidal rule.
+    """Integrate the path from the origin by the trapezoidal rule.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ class FigureQueue:
             self._add(f"innovations_{estimate.filter}", "innovations", estimate.course((), with_innovations=True))
 
     def add_path(self, dataset: Dataset, estimates: Sequence[Estimate] = ()) -> None:
-        """Where the vehicle went, which takes an estimate where the truth is not known; once."""
+        """Draw where the vehicle went, which takes an estimate where the truth is not known; once."""
         if "path" not in self._drawn and (dataset.truth is not None or estimates):
             self._add("path", "path", dataset.truth, [estimate.course(MOTION_SYMBOLS) for estimate in estimates])
 
@@ -63,33 +63,33 @@ class FigureQueue:
                 wanted.append((len(members), f"coefficients_{group}", "coefficients", members, courses, true))
         if evaluation.free_runs or dataset.sensors:
             for name, quantities in (("velocities", MOTION[:6]), ("attitude", MOTION[6:])):
-                sensors = _seen(quantities, dataset.sensors)
+                sensors = _records_of(quantities, dataset.sensors)
                 wanted.append((2 * len(quantities), name, "motion", quantities, sensors, evaluation.free_runs))
-        for _, *figure in sorted(wanted, key=lambda one: one[0], reverse=True):
+        for _, *figure in sorted(wanted, key=lambda figure: figure[0], reverse=True):
             self._add(*figure)
         self.add_path(dataset, estimates)
 
-    def add_identifiability(self, found: "Identifiability") -> None:
+    def add_identifiability(self, identifiability: "Identifiability") -> None:
         """Draw what the data can say before any filter runs."""
-        self._add("identifiability_bounds", "bounds", found)
-        self._add("identifiability_correlation", "correlation", found)
+        self._add("identifiability_bounds", "bounds", identifiability)
+        self._add("identifiability_correlation", "correlation", identifiability)
 
-    def add_validation(self, dataset: Dataset, found: "Validation") -> None:
+    def add_validation(self, dataset: Dataset, validation: "Validation") -> None:
         """Draw what a model predicts of data that it has not seen."""
         for name, quantities in (("velocities", MOTION[:6]), ("attitude", MOTION[6:])):
-            sensors = _seen(quantities, dataset.sensors)
-            self._add(f"validation_{name}", "motion", quantities, sensors, {found.filter: found.run})
-        self._add("validation_horizons", "horizons", found.filter, found.predictions)
+            sensors = _records_of(quantities, dataset.sensors)
+            self._add(f"validation_{name}", "motion", quantities, sensors, {validation.filter: validation.run})
+        self._add("validation_horizons", "horizons", validation.filter, validation.predictions)
 
     def add_timeline(self, inspection: "Inspection") -> None:
         """Draw what was recorded when, and where something is the matter with it."""
         self._add("timeline", "timeline", inspection)
 
-    def add_campaign(self, found: "Findings", filters: dict[str, str]) -> None:
-        """Spread of the errors of each filter variant, and a map where two settings vary."""
-        self._add("spread", "spread", found.runs, found.columns, filters)
-        if len(found.columns) > 1:
-            self._add("map", "map", found.filters, found.columns, filters)
+    def add_campaign(self, findings: "Findings", filters: dict[str, str]) -> None:
+        """Draw the spread of the errors of each filter variant, and a map where two settings vary."""
+        self._add("spread", "spread", findings.runs, findings.columns, filters)
+        if len(findings.columns) > 1:
+            self._add("map", "map", findings.filters, findings.columns, filters)
 
     def finish(self, progress: Callable[[int, int], None] = lambda done, total: None) -> list[Path]:
         """Wait until all are drawn.
@@ -116,11 +116,11 @@ class FigureQueue:
         self._drawn[name] = self._submit(draw_and_save, kind, arguments, self._folder, name)
 
 
-def _seen(quantities: Sequence[Quantity], sensors: dict[str, SensorRecord]) -> dict[str, SensorRecord]:
-    """Those sensors that measure any of some quantities; of a long record evenly spaced samples."""
-    seen = {}
+def _records_of(quantities: Sequence[Quantity], sensors: dict[str, SensorRecord]) -> dict[str, SensorRecord]:
+    """Pick the sensors that measure any of some quantities; of a long record evenly spaced samples."""
+    records = {}
     for name, record in sensors.items():
         if set(quantities) & set(SENSORS[name]):
             every = slice(None, None, 1 + record.time.size // _MOST_SAMPLES)
-            seen[name] = SensorRecord(record.time[every], record.values[every], record.standard_deviation)
-    return seen
+            records[name] = SensorRecord(record.time[every], record.values[every], record.standard_deviation)
+    return records

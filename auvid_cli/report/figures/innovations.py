@@ -27,7 +27,7 @@ _HIGHEST = 3.0
 
 
 def innovation_figure(estimate: Course) -> Figure:
-    """One panel for each component of each sensor: innovations and their bounds of two standard deviations."""
+    """Draw a panel for each component of each sensor: innovations, their bounds of two standard deviations."""
     sensors = estimate.innovations
     columns = max(len(SENSORS[name]) for name in sensors)
     figure = new_figure(11.0, 2.2 * len(sensors) + 0.7)
@@ -74,7 +74,7 @@ def _draw_panel(axes: Axes, sensor: str, quantity: Quantity, innovations: Innova
 
 
 def _height(innovation: Array, bound: Array) -> float:
-    """Half the height of the panel: all innovations, but no more than a few times their usual bounds."""
+    """Return half the panel's height: all innovations, but no more than a few times their usual bounds."""
     _, largest = value_range(np.abs(innovation)) or (0.0, 0.0)
     usual = float(np.median(bound))
     return 1.1 * max(usual, min(largest, _HIGHEST * usual)) or 1.0

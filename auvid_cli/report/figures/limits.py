@@ -11,7 +11,7 @@ _NEAR = 0.25
 
 
 def value_range(*series: Array) -> tuple[float, float] | None:
-    """Least and greatest finite value, None if there is none."""
+    """Return least and greatest finite value, None if there is none."""
     finite = [values[np.isfinite(values)] for values in series]
     present = [values for values in finite if values.size]
     if not present:
@@ -32,7 +32,7 @@ def with_near_zero(low: float, high: float) -> tuple[float, float]:
 
 
 def around(reference: tuple[float, float] | None, others: tuple[float, float] | None) -> tuple[float, float]:
-    """Room for the reference and for the others as far as they stray no further than its own height."""
+    """Leave room for the reference, and for the others as far as they stray no further than its own height."""
     if reference is None:
         return padded(*others) if others is not None else (-1.0, 1.0)
     low, high = reference

@@ -41,7 +41,7 @@ class Series(NamedTuple):
 
 
 def motion_figure(quantities: Sequence[Quantity], sensors: dict[str, SensorRecord], runs: dict[str, FreeRun]) -> Figure:
-    """One row for each motion state: the whole run, and its end beside it.
+    """Draw a row for each motion state: the whole run, and its end beside it.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def motion_figure(quantities: Sequence[Quantity], sensors: dict[str, SensorRecor
     figure = new_figure(11.0, 1.75 * len(quantities) + 0.8)
     panels = figure.subplots(len(quantities), 2, sharex="col", squeeze=False, width_ratios=[2.2, 1.0])
     signals = [(_measured(q, sensors), _predicted(q, runs)) for q in quantities]
-    begin, end = _span([series for one, many in signals for series in [one, *many.values()]])
+    begin, end = _span([series for measured, predicted in signals for series in [measured, *predicted.values()]])
     zoom = end - min(_ZOOM, 0.5 * (end - begin))
     for (whole, part), quantity, (measured, predicted) in zip(panels, quantities, signals, strict=True):
         unit = "deg" if quantity.unit == "rad" else quantity.unit
@@ -129,8 +129,8 @@ def _drawable(quantity: Quantity, values: Array) -> Array:
 
 
 def _span(series: list[Series | None]) -> tuple[float, float]:
-    """Begin and end of all time, s."""
-    begin, end = value_range(*(one.time for one in series if one is not None)) or (0.0, 1.0)
+    """Return begin and end of all time, s."""
+    begin, end = value_range(*(line.time for line in series if line is not None)) or (0.0, 1.0)
     return begin, end if end > begin else begin + 1.0
 
 

@@ -49,8 +49,8 @@ def path_figure(truth: TruthRecord | None, estimates: list[Course]) -> Figure:
 
 def _path(truth: TruthRecord | None, estimates: list[Course]) -> tuple[str, Array]:
     if truth is not None:
-        known = np.isfinite(truth.position).all(axis=1)
-        return "true path", truth.position[known]
+        finite = np.isfinite(truth.position).all(axis=1)
+        return "true path", truth.position[finite]
     first = estimates[0]
     position = dead_reckoned(first.time, first.mean[:, -N_MOTION:])
     return f"dead reckoning of {filter_label(first.filter)}'s estimate, from its start", position
@@ -109,7 +109,7 @@ def _range(values: Array) -> tuple[float, float]:
 
 
 def _square(east: Array, north: Array) -> list[tuple[float, float]]:
-    """Limits of equal length around both."""
+    """Return limits of equal length around both."""
     ranges = [_range(east), _range(north)]
     half = max(high - low for low, high in ranges) / 2.0
     return [((low + high) / 2.0 - half, (low + high) / 2.0 + half) for low, high in ranges]

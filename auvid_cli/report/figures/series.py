@@ -61,8 +61,8 @@ def spaced(n: int, points: int) -> NDArray[np.int64]:
 
 
 def unwrapped(angle: Array) -> Array:
-    """Angle without jumps of a turn, rad; gaps stay gaps."""
+    """Take the jumps of a turn out of an angle, rad; gaps stay gaps."""
     result = finite(angle)
-    known = ~np.isnan(result)
-    result[known] = np.unwrap(result[known])
+    is_known = ~np.isnan(result)
+    result[is_known] = np.unwrap(result[is_known])
     return result

@@ -29,11 +29,11 @@ class FilterStyle(NamedTuple):
     markersize: float
 
     def line(self) -> dict[str, Any]:
-        """Keywords for `Axes.plot`."""
+        """Return keywords for `Axes.plot`."""
         return {"color": self.color, "linestyle": self.linestyle, "linewidth": self.linewidth}
 
     def mark(self) -> dict[str, Any]:
-        """Keywords for the markers on that line."""
+        """Return keywords for the markers on that line."""
         return {
             "marker": self.marker,
             "markersize": self.markersize,
@@ -63,7 +63,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def filter_handles(names: Iterable[str], marked: bool = False) -> list[Line2D]:
-    """Entries of a legend."""
+    """Return the entries of a legend."""
     styles = {name: FILTER_STYLES[name] for name in names}
     return [
         Line2D([], [], label=filter_label(name), **style.line(), **(style.mark() if marked else {}))
@@ -79,7 +79,7 @@ def legend_above(figure: Figure, handles: Sequence[Artist]) -> None:
 
 
 def tidy(axes: Axes) -> None:
-    """Small type, a faint grid, few ticks, no box."""
+    """Set small type, a faint grid, few ticks, no box."""
     axes.grid(color="0.9", linewidth=0.6)
     axes.set_axisbelow(True)
     head(axes, "")
@@ -91,7 +91,7 @@ def tidy(axes: Axes) -> None:
 
 
 def plain(text: str) -> str:
-    """Text of a user's as it is, whose dollars are no mathematics."""
+    """Return a user's text as it is, its dollars no mathematics."""
     return printable(text).replace("$", r"\$")
 
 

@@ -52,9 +52,9 @@ def timeline_figure(inspection: Inspection) -> Figure:
         _draw_strip(axes, inspection, name, scale)
     panels[-1].set_xlim(inspection.span[0] / scale, inspection.span[1] / scale)
     panels[-1].set_xlabel(f"time ({unit})", fontsize=9)
-    found = {mark.kind for mark in inspection.marks}
+    present = {mark.kind for mark in inspection.marks}
     handles: list[Any] = [Patch(color=_PRESENT, label="measurements present")]
-    handles += [Patch(color=colour, label=words) for kind, (colour, _, words) in _KINDS.items() if kind in found]
+    handles += [Patch(color=colour, label=words) for kind, (colour, _, words) in _KINDS.items() if kind in present]
     legend_above(figure, handles)
     return figure
 
@@ -80,12 +80,12 @@ def _draw_strip(axes: Axes, inspection: Inspection, name: str, scale: float) -> 
     edges = np.linspace(*inspection.span, inspection.presence[name].size + 1) / scale
     axes.stairs(inspection.presence[name], edges, fill=True, color=_PRESENT, alpha=0.55, linewidth=0.0)
     least = _LEAST * (inspection.span[1] - inspection.span[0])
-    own = [mark for mark in inspection.marks if mark.sensor == name]
+    marks = [mark for mark in inspection.marks if mark.sensor == name]
     for kind, (colour, height, _) in _KINDS.items():
-        spans = _drawn([mark for mark in own if mark.kind == kind], least)
+        spans = _drawn([mark for mark in marks if mark.kind == kind], least)
         boxes = [Rectangle((a / scale, height - 0.5 * _ROW), (b - a) / scale, _ROW) for a, b in spans]
         axes.add_collection(PatchCollection(boxes, facecolor=colour, edgecolor="none"), autolim=False)
-    counted = {words: sum(mark.kind == kind for mark in own) for kind, (*_, words) in _KINDS.items()}
+    counted = {words: sum(mark.kind == kind for mark in marks) for kind, (*_, words) in _KINDS.items()}
     counts = ", ".join(f"{words}: {count}" for words, count in counted.items() if count)
     _name(axes, name)
     if counts:
@@ -93,9 +93,9 @@ def _draw_strip(axes: Axes, inspection: Inspection, name: str, scale: float) -> 
 
 
 def _drawn(marks: list[Mark], least: float) -> list[tuple[float, float]]:
-    """Spans of marks, s, widened until they can be seen; those that overlap are one."""
+    """Widen the spans of marks, s, until they can be seen; those that overlap are one."""
     spans: list[tuple[float, float]] = []
-    for mark in sorted(marks, key=lambda one: one.start):
+    for mark in sorted(marks, key=lambda mark: mark.start):
         room = max(least - (mark.end - mark.start), 0.0) / 2.0
         start, end = mark.start - room, mark.end + room
         if spans and start <= spans[-1][1]:

@@ -26,7 +26,7 @@ _OTHERS = {
 
 
 def horizon_figure(filter_name: str, predictions: Sequence[Prediction]) -> Figure:
-    """One panel for each motion state: root mean square error over the horizon, both logarithmic, angles in degrees.
+    """Draw a panel for each motion state: RMSE over the horizon, both logarithmic, angles in degrees.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def horizon_figure(filter_name: str, predictions: Sequence[Prediction]) -> Figur
 
 
 def _draw(axes: Axes, filter_name: str, rows: Sequence[Prediction], scale: float) -> None:
-    """Lines of one signal; values times `scale`."""
+    """Draw the lines of one signal; values times `scale`."""
     horizons = [row.horizon_s for row in rows]
 
     def values(field: str) -> list[float]:
@@ -77,7 +77,7 @@ def _draw(axes: Axes, filter_name: str, rows: Sequence[Prediction], scale: float
 
 
 def _handles(filter_name: str, predictions: Sequence[Prediction]) -> list[Artist]:
-    """Entries of the legend, of what is there."""
+    """Return the entries of the legend, of what is there."""
     style = FILTER_STYLES[filter_name]
     handles: list[Artist] = [
         Line2D([], [], label=filter_label(filter_name), **style.line() | {"linestyle": "-"}, **style.mark())

@@ -103,9 +103,9 @@ class _Pool:
 @contextmanager
 def _environment_of_the_server() -> Iterator[None]:
     """Keep a new Python from importing what lies in the current folder before what is installed; say who starts it."""
-    told = {"PYTHONSAFEPATH": "1"} | parentage()
-    before = {name: os.environ.get(name) for name in told}
-    os.environ.update(told)
+    variables = {"PYTHONSAFEPATH": "1"} | parentage()
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
     try:
         yield
     finally:
@@ -126,7 +126,7 @@ def _prepare() -> None:
 
 
 def _end_with_parent() -> None:
-    """Nothing tells an idle worker that the command was killed."""
+    """End an idle worker whose command was killed: nothing else tells it."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
