@@ -125,14 +125,15 @@ def _clock_drift(request: Request, seconds: Array, columns: ColumnReader) -> Clo
 def _overlaps(
     request: Request, seconds: Array, raw: Mapping[str, ColumnValues], columns: ColumnReader
 ) -> list[Overlap]:
-    """Overlaps of the files of a log; RefusedError if their signals interleave for longer than disorder explains."""
+    """Find overlaps of the files of a log; RefusedError if they interleave for longer than disorder explains."""
     if request.time.file is None:
         return []
     files, values = columns.take(request.time.file), np.column_stack([*raw.values()])
     overlaps = find_overlaps(seconds, np.asarray(files, np.float64), np.asarray(values, np.float64))
     for file, begin, end, own in overlaps:
         if own and end - begin > _LONGEST_INTERLEAVING:
-            reason = f"file {file} of the log and those before it both have signals from {begin:.3f} to {end:.3f} s"
+            span = f"{begin:.3f} to {end:.3f} s"
+            reason = f"file {file} of the log and those before it both have measurements from {span}"
             raise RefusedError(request.path, f"{reason}, so they do not continue each other: is it one clock?")
     return overlaps
 
