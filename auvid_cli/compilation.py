@@ -29,7 +29,7 @@ for module in sys.argv[1:]:
 def compiled(
     signature: Any, *, reassociate: bool = False, inline: bool = False, internal: bool = False
 ) -> Callable[[Callable], Any]:
-    """Decorator: compile for exactly this signature, now, or take the machine code from the cache.
+    """Decorate a function: compile for exactly this signature, now, or take the machine code from the cache.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def compiled(
 
 
 def is_compiled(module: str) -> bool:
-    """Whether the cache has something of a module, and so of all that it needs, which is compiled before."""
+    """Say whether the cache has something of a module, and so of all that it needs, which is compiled before."""
     return any(cache_folder().glob(f"*/{module.rpartition('.')[2]}.*.nbc"))
 
 

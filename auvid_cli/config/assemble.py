@@ -16,7 +16,7 @@ MOST_BYTES = 1_000_000
 
 
 def read_source(path: FilePath, name: str | None = None) -> Source:
-    """Text of a settings file; bytes that are not UTF-8 stay visible as surrogates.
+    """Read the text of a settings file; bytes that are not UTF-8 stay visible as surrogates.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def with_changes(tree: Tree, changes: Iterable[tuple[Path, Tree]], folder: FileP
 
 
 def parse_override(override: str) -> tuple[Path, Tree]:
-    """``key.key=value`` as a path and what goes there.
+    """Split ``key.key=value`` into a path and what goes there.
 
     Raises
     ------

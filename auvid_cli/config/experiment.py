@@ -193,7 +193,7 @@ class Identification(Settings):
         return self
 
     def estimated(self) -> tuple[str, ...]:
-        """Symbols of the coefficients to estimate, in the order of the table."""
+        """Return the symbols of the coefficients to estimate, in the order of the table."""
         return SYMBOLS if self.coefficients == "all" else tuple(self.coefficients)
 
     def check_filters(self, filters: Sequence[FilterName]) -> None:
@@ -245,7 +245,7 @@ class RunSettings(Settings):
     identification: Identification = Identification()
 
     def data_files(self) -> list[Path]:
-        """Files with numbers that the settings name."""
+        """Return the files with numbers that the settings name."""
         earlier = self.identification.prior.from_estimate
         return [] if earlier is None else [Path(earlier)]
 
@@ -263,6 +263,6 @@ class Experiment(RunSettings):
     manoeuvre: AnyManoeuvre
 
     def data_files(self) -> list[Path]:
-        """As of any run, and the inputs of a recorded manoeuvre."""
+        """Return those of any run, and the inputs of a recorded manoeuvre."""
         recorded = [Path(self.manoeuvre.file)] if isinstance(self.manoeuvre, Recorded) else []
         return [*super().data_files(), *recorded]

@@ -28,7 +28,7 @@ _SPELLINGS = {
 
 
 def unit_factor(stated: str, unit: str) -> float:
-    """Size of a unit as logs write it, in an SI unit.
+    """Return the size of a unit as logs write it, in an SI unit.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ class Fins(Settings):
         return self
 
     def given(self) -> dict[str, Fin]:
-        """Fins by name, of those that are given."""
+        """Return the fins that are given, by name."""
         fins = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: fin for name, fin in fins.items() if fin is not None}
 

@@ -54,7 +54,7 @@ class Mount(Settings):
         return data
 
     def angles(self) -> tuple[float, float, float]:
-        """Roll, pitch and yaw, rad."""
+        """Return roll, pitch and yaw, rad."""
         return self.roll, self.pitch, self.yaw
 
 
@@ -246,6 +246,6 @@ class SensorMaps(Settings):
         return self
 
     def given(self) -> dict[str, SensorMap]:
-        """Sensors by name, of those that are given."""
+        """Return the sensors that are given, by name."""
         sensors = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: sensor for name, sensor in sensors.items() if sensor is not None}

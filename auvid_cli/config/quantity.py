@@ -171,7 +171,7 @@ def _registry() -> "UnitRegistry":
 
 @cache
 def _factor(stated: str, unit: str) -> float:
-    """Size of the unit `stated` in `unit`; ValueError if it is unknown or of another dimension."""
+    """Return the size of the unit `stated` in `unit`; ValueError if it is unknown or of another dimension."""
     scale, dimension, angle = _base(unit)
     if dimension.get("meter") and not dimension.get("kilogram") and dimension.get("second", 0.0) < -1.0:
         stated = GRAVITY.sub(r"\1g_0", stated)
@@ -184,7 +184,7 @@ def _factor(stated: str, unit: str) -> float:
 
 @cache
 def _base(unit: str) -> tuple[float, dict[str, float], float]:
-    """Size in SI base units, their exponents without the radian, and the exponent of the radian."""
+    """Return the size in SI base units, their exponents without the radian, and the exponent of the radian."""
     if len(unit) > _LONGEST_UNIT or UNIT_TOKEN.sub("", unit):
         raise ValueError(f"{describe(unit)} is not a unit")
     registry = _registry()

@@ -131,7 +131,7 @@ def _read_truth(group: h5py.Group) -> TruthRecord:
 
 
 def holds_data(path: Path, dataset: Dataset) -> bool:
-    """Whether a file has the very numbers of a dataset; its settings are not looked at.
+    """Say whether a file has the very numbers of a dataset; its settings are not looked at.
 
     Raises
     ------

@@ -41,7 +41,7 @@ class EstimateWriter:
         self._file = file
 
     def append(self, chunk: EstimateChunk) -> None:
-        """More of the run."""
+        """Append more of the run."""
         for name in ("time", "mean", "standard_deviation"):
             append(self._file, name, getattr(chunk, name))
         for sensor, innovations in chunk.innovations.items():

@@ -62,7 +62,7 @@ def open_file(path: Path, kind: str) -> Iterator[h5py.File]:
 
 
 def read_attributes(file: h5py.File, form: type[Form]) -> Form:
-    """Root attributes as a form wants them; of others nothing is read.
+    """Read the root attributes that a form asks for, and no others.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def _is_unit(stated: Any, unit: str) -> bool:
 
 
 def read_table(group: h5py.Group, names: Sequence[str], every: int = 1) -> NDArray[np.float64]:
-    """Variables of one length side by side, as `read_array`."""
+    """Read variables of one length side by side, as `read_array` does."""
     first = read_array(group, names[0], every)
     table = np.empty((len(first), len(names)))
     table[:, 0] = first
@@ -132,7 +132,7 @@ def read_table(group: h5py.Group, names: Sequence[str], every: int = 1) -> NDArr
 
 
 def mark_missing(group: h5py.Group, name: str, values: NDArray[np.float64]) -> None:
-    """NaN in place of values where a variable of flags is zero."""
+    """Put NaN in place of values where a variable of flags is zero."""
     flags = read_array(group, name, ndim=2)
     if flags.shape != values.shape:
         raise ValueError(f"{group.name}/{name} does not fit the values that it is about")
@@ -140,12 +140,12 @@ def mark_missing(group: h5py.Group, name: str, values: NDArray[np.float64]) -> N
 
 
 def read_rows(group: h5py.Group, name: str, first: int, last: int, ndim: int = 1) -> NDArray[np.float64]:
-    """Consecutive rows of a numeric variable as doubles."""
+    """Read consecutive rows of a numeric variable as doubles."""
     return np.asarray(_variable(group, name, "numbers", ndim)[first:last], dtype=np.float64)
 
 
 def count_rows(group: h5py.Group, name: str) -> int:
-    """How many rows a variable has, of one dimension."""
+    """Count the rows of a variable of one dimension."""
     return _variable(group, name, "numbers", 1).shape[0]
 
 

@@ -34,7 +34,7 @@ class Noise(NamedTuple):
 
 
 def estimate_noise(values: Array, is_angle: bool = False) -> Noise:
-    """Noise by `noise_standard_deviation`, but no less than that of rounding to steps, uniform: step / sqrt(12).
+    """Estimate noise by `noise_standard_deviation`, but no less than that of rounding to steps: step / sqrt(12).
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def noise_standard_deviation(values: Array, is_angle: bool = False) -> float:
 
 
 def quantisation_step(values: Array) -> float:
-    """Step of a quantised signal, 0 if it is none: most differences between neighbouring values are multiples of it."""
+    """Find the step of a quantised signal, 0 if it is none: most differences of neighbours are multiples of it."""
     known = np.unique(values[np.isfinite(values)])
     gaps = np.diff(known)
     gaps = gaps[gaps > _ROUNDING * np.abs(known).max(initial=0.0)]

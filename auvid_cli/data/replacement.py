@@ -28,7 +28,7 @@ _OWN = {"ekf": EkfSettings(), "ukf": UkfSettings(), "output_error": OutputErrorS
 
 
 class _Made(FileAttributes):
-    """By which settings a file was made, and an estimate from which data."""
+    """Settings by which a file was made, and of an estimate the data."""
 
     settings: str
     dataset_sha256: str = ""
@@ -150,7 +150,7 @@ def _without_dataset(folder: Path) -> str:
 
 
 def _difference(path: Path, kind: str, experiment: RunSettings, own: str, sha256: str = "") -> str:
-    """Why a file does not go with an experiment; empty if it does."""
+    """Say why a file does not go with an experiment; empty if it does."""
     if not path.is_file():
         return f"{path}: is no file"
     try:

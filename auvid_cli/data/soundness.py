@@ -123,7 +123,7 @@ def check_innovations(sensor: str, found: Innovations, filter_name: str) -> None
 
 
 def _may_be_infinite(filter_name: str) -> bool:
-    """Whether a standard deviation may be: the output-error method says so of what the data do not determine at all."""
+    """Say whether a standard deviation may be infinite, as the output-error method's is of what the data leave open."""
     return FilterName(filter_name).in_one_batch
 
 

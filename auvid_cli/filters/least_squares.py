@@ -112,14 +112,14 @@ class _Problem:
         self._latest: tuple[Array, Information | None] | None = None
 
     def information(self, state: Array) -> Information | None:
-        """Of all measurements; None if the motion from that state blows up."""
+        """Return the information of all measurements; None if the motion from that state blows up."""
         if self._latest is None or not np.array_equal(self._latest[0], state):
             parts = self._of_segments(state)
             self._latest = state.copy(), jointly(parts, self._n_parameters) if parts else None
         return self._latest[1]
 
     def _of_segments(self, state: Array) -> list[Information]:
-        """Of the measurements of each; none if the motion or its squares blow up in one."""
+        """Return the information of each segment; none if the motion or its squares blow up in one."""
         parts = []
         for timelines, place in zip(self._segments, self._places, strict=True):
             part = Information.none(place.size)
@@ -133,7 +133,7 @@ class _Problem:
         return parts
 
     def residuals(self, state: Array) -> Array:
-        """Predicted less measured, compressed; infinite where the motion blows up, which the solver takes back."""
+        """Return predicted less measured, compressed; infinite where the motion blows up: the solver turns back."""
         found = self.information(state)
         if found is None:
             return np.full(2 * self._n + 1 + len(self._weight), np.inf)
@@ -141,7 +141,7 @@ class _Problem:
         return np.concatenate([-found.projected, [found.remaining], np.zeros(self._n), of_gaussian])
 
     def jacobian(self, state: Array) -> Array:
-        """Of `residuals`."""
+        """Return the derivative of `residuals`."""
         found = self.information(state)
         assert found is not None, "the solver steps only to where the residuals are finite"
         # A zero residual that grows along directions of which the measurements say nothing: the state stays where it is

@@ -118,7 +118,7 @@ def run_output_error(
 def _filtered(
     process: Process, sensors: Sensors, segments: Sequence[Iterable[Timeline]], prior: Gaussian
 ) -> Array | None:
-    """Parameters as a CKF leaves them at the end, motions as the prior has them; None if the CKF fails."""
+    """Return the parameters as a CKF leaves them and the motions as the prior has them; None if the CKF fails."""
     guess, n_moving = prior.mean.copy(), process.noise_density.size
     n_parameters = guess.size - len(segments) * n_moving
 

@@ -61,7 +61,7 @@ def _sigma_point(name: FilterName, augmented: AugmentedProblem, points: PointSet
 
 
 def _bounds(augmented: AugmentedProblem, stated: dict[str, tuple[float, float]]) -> tuple[Array, Array]:
-    """Lower and upper bounds of the scaled joint state, of which coefficients may have some."""
+    """Return lower and upper bounds of the scaled joint state, of which coefficients may have some."""
     lower, upper = np.full(augmented.prior.mean.size, -np.inf), np.full(augmented.prior.mean.size, np.inf)
     for symbol, limits in stated.items():
         (place,) = augmented.layout.rows([symbol])

@@ -57,18 +57,18 @@ class DatasetInformation:
     lost_after: float | None
 
     def bound(self, sensor: str | None = None) -> dict[str, float]:
-        """Least standard deviation of an estimate without bias, SI, from all sensors or from one of them.
+        """Return the least standard deviation of an estimate without bias, SI, from all sensors or from one of them.
 
         Infinite for what the measurements do not tell from the rest.
         """
         return self._deviations(self.total if sensor is None else self.by_sensor[sensor])
 
     def bound_with_prior(self) -> dict[str, float]:
-        """The same from all sensors and the prior together, on all of the state."""
+        """Return the same from all sensors and the prior together, on all of the state."""
         return self._deviations(self.total.join(Information.of_gaussian(self.prior, self.prior.mean)))
 
     def _deviations(self, information: Information) -> dict[str, float]:
-        """Of the coefficients and of the first motion."""
+        """Return the bound on the coefficients and on the first motion."""
         first = np.eye(self.scale.size, information.projected.size)
         deviation = self.scale * information.uncertainty().deviation(first)
         return dict(zip(self.state, deviation.tolist(), strict=True))
@@ -77,7 +77,7 @@ class DatasetInformation:
 def information_at(
     prepared: PreparedData, coefficients: Mapping[str, float], motions: Sequence[Array] | None = None
 ) -> DatasetInformation:
-    """Fisher information at given values of the coefficients, for white measurement noise and no process noise.
+    """Find the Fisher information at some coefficients, for white measurement noise and no process noise.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def information_at(
 
 
 def _start(problem: AugmentedProblem, coefficients: Mapping[str, float], motions: Sequence[Array] | None) -> Array:
-    """The joint state in scaled units; of what is not given as the prior has it."""
+    """Return the joint state in scaled units; what is not given is as the prior has it."""
     start = problem.prior.mean.copy()
     own = problem.layout.rows_of("coefficients")
     start[own] = [coefficients[symbol] for symbol in problem.layout.symbols[own]] / problem.layout.scale[own]

@@ -40,7 +40,7 @@ class Account(NamedTuple):
 
 
 def account_of(name: str, time: NDArray[np.float64], missing: int, rows: Rows, remarks: tuple[str, ...]) -> Account:
-    """Account of a sensor or input that kept samples at `time`, s, of the rows that were read."""
+    """Account for a sensor or input that kept samples at `time`, s, of the rows that were read."""
     order, rollovers, drift = rows.order, rows.rollovers, rows.clock_drift
     said = (
         (order.backward, f"time went back in {order.backward} rows, by up to {order.furthest_back:.3g} s: sorted"),

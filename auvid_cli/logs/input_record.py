@@ -128,7 +128,7 @@ def _mix(
 
 
 def _mapped(settings: InputsMap) -> set[str]:
-    """Inputs that the map says anything of."""
+    """Return the inputs that the map says anything of."""
     mapped = {symbol for symbol in INPUT_SYMBOLS if getattr(settings, symbol) is not None}
     if settings.fins is not None:
         mapped |= moved_by(settings.fins.given())
@@ -136,7 +136,7 @@ def _mapped(settings: InputsMap) -> set[str]:
 
 
 def _speed(time: Array, sensors: dict[str, SensorRecord]) -> Array:
-    """Measured surge velocity; NaN where there is none."""
+    """Return the measured surge velocity; NaN where there is none."""
     if "dvl" not in sensors:
         raise RefusedError(("inputs", "thrust", "b"), "needs the speed, but no `dvl` is mapped")
     return interpolate(sensors["dvl"].time, sensors["dvl"].values[:, :1], time)[:, 0]

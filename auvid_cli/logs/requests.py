@@ -72,7 +72,7 @@ class Request(NamedTuple):
     time: Times
 
     def places(self) -> Iterator[Place]:
-        """All columns that it needs."""
+        """Return all columns that it needs."""
         yield from (source.place for source in self.values.values())
         optional = (self.valid, self.time.place, self.time.other, self.time.file)
         yield from (place for place in optional if place is not None)
@@ -180,7 +180,7 @@ class _Finder:
         return None
 
     def _factor(self, path: Path, signal: Signal, unit: str | None, column: Column) -> float:
-        """SI units per unit of the log's numbers."""
+        """Return the SI units per unit of the log's numbers."""
         if signal.scale is not None:
             return signal.scale
         stated = signal.unit or unit
@@ -197,7 +197,7 @@ class _Finder:
             return 1.0
 
     def _time(self, path: Path, log: str, table: str, stated: list[TimeSource | None]) -> Times | None:
-        """Column, unit and offset of the times."""
+        """Find column, unit and offset of the times."""
         own = next((source for source in stated if source is not None), None)
         source = own or self._settings.time
         names = [column.name for column in self._tables[log][table]]

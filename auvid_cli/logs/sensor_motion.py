@@ -9,7 +9,7 @@ _LONGEST_GAP = 1.0
 
 
 def interpolate(time: Array, values: Array, at: Array, is_angle: bool = False) -> Array:
-    """Rows of values at other times, linearly; NaN before the first, after the last, and in gaps of over a second.
+    """Interpolate rows of values linearly; NaN before the first, after the last, and in gaps of over a second.
 
     Parameters
     ----------
@@ -39,12 +39,12 @@ def interpolate(time: Array, values: Array, at: Array, is_angle: bool = False) -
 
 
 def velocity_at_origin(velocity: Array, rates: Array, position: Array) -> Array:
-    """Velocity of the vehicle's origin from that of a sensor at a position: v - omega x r, rows in body axes."""
+    """Find the velocity of the vehicle's origin from that of a sensor at a position: v - omega x r, in body axes."""
     return velocity - np.cross(rates, position)
 
 
 def depth_at_origin(down: Array, roll: Array, pitch: Array, position: Array) -> Array:
-    """Depth of the vehicle's origin from that of a sensor at a position in the body: down - (R position)_z.
+    """Find the depth of the vehicle's origin from that of a sensor at a position in the body: down - (R position)_z.
 
     The last row of R, from the body to north-east-down, holds no heading (Fossen 2011, eq. (2.18)).
     """

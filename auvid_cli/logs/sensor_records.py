@@ -95,7 +95,7 @@ def _read(name: str, sensor: SensorMap, request: Request, columns: ColumnReader)
 
 
 def _within(time: Array, spans: Spans) -> NDArray[np.bool_]:
-    """Whether times are in one of the spans, their ends included."""
+    """Say which times are in one of the spans, their ends included."""
     inside = np.zeros(time.size, np.bool_)
     for begin, end in spans:
         inside[np.searchsorted(time, begin) : np.searchsorted(time, end, side="right")] = True
@@ -121,7 +121,7 @@ def _depth_of_origin(depth: SensorRecord, attitude: SensorRecord | None, positio
 
 
 def _finished(name: str, sensor: SensorMap, record: SensorRecord, use: Spans) -> tuple[SensorRecord, tuple[Noise, ...]]:
-    """What is used of a record, with its noise, and where that was estimated from each component."""
+    """Return what is used of a record, with its noise, and where that was estimated from each component."""
     time, values = record.time, record.values
     if use:
         used = _within(time, use)

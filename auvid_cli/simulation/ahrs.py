@@ -33,7 +33,7 @@ _INITIAL_TILT = np.deg2rad(3.0)
 
 
 def attitude_reference(records: dict[str, SensorRecord], suite: SensorSuite, duration: float) -> SensorRecord:
-    """Roll, pitch, yaw at the rate of `suite.attitude`.
+    """Estimate roll, pitch and yaw at the rate of `suite.attitude`.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def _missing(values):
 
 @compiled(types.void(_AHRS, types.float64, types.float64), internal=True)
 def _correct(ahrs, residual, variance):
-    """Kalman update of error and covariance by one scalar, the product of `row` and the error."""
+    """Update error and covariance with one scalar, the product of `row` and the error (Kalman)."""
     row, error, gain, covariance = ahrs.row, ahrs.error, ahrs.gain, ahrs.covariance
     total, predicted = variance, 0.0
     for i in range(6):
@@ -165,7 +165,7 @@ def _apply(ahrs):
 
 @compiled(types.void(_AHRS), internal=True)
 def _to_navigation(ahrs):
-    """The vector `body` in NED, to `turn`."""
+    """Turn the vector `body` to NED, into `turn`."""
     rotation, body = ahrs.rotation, ahrs.body
     for i in range(3):
         ahrs.turn[i] = rotation[i, 0] * body[0] + rotation[i, 1] * body[1] + rotation[i, 2] * body[2]
@@ -200,7 +200,7 @@ def _propagate(ahrs, rate, interval, rate_density):
 
 @compiled(types.void(_AHRS, _vector), internal=True)
 def _feel(ahrs, force):
-    """Specific force without what the turn adds to it, to `body`: gravity, upwards."""
+    """Put the specific force without what the turn adds to it into `body`: gravity, upwards."""
     rate, bias, velocity = ahrs.rate, ahrs.bias, ahrs.velocity
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -209,7 +209,7 @@ def _feel(ahrs, force):
 
 @compiled(types.void(_AHRS, types.float64, _vector), internal=True)
 def _begin(ahrs, heading, noise):
-    """Level by the force felt, and take a heading."""
+    """Begin: level by the force felt, and take a heading."""
     body, rotation, covariance = ahrs.body, ahrs.rotation, ahrs.covariance
     phi = np.arctan2(-body[1], -body[2])
     theta = np.arctan2(body[0], np.hypot(body[1], body[2]))

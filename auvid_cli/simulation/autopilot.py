@@ -55,7 +55,7 @@ INITIAL_MEMORY = (0.0, 0.0, 0.0, 1.0)
 
 
 def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Plan) -> Controls:
-    """The autopilot of a manoeuvre, tuned to a vehicle.
+    """Tune the autopilot of a manoeuvre to a vehicle.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Plan) -
 
 @compiled(types.float64(types.float64, types.float64), internal=True)
 def within(value, limit):
-    """The value, or the limit on its side."""
+    """Limit a value."""
     return min(max(value, -limit), limit)
 
 

@@ -19,7 +19,7 @@ _BLOCK = 50_000
 
 
 def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict[str, SensorRecord]:
-    """Samples of gyroscope, accelerometer, magnetometer and DVL, of a direct attitude sensor and of a depth sensor.
+    """Sample gyroscope, accelerometer, magnetometer and DVL, a direct attitude sensor and a depth sensor.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict
 
 
 def sample_times(settings: SensorSettings, duration: float) -> Array:
-    """Ticks of a sensor's clock from its start to the end of the run, s."""
+    """Return the ticks of a sensor's clock from its start to the end of the run, s."""
     count = int(np.floor((duration - settings.start) * settings.rate + 1e-9)) + 1
     return settings.start + np.arange(max(count, 0)) / settings.rate
 
@@ -92,14 +92,14 @@ def _rates(motion: Array, rate: Array) -> Array:
 
 
 def _velocity_over_ground(current: Array, motion: Array, rate: Array) -> Array:
-    """That through the water, and that of the water in body axes."""
+    """Add the velocity through the water and that of the water, in body axes."""
     if not current.any():
         return motion[:, :3]
     return motion[:, :3] + earth_to_body(motion[:, 6:], np.broadcast_to(current, (len(motion), 3)))
 
 
 def _seen_by(dvl: Dvl) -> Array:
-    """Velocity in the axes of a DVL that is mounted at a small yaw, times its scale."""
+    """Return the matrix from a velocity to what a DVL sees of it, which is mounted at a small yaw and has a scale."""
     sine, cosine = np.sin(dvl.mounting_yaw), np.cos(dvl.mounting_yaw)
     return (1.0 + dvl.scale_error) * np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
@@ -115,6 +115,6 @@ def _heading(motion: Array, rate: Array) -> Array:
 
 
 def _specific_force(motion: Array, rate: Array) -> Array:
-    """Acceleration of the body origin less gravity, in body axes: what an accelerometer feels."""
+    """Find the specific force that an accelerometer feels: acceleration of the origin less gravity, in body axes."""
     down = earth_to_body(motion[:, 6:], np.broadcast_to([0.0, 0.0, 1.0], (len(motion), 3)))
     return rate[:, :3] + np.cross(motion[:, 3:6], motion[:, :3]) - GRAVITY * down

@@ -48,7 +48,7 @@ class Coefficient(NamedTuple):
 
     @property
     def moduli(self) -> tuple[bool, ...]:
-        """Whether each factor is a modulus."""
+        """Say whether each factor is a modulus."""
         return tuple(factor != signal for factor, signal in zip(self.factors, self.signals, strict=True))
 
     @property

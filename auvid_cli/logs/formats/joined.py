@@ -30,11 +30,11 @@ class JoinedLog(Log):
         self._parts = tuple(parts)
 
     def tables(self) -> dict[str, tuple[Column, ...]]:
-        """Columns of each table, and `FILE`."""
+        """List the columns of each table, and `FILE`."""
         return self._tables
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Columns of a table by name."""
+        """Read columns of a table by name."""
         look_up(self, table, columns)
         # Without any other column a part would not say how many rows it has.
         stored = [name for name in columns if name != FILE] or [self._tables[table][0].name]

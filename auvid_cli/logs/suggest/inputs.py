@@ -31,12 +31,12 @@ class _Input(NamedTuple):
         return float(np.nanmax(np.abs(self.values), initial=0.0))
 
     def signal(self, *more: str) -> str:
-        """Flow mapping of place, column and what else it needs."""
+        """Write a flow mapping of place, column and what else it needs."""
         return f"{{{', '.join((f'{self.place}column: {quoted(self.column.name)}', *more))}}}"
 
 
 def input_lines(logs: Mapping[str, Log]) -> Iterator[str]:
-    """Lines below `inputs:`."""
+    """Yield the lines below `inputs:`."""
     place = find_in_logs(logs, INPUT_NAMES)
     if place is None:
         yield "  rudder: null # required: no column looks like a fin or a propeller"
@@ -77,7 +77,7 @@ def input_lines(logs: Mapping[str, Log]) -> Iterator[str]:
 
 
 def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, _Input]:
-    """Inputs by their keys: those of the table that has most of them, then what others have besides."""
+    """Find inputs by their keys: those of the table that has most of them, then what others have besides."""
     places = [(name, found) for found in find_columns(INPUT_NAMES, {main: logs[name].tables()[main]})]
     places += [(log, found) for log in logs for found in find_columns(INPUT_NAMES, logs[log].tables())]
     inputs: dict[str, _Input] = {}
@@ -97,7 +97,7 @@ def _counts(values: Array, must_change: bool) -> bool:
 
 
 def _place(logs: Mapping[str, Log], log: str, table: str) -> str | None:
-    """Place of a column that stands elsewhere, to be put before its name; None if nothing there looks like times."""
+    """Return the place of a column that stands elsewhere; None if nothing there looks like times."""
     time, _ = time_of(logs[log], table)
     where = (f"log: {log}, " if len(logs) > 1 else "", f"table: {quoted(table)}, " if table else "")
     return None if time == "null" else f"{''.join(where)}time: {time}, "
@@ -157,6 +157,6 @@ def _fin(key: str, own: _Input, largest: float) -> str:
 
 
 def _middle(counts: Array) -> int:
-    """The count that most likely means zero."""
+    """Guess the count that means zero."""
     low, high = _PULSES
     return _MIDDLE_PULSE if np.nanmin(counts) >= low and np.nanmax(counts) <= high else _MIDDLE_BYTE

@@ -108,7 +108,7 @@ def find_columns(
 
 
 def named_unit(name: str, unit: str) -> str:
-    """Unit that the end of a column's name states, of those that may stand for an SI unit; empty if it states none."""
+    """Find the unit that the end of a column's name states, of those for an SI unit; empty if it states none."""
     ends = NAMED_UNITS.get(unit, {})
     called = f"_{_plain(name)}"
     return next((ends[end] for end in sorted(ends, key=len, reverse=True) if called.endswith(f"_{end}")), "")
@@ -117,7 +117,7 @@ def named_unit(name: str, unit: str) -> str:
 def find_in_logs(
     logs: Mapping[str, Log], wanted: Mapping[str, str], hint: str = "", unit: str = ""
 ) -> tuple[str, Found] | None:
-    """Log and columns that have the most of what is wanted, of those whose numbers ever change; none that is empty."""
+    """Find log and columns with the most of what is wanted, of those whose numbers ever change; none that is empty."""
     places = [(name, place) for name, log in logs.items() for place in find_columns(wanted, log.tables(), hint, unit)]
     for name, place in sorted(places, key=lambda one: len(one[1].columns), reverse=True):
         values = logs[name].read(place.table, [column.name for column in place.columns.values()])
@@ -129,13 +129,13 @@ def find_in_logs(
 
 
 def standard_message(columns: Iterable[Column]) -> str:
-    """Kind of message, of those whose axes a convention of ROS fixes, that has such columns; empty if it is none."""
+    """Return the kind of message, of those whose axes ROS fixes, that has such columns; empty if it is none."""
     names = {column.name for column in columns}
     return next((kind for kind, own in _REP_103.items() if names.issuperset(own)), "")
 
 
 def find_time(columns: Iterable[Column]) -> Column | None:
-    """The column that most likely holds the times."""
+    """Find the column that most likely holds the times."""
     columns = list(columns)
     for name in (HEADER_STAMP, LOG_TIME):
         if name in [column.name for column in columns]:
@@ -148,7 +148,7 @@ def find_time(columns: Iterable[Column]) -> Column | None:
 
 
 def _spoken(table: str, column: Column) -> tuple[str, ...]:
-    """What a column is called, with its unit too; where a message is nothing but numbers, by its topic."""
+    """Return what a column is called, with its unit too; where a message is nothing but numbers, by its topic."""
     field = _BARE_FIELD.fullmatch(column.name)
     if not table or field is None:
         return (column.name, f"{column.name}_{column.unit}")

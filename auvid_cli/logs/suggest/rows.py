@@ -15,7 +15,7 @@ _PLAIN = re.compile(r"[A-Za-z_/][\w./-]*", re.ASCII)
 
 
 def quoted(name: str) -> str:
-    """A name as YAML needs it."""
+    """Quote a name as YAML needs it."""
     if _PLAIN.fullmatch(name) and name.lower() not in _WORDS_OF_YAML:
         return name
     if not name.isprintable():
@@ -25,7 +25,7 @@ def quoted(name: str) -> str:
 
 
 def row_lines(logs: Mapping[str, Log], name: str, table: str, indent: str) -> Iterator[str]:
-    """Where columns stand, as far as it must be said."""
+    """Say where columns stand, as far as it must be said."""
     if len(logs) > 1:
         yield f"{indent}log: {name}"
     if table:
@@ -35,7 +35,7 @@ def row_lines(logs: Mapping[str, Log], name: str, table: str, indent: str) -> It
 
 
 def time_of(log: Log, table: str) -> tuple[str, str]:
-    """Where a table's times stand, as a value in YAML, and what is to be said of it; null where none is found."""
+    """Say where a table's times stand, and comment on it; nowhere if no column looks like times."""
     columns = log.tables()[table]
     time = find_time(columns)
     if time is None:

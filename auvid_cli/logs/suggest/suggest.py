@@ -144,7 +144,7 @@ def _sensor(sensor: str, logs: Mapping[str, Log], name: str, found: Found) -> It
 
 
 def _unit(columns: Sequence[Column], numbers: Mapping[str, Array], si: str) -> tuple[str, str]:
-    """Unit of columns, and why."""
+    """Guess the unit of columns, and say why."""
     stated = {column.unit for column in columns}
     if len(stated) == 1 and (unit := stated.pop()):
         try:
@@ -162,7 +162,7 @@ def _unit(columns: Sequence[Column], numbers: Mapping[str, Array], si: str) -> t
 
 
 def _convention(log: Log, table: str) -> tuple[str, str] | None:
-    """Body axes that all sensors of a message share by a convention of ROS, unless gravity contradicts, and why."""
+    """Guess the axes of all sensors of a message by a convention of ROS, unless gravity contradicts, and say why."""
     columns = log.tables()[table]
     kind = standard_message(columns)
     if not kind:
@@ -176,7 +176,7 @@ def _convention(log: Log, table: str) -> tuple[str, str] | None:
 
 
 def _repeats(numbers: Mapping[str, Array]) -> Iterator[str]:
-    """What is to be said where most rows are as the one before."""
+    """Comment on rows of which most are as the one before."""
     values = np.column_stack([*numbers.values()])
     values = values[np.isfinite(values).any(axis=1)]
     same = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
@@ -186,7 +186,7 @@ def _repeats(numbers: Mapping[str, Array]) -> Iterator[str]:
 
 
 def _axes(sensor: str, numbers: Mapping[str, Array], convention: tuple[str, str] | None) -> Iterator[str]:
-    """Axes that a convention or the numbers, in SI, speak for."""
+    """Guess axes by a convention or by the numbers, in SI."""
     if convention is not None and sensor in ("accelerometer", "gyroscope", "dvl", "attitude"):
         frame, why = convention
         yield f"    frame: {frame} # check: {why}"
