@@ -80,7 +80,7 @@ def is_compiled(module: str) -> bool:
     return any(cache_folder().glob(f"*/{module.rpartition('.')[2]}.*.nbc"))
 
 
-class _Told(Listener):
+class _OnStart(Listener):
     """Calls a function when something begins, such as compiling, whatever else then happens."""
 
     def __init__(self, tell: Callable[[], None]) -> None:
@@ -96,7 +96,7 @@ class _Told(Listener):
 @contextmanager
 def told_of_compilation(tell: Callable[[], None], tell_of_damage: Callable[[], None]) -> Iterator[None]:
     """Call a function whenever something is compiled within a block, and another if its cache is damaged."""
-    with install_listener("numba:compile", _Told(tell)), install_listener(DAMAGED, _Told(tell_of_damage)):
+    with install_listener("numba:compile", _OnStart(tell)), install_listener(DAMAGED, _Told(tell_of_damage)):
         yield
 
 

@@ -132,13 +132,13 @@ def _splice(tree: Tree, section: str, folder: FilePath, mistakes: list[Mistake])
     path = next((candidate for candidate in candidates if candidate.is_file()), candidates[0])
     name = os.path.normpath(path)
     try:
-        content, found = read_tree(read_source(path, name))
+        content, mistakes_within = read_tree(read_source(path, name))
     except ValueError as error:
-        content, found = (
+        content, mistakes_within = (
             replace(named, content={}, readable=False),
             [Mistake(named.at, (), f"{name}: {error}")],
         )
-    mistakes += (mistake.under((section,)) for mistake in found)
+    mistakes += (mistake.under((section,)) for mistake in mistakes_within)
     return tree.put((section,), content)
 
 

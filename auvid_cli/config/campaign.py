@@ -200,7 +200,7 @@ def load_campaign(path: Path, overrides: Sequence[str] = ()) -> tuple[Campaign, 
     """
     # Keys of the experiment have dots of their own: `settings.manoeuvre.duration=60 s` sets one of them.
     of_settings = [override for override in overrides if override.startswith("settings.")]
-    tree, mistakes = assemble(open_source(path), [one for one in overrides if one not in of_settings])
+    tree, mistakes = assemble(open_source(path), [override for override in overrides if override not in of_settings])
     for override in of_settings:
         try:
             (section, *key), value = parse_override(override)

@@ -40,8 +40,8 @@ class Prior(Settings):
         for symbol in value:
             check_symbol(symbol)
         parsed = {
-            symbol: check_amount(parse_quantity(stated, units[symbol]), units[symbol])
-            for symbol, stated in value.items()
+            symbol: check_amount(parse_quantity(amount, units[symbol]), units[symbol])
+            for symbol, amount in value.items()
         }
         for symbol, deviation in parsed.items():
             if not deviation > 0.0:
@@ -125,11 +125,11 @@ class OutputErrorSettings(Settings):
             return value
         units = {c.symbol: c.unit for c in COEFFICIENTS}
         parsed = {}
-        for symbol, stated in value.items():
+        for symbol, interval in value.items():
             check_symbol(symbol)
-            if not isinstance(stated, list | tuple) or len(stated) != 2:
+            if not isinstance(interval, list | tuple) or len(interval) != 2:
                 raise ValueError(f"the bounds of {symbol}: expected [lowest, highest]")
-            low, high = (check_size(parse_quantity(bound, units[symbol]), units[symbol]) for bound in stated)
+            low, high = (check_size(parse_quantity(bound, units[symbol]), units[symbol]) for bound in interval)
             if not low < high:
                 raise ValueError(f"the bounds of {symbol}: the lowest must be less than the highest")
             parsed[symbol] = low, high

@@ -159,8 +159,8 @@ def validated(model: type[AnySettings], tree: Tree, mistakes: list[Mistake]) -> 
     try:
         settings = model.model_validate(tree.data)
     except ValidationError as error:
-        found = locate(error, model, tree)
-        mistakes += (m for m in found if all(node.readable for node in tree.descend(m.path)))
+        located = locate(error, model, tree)
+        mistakes += (m for m in located if all(node.readable for node in tree.descend(m.path)))
     else:
         if not mistakes:
             return settings

@@ -113,8 +113,8 @@ class SensorMap(Rows):
 
     @field_validator("unit", mode="after")
     @classmethod
-    def _known_unit(cls, stated: str | None) -> str | None:
-        return check_unit(stated, SENSORS[cls.sensor][0].unit)
+    def _known_unit(cls, unit: str | None) -> str | None:
+        return check_unit(unit, SENSORS[cls.sensor][0].unit)
 
     @field_validator("standard_deviation", mode="before")
     @classmethod

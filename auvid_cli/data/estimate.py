@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 # Unit of everything that an augmented state may be made of: coefficients, motion, depth, errors of sensors and thrust.
-STATES = {each.symbol: each.unit for each in (*COEFFICIENTS, *MOTION, DEPTH, *ERROR_STATES)}
+STATES = {quantity.symbol: quantity.unit for quantity in (*COEFFICIENTS, *MOTION, DEPTH, *ERROR_STATES)}
 
 
 @dataclass(frozen=True)

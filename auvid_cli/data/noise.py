@@ -43,12 +43,12 @@ def estimate_noise(values: Array, is_angle: bool = False) -> Noise:
     is_angle : bool
         Whether it is in rad and may jump by whole turns.
     """
-    found, step = noise_standard_deviation(values, is_angle), quantisation_step(values)
+    deviation, step = noise_standard_deviation(values, is_angle), quantisation_step(values)
     least = step / np.sqrt(12.0)
-    if step > 0.0 and found < least:
+    if step > 0.0 and deviation < least:
         return Noise(float(least), step)
     rounding = _ROUNDING * float(np.nanmax(np.abs(values), initial=0.0))
-    return Noise(found if found > rounding else float("nan"))
+    return Noise(deviation if deviation > rounding else float("nan"))
 
 
 def noise_standard_deviation(values: Array, is_angle: bool = False) -> float:

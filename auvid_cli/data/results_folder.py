@@ -59,8 +59,8 @@ def exported_from(path: Path) -> str:
     if not path.is_file():
         return ""
     with path.open(encoding="utf-8", errors="replace") as file:
-        found = _EXPORTED_FROM.search(file.read(_LONGEST_EXPORT))
-    return found[1] if found else ""
+        match = _EXPORTED_FROM.search(file.read(_LONGEST_EXPORT))
+    return match[1] if match else ""
 
 
 def remove(paths: Iterable[Path]) -> None:

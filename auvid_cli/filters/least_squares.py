@@ -74,7 +74,7 @@ def fit(
     problem = _Problem(process, sensors, segments, start.size, gaussian)
     if problem.information(start) is None:
         return None
-    found = least_squares(
+    solution = least_squares(
         problem.residuals,
         start,
         problem.jacobian,
@@ -87,9 +87,9 @@ def fit(
         gtol=None,
         max_nfev=max_evaluations,
     )
-    information = problem.information(found.x)
+    information = problem.information(solution.x)
     assert information is not None, "least squares ends where it has been"
-    return Fit(found.x, information, found.status > 0, found.nfev)
+    return Fit(solution.x, information, solution.status > 0, solution.nfev)
 
 
 class _Problem:
@@ -134,20 +134,20 @@ class _Problem:
 
     def residuals(self, state: Array) -> Array:
         """Return predicted less measured, compressed; infinite where the motion blows up: the solver turns back."""
-        found = self.information(state)
-        if found is None:
+        information = self.information(state)
+        if information is None:
             return np.full(2 * self._n + 1 + len(self._weight), np.inf)
         of_gaussian = self._weight @ (state - self._mean)
-        return np.concatenate([-found.projected, [found.remaining], np.zeros(self._n), of_gaussian])
+        return np.concatenate([-information.projected, [information.remaining], np.zeros(self._n), of_gaussian])
 
     def jacobian(self, state: Array) -> Array:
         """Return the derivative of `residuals`."""
-        found = self.information(state)
-        assert found is not None, "the solver steps only to where the residuals are finite"
+        information = self.information(state)
+        assert information is not None, "the solver steps only to where the residuals are finite"
         # A zero residual that grows along directions of which the measurements say nothing: the state stays where it is
         # along these, and the solver's matrix has full rank, without which its steps are as long as they may be.
         kept = np.zeros((self._n, self._n))
         if not self._weight.size:
-            unseen = found.unobserved()
+            unseen = information.unobserved()
             kept[: len(unseen)] = unseen
-        return np.vstack([found.factor, np.zeros(self._n), kept, self._weight])
+        return np.vstack([information.factor, np.zeros(self._n), kept, self._weight])

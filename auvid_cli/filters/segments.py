@@ -20,8 +20,8 @@ Run = Callable[[Iterable[Timeline], Gaussian, OnChunk], FilterOutcome]
 def places(n_joint: int, n_moving: int, n_segments: int) -> list[Indices]:
     """Find where in a joint state the state of each segment stands."""
     n_parameters = n_joint - n_segments * n_moving
-    own = np.arange(n_parameters, n_joint).reshape(n_segments, n_moving)
-    return [np.concatenate([np.arange(n_parameters), moving]) for moving in own]
+    motions = np.arange(n_parameters, n_joint).reshape(n_segments, n_moving)
+    return [np.concatenate([np.arange(n_parameters), moving]) for moving in motions]
 
 
 def joint_gaussian(gaussians: Sequence[Gaussian], n_moving: int) -> Gaussian:

@@ -82,13 +82,13 @@ class FilterRun:
         time = np.repeat(timeline.time, np.diff(timeline.measurement_offset))[:n_measurements]
         by_sensor = {}
         for sensor, (name, record) in enumerate(self.measuring.items()):
-            own = (timeline.measurement_sensor[:n_measurements] == sensor) & ~np.isnan(records.nis)
+            used = (timeline.measurement_sensor[:n_measurements] == sensor) & ~np.isnan(records.nis)
             width = len(SENSORS[name])
             by_sensor[name] = Innovations(
-                time[own],
-                records.innovation[own, :width],
-                records.innovation_variance[own, :width],
-                records.nis[own],
+                time[used],
+                records.innovation[used, :width],
+                records.innovation_variance[used, :width],
+                records.nis[used],
                 record.standard_deviation,
             )
         return by_sensor

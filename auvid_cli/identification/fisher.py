@@ -145,8 +145,8 @@ def information_at(
 def _start(problem: AugmentedProblem, coefficients: Mapping[str, float], motions: Sequence[Array] | None) -> Array:
     """Return the joint state in scaled units; what is not given is as the prior has it."""
     start = problem.prior.mean.copy()
-    own = problem.layout.rows_of("coefficients")
-    start[own] = [coefficients[symbol] for symbol in problem.layout.symbols[own]] / problem.layout.scale[own]
+    rows = problem.layout.rows_of("coefficients")
+    start[rows] = [coefficients[symbol] for symbol in problem.layout.symbols[rows]] / problem.layout.scale[rows]
     if motions is not None:
         for motion, place in zip(motions, problem.places, strict=True):
             start[place[problem.layout.rows_of("motion")]] = motion

@@ -44,7 +44,7 @@ def natural_magnitude(coefficient: Coefficient, size: Size) -> float:
     return float(pressure * area * lever ** (turns + (coefficient.row >= 3)))
 
 
-def prior_standard_deviations(size: Size, factor: float, stated: dict[str, float]) -> dict[str, float]:
+def prior_standard_deviations(size: Size, factor: float, given: dict[str, float]) -> dict[str, float]:
     """Return the standard deviation of each coefficient's zero-mean prior, SI, by symbol.
 
     Parameters
@@ -52,10 +52,10 @@ def prior_standard_deviations(size: Size, factor: float, stated: dict[str, float
     size : Size
     factor : float
         Times the natural magnitude.
-    stated : dict
+    given : dict
         By symbol, instead of that.
     """
-    return {c.symbol: stated.get(c.symbol, factor * natural_magnitude(c, size)) for c in COEFFICIENTS}
+    return {c.symbol: given.get(c.symbol, factor * natural_magnitude(c, size)) for c in COEFFICIENTS}
 
 
 def earlier_gaussian(path: Path, dataset: Dataset, estimated: Sequence[str], scale: Array) -> tuple[Array, Array]:

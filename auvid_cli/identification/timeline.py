@@ -108,9 +108,9 @@ def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tupl
     motion = np.zeros(N_MOTION)
     for name, record in measuring.items():
         for component, quantity in enumerate(SENSORS[name]):
-            said = np.isfinite(record.values[:, component]) & (record.time <= start)
-            if said.any() and quantity != DEPTH:
-                motion[MOTION_SYMBOLS.index(quantity.symbol)] = record.values[said, component][-1]
+            measured = np.isfinite(record.values[:, component]) & (record.time <= start)
+            if measured.any() and quantity != DEPTH:
+                motion[MOTION_SYMBOLS.index(quantity.symbol)] = record.values[measured, component][-1]
     return start, motion
 
 
@@ -199,7 +199,7 @@ def _merge(
     tick = np.concatenate(ticks)
     # Stable: at equal times the sensors keep their order.
     order = np.argsort(tick, kind="stable")
-    sensor = np.repeat(np.arange(len(ticks), dtype=np.int8), [own.size for own in ticks])
+    sensor = np.repeat(np.arange(len(ticks), dtype=np.int8), [times.size for times in ticks])
     events, first_measurement = np.unique(tick[order], return_index=True)
     return events, np.append(first_measurement, tick.size), sensor[order], np.concatenate(values)[order]
 
@@ -215,11 +215,11 @@ def _substeps(changes: Ticks, before: np.int64, events: Ticks, step: float) -> t
             f"nothing is heard from t = {cuts[k] * _NANOSECOND:.6g} s to {cuts[k + 1] * _NANOSECOND:.6g} s, too long "
             "to go on without a measurement: end a segment there (identification.use.longest_gap), or use a part of it"
         )
-    parts = np.maximum(np.ceil(gaps * _NANOSECOND / step - 1e-6).astype(np.int64), 1)
+    n_substeps = np.maximum(np.ceil(gaps * _NANOSECOND / step - 1e-6).astype(np.int64), 1)
     held = np.maximum(np.searchsorted(changes, cuts[:-1], side="right") - 1, 0)
-    substeps_before_cut = np.append(0, np.cumsum(parts))
+    substeps_before_cut = np.append(0, np.cumsum(n_substeps))
     offset = np.append(0, substeps_before_cut[np.searchsorted(cuts, events)])
-    return offset, np.repeat(gaps * _NANOSECOND / parts, parts), np.repeat(held, parts)
+    return offset, np.repeat(gaps * _NANOSECOND / n_substeps, n_substeps), np.repeat(held, n_substeps)
 
 
 def _last_measurement(record: SensorRecord) -> float:

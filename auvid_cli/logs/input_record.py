@@ -60,7 +60,9 @@ def read_inputs(
     with refusals.collecting():
         if not time.size or time[0] > end or time[-1] < begin:
             message = f"no time in common with the sensors, which measure from {begin:.3f} to {end:.3f} s"
-            spans = ", ".join(f"{name} {own.time[0]:.3f} to {own.time[-1]:.3f} s" for name, own in channels.items())
+            spans = ", ".join(
+                f"{name} {channel.time[0]:.3f} to {channel.time[-1]:.3f} s" for name, channel in channels.items()
+            )
             raise RefusedError(("inputs",), f"{message}: {spans}; give one of them a time with an `offset`")
         remarks = _mix(settings, held, sensors.records, record)
     refusals.stop_if_any()

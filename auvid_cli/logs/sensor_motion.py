@@ -31,11 +31,11 @@ def interpolate(time: Array, values: Array, at: Array, is_angle: bool = False) -
         return np.full((at.size, values.shape[1]), np.nan)
     if is_angle:
         values = np.unwrap(values, axis=0)
-    found = np.column_stack([np.interp(at, time, column, np.nan, np.nan) for column in values.T])
+    interpolated = np.column_stack([np.interp(at, time, column, np.nan, np.nan) for column in values.T])
     after = np.clip(np.searchsorted(time, at), 1, max(time.size - 1, 1))
     if time.size > 1:
-        found[(time[after] - time[after - 1] > _LONGEST_GAP) & ~np.isin(at, time)] = np.nan
-    return found
+        interpolated[(time[after] - time[after - 1] > _LONGEST_GAP) & ~np.isin(at, time)] = np.nan
+    return interpolated
 
 
 def velocity_at_origin(velocity: Array, rates: Array, position: Array) -> Array:

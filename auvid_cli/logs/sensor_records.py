@@ -56,7 +56,7 @@ def read_sensors(
         with refusals.collecting():
             rows[name], raw[name] = _read(name, sensor, requests["sensors", name], columns)
     refusals.stop_if_any()
-    origin = float(min(own.time[0] for own in rows.values()))
+    origin = float(min(kept.time[0] for kept in rows.values()))
     excluded, records = {}, {}
     for name, sensor in maps.items():
         time, values = rows[name].time - origin, raw.pop(name)
@@ -105,7 +105,7 @@ def _within(time: Array, spans: Spans) -> NDArray[np.bool_]:
 def _check_common_time(records: dict[str, SensorRecord], origin: float, refusals: Refusals) -> None:
     for (name, first), (other, second) in combinations(records.items(), 2):
         if max(first.time[0], second.time[0]) > min(first.time[-1], second.time[-1]):
-            spans = (f"{own.time[0] + origin:.3f} to {own.time[-1] + origin:.3f} s" for own in (first, second))
+            spans = (f"{kept.time[0] + origin:.3f} to {kept.time[-1] + origin:.3f} s" for kept in (first, second))
             refusals.say(
                 ("sensors", other),
                 "no time in common: {} is from {}, {} from {}; give one of them a time with an `offset`, or another "
@@ -136,7 +136,7 @@ def _finished(name: str, sensor: SensorMap, record: SensorRecord, use: Spans) ->
 
 def _standard_deviation(name: str, values: Array, noise: tuple[Noise, ...]) -> Array:
     measured = np.isfinite(values).any(axis=0)
-    deviation = np.array([own.standard_deviation for own in noise])
+    deviation = np.array([component.standard_deviation for component in noise])
     if not (deviation[measured] > 0.0).all():
         message = "the noise cannot be estimated, for most samples repeat the one before or go on as it did: state it"
         raise RefusedError(("sensors", name, "standard_deviation"), message)
@@ -153,9 +153,11 @@ def _account(
 ) -> Account:
     unit = SENSORS[name][0].unit
     unused = rows.time.size - record.time.size
-    stated = ", ".join(f"{deviation:.3g}" for deviation in record.standard_deviation)
+    estimate = ", ".join(f"{deviation:.3g}" for deviation in record.standard_deviation)
     steps = ", ".join(
-        f"{quantity.symbol} {own.step:.3g}" for quantity, own in zip(SENSORS[name], noise, strict=False) if own.step
+        f"{quantity.symbol} {own_noise.step:.3g}"
+        for quantity, own_noise in zip(SENSORS[name], noise, strict=False)
+        if own_noise.step
     )
     heading = [k for k, quantity in enumerate(SENSORS[name]) if quantity.symbol in _HEADINGS]
     furthest = float(np.nanmax(np.abs(record.values[:, heading]), initial=0.0))
@@ -168,7 +170,7 @@ def _account(
         (rows.invalid, f"{rows.invalid} values not valid or beyond their limits set to missing"),
         (rows.repeats, f"{rows.repeats} rows that repeat the one before left out"),
         (unused, f"{unused} samples not in the spans of `use` left out"),
-        (noise, f"standard deviation estimated from the signal: {stated} {unit}"),
+        (noise, f"standard deviation estimated from the signal: {estimate} {unit}"),
         (
             noise and name == "attitude",
             "that is scatter alone, and errors of an AHRS last and are far larger: state what it may be off by",

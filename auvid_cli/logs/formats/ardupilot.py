@@ -51,12 +51,12 @@ class DataFlashLog(Log):
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
         """Read columns by name, scaled to the unit that is stated."""
-        found = look_up(self, table, columns)
+        wanted = look_up(self, table, columns)
         kind, instance = _split(table)
         form, rows = self._rows(kind)
         if instance is not None:
             rows = rows[rows[form.instance_field] == instance]
-        return {column.name: _values(form, rows, column) for column in found}
+        return {column.name: _values(form, rows, column) for column in wanted}
 
     @cached_property
     def _tables(self) -> dict[str, tuple[Column, ...]]:
@@ -148,9 +148,9 @@ class TelemetryLog(Log):
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
         """Read columns by name, in MAVLink's own units."""
-        found = look_up(self, table, columns)
-        values = {column.name: [] if column.is_text else array("d") for column in found}
-        places = {column.name: _split(column.name) for column in found if column.name != LOG_TIME}
+        wanted = look_up(self, table, columns)
+        values = {column.name: [] if column.is_text else array("d") for column in wanted}
+        places = {column.name: _split(column.name) for column in wanted if column.name != LOG_TIME}
         number = next(number for number, kind in mavlink.mavlink_map.items() if kind.msgname == table)
         parser = mavlink.MAVLink(None)
         for start, seconds, packet in self._packets(number):
@@ -165,7 +165,7 @@ class TelemetryLog(Log):
                     field, index = places[name]
                     value = getattr(message, field)
                     estimated_values.append(value if index is None else value[index])
-        return {name: np.array(found, None if isinstance(found, array) else str) for name, found in values.items()}
+        return {name: np.array(column, None if isinstance(column, array) else str) for name, column in values.items()}
 
     @cached_property
     def _tables(self) -> dict[str, tuple[Column, ...]]:
@@ -187,8 +187,8 @@ class TelemetryLog(Log):
             end = start + _STAMP_BYTES + length
             if end > len(data):
                 return
-            found = _number(head)
-            if found in mavlink.mavlink_map and number in (None, found):
+            message = _number(head)
+            if message in mavlink.mavlink_map and number in (None, message):
                 (stamp,) = struct.unpack_from(">Q", data, start)
                 yield start, stamp / 1e6, data[start + _STAMP_BYTES : end]
             start = end

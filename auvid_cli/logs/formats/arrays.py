@@ -135,12 +135,12 @@ class MatlabHdf5Log(ArrayLog):
     def _arrays(self, variable: str) -> Iterator[tuple[_Path, NDArray[Any]]]:
         with self._refusing_damage(), h5py.File(self.path, "r") as file:
             item = file[variable]
-            found = {(variable,): item}
+            datasets = {(variable,): item}
             if isinstance(item, h5py.Group):
                 names: list[str] = []
                 item.visit(names.append)
-                found = {(variable, *name.split("/")): item[name] for name in names}
-            arrays = {path: _values(one) for path, one in found.items() if isinstance(one, h5py.Dataset)}
+                datasets = {(variable, *name.split("/")): item[name] for name in names}
+            arrays = {path: _values(dataset) for path, dataset in datasets.items() if isinstance(dataset, h5py.Dataset)}
         for path, array in arrays.items():
             yield from _if_usable(path, array)
 

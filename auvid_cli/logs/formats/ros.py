@@ -64,7 +64,7 @@ class BagLog(Log):
                         known = [column.name for column in _leaves("", message)]
                         raise FileError(missing(self, f"number in {table}", name, known)) from None
         return {
-            name: np.array(found, dtype=None if isinstance(found, array) else str) for name, found in values.items()
+            name: np.array(column, dtype=None if isinstance(column, array) else str) for name, column in values.items()
         }
 
     @cached_property

@@ -74,8 +74,8 @@ def survey(path: Path, file: IO[bytes], header: Header) -> Rows:
             line = block[starts[k] : ends[k]].decode(encoding, errors="replace")
             if is_filler(line, header.delimiter):
                 filler.add(number)
-            elif (found := len(split_row(line, header.delimiter))) != header.fields:
-                raise FileError(f"{path}:{number}: a row of {found} fields where the others have {header.fields}")
+            elif (n_fields := len(split_row(line, header.delimiter))) != header.fields:
+                raise FileError(f"{path}:{number}: a row of {n_fields} fields where the others have {header.fields}")
         lines += len(ends)
     return Rows(lines, frozenset(filler), encoding)
 

@@ -143,7 +143,8 @@ def _find_delimiter(path: Path, lines: Sequence[str]) -> str:
     """Find the delimiter that splits most of the last lines into equally many fields."""
     lengths = {delimiter: [len(row) for row in _split_rows(lines, delimiter).values()] for delimiter in _DELIMITERS}
     agreeing = {
-        delimiter: max((found.count(n) for n in {*found} - {1}), default=0) for delimiter, found in lengths.items()
+        delimiter: max((lengths_of_rows.count(n) for n in {*lengths_of_rows} - {1}), default=0)
+        for delimiter, lengths_of_rows in lengths.items()
     }
     delimiter = max(agreeing, key=lambda delimiter: agreeing[delimiter])
     if agreeing[delimiter] == 0:
@@ -189,8 +190,8 @@ def _find_decimal(rows: Sequence[Sequence[str]], delimiter: str) -> str:
 
 
 def _are_flags(values: Sequence[str]) -> bool:
-    stated = [value for value in values if value not in MISSING]
-    return bool(stated) and all(value.lower() in FLAGS for value in stated)
+    given = [value for value in values if value not in MISSING]
+    return bool(given) and all(value.lower() in FLAGS for value in given)
 
 
 def _named(headings: Sequence[str]) -> list[tuple[str, str]]:

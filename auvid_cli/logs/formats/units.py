@@ -49,8 +49,8 @@ def find_suffix(values: Sequence[str], decimal: str, missing: Sequence[str]) -> 
 
 def are_units(cells: Sequence[str]) -> bool:
     """Say whether a row below the names holds units and nothing else."""
-    stated = [unit for unit in map(bare_unit, cells) if unit]
-    return bool(stated) and all(map(is_unit, stated))
+    units = [unit for unit in map(bare_unit, cells) if unit]
+    return bool(units) and all(map(is_unit, units))
 
 
 def bare_unit(cell: str) -> str:
