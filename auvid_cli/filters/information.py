@@ -210,14 +210,14 @@ class Information(NamedTuple):
         return scale, values, directions, values > _ROUNDING * values.max(initial=0.0)
 
 
-def jointly(parts: Sequence[Information], n_parameters: int) -> Information:
+def jointly(by_segment: Sequence[Information], n_parameters: int) -> Information:
     """Join what segments say of their joint state, see `auvid_cli.filters.segments`."""
-    n_own = parts[0].projected.size
-    n_moving = n_own - n_parameters
-    n = n_parameters + len(parts) * n_moving
-    shared, factor, projected = Information.none(n_own), np.zeros((n, n)), np.zeros(n)
-    for part, place in zip(parts, places(n, n_moving, len(parts)), strict=True):
-        rows, rest = part.split(n_parameters)
+    n_of_segment = by_segment[0].projected.size
+    n_moving = n_of_segment - n_parameters
+    n = n_parameters + len(by_segment) * n_moving
+    shared, factor, projected = Information.none(n_of_segment), np.zeros((n, n)), np.zeros(n)
+    for information, place in zip(by_segment, places(n, n_moving, len(by_segment)), strict=True):
+        rows, rest = information.split(n_parameters)
         shared = shared.join(rest)
         factor[np.ix_(place[n_parameters:], place)] = rows[:, :-1]
         projected[place[n_parameters:]] = rows[:, -1]

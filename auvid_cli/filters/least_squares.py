@@ -114,23 +114,23 @@ class _Problem:
     def information(self, state: Array) -> Information | None:
         """Return the information of all measurements; None if the motion from that state blows up."""
         if self._latest is None or not np.array_equal(self._latest[0], state):
-            parts = self._of_segments(state)
-            self._latest = state.copy(), jointly(parts, self._n_parameters) if parts else None
+            by_segment = self._by_segment(state)
+            self._latest = state.copy(), jointly(by_segment, self._n_parameters) if by_segment else None
         return self._latest[1]
 
-    def _of_segments(self, state: Array) -> list[Information]:
+    def _by_segment(self, state: Array) -> list[Information]:
         """Return the information of each segment; none if the motion or its squares blow up in one."""
-        parts = []
+        by_segment = []
         for timelines, place in zip(self._segments, self._places, strict=True):
-            part = Information.none(place.size)
+            information = Information.none(place.size)
             for response in responses(*self._model, timelines, state[place]):
                 if response.blew_up:
                     return []
-                part = part.with_response(response)
-            if not part.is_finite:
+                information = information.with_response(response)
+            if not information.is_finite:
                 return []
-            parts.append(part)
-        return parts
+            by_segment.append(information)
+        return by_segment
 
     def residuals(self, state: Array) -> Array:
         """Return predicted less measured, compressed; infinite where the motion blows up: the solver turns back."""
