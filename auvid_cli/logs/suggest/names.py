@@ -69,7 +69,7 @@ _REP_103 = {
 }
 
 
-class Found(NamedTuple):
+class Match(NamedTuple):
     """Columns of a table that look like what is wanted."""
 
     table: str
@@ -78,7 +78,7 @@ class Found(NamedTuple):
 
 def find_columns(
     wanted: Mapping[str, str], tables: Mapping[str, tuple[Column, ...]], hint: str = "", unit: str = ""
-) -> list[Found]:
+) -> list[Match]:
     """Find columns by component of what is wanted, table by table: most of them first, then those called like the hint.
 
     Parameters
@@ -95,15 +95,15 @@ def find_columns(
     places = []
     for table, columns in tables.items():
         numbers = [column for column in columns if not column.is_text]
-        found = {}
+        matches = {}
         for component, pattern in wanted.items():
             called = rf"({pattern}){ending}"
             matching = [c for c in numbers if any(_is_called(name, called) for name in _spoken(table, c))]
             if matching:
                 # Of "velocity.x" and "target.velocity.x" the shorter.
-                found[component] = min(matching, key=lambda column: len(column.name))
-        if found:
-            places.append(Found(table, found))
+                matches[component] = min(matching, key=lambda column: len(column.name))
+        if matches:
+            places.append(Match(table, matches))
     return sorted(places, key=lambda place: (len(place.columns), hint in place.table), reverse=True)
 
 
@@ -116,22 +116,22 @@ def named_unit(name: str, unit: str) -> str:
 
 def find_in_logs(
     logs: Mapping[str, Log], wanted: Mapping[str, str], hint: str = "", unit: str = ""
-) -> tuple[str, Found] | None:
+) -> tuple[str, Match] | None:
     """Find log and columns with the most of what is wanted, of those whose numbers ever change; none that is empty."""
     places = [(name, place) for name, log in logs.items() for place in find_columns(wanted, log.tables(), hint, unit)]
-    for name, place in sorted(places, key=lambda one: len(one[1].columns), reverse=True):
+    for name, place in sorted(places, key=lambda place: len(place[1].columns), reverse=True):
         values = logs[name].read(place.table, [column.name for column in place.columns.values()])
         numbers = {key: np.asarray(values[column.name], np.float64) for key, column in place.columns.items()}
-        filled = {key: own for key, own in numbers.items() if np.isfinite(own).any()}
-        if any(np.nanmax(own) > np.nanmin(own) for own in filled.values()):
-            return name, Found(place.table, {key: place.columns[key] for key in filled})
+        filled = {key: values for key, values in numbers.items() if np.isfinite(values).any()}
+        if any(np.nanmax(values) > np.nanmin(values) for values in filled.values()):
+            return name, Match(place.table, {key: place.columns[key] for key in filled})
     return None
 
 
 def standard_message(columns: Iterable[Column]) -> str:
     """Return the kind of message, of those whose axes ROS fixes, that has such columns; empty if it is none."""
     names = {column.name for column in columns}
-    return next((kind for kind, own in _REP_103.items() if names.issuperset(own)), "")
+    return next((kind for kind, fields in _REP_103.items() if names.issuperset(fields)), "")
 
 
 def find_time(columns: Iterable[Column]) -> Column | None:
