@@ -87,8 +87,8 @@ class Stack:
         if failed:
             raise np.linalg.LinAlgError("the innovation covariance is not positive definite")
         white = factor.T @ (inverse @ innovation)
-        own = factor * self._same_measurement
-        return own @ white, np.einsum("ij,ij->i", own, own), np.add.reduceat(white**2, self.begins)
+        alone = factor * self._same_measurement
+        return alone @ white, np.einsum("ij,ij->i", alone, alone), np.add.reduceat(white**2, self.begins)
 
     def first_broken(self, innovation: Array, covariance: Array) -> int:
         """Find the first of `sensors` up to which innovations are not finite or not definite; else the last."""

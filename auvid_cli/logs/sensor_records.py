@@ -161,7 +161,7 @@ def _account(
     )
     heading = [k for k, quantity in enumerate(SENSORS[name]) if quantity.symbol in _HEADINGS]
     furthest = float(np.nanmax(np.abs(record.values[:, heading]), initial=0.0))
-    said = (
+    treatment = (
         (
             furthest > 2.0 * np.pi,
             f"the heading reaches {furthest:.4g} rad: are these turns, or degrees without a unit?",
@@ -178,7 +178,7 @@ def _account(
         (steps, f"the noise is lost in the steps of the numbers, taken as step / sqrt(12): {steps} {unit}"),
     )
     missing = int(np.count_nonzero(np.isnan(record.values).all(axis=1)))
-    remarks = [text for applies, text in said if applies]
+    remarks = [text for applies, text in treatment if applies]
     if gaps is not None:
         remarks.append(
             f"{gaps.number} {'gap' if gaps.number == 1 else 'gaps'}, the longest of {gaps.longest:.4g} s from t = "
