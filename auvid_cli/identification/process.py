@@ -107,8 +107,8 @@ def _sink(moving, place, n_lanes, duration):
 
 @compiled(PROCESS_SIGNATURE)
 def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration, scratch):
-    work = _workspace(scratch)
-    coefficients = work.coefficient_block
+    # Not from `_workspace`: with slices that begin at an offset a step of the sigma-point filters is 2 to 4 % longer.
+    coefficients, work = scratch[:N_COEFFICIENT_BLOCK], scratch[N_COEFFICIENT_BLOCK:]
     j = 0
     for m in range(N_COEFFICIENTS):
         row = coefficients[m * LANES : (m + 1) * LANES]
@@ -129,7 +129,7 @@ def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration
     depth = row_of(constants, ROW_DEPTH) - first_moving_row(constants)
     if depth_is_state(constants):
         _sink(motion, depth, n_lanes, 0.5 * duration)
-    runge_kutta_step(motion, coefficients, inputs, constants[:N_CONSTANTS], n_lanes, duration, work.step)
+    runge_kutta_step(motion, coefficients, inputs, constants[:N_CONSTANTS], n_lanes, duration, work)
     if depth_is_state(constants):
         _sink(motion, depth, n_lanes, 0.5 * duration)
 
