@@ -14,7 +14,7 @@ _LOOK_EVERY = 0.2
 
 
 def parentage() -> dict[str, str]:
-    """What a child needs in its environment to know who started it."""
+    """Return what a child needs in its environment to know who started it."""
     return {_PARENT: str(os.getpid())}
 
 

@@ -97,7 +97,7 @@ def _digest(content: bytes) -> bytes:
 
 
 def _is_sound(path: Path) -> bool:
-    """Whether a file of the cache is there as it was written; if not it is taken away, and whoever listens told."""
+    """Say whether a file of the cache is there as it was written; if not, take it away and tell whoever listens."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:
@@ -115,7 +115,7 @@ def _is_sound(path: Path) -> bool:
 
 @cache
 def cache_folder() -> Path:
-    """Folder of the machine code of this package as it is now; made if it is not there."""
+    """Return the folder of the machine code of this package as it is now; made if it is not there."""
     content = hashlib.sha256()
     package = Path(__file__).parent
     for path in sorted(path for part in CORE for path in [package / part, *(package / part).glob("*.py")]):

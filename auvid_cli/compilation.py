@@ -29,7 +29,7 @@ for module in sys.argv[1:]:
 def compiled(
     signature: Any, *, reassociate: bool = False, inline: bool = False, internal: bool = False
 ) -> Callable[[Callable], Any]:
-    """Decorator: compile for exactly this signature, now, or take the machine code from the cache.
+    """Decorate a function: compile for exactly this signature, now, or take the machine code from the cache.
 
     Parameters
     ----------
@@ -76,11 +76,11 @@ def compiled(
 
 
 def is_compiled(module: str) -> bool:
-    """Whether the cache has something of a module, and so of all that it needs, which is compiled before."""
+    """Say whether the cache has something of a module, and so of all that it needs, which is compiled before."""
     return any(cache_folder().glob(f"*/{module.rpartition('.')[2]}.*.nbc"))
 
 
-class _Told(Listener):
+class _OnStart(Listener):
     """Calls a function when something begins, such as compiling, whatever else then happens."""
 
     def __init__(self, tell: Callable[[], None]) -> None:
@@ -96,7 +96,7 @@ class _Told(Listener):
 @contextmanager
 def told_of_compilation(tell: Callable[[], None], tell_of_damage: Callable[[], None]) -> Iterator[None]:
     """Call a function whenever something is compiled within a block, and another if its cache is damaged."""
-    with install_listener("numba:compile", _Told(tell)), install_listener(DAMAGED, _Told(tell_of_damage)):
+    with install_listener("numba:compile", _OnStart(tell)), install_listener(DAMAGED, _OnStart(tell_of_damage)):
         yield
 
 

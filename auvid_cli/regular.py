@@ -25,7 +25,7 @@ def check_regular(path: Path) -> None:
 
 
 def read_bytes(path: Path, most: int) -> bytes:
-    """Content of a regular file of at most so many bytes.
+    """Read a regular file of at most so many bytes.
 
     Raises
     ------

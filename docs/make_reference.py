@@ -25,7 +25,7 @@ Made by `python docs/make_reference.py` from the tables and settings classes in 
 
 
 def reference() -> str:
-    """The whole page."""
+    """Write the whole page."""
     rows = [(c.symbol, c.unit, c.meaning, c.equation, c.group) for c in COEFFICIENTS]
     page = OPENING + "## The 22 coefficients\n\n" + table(("symbol", "unit", "meaning", "enters", "group"), rows)
     for title, quantities in (
@@ -57,13 +57,13 @@ def reference() -> str:
 
 
 def table(header, rows) -> str:
-    """A Markdown table."""
+    """Write a Markdown table."""
     cells = [header, ["---"] * len(header), *rows]
     return "".join("| " + " | ".join(str(c).replace("|", "\\|") for c in row) + " |\n" for row in cells)
 
 
 def collect(path: str, model: type[BaseModel], found: dict[type[BaseModel], str]) -> None:
-    """Settings classes reachable from one, each once, with the first key under which it stands."""
+    """Collect the settings classes reachable from one, each once, with the first key under which it stands."""
     if model in found:
         return
     found[model] = path
@@ -73,14 +73,14 @@ def collect(path: str, model: type[BaseModel], found: dict[type[BaseModel], str]
 
 
 def classes(annotation) -> list[type[BaseModel]]:
-    """Settings classes named in an annotation, other than entries of the vehicle tables."""
+    """List the settings classes named in an annotation, other than entries of the vehicle tables."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [] if annotation.__name__ in ("ParameterTable", "CoefficientTable") else [annotation]
     return [c for argument in typing.get_args(annotation) for c in classes(argument)]
 
 
 def section(path: str, model: type[BaseModel]) -> str:
-    """One settings class."""
+    """Write the section of one settings class."""
     wholes = {LogMap: "A map", Campaign: "A campaign", Experiment: "An experiment"}
     heading = f"\n### `{path}`" if path else f"\n### {wholes[model]}"
     kind = typing.get_args(model.model_fields["type"].annotation)[0] if "type" in model.model_fields else ""
@@ -95,7 +95,7 @@ def section(path: str, model: type[BaseModel]) -> str:
 
 
 def unit(model: type[BaseModel], name: str, field) -> str:
-    """What a key takes."""
+    """Say what a key takes."""
     for item in field.metadata:
         if isinstance(item, Unit):
             return item.unit
@@ -112,7 +112,7 @@ def unit(model: type[BaseModel], name: str, field) -> str:
 
 
 def limits(field) -> str:
-    """Between what a number may be; what is written as an amount may also be 0 where that means none."""
+    """Say between what a number may be; what is written as an amount may also be 0 where that means none."""
     low, high = "", ""
     for item in field.metadata:
         if isinstance(item, Unit):
@@ -134,12 +134,12 @@ def limits(field) -> str:
 
 
 def plain(number: float) -> str:
-    """A limit, short."""
+    """Write a limit, short."""
     return f"{number:g}"
 
 
 def default(field) -> str:
-    """What holds if a key is left out."""
+    """Say what holds if a key is left out."""
     if field.is_required():
         return "required"
     value = field.default

@@ -16,7 +16,7 @@ MOST_BYTES = 1_000_000
 
 
 def read_source(path: FilePath, name: str | None = None) -> Source:
-    """Text of a settings file; bytes that are not UTF-8 stay visible as surrogates.
+    """Read the text of a settings file; bytes that are not UTF-8 stay visible as surrogates.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def with_changes(tree: Tree, changes: Iterable[tuple[Path, Tree]], folder: FileP
 
 
 def parse_override(override: str) -> tuple[Path, Tree]:
-    """``key.key=value`` as a path and what goes there.
+    """Split ``key.key=value`` into a path and what goes there.
 
     Raises
     ------
@@ -132,13 +132,13 @@ def _splice(tree: Tree, section: str, folder: FilePath, mistakes: list[Mistake])
     path = next((candidate for candidate in candidates if candidate.is_file()), candidates[0])
     name = os.path.normpath(path)
     try:
-        content, found = read_tree(read_source(path, name))
+        content, mistakes_within = read_tree(read_source(path, name))
     except ValueError as error:
-        content, found = (
+        content, mistakes_within = (
             replace(named, content={}, readable=False),
             [Mistake(named.at, (), f"{name}: {error}")],
         )
-    mistakes += (mistake.under((section,)) for mistake in found)
+    mistakes += (mistake.under((section,)) for mistake in mistakes_within)
     return tree.put((section,), content)
 
 

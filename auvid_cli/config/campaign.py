@@ -21,7 +21,7 @@ _NAME = r"^[A-Za-z][A-Za-z0-9_.-]*$"
 
 
 class Distribution(Settings):
-    """From which a setting is drawn, for each seed anew and for all filters alike."""
+    """Distribution from which a setting is drawn, for each seed anew and for all filters alike."""
 
     uniform: Annotated[tuple[_Finite, _Finite] | None, Field(description="[lowest, highest]")] = None
     log_uniform: Annotated[tuple[_Finite, _Finite] | None, Field(description="[lowest, highest], both above 0")] = None
@@ -87,12 +87,12 @@ class Axis(Settings):
 
     @property
     def column(self) -> str:
-        """What the axis is called in results."""
+        """Return what the axis is called in results."""
         return self.name or str(self.setting)
 
     @property
     def size(self) -> int:
-        """How many settings it leads to; a draw adds none."""
+        """Return how many settings it leads to; a draw adds none."""
         return len(self.values or self.levels or (None,))
 
 
@@ -175,12 +175,12 @@ class Campaign(Settings):
 
     @property
     def n_seeds(self) -> int:
-        """How many seeds there are."""
+        """Return how many seeds there are."""
         return self.seeds if isinstance(self.seeds, int) else len(self.seeds)
 
     @property
     def n_cells(self) -> int:
-        """How many combinations of settings there are."""
+        """Return how many combinations of settings there are."""
         return prod(axis.size for axis in self.vary)
 
 
@@ -200,7 +200,7 @@ def load_campaign(path: Path, overrides: Sequence[str] = ()) -> tuple[Campaign, 
     """
     # Keys of the experiment have dots of their own: `settings.manoeuvre.duration=60 s` sets one of them.
     of_settings = [override for override in overrides if override.startswith("settings.")]
-    tree, mistakes = assemble(open_source(path), [one for one in overrides if one not in of_settings])
+    tree, mistakes = assemble(open_source(path), [override for override in overrides if override not in of_settings])
     for override in of_settings:
         try:
             (section, *key), value = parse_override(override)

@@ -40,8 +40,8 @@ class Prior(Settings):
         for symbol in value:
             check_symbol(symbol)
         parsed = {
-            symbol: check_amount(parse_quantity(stated, units[symbol]), units[symbol])
-            for symbol, stated in value.items()
+            symbol: check_amount(parse_quantity(amount, units[symbol]), units[symbol])
+            for symbol, amount in value.items()
         }
         for symbol, deviation in parsed.items():
             if not deviation > 0.0:
@@ -125,11 +125,11 @@ class OutputErrorSettings(Settings):
             return value
         units = {c.symbol: c.unit for c in COEFFICIENTS}
         parsed = {}
-        for symbol, stated in value.items():
+        for symbol, interval in value.items():
             check_symbol(symbol)
-            if not isinstance(stated, list | tuple) or len(stated) != 2:
+            if not isinstance(interval, list | tuple) or len(interval) != 2:
                 raise ValueError(f"the bounds of {symbol}: expected [lowest, highest]")
-            low, high = (check_size(parse_quantity(bound, units[symbol]), units[symbol]) for bound in stated)
+            low, high = (check_size(parse_quantity(bound, units[symbol]), units[symbol]) for bound in interval)
             if not low < high:
                 raise ValueError(f"the bounds of {symbol}: the lowest must be less than the highest")
             parsed[symbol] = low, high
@@ -193,7 +193,7 @@ class Identification(Settings):
         return self
 
     def estimated(self) -> tuple[str, ...]:
-        """Symbols of the coefficients to estimate, in the order of the table."""
+        """Return the symbols of the coefficients to estimate, in the order of the table."""
         return SYMBOLS if self.coefficients == "all" else tuple(self.coefficients)
 
     def check_filters(self, filters: Sequence[FilterName]) -> None:
@@ -245,7 +245,7 @@ class RunSettings(Settings):
     identification: Identification = Identification()
 
     def data_files(self) -> list[Path]:
-        """Files with numbers that the settings name."""
+        """Return the files with numbers that the settings name."""
         earlier = self.identification.prior.from_estimate
         return [] if earlier is None else [Path(earlier)]
 
@@ -263,6 +263,6 @@ class Experiment(RunSettings):
     manoeuvre: AnyManoeuvre
 
     def data_files(self) -> list[Path]:
-        """As of any run, and the inputs of a recorded manoeuvre."""
+        """Return those of any run, and the inputs of a recorded manoeuvre."""
         recorded = [Path(self.manoeuvre.file)] if isinstance(self.manoeuvre, Recorded) else []
         return [*super().data_files(), *recorded]

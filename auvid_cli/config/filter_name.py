@@ -14,5 +14,5 @@ class FilterName(StrEnum):
 
     @property
     def in_one_batch(self) -> bool:
-        """Whether it fits all data at once, instead of going from measurement to measurement."""
+        """Say whether it fits all data at once, instead of going from measurement to measurement."""
         return self is FilterName.OUTPUT_ERROR

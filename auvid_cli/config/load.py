@@ -114,18 +114,18 @@ def given_settings(experiment: RunSettings) -> dict[str, Any]:
 
 
 def shipped_configs() -> Path:
-    """Folder of the settings that ship with auvid: inside the package, or beside it in a checkout."""
+    """Find the folder of the settings that ship with auvid: inside the package, or beside it in a checkout."""
     inside = PACKAGE / "configs"
     return inside if inside.is_dir() else PACKAGE.parent / "configs"
 
 
 def find_campaign(name: str) -> Path:
-    """Path of a campaign file, as `find_experiment` finds one of an experiment."""
+    """Find a campaign file, as `find_experiment` finds that of an experiment."""
     return _found(name, shipped_configs() / "campaigns", "a campaign")
 
 
 def find_experiment(name: str | None) -> Path:
-    """Path of an experiment file.
+    """Find an experiment file.
 
     Parameters
     ----------
@@ -159,8 +159,8 @@ def validated(model: type[AnySettings], tree: Tree, mistakes: list[Mistake]) -> 
     try:
         settings = model.model_validate(tree.data)
     except ValidationError as error:
-        found = locate(error, model, tree)
-        mistakes += (m for m in found if all(node.readable for node in tree.descend(m.path)))
+        located = locate(error, model, tree)
+        mistakes += (m for m in located if all(node.readable for node in tree.descend(m.path)))
     else:
         if not mistakes:
             return settings

@@ -115,7 +115,7 @@ def _models(annotation: Any) -> list[type[BaseModel]]:
 
 
 def _by_tag(field: FieldInfo | None, models: list[type[BaseModel]]) -> dict[str, type[BaseModel]]:
-    """Classes of a discriminated union by their tag; empty if it is none."""
+    """Return the classes of a discriminated union by their tag; none of another type."""
     if field is None or not isinstance(field.discriminator, str) or len(models) < 2:
         return {}
     name = field.discriminator
@@ -192,12 +192,12 @@ def _meaning(field: FieldInfo | None) -> str:
 
 
 def _unit(field: FieldInfo | None) -> str:
-    """SI unit of a field; empty if it has none."""
+    """Return the SI unit of a field; empty if it has none."""
     return next((item.unit for item in _metadata(field) if isinstance(item, Unit)), "") if field is not None else ""
 
 
 def _metadata(field: FieldInfo) -> Sequence[Any]:
-    """Metadata of a field, or of the ``value`` of the entry that it holds."""
+    """Return the metadata of a field, or of the ``value`` of the entry that it holds."""
     models = _models(field.annotation)
     value = models[0].model_fields.get("value") if models else None
     return value.metadata if value else field.metadata

@@ -27,12 +27,12 @@ _SPELLINGS = {
 }
 
 
-def unit_factor(stated: str, unit: str) -> float:
-    """Size of a unit as logs write it, in an SI unit.
+def unit_factor(name: str, unit: str) -> float:
+    """Return the size of a unit as logs write it, in an SI unit.
 
     Parameters
     ----------
-    stated : str
+    name : str
         ``deg``, ``Kn``, ``m/s``; capitals do not matter where the unit is not known otherwise.
     unit : str
         SI unit.
@@ -42,30 +42,30 @@ def unit_factor(stated: str, unit: str) -> float:
     ValueError
         If it is no unit of that dimension.
     """
-    stated = _WORDS.get(stated, stated)
+    name = _WORDS.get(name, name)
     try:
-        return parse_quantity(f"1 {stated}", unit)
+        return parse_quantity(f"1 {name}", unit)
     except ValueError:
-        return parse_quantity(f"1 {stated.lower()}", unit)
+        return parse_quantity(f"1 {name.lower()}", unit)
 
 
-def check_unit(stated: str | None, unit: str) -> str | None:
-    """Return a unit as it is stated.
+def check_unit(name: str | None, unit: str) -> str | None:
+    """Return a unit as it is given.
 
     Raises
     ------
     ValueError
         If it is no unit that a map may state where `unit` is the SI unit; the message names those that it may.
     """
-    if stated is not None:
+    if name is not None:
         try:
-            unit_factor(stated, unit)
+            unit_factor(name, unit)
         except ValueError:
             usual = _SPELLINGS.get(unit, (unit,))
-            near = get_close_matches(stated.lower(), usual, n=1)
+            near = get_close_matches(name.lower(), usual, n=1)
             hint = f"did you mean {near[0]!r}?" if near else f"expected one such as {', '.join(usual)}"
-            raise ValueError(f"{stated!r} is no unit of {EXAMPLES.get(unit, ('this', ''))[0]}; {hint}") from None
-    return stated
+            raise ValueError(f"{name!r} is no unit of {EXAMPLES.get(unit, ('this', ''))[0]}; {hint}") from None
+    return name
 
 
 class Signal(Settings):
@@ -95,13 +95,13 @@ class Signal(Settings):
 
     @field_validator("unit", mode="before")
     @classmethod
-    def _accept_the_number_one(cls, stated: Any) -> Any:
-        return "1" if type(stated) is int and stated == 1 else stated
+    def _accept_the_number_one(cls, value: Any) -> Any:
+        return "1" if type(value) is int and value == 1 else value
 
     @field_validator("unit", mode="after")
     @classmethod
-    def _known_unit(cls, stated: str | None) -> str | None:
-        return check_unit(stated, cls.si)
+    def _known_unit(cls, unit: str | None) -> str | None:
+        return check_unit(unit, cls.si)
 
     @field_validator("scale", "offset", mode="before")
     @classmethod
@@ -183,8 +183,8 @@ class TimeSource(Settings):
 
     @field_validator("unit", mode="after")
     @classmethod
-    def _known_unit(cls, stated: str | None) -> str | None:
-        return check_unit(stated, "s")
+    def _known_unit(cls, unit: str | None) -> str | None:
+        return check_unit(unit, "s")
 
 
 class Rows(Settings):

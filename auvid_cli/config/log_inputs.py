@@ -70,7 +70,7 @@ class Fins(Settings):
         return self
 
     def given(self) -> dict[str, Fin]:
-        """Fins by name, of those that are given."""
+        """Return the fins that are given, by name."""
         fins = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: fin for name, fin in fins.items() if fin is not None}
 
@@ -129,11 +129,11 @@ class InputsMap(Rows):
 
     def channels(self) -> dict[tuple[str, ...], InputSignal]:
         """Return the signals by where they stand in the settings."""
-        found: dict[tuple[str, ...], Any] = {
+        signals: dict[tuple[str, ...], Any] = {
             (name,): getattr(self, name) for name in ("rudder", "elevator", "surge_force", "roll_moment")
         }
         if self.fins is not None:
-            found |= {("fins", name): fin for name, fin in self.fins.given().items()}
+            signals |= {("fins", name): fin for name, fin in self.fins.given().items()}
         if self.thrust is not None:
-            found |= {("thrust", name): getattr(self.thrust, name) for name in ("revolutions", "share")}
-        return {path: signal for path, signal in found.items() if isinstance(signal, InputSignal)}
+            signals |= {("thrust", name): getattr(self.thrust, name) for name in ("revolutions", "share")}
+        return {path: signal for path, signal in signals.items() if isinstance(signal, InputSignal)}

@@ -55,7 +55,7 @@ class LogMap(Settings):
     inputs: InputsMap
 
     def files(self, folder: Path, given: Sequence[str] = ()) -> dict[str, tuple[Path, ...]]:
-        """Files of the logs by name; of one that goes on in further files all of them, in order.
+        """Return the files of the logs by name; of one that goes on in further files all of them, in order.
 
         Parameters
         ----------

@@ -54,7 +54,7 @@ class Mount(Settings):
         return data
 
     def angles(self) -> tuple[float, float, float]:
-        """Roll, pitch and yaw, rad."""
+        """Return roll, pitch and yaw, rad."""
         return self.roll, self.pitch, self.yaw
 
 
@@ -116,8 +116,8 @@ class SensorMap(Rows):
 
     @field_validator("unit", mode="after")
     @classmethod
-    def _known_unit(cls, stated: str | None) -> str | None:
-        return check_unit(stated, SENSORS[cls.sensor][0].unit)
+    def _known_unit(cls, unit: str | None) -> str | None:
+        return check_unit(unit, SENSORS[cls.sensor][0].unit)
 
     @field_validator("standard_deviation", mode="before")
     @classmethod
@@ -249,7 +249,7 @@ class _SensorMaps(Settings):
         return self
 
     def given(self) -> dict[str, SensorMap]:
-        """Sensors by name, of those that are given."""
+        """Return the sensors that are given, by name."""
         sensors = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: sensor for name, sensor in sensors.items() if sensor is not None}
 

@@ -33,7 +33,7 @@ _OF_MASS = Magnitude(1e-15, 1e20)
 
 
 def magnitude_of(unit: str) -> Magnitude:
-    """Limits of a unit as the settings write it."""
+    """Return the limits of a unit as the settings write it."""
     return _BY_UNIT.get(unit, _OF_MASS if "kg" in unit else _OTHERWISE)
 
 

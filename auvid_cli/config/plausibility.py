@@ -35,7 +35,7 @@ class Doubt(NamedTuple):
     expected: str
 
     def __str__(self) -> str:
-        """One line."""
+        """Say it in one line."""
         return f"{self.subject} is {self.stated}; expected {self.expected}"
 
 

@@ -90,13 +90,13 @@ def dotted(path: Path) -> str:
 
 def report(mistakes: Iterable[Mistake]) -> str:
     """Write the first mistakes file by file: a line each, then the line of the file for those at one place."""
-    found = list(mistakes)
-    ranks = {file: rank for rank, file in enumerate(dict.fromkeys(mistake.at.file for mistake in found))}
-    found.sort(key=lambda mistake: (ranks[mistake.at.file], mistake.at.line, mistake.at.column))
-    groups = ((at, list(group)) for at, group in groupby(found[:MOST_SHOWN], key=lambda mistake: mistake.at))
+    ordered = list(mistakes)
+    ranks = {file: rank for rank, file in enumerate(dict.fromkeys(mistake.at.file for mistake in ordered))}
+    ordered.sort(key=lambda mistake: (ranks[mistake.at.file], mistake.at.line, mistake.at.column))
+    groups = ((at, list(group)) for at, group in groupby(ordered[:MOST_SHOWN], key=lambda mistake: mistake.at))
     text = "\n".join("\n".join(map(_shortened, group)) + at.excerpt() for at, group in groups)
-    if len(found) > MOST_SHOWN:
-        text += f"\nand {len(found) - MOST_SHOWN} more mistakes"
+    if len(ordered) > MOST_SHOWN:
+        text += f"\nand {len(ordered) - MOST_SHOWN} more mistakes"
     return "".join(c if c.isprintable() or c in "\n\t" else "?" for c in text)
 
 

@@ -65,8 +65,8 @@ def parse_quantity(value: Any, unit: str) -> float:
         if isinstance(value, Real) and not isinstance(value, bool):
             result = float(value)
         elif isinstance(value, str) and (number := NUMBER.match(value.strip())):
-            stated = value.strip()[number.end() :].strip()
-            result = float(number.group()) * (_factor(stated, unit) if stated else 1.0)
+            unit_text = value.strip()[number.end() :].strip()
+            result = float(number.group()) * (_factor(unit_text, unit) if unit_text else 1.0)
         else:
             raise ValueError("not a quantity")
         if not math.isfinite(result):
@@ -170,21 +170,21 @@ def _registry() -> "UnitRegistry":
 
 
 @cache
-def _factor(stated: str, unit: str) -> float:
-    """Size of the unit `stated` in `unit`; ValueError if it is unknown or of another dimension."""
+def _factor(text: str, unit: str) -> float:
+    """Return the size of the unit `text` in `unit`; ValueError if it is unknown or of another dimension."""
     scale, dimension, angle = _base(unit)
     if dimension.get("meter") and not dimension.get("kilogram") and dimension.get("second", 0.0) < -1.0:
-        stated = GRAVITY.sub(r"\1g_0", stated)
-    stated_scale, stated_dimension, stated_angle = _base(stated)
+        text = GRAVITY.sub(r"\1g_0", text)
+    size, other_dimension, other_angle = _base(text)
     angle_tells = set(dimension) <= {"second"}
-    if stated_dimension != dimension or (angle_tells and stated_angle != angle):
+    if other_dimension != dimension or (angle_tells and other_angle != angle):
         raise ValueError("another dimension")
-    return stated_scale / scale
+    return size / scale
 
 
 @cache
 def _base(unit: str) -> tuple[float, dict[str, float], float]:
-    """Size in SI base units, their exponents without the radian, and the exponent of the radian."""
+    """Return the size in SI base units, their exponents without the radian, and the exponent of the radian."""
     if len(unit) > _LONGEST_UNIT or UNIT_TOKEN.sub("", unit):
         raise ValueError(f"{describe(unit)} is not a unit")
     registry = _registry()

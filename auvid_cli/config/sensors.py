@@ -78,7 +78,7 @@ class SensorSettings(Settings):
         return self
 
     def noise_standard_deviation(self) -> PerComponent:
-        """White noise per component, one standard deviation, SI."""
+        """Return the standard deviation of the white noise per component, SI."""
         return self._all(self.noise or tuple(value / 3.0 for value in self.range))
 
     def stated_standard_deviation(self) -> PerComponent:

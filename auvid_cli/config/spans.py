@@ -22,12 +22,12 @@ def parse_spans(value: Any) -> tuple[tuple[float, float], ...]:
     if len(value) == 2 and not any(isinstance(end, list | tuple) for end in value):
         value = (value,)
     parsed = []
-    for stated in value:
-        if not isinstance(stated, list | tuple) or len(stated) != 2:
+    for span in value:
+        if not isinstance(span, list | tuple) or len(span) != 2:
             raise ValueError("expected [begin, end] for each span")
         begin, end = (
             farthest if bound is None else parse_quantity(bound, "s")
-            for bound, farthest in zip(stated, (-inf, inf), strict=True)
+            for bound, farthest in zip(span, (-inf, inf), strict=True)
         )
         if not begin < end:
             raise ValueError(f"the span [{begin:g}, {end:g}] s must begin before it ends")

@@ -54,7 +54,7 @@ class Tree:
 
     @property
     def heading(self) -> Position:
-        """Where to point for the value as a whole: its key, if that is in the same source."""
+        """Return where to point for the value as a whole: its key, if that is in the same source."""
         same = self.key_at is not None and self.key_at.source == self.at.source
         return self.key_at if same and self.key_at else self.at
 
@@ -197,7 +197,7 @@ class _Builder:
         self.nodes = 0
 
     def tree(self, node: yaml.Node, path: Path = (), above: tuple[yaml.Node, ...] = ()) -> Tree:
-        """Tree of a node; `above` are the nodes that contain it."""
+        """Make the tree of a node; `above` are the nodes that contain it."""
         self.nodes += 1
         if self.nodes > MOST_NODES:
             raise _error(node, f"more than {MOST_NODES} values")
@@ -216,7 +216,7 @@ class _Builder:
         return Tree(content, self.position(node))
 
     def scalar(self, node: yaml.ScalarNode) -> Any:
-        """Value of a scalar; a number with underscores or thousands of digits is an error."""
+        """Return the value of a scalar; a number with underscores or thousands of digits is an error."""
         if node.style is None and _is_grouped(node.value):
             raise _error(node, f"{node.value!r} is no number with an underscore in it; text like this stands in quotes")
         try:
@@ -226,7 +226,7 @@ class _Builder:
             raise _error(node, f"{shortened(node.value, 60)} is not a number that can be") from None
 
     def mapping(self, node: yaml.MappingNode, path: Path, above: tuple[yaml.Node, ...]) -> dict[str, Tree]:
-        """Children of a mapping: its own keys, then those of merged mappings that it has not."""
+        """Return the children of a mapping: its own keys, then those of merged mappings that it has not."""
         content: dict[str, Tree] = {}
         merged: list[yaml.Node] = []
         for key, value in node.value:
@@ -249,12 +249,12 @@ class _Builder:
         return content
 
     def position(self, node: yaml.Node) -> Position:
-        """Where a node starts."""
+        """Return where a node starts."""
         return Position(self.source, node.start_mark.line + 1, node.start_mark.column + 1)
 
 
 def _is_grouped(text: str) -> bool:
-    """Whether a text is a number with underscores to YAML 1.1; the validation would take it for one as well."""
+    """Say whether a text is a number with underscores to YAML 1.1; the validation would take it for one as well."""
     kinds = yaml.SafeLoader.yaml_implicit_resolvers.get(text[:1], [])
     return "_" in text and any(tag in _NUMBER_TAGS and pattern.match(text) for tag, pattern in kinds)
 

@@ -47,7 +47,7 @@ class _Table(Settings):
     """Entries by symbol; the fields come from the tables in `auvid_cli.vehicle`."""
 
     def by_symbol(self) -> dict[str, float]:
-        """Values in SI by the paper's symbol, of the entries that are given."""
+        """Return the values of the entries that are given, SI, by the paper's symbol."""
         fields = type(self).model_fields.items()
         entries = ((field.alias or name, getattr(self, name)) for name, field in fields)
         return {symbol: entry.value for symbol, entry in entries if entry is not None}
@@ -93,7 +93,7 @@ class VehicleSettings(Settings):
     ] = CoefficientTable()
 
     def known_parameters(self) -> dict[str, float]:
-        """Known parameters by symbol, SI."""
+        """Return the known parameters by symbol, SI."""
         return self.parameters.by_symbol()
 
     def all_coefficients(self) -> dict[str, float]:

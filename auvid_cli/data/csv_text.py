@@ -24,7 +24,7 @@ def csv_text(header: Sequence[str], rows: Iterable[Iterable[object]]) -> str:
 
 
 def csv_cell(value: Any) -> Any:
-    """Text in a line and behind an apostrophe if it would be a formula, which `csv_value` takes away; else the same."""
+    """Put text in a line, and behind an apostrophe if it would be a formula; `csv_value` takes that away."""
     if isinstance(value, float) and isnan(value):
         return None
     if not isinstance(value, str) or _NUMBER.fullmatch(value):

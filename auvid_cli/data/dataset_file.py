@@ -59,8 +59,8 @@ def _write_sensor(group: h5py.Group, name: str, record: SensorRecord) -> None:
     for column, quantity in enumerate(quantities):
         values = record.values[:, column]
         write_variable(group, quantity.symbol, values, ("time",), quantity.meaning, quantity.unit)
-    stated = "stated standard deviation of the noise"
-    write_variable(group, "standard_deviation", record.standard_deviation, ("component",), stated, quantities[0].unit)
+    meaning = "stated standard deviation of the noise"
+    write_variable(group, "standard_deviation", record.standard_deviation, ("component",), meaning, quantities[0].unit)
     valid = np.isfinite(record.values).astype(np.int8)
     write_variable(group, "valid", valid, ("time", "component"), "1 where the component was measured")
 
@@ -131,7 +131,7 @@ def _read_truth(group: h5py.Group) -> TruthRecord:
 
 
 def holds_data(path: Path, dataset: Dataset) -> bool:
-    """Whether a file has the very numbers of a dataset; its settings are not looked at.
+    """Say whether a file has the very numbers of a dataset; its settings are not looked at.
 
     Raises
     ------
@@ -140,7 +140,9 @@ def holds_data(path: Path, dataset: Dataset) -> bool:
     """
     with open_file(path, "dataset") as file:
         # One after the other: hours of data need not be in memory twice.
-        return all(np.array_equal(read_array(file, name), own, equal_nan=True) for name, own in _variables(dataset))
+        return all(
+            np.array_equal(read_array(file, name), values, equal_nan=True) for name, values in _variables(dataset)
+        )
 
 
 def _variables(dataset: Dataset) -> Iterator[tuple[str, NDArray[np.float64]]]:

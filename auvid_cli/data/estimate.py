@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 # Unit of everything that an augmented state may be made of: coefficients, motion, depth, errors of sensors and thrust.
-STATES = {each.symbol: each.unit for each in (*COEFFICIENTS, *MOTION, DEPTH, *ERROR_STATES)}
+STATES = {quantity.symbol: quantity.unit for quantity in (*COEFFICIENTS, *MOTION, DEPTH, *ERROR_STATES)}
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class EstimateHeader:
 
     @property
     def in_one_batch(self) -> bool:
-        """Whether all data were fitted at once, instead of filtered from measurement to measurement."""
+        """Say whether all data were fitted at once, instead of filtered from measurement to measurement."""
         return FilterName(self.filter).in_one_batch
 
 
@@ -164,7 +164,7 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
 
     @property
     def completed(self) -> bool:
-        """Whether the filter reached the end of the data."""
+        """Say whether the filter reached the end of the data."""
         return self.status == "completed"
 
     def course(self, symbols: Sequence[str], with_innovations: bool = False) -> "Course":
@@ -181,7 +181,7 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         )
 
     def final_thrust(self) -> float:
-        """How many times the stated surge force acts, at the last time."""
+        """Return how many times the stated surge force acts, at the last time."""
         return (
             1.0 + float(self.mean[-1, self.state.index(THRUST_SCALE.symbol)])
             if THRUST_SCALE.symbol in self.state

@@ -41,7 +41,7 @@ class EstimateWriter:
         self._file = file
 
     def append(self, chunk: EstimateChunk) -> None:
-        """More of the run."""
+        """Append more of the run."""
         for name in ("time", "mean", "standard_deviation"):
             append(self._file, name, getattr(chunk, name))
         for sensor, innovations in chunk.innovations.items():
@@ -138,8 +138,8 @@ def write_estimate(path: Path, estimate: Estimate) -> None:
 def _prepare_innovations(group: h5py.Group, sensor: str, standard_deviation: NDArray[np.float64]) -> None:
     unit, symbols = SENSORS[sensor][0].unit, [quantity.symbol for quantity in SENSORS[sensor]]
     write_dimension(group, "component", np.array(symbols), "measured component")
-    stated = "stated standard deviation of the noise"
-    write_variable(group, "standard_deviation", standard_deviation, ("component",), stated, unit)
+    meaning = "stated standard deviation of the noise"
+    write_variable(group, "standard_deviation", standard_deviation, ("component",), meaning, unit)
     n, both = len(symbols), ("time", "component")
     write_growing(group, "time", (), ("time",), "time of measurement", "s")
     write_growing(group, "innovation", (n,), both, "measured less predicted", unit)
@@ -199,9 +199,11 @@ def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName) -
     every, deviation = 1 + rows // _MOST_ROWS, read_array(group, "standard_deviation")
 
     def innovations(read: Callable[[str, int], NDArray[np.float64]]) -> Innovations:
-        found = Innovations(read("time", 1), read("innovation", 2), read("variance", 2), read("nis", 1), deviation)
-        check_innovations(sensor, found, filter_name)
-        return found
+        innovations = Innovations(
+            read("time", 1), read("innovation", 2), read("variance", 2), read("nis", 1), deviation
+        )
+        check_innovations(sensor, innovations, filter_name)
+        return innovations
 
     thinned = innovations(lambda name, ndim: read_array(group, name, every, ndim))
     if every == 1:

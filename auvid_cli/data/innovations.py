@@ -33,7 +33,7 @@ class Tally(NamedTuple):
     rejected: int
 
     def plus(self, other: "Tally") -> "Tally":
-        """Together with later ones, of windows from the same start on."""
+        """Add later ones, of windows from the same start on."""
         size = max(self.squares.size, other.squares.size)
         squares, components = np.zeros(size), np.zeros(size)
         for part in (self, other):
@@ -80,12 +80,12 @@ class Innovations:
         return Tally(start, squares, components, int(np.isfinite(self.nis).sum()), rejected)
 
     def used(self) -> NDArray[np.bool_]:
-        """Components that the filter took, shape (k, c)."""
+        """Say which components the filter took, shape (k, c)."""
         return np.isfinite(self.variance)
 
     @classmethod
     def joined(cls, chunks: Sequence["Innovations"]) -> "Innovations":
-        """Chunks in time order as one."""
+        """Join chunks in time order."""
         return cls(
             time=np.concatenate([chunk.time for chunk in chunks]),
             innovation=np.concatenate([chunk.innovation for chunk in chunks]),

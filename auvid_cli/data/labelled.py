@@ -89,11 +89,11 @@ def dataset_tree(dataset: Dataset) -> "xr.DataTree":
     """Return a dataset as a tree with the groups of its file."""
     groups = {name: series.to_xarray() for name, series in dataset_series(dataset).items()}
     for name, record in dataset.sensors.items():
-        stated = {"long_name": "stated standard deviation of the noise", "units": SENSORS[name][0].unit}
+        attributes = {"long_name": "stated standard deviation of the noise", "units": SENSORS[name][0].unit}
         groups[f"sensors/{name}"] = (
             groups[f"sensors/{name}"]
             .assign_coords(component=_components(name))
-            .assign(standard_deviation=("component", record.standard_deviation, stated))
+            .assign(standard_deviation=("component", record.standard_deviation, attributes))
         )
     if dataset.truth is not None:
         true, units = [dataset.truth.coefficients[symbol] for symbol in SYMBOLS], [c.unit for c in COEFFICIENTS]
@@ -149,7 +149,9 @@ def estimate_tree(estimate: Estimate) -> "xr.DataTree":
         },
         {"filter": estimate.filter, "status": estimate.status},
     )
-    groups = {f"innovations/{name}": _innovations(name, own) for name, own in estimate.innovations.items()}
+    groups = {
+        f"innovations/{name}": _innovations(name, innovations) for name, innovations in estimate.innovations.items()
+    }
     return xarray.DataTree.from_dict({"state": state, **groups}, name=estimate.filter)
 
 

@@ -97,7 +97,7 @@ class _Disk:
             return size
 
     def flush(self) -> None:
-        """Nothing is buffered."""
+        """Do nothing: nothing is buffered."""
 
     def raise_failure(self) -> None:
         if self._failure is not None:
@@ -149,7 +149,7 @@ def write_growing(
 
 
 def append(group: h5py.Group, name: str, rows: NDArray[np.float64]) -> None:
-    """More rows of a growing variable."""
+    """Append rows to a growing variable."""
     data = group[name]
     assert isinstance(data, h5py.Dataset)
     before = data.shape[0]
@@ -158,6 +158,6 @@ def append(group: h5py.Group, name: str, rows: NDArray[np.float64]) -> None:
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of a file, in hexadecimal."""
+    """Return the SHA-256 of a file, in hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

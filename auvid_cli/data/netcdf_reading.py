@@ -46,10 +46,12 @@ def open_file(path: Path, kind: str) -> Iterator[h5py.File]:
     screen([path])
     try:
         with h5py.File(path, "r") as file:
-            stated = file.attrs.get("kind")
-            found = one_line(stated) if isinstance(stated, str) else ""
-            if found != f"auvid {kind}":
-                raise FileError(f"{path}: not an auvid {kind} file" + (f" but an {found} file" if found else ""))
+            attribute = file.attrs.get("kind")
+            kind_of_file = one_line(attribute) if isinstance(attribute, str) else ""
+            if kind_of_file != f"auvid {kind}":
+                raise FileError(
+                    f"{path}: not an auvid {kind} file" + (f" but an {kind_of_file} file" if kind_of_file else "")
+                )
             schema = read_attributes(file, FileAttributes).schema_version
             if schema > SCHEMA_VERSION:
                 raise FileError(
@@ -62,22 +64,22 @@ def open_file(path: Path, kind: str) -> Iterator[h5py.File]:
 
 
 def read_attributes(file: h5py.File, form: type[Form]) -> Form:
-    """Root attributes as a form wants them; of others nothing is read.
+    """Read the root attributes that a form asks for, and no others.
 
     Raises
     ------
     ValueError
         If one is missing or is not as it must be.
     """
-    found = {name: _plain(file.attrs[name]) for name in form.model_fields if name in file.attrs}
+    attributes = {name: _plain(file.attrs[name]) for name in form.model_fields if name in file.attrs}
     try:
-        return form.model_validate(found)
+        return form.model_validate(attributes)
     except ValidationError as error:
         first = error.errors()[0]
         name, why = str(first["loc"][0]), first["msg"]
         if first["type"] == "string_pattern_mismatch":
             # A pattern says nothing to whoever reads it.
-            why = f"{found[name]!r} is not as auvid writes it"
+            why = f"{attributes[name]!r} is not as auvid writes it"
         raise ValueError(f"attribute {name}: {shortened(one_line(why))}") from None
 
 
@@ -102,24 +104,24 @@ def check_units(group: h5py.Group, quantities: Iterable[Quantity]) -> None:
         With the variable, its unit, and what is expected.
     """
     for quantity in quantities:
-        stated = group[quantity.symbol].attrs.get("units")
-        if stated is not None and not _is_unit(stated, quantity.unit):
+        unit = group[quantity.symbol].attrs.get("units")
+        if unit is not None and not _is_unit(unit, quantity.unit):
             raise ValueError(
-                f"{group.name}/{quantity.symbol} is in {shortened(one_line(str(stated)))}; expected {quantity.unit}"
+                f"{group.name}/{quantity.symbol} is in {shortened(one_line(str(unit)))}; expected {quantity.unit}"
             )
 
 
-def _is_unit(stated: Any, unit: str) -> bool:
-    if stated == unit:
+def _is_unit(text: Any, unit: str) -> bool:
+    if text == unit:
         return True
     try:
-        return isinstance(stated, str) and bool(stated.strip()) and parse_quantity(f"1 {stated}", unit) == 1.0
+        return isinstance(text, str) and bool(text.strip()) and parse_quantity(f"1 {text}", unit) == 1.0
     except ValueError:
         return False
 
 
 def read_table(group: h5py.Group, names: Sequence[str], every: int = 1) -> NDArray[np.float64]:
-    """Variables of one length side by side, as `read_array`."""
+    """Read variables of one length side by side, as `read_array` does."""
     first = read_array(group, names[0], every)
     table = np.empty((len(first), len(names)))
     table[:, 0] = first
@@ -132,7 +134,7 @@ def read_table(group: h5py.Group, names: Sequence[str], every: int = 1) -> NDArr
 
 
 def mark_missing(group: h5py.Group, name: str, values: NDArray[np.float64]) -> None:
-    """NaN in place of values where a variable of flags is zero."""
+    """Put NaN in place of values where a variable of flags is zero."""
     flags = read_array(group, name, ndim=2)
     if flags.shape != values.shape:
         raise ValueError(f"{group.name}/{name} does not fit the values that it is about")
@@ -140,12 +142,12 @@ def mark_missing(group: h5py.Group, name: str, values: NDArray[np.float64]) -> N
 
 
 def read_rows(group: h5py.Group, name: str, first: int, last: int, ndim: int = 1) -> NDArray[np.float64]:
-    """Consecutive rows of a numeric variable as doubles."""
+    """Read consecutive rows of a numeric variable as doubles."""
     return np.asarray(_variable(group, name, "numbers", ndim)[first:last], dtype=np.float64)
 
 
 def count_rows(group: h5py.Group, name: str) -> int:
-    """How many rows a variable has, of one dimension."""
+    """Count the rows of a variable of one dimension."""
     return _variable(group, name, "numbers", 1).shape[0]
 
 

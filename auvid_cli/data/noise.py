@@ -34,7 +34,7 @@ class Noise(NamedTuple):
 
 
 def estimate_noise(values: Array, is_angle: bool = False) -> Noise:
-    """Noise by `noise_standard_deviation`, but no less than that of rounding to steps, uniform: step / sqrt(12).
+    """Estimate noise by `noise_standard_deviation`, but no less than that of rounding to steps: step / sqrt(12).
 
     Parameters
     ----------
@@ -43,12 +43,12 @@ def estimate_noise(values: Array, is_angle: bool = False) -> Noise:
     is_angle : bool
         Whether it is in rad and may jump by whole turns.
     """
-    found, step = noise_standard_deviation(values, is_angle), quantisation_step(values)
+    deviation, step = noise_standard_deviation(values, is_angle), quantisation_step(values)
     least = step / np.sqrt(12.0)
-    if step > 0.0 and found < least:
+    if step > 0.0 and deviation < least:
         return Noise(float(least), step)
     rounding = _ROUNDING * float(np.nanmax(np.abs(values), initial=0.0))
-    return Noise(found if found > rounding else float("nan"))
+    return Noise(deviation if deviation > rounding else float("nan"))
 
 
 def noise_standard_deviation(values: Array, is_angle: bool = False) -> float:
@@ -78,7 +78,7 @@ def noise_standard_deviation(values: Array, is_angle: bool = False) -> float:
 
 
 def quantisation_step(values: Array) -> float:
-    """Step of a quantised signal, 0 if it is none: most differences between neighbouring values are multiples of it."""
+    """Find the step of a quantised signal, 0 if it is none: most differences of neighbours are multiples of it."""
     known = np.unique(values[np.isfinite(values)])
     gaps = np.diff(known)
     gaps = gaps[gaps > _ROUNDING * np.abs(known).max(initial=0.0)]

@@ -28,7 +28,7 @@ _OWN = {"ekf": EkfSettings(), "ukf": UkfSettings(), "output_error": OutputErrorS
 
 
 class _Made(FileAttributes):
-    """By which settings a file was made, and an estimate from which data."""
+    """Settings by which a file was made, and of an estimate the data."""
 
     settings: str
     dataset_sha256: str = ""
@@ -135,22 +135,22 @@ def other_estimates(
     filters : collection of FilterName
         Of these the settings that are theirs alone count as well.
     """
-    found, estimates = {}, estimates_in(folder)
+    others, estimates = {}, estimates_in(folder)
     begin(estimates.values())
     for name, path in estimates.items():
-        own = name.value if name in filters else ""
-        if why := _difference(path, "estimate", experiment, own, sha256):
-            found[path] = why
-    return found
+        filter_name = name.value if name in filters else ""
+        if why := _difference(path, "estimate", experiment, filter_name, sha256):
+            others[path] = why
+    return others
 
 
 def _without_dataset(folder: Path) -> str:
-    found = [*estimates_in(folder).values(), *tables_and_figures(folder)]
-    return f"{found[0]}: was made from data that are no longer there" if found else ""
+    results = [*estimates_in(folder).values(), *tables_and_figures(folder)]
+    return f"{results[0]}: was made from data that are no longer there" if results else ""
 
 
-def _difference(path: Path, kind: str, experiment: RunSettings, own: str, sha256: str = "") -> str:
-    """Why a file does not go with an experiment; empty if it does."""
+def _difference(path: Path, kind: str, experiment: RunSettings, filter_name: str, sha256: str = "") -> str:
+    """Say why a file does not go with an experiment; empty if it does."""
     if not path.is_file():
         return f"{path}: is no file"
     try:
@@ -166,12 +166,14 @@ def _difference(path: Path, kind: str, experiment: RunSettings, own: str, sha256
         return one_line(str(error).splitlines()[0])
     here = experiment
     if kind == "estimate":
-        here, there = (_settings_for(own, run) for run in (here, there))
+        here, there = (_settings_for(filter_name, run) for run in (here, there))
     parts = [part for part in type(here).model_fields if getattr(here, part) != getattr(there, part, None)]
     return f"{path}: was made with other settings of {', '.join(f'`{part}`' for part in parts)}" if parts else ""
 
 
-def _settings_for(own: str, run: RunSettings) -> RunSettings:
+def _settings_for(filter_name: str, run: RunSettings) -> RunSettings:
     """Return a run's settings without those that concern other filters alone, and without its name."""
-    without = {"filters": Identification().filters} | {name: value for name, value in _OWN.items() if name != own}
+    without = {"filters": Identification().filters} | {
+        name: value for name, value in _OWN.items() if name != filter_name
+    }
     return run.model_copy(update={"name": "", "identification": run.identification.model_copy(update=without)})

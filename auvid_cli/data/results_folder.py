@@ -29,7 +29,7 @@ _EXPORTED_FROM = re.compile(r'dataset(?: with SHA-256 |_sha256": ")([0-9a-f]{64}
 
 
 def dataset_in(folder: Path) -> Path:
-    """Where a folder's dataset is."""
+    """Return the path of a folder's dataset."""
     return folder / "dataset.h5"
 
 
@@ -40,14 +40,14 @@ def estimates_in(folder: Path) -> dict[FilterName, Path]:
 
 
 def tables_and_figures(folder: Path) -> list[Path]:
-    """Those that auvid wrote into a folder."""
+    """Find those that auvid wrote into a folder."""
     tables = [f"{name}.csv" for name in _TABLES] + ["tables.md", "tables.tex"]
     figures = _figures(folder, (*_REPORT_FIGURES, *_OTHER_FIGURES))
     return [path for path in (folder / "tables" / name for name in tables) if path.exists()] + figures
 
 
 def products(folder: Path) -> list[Path]:
-    """All that auvid made from a folder's dataset, and nothing that a user put there."""
+    """Find all that auvid made from a folder's dataset, and nothing that a user put there."""
     exports = [
         path for path in sorted((folder / "export").glob("*.*")) if path.suffix in _EXPORTS and exported_from(path)
     ]
@@ -55,12 +55,12 @@ def products(folder: Path) -> list[Path]:
 
 
 def exported_from(path: Path) -> str:
-    """SHA-256 of the dataset behind an exported model; empty if the file is no such thing."""
+    """Return the SHA-256 of the dataset behind an exported model; empty if the file is no such thing."""
     if not path.is_file():
         return ""
     with path.open(encoding="utf-8", errors="replace") as file:
-        found = _EXPORTED_FROM.search(file.read(_LONGEST_EXPORT))
-    return found[1] if found else ""
+        match = _EXPORTED_FROM.search(file.read(_LONGEST_EXPORT))
+    return match[1] if match else ""
 
 
 def remove(paths: Iterable[Path]) -> None:

@@ -43,13 +43,13 @@ class _Walk:
         """Say what is wrong with each file, in order, up to the first with which the process did not come to an end."""
         with self._process as process:
             try:
-                said, _ = process.communicate(timeout=_STARTING + self._seconds)
+                output, _ = process.communicate(timeout=_STARTING + self._seconds)
             except subprocess.TimeoutExpired:
                 process.kill()
-                said, _ = process.communicate()
+                output, _ = process.communicate()
             finally:
                 process.kill()
-        flaws = said.decode("ascii").split("\n")[:-1]
+        flaws = output.decode("ascii").split("\n")[:-1]
         if len(flaws) < len(self.versions):
             stopped = process.returncode in (-getattr(signal, "SIGALRM", 0), -getattr(signal, "SIGKILL", 0))
             flaws.append("reading it does not end" if stopped else "reading it ends in a crash of the HDF5 library")

@@ -91,7 +91,7 @@ def check_estimate(estimate: Estimate) -> None:
     _check_covariance(estimate.covariance, blind)
 
 
-def check_innovations(sensor: str, found: Innovations, filter_name: str) -> None:
+def check_innovations(sensor: str, innovations: Innovations, filter_name: str) -> None:
     """Look at innovations, or some of them; NaN stands for what was missing or rejected.
 
     Raises
@@ -102,37 +102,37 @@ def check_innovations(sensor: str, found: Innovations, filter_name: str) -> None
     where = f"/innovations/{sensor}"
     if sensor not in SENSORS:
         raise ValueError(f"unknown sensor {sensor!r} among the innovations; auvid knows {', '.join(SENSORS)}")
-    n, width = found.time.size, len(SENSORS[sensor])
-    _check_times(where, found.time)
+    n, width = innovations.time.size, len(SENSORS[sensor])
+    _check_times(where, innovations.time)
     _check_shapes(
         where,
-        (found.innovation, (n, width)),
-        (found.variance, (n, width)),
-        (found.nis, (n,)),
-        (found.standard_deviation, (width,)),
+        (innovations.innovation, (n, width)),
+        (innovations.variance, (n, width)),
+        (innovations.nis, (n,)),
+        (innovations.standard_deviation, (width,)),
     )
-    _check_deviations(where, found.standard_deviation)
-    _check_not_infinite(where, found.innovation, found.nis)
+    _check_deviations(where, innovations.standard_deviation)
+    _check_not_infinite(where, innovations.innovation, innovations.nis)
     if not _may_be_infinite(filter_name):
-        _check_not_infinite(where, found.variance)
+        _check_not_infinite(where, innovations.variance)
         # S = H P H' + R, of which R alone is this: only a residual of a fit varies less than the noise.
-        if (found.variance < _OF_NOISE * found.standard_deviation**2).any():
+        if (innovations.variance < _OF_NOISE * innovations.standard_deviation**2).any():
             raise ValueError(f"{where} has variances below that of the measurement noise")
-    if (found.variance < 0.0).any() or (found.nis < 0.0).any():
+    if (innovations.variance < 0.0).any() or (innovations.nis < 0.0).any():
         raise ValueError(f"{where} has negative squares")
 
 
 def _may_be_infinite(filter_name: str) -> bool:
-    """Whether a standard deviation may be: the output-error method says so of what the data do not determine at all."""
+    """Say whether a standard deviation may be infinite, as the output-error method's is of what the data leave open."""
     return FilterName(filter_name).in_one_batch
 
 
 def _check_state(state: Sequence[str], unit: Sequence[str], held: dict[str, float]) -> None:
-    for symbol, stated in zip(state, unit, strict=True):
+    for symbol, unit_of_state in zip(state, unit, strict=True):
         if symbol not in STATES:
             raise ValueError(f"unknown component {symbol!r} of the state")
-        if stated != STATES[symbol]:
-            raise ValueError(f"{symbol} is in {stated!r} and should be in {STATES[symbol]}")
+        if unit_of_state != STATES[symbol]:
+            raise ValueError(f"{symbol} is in {unit_of_state!r} and should be in {STATES[symbol]}")
     if len(set(state)) < len(state) or not set(MOTION_SYMBOLS) <= set(state):
         raise ValueError("the state does not have each component once")
     if sorted([*held, *(symbol for symbol in state if symbol in SYMBOLS)]) != sorted(SYMBOLS):

@@ -56,10 +56,10 @@ def _remove_abandoned(folder: Path) -> None:
     if fcntl is None:
         return
     with os.scandir(folder) as entries:
-        found = [
+        candidates = [
             entry.path for entry in entries if _OURS.fullmatch(entry.name) and entry.is_file(follow_symlinks=False)
         ]
-    for path in found:
+    for path in candidates:
         # It may be gone by now, be somebody else's, or be written at this moment: then it is left to its owner.
         with suppress(OSError):
             handle = os.open(path, os.O_RDWR | os.O_NOFOLLOW)

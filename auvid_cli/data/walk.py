@@ -56,8 +56,8 @@ def _items(file: h5py.File) -> Iterator[h5py.HLObject]:
 
 def _read_attributes(item: h5py.HLObject, most: int) -> None:
     for name in item.attrs:
-        found = item.attrs.get_id(name)
-        if prod(found.shape or ()) * found.dtype.itemsize > most:
+        attribute = item.attrs.get_id(name)
+        if prod(attribute.shape or ()) * attribute.dtype.itemsize > most:
             raise ValueError(f"attribute {name} of {item.name} claims to be larger than its file can hold")
         item.attrs[name]
 

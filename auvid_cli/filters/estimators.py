@@ -22,12 +22,12 @@ class Estimator(Protocol):
 
     @property
     def name(self) -> str:
-        """By which commands, settings and files know it."""
+        """Name by which commands, settings and files know it."""
         ...
 
     @property
     def in_one_batch(self) -> bool:
-        """Whether it goes through all data many times, instead of from measurement to measurement."""
+        """Say whether it goes through all data many times, instead of from measurement to measurement."""
         ...
 
     def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:

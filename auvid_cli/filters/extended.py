@@ -58,7 +58,7 @@ class _ProcessEkf(ExtendedKalmanFilter):
         self.predict()
 
     def outside_gate(self, gate: float, stack: Stack, measurement: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Innovation of every present component, and whether its square is beyond so many times its variance."""
+        """Return the innovation of each present component, and whether it lies outside the gate."""
         predicted, matrix = self._predicted_measurement(stack)
         innovation = stack.residual(measurement, predicted)
         variance = np.einsum("ij,jk,ik->i", matrix, self.P, matrix) + stack.noise.diagonal()
@@ -72,7 +72,7 @@ class _ProcessEkf(ExtendedKalmanFilter):
         )
 
     def _predicted_measurement(self, stack: Stack) -> tuple[Array, Array]:
-        """What is predicted to be read, and its derivative."""
+        """Predict a measurement, and its derivative by the state."""
         if stack.nonlinear:
             assert self._process.linearise is not None, "a nonlinear sensor needs `Process.linearise`"
             predicted, matrix = self._process.linearise(self.x, stack.sensors[0])
@@ -129,7 +129,7 @@ class _Listener:
         return last_sensor
 
     def _accepted(self, stack: Stack, k: int) -> Stack:
-        """What a gate leaves of a measurement."""
+        """Return what a gate leaves of a measurement."""
         if not stack.sensors:
             return stack
         innovation, rejected = self._ekf.outside_gate(self._gate, stack, self._measurement[k, stack.places])
@@ -213,11 +213,11 @@ def _step(ekf: _ProcessEkf, listener: _Listener, timeline: Timeline, event: int)
 
 
 def _was_sound(ekf: _ProcessEkf) -> bool:
-    """Whether the last prediction, at least, was finite."""
+    """Say whether the last prediction, at least, was finite."""
     return isfinite(ekf.x_prior.sum() + ekf.P_prior.diagonal().sum())
 
 
 def _is_sound(ekf: _ProcessEkf) -> bool:
-    """Finite state and positive, finite variances."""
+    """Say whether the state is finite, and the variances finite and positive."""
     variances = ekf.P.diagonal()
     return isfinite(ekf.x.sum() + variances.sum()) and variances.min() > 0.0

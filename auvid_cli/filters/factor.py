@@ -16,7 +16,7 @@ _matrix = types.float64[:, ::1]
 
 @compiled(types.boolean(_matrix, types.int64, _matrix), reassociate=True)
 def triangularise(rows, n, lower):
-    """Lower-triangular L with ``L L' = rows rows'`` for the first n rows, by modified Gram-Schmidt.
+    """Find the lower-triangular L with ``L L' = rows rows'`` for the first n rows, by modified Gram-Schmidt.
 
     The triangular factor of modified Gram-Schmidt is as accurate as Householder's (Bjorck 1967). Overwrites
     `rows`. False if a row vanishes or is not finite.

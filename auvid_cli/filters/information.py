@@ -80,12 +80,12 @@ class Uncertainty(NamedTuple):
     unit: Array
 
     def deviation(self, combinations: Array) -> Array:
-        """Standard deviations of linear combinations, shape (..., n), of the state; infinite where it is blind."""
+        """Find standard deviations of linear combinations, shape (..., n), of the state; infinite where it is blind."""
         known = np.sqrt(np.square(combinations @ self.root).sum(axis=-1))
         return np.where(self._unknown(combinations).any(axis=-1), np.inf, known)
 
     def covariance(self, combinations: Array) -> Array:
-        """Covariance matrix of the rows of a matrix, shape (m, n), with infinities where it is blind."""
+        """Return the covariance matrix of the rows of a matrix, shape (m, n), with infinities where it is blind."""
         root, share = combinations @ self.root, combinations @ self.blind
         share[~self._unknown(combinations)] = 0.0
         common, size = share @ share.T, np.linalg.norm(share, axis=1)
@@ -93,7 +93,7 @@ class Uncertainty(NamedTuple):
         return root @ root.T + np.where(infinite, np.copysign(np.inf, common), 0.0)
 
     def of(self, place: Indices) -> "Uncertainty":
-        """That of some components."""
+        """Return that of some components."""
         return Uncertainty(np.linalg.qr(self.root[place].T)[1].T, self.blind[place], self.unit[place])
 
     def _unknown(self, combinations: Array) -> NDArray[np.bool_]:
@@ -127,25 +127,25 @@ class Information(NamedTuple):
 
     @classmethod
     def none(cls, n: int) -> "Information":
-        """Nothing about a state of n components."""
+        """Make one that says nothing about a state of n components."""
         return cls(np.zeros((n, n)), np.zeros(n), 0.0, 0)
 
     @classmethod
     def of_gaussian(cls, gaussian: Gaussian, state: Array) -> "Information":
-        """What a Gaussian says, as rows about `state`; it counts no measurements."""
+        """Make one of what a Gaussian says, as rows about `state`; it counts no measurements."""
         about_state = np.column_stack([np.eye(state.size), gaussian.mean - state])
         rows = solve_triangular(gaussian.factor, about_state, lower=True)
         return cls.none(state.size).with_rows(rows, 0)
 
     @property
     def is_finite(self) -> bool:
-        """Whether all of it is."""
+        """Say whether all of it is finite."""
         return bool(
             np.isfinite(self.remaining) and np.isfinite(self.factor).all() and np.isfinite(self.projected).all()
         )
 
     def with_rows(self, rows: Array, n_measurements: int) -> "Information":
-        """Together with further rows ``[J, r]``, shape (m, n + 1), of so many measurements."""
+        """Add further rows ``[J, r]``, shape (m, n + 1), of so many measurements."""
         n = self.projected.size
         triangle = np.zeros((n + 1, n + 1))
         triangle[:n, :n], triangle[:n, n], triangle[n, n] = self.factor, self.projected, self.remaining
@@ -155,14 +155,14 @@ class Information(NamedTuple):
         )
 
     def with_response(self, response: Response, of: NDArray[np.bool_] | slice = slice(None)) -> "Information":
-        """Together with the measurements of a part of the motion, or with some of them."""
+        """Add the measurements of a chunk of the motion, or some of them."""
         rows = response.whitened[of]
         return self.with_rows(
             rows.reshape(-1, rows.shape[-1]), int(np.count_nonzero(~np.isnan(response.innovation[of])))
         )
 
     def join(self, other: "Information") -> "Information":
-        """Together with what independent measurements say about the same state."""
+        """Add what independent measurements say about the same state."""
         rows = np.column_stack([other.factor, other.projected])
         last = np.append(np.zeros(other.projected.size), other.remaining)
         return self.with_rows(np.vstack([rows, last]), other.n_measurements)
@@ -189,13 +189,13 @@ class Information(NamedTuple):
         return rows, Information.none(self.projected.size).with_rows(np.vstack([rest, last]), self.n_measurements)
 
     def uncertainty(self) -> Uncertainty:
-        """The inverse: the bound of Cramer and Rao, infinite where the measurements say nothing."""
+        """Invert it: the bound of Cramer and Rao, infinite where the measurements say nothing."""
         scale, values, directions, seen = self._decomposed()
         basis = directions.T / scale[:, None]
         return Uncertainty(basis[:, seen] / values[seen], basis[:, ~seen], 1.0 / scale)
 
     def unobserved(self) -> Array:
-        """Rows, shape (q, n), of which a dx has a part in the directions of which the measurements say nothing.
+        """Return rows, shape (q, n), that span the directions of which the measurements say nothing.
 
         They complete `factor` to full rank, with singular values like its largest.
         """
@@ -203,21 +203,21 @@ class Information(NamedTuple):
         return values.max(initial=1.0) * directions[~seen] * scale
 
     def _decomposed(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
-        """Norms of the factor's columns; of the factor scaled by them singular values, right vectors, what counts."""
+        """Decompose the factor: its column norms; of it scaled by these singular values, right vectors, what counts."""
         size = np.linalg.norm(self.factor, axis=0)
         scale = np.where(size > 0.0, size, 1.0)
         _, values, directions = np.linalg.svd(self.factor / scale)
         return scale, values, directions, values > _ROUNDING * values.max(initial=0.0)
 
 
-def jointly(parts: Sequence[Information], n_parameters: int) -> Information:
-    """What segments say of their joint state, see `auvid_cli.filters.segments`."""
-    n_own = parts[0].projected.size
-    n_moving = n_own - n_parameters
-    n = n_parameters + len(parts) * n_moving
-    shared, factor, projected = Information.none(n_own), np.zeros((n, n)), np.zeros(n)
-    for part, place in zip(parts, places(n, n_moving, len(parts)), strict=True):
-        rows, rest = part.split(n_parameters)
+def jointly(by_segment: Sequence[Information], n_parameters: int) -> Information:
+    """Join what segments say of their joint state, see `auvid_cli.filters.segments`."""
+    n_of_segment = by_segment[0].projected.size
+    n_moving = n_of_segment - n_parameters
+    n = n_parameters + len(by_segment) * n_moving
+    shared, factor, projected = Information.none(n_of_segment), np.zeros((n, n)), np.zeros(n)
+    for information, place in zip(by_segment, places(n, n_moving, len(by_segment)), strict=True):
+        rows, rest = information.split(n_parameters)
         shared = shared.join(rest)
         factor[np.ix_(place[n_parameters:], place)] = rows[:, :-1]
         projected[place[n_parameters:]] = rows[:, -1]

@@ -74,7 +74,7 @@ def fit(
     problem = _Problem(process, sensors, segments, start.size, gaussian)
     if problem.information(start) is None:
         return None
-    found = least_squares(
+    solution = least_squares(
         problem.residuals,
         start,
         problem.jacobian,
@@ -87,9 +87,9 @@ def fit(
         gtol=None,
         max_nfev=max_evaluations,
     )
-    information = problem.information(found.x)
+    information = problem.information(solution.x)
     assert information is not None, "least squares ends where it has been"
-    return Fit(found.x, information, found.status > 0, found.nfev)
+    return Fit(solution.x, information, solution.status > 0, solution.nfev)
 
 
 class _Problem:
@@ -112,42 +112,42 @@ class _Problem:
         self._latest: tuple[Array, Information | None] | None = None
 
     def information(self, state: Array) -> Information | None:
-        """Of all measurements; None if the motion from that state blows up."""
+        """Return the information of all measurements; None if the motion from that state blows up."""
         if self._latest is None or not np.array_equal(self._latest[0], state):
-            parts = self._of_segments(state)
-            self._latest = state.copy(), jointly(parts, self._n_parameters) if parts else None
+            by_segment = self._by_segment(state)
+            self._latest = state.copy(), jointly(by_segment, self._n_parameters) if by_segment else None
         return self._latest[1]
 
-    def _of_segments(self, state: Array) -> list[Information]:
-        """Of the measurements of each; none if the motion or its squares blow up in one."""
-        parts = []
+    def _by_segment(self, state: Array) -> list[Information]:
+        """Return the information of each segment; none if the motion or its squares blow up in one."""
+        by_segment = []
         for timelines, place in zip(self._segments, self._places, strict=True):
-            part = Information.none(place.size)
+            information = Information.none(place.size)
             for response in responses(*self._model, timelines, state[place]):
                 if response.blew_up:
                     return []
-                part = part.with_response(response)
-            if not part.is_finite:
+                information = information.with_response(response)
+            if not information.is_finite:
                 return []
-            parts.append(part)
-        return parts
+            by_segment.append(information)
+        return by_segment
 
     def residuals(self, state: Array) -> Array:
-        """Predicted less measured, compressed; infinite where the motion blows up, which the solver takes back."""
-        found = self.information(state)
-        if found is None:
+        """Return predicted less measured, compressed; infinite where the motion blows up: the solver turns back."""
+        information = self.information(state)
+        if information is None:
             return np.full(2 * self._n + 1 + len(self._weight), np.inf)
         of_gaussian = self._weight @ (state - self._mean)
-        return np.concatenate([-found.projected, [found.remaining], np.zeros(self._n), of_gaussian])
+        return np.concatenate([-information.projected, [information.remaining], np.zeros(self._n), of_gaussian])
 
     def jacobian(self, state: Array) -> Array:
-        """Of `residuals`."""
-        found = self.information(state)
-        assert found is not None, "the solver steps only to where the residuals are finite"
+        """Return the derivative of `residuals`."""
+        information = self.information(state)
+        assert information is not None, "the solver steps only to where the residuals are finite"
         # A zero residual that grows along directions of which the measurements say nothing: the state stays where it is
         # along these, and the solver's matrix has full rank, without which its steps are as long as they may be.
         kept = np.zeros((self._n, self._n))
         if not self._weight.size:
-            unseen = found.unobserved()
+            unseen = information.unobserved()
             kept[: len(unseen)] = unseen
-        return np.vstack([found.factor, np.zeros(self._n), kept, self._weight])
+        return np.vstack([information.factor, np.zeros(self._n), kept, self._weight])

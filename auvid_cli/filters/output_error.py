@@ -3,14 +3,14 @@
 Maximum likelihood for white measurement noise and no process noise.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.filters.information import Information
-from auvid_cli.filters.least_squares import fit
+from auvid_cli.filters.least_squares import Fit, fit
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import (
     NOT_CONVERGED,
@@ -76,49 +76,84 @@ def run_output_error(
     Returns
     -------
     FilterOutcome
-        `NOT_CONVERGED` if `max_evaluations` were not enough; `PREDICTION` if a motion from the best state that was
-        found blows up. The covariance is of the own state of the last segment.
+        `NOT_CONVERGED` if `max_evaluations` were not enough; `PREDICTION` if a motion from the best state blows
+        up. The covariance is of the state of the last segment.
     """
-    n, n_moving = prior.mean.size, process.noise_density.size
+    n = prior.mean.size
     box = bounds or (np.full(n, -np.inf), np.full(n, np.inf))
     sizes = [sum(timeline.time.size for timeline in timelines) for timelines in segments]
     longest = max(sizes)
+
+    def fit_first(n_events: int, start: Array, evaluations: int) -> Fit | None:
+        firsts = [FirstEvents(timelines, n_events) for timelines in segments]
+        if n_events < longest:
+            about_start, evaluations = Gaussian(start, prior.factor), min(evaluations, _EVALUATIONS_OF_A_SPAN)
+            return fit(process, sensors, firsts, start, about_start, box, _COARSE, evaluations)
+        return fit(process, sensors, firsts, start, prior if use_prior else None, box, _FINE, evaluations)
+
     guess = _filtered(process, sensors, segments, prior)
-    state, span = (prior.mean, _FIRST_SPAN_FROM_AFAR) if guess is None else (guess, _FIRST_SPAN)
-    state = np.clip(state, *box)
-    known, converged, left = Information.none(n), False, max_evaluations
-
-    fitted, span = 0, min(span, longest)
-    while left > 0 and fitted < span:
-        gaussian = Gaussian(state, prior.factor) if span < longest else prior if use_prior else None
-        tolerance, most = (_COARSE, min(left, _EVALUATIONS_OF_A_SPAN)) if span < longest else (_FINE, left)
-        firsts = [FirstEvents(timelines, span) for timelines in segments]
-        part = fit(process, sensors, firsts, state, gaussian, box, tolerance, most)
-        left -= part.evaluations if part is not None else 1
-        if part is None:
-            span = (fitted + span) // 2
-        else:
-            state, known, converged = part.state, part.information, part.converged and span == longest
-            fitted, span = span, min(2 * span, longest)
+    start, span = (prior.mean, _FIRST_SPAN_FROM_AFAR) if guess is None else (guess, _FIRST_SPAN)
+    best = _fit_longer_and_longer(fit_first, np.clip(start, *box), span, longest, max_evaluations)
     if use_prior:
-        known = known.join(Information.of_gaussian(prior, state))
+        best = best._replace(information=best.information.join(Information.of_gaussian(prior, best.state)))
+    return _hand_over_segments(process, sensors, segments, sizes, best, on_chunk)
 
-    uncertainty, failure, n_good = known.uncertainty(), OK if converged else NOT_CONVERGED, 0
-    covariance = np.zeros((0, 0))
-    for timelines, size, place in zip(segments, sizes, places(n, n_moving, len(segments)), strict=True):
-        solution = responses(process, sensors, timelines, state[place])
+
+def _fit_longer_and_longer(
+    fit_first: Callable[[int, Array, int], Fit | None], start: Array, span: int, longest: int, max_evaluations: int
+) -> Fit:
+    """Fit the first events of each segment, then twice as many, to the end; fewer more where the motion blows up.
+
+    Parameters
+    ----------
+    fit_first : callable
+        Fits so many events, from a state, with at most so many evaluations.
+    start : ndarray, shape (n,)
+    span, longest : int
+        How many events to begin with, and how many the longest segment has.
+    max_evaluations : int
+
+    Returns
+    -------
+    Fit
+        The last one that there is; converged only if it is one of all events.
+    """
+    best = Fit(start, Information.none(start.size), converged=False, evaluations=0)
+    fitted, span, left = 0, min(span, longest), max_evaluations
+    while left > 0 and fitted < span:
+        longer = fit_first(span, best.state, left)
+        if longer is None:
+            span, left = (fitted + span) // 2, left - 1
+        else:
+            best, left = longer, left - longer.evaluations
+            fitted, span = span, min(2 * span, longest)
+    return best._replace(converged=best.converged and fitted == longest)
+
+
+def _hand_over_segments(
+    process: Process,
+    sensors: Sensors,
+    segments: Sequence[Iterable[Timeline]],
+    sizes: Sequence[int],
+    best: Fit,
+    on_chunk: OnChunk,
+) -> FilterOutcome:
+    """Pass on the motion from the fitted state, segment after segment, up to where it blows up."""
+    uncertainty, n_good, covariance = best.information.uncertainty(), 0, np.zeros((0, 0))
+    rows = places(best.state.size, process.noise_density.size, len(segments))
+    for timelines, size, place in zip(segments, sizes, rows, strict=True):
+        solution = responses(process, sensors, timelines, best.state[place])
         covariance, reached = hand_over(solution, sensors, uncertainty.of(place), on_chunk)
         n_good += reached
         if reached < size:
-            failure = PREDICTION
-            break
-    return FilterOutcome(covariance, n_good, failure)
+            return FilterOutcome(covariance, n_good, PREDICTION)
+    return FilterOutcome(covariance, n_good, OK if best.converged else NOT_CONVERGED)
 
 
 def _filtered(
     process: Process, sensors: Sensors, segments: Sequence[Iterable[Timeline]], prior: Gaussian
 ) -> Array | None:
-    """Parameters as a CKF leaves them at the end, motions as the prior has them; None if the CKF fails."""
+    """Return the parameters as a CKF leaves them and the motions as the prior has them; None if the CKF fails."""
     guess, n_moving = prior.mean.copy(), process.noise_density.size
     n_parameters = guess.size - len(segments) * n_moving
 
@@ -132,12 +167,12 @@ def _filtered(
 
 
 class FirstEvents:
-    """The first so many events of some parts, to be gone through any number of times.
+    """The first so many events of some chunks, to be gone through any number of times.
 
     Parameters
     ----------
     timelines : iterable of Timeline
-        Parts in time order.
+        Chunks in time order.
     n_events : int
     """
 

@@ -36,12 +36,12 @@ class PointSet(NamedTuple):
 
 
 def cubature(n: int) -> PointSet:
-    """Third-degree spherical-radial rule: ``+-sqrt(n) e_i`` (Arasaratnam and Haykin 2009)."""
+    """Return the points of the third-degree spherical-radial rule: ``+-sqrt(n) e_i`` (Arasaratnam and Haykin 2009)."""
     return PointSet(np.sqrt(n) * np.eye(n), 0.5 / n, True, 0.0)
 
 
 def transformed(n: int) -> PointSet:
-    """The cubature set turned so that no coordinate exceeds sqrt 2.
+    """Turn the cubature set so that no coordinate exceeds sqrt 2.
 
     Sabet et al. 2018, eq. (34); Chang, Hu, Li and Chang, IEEE TAC 58(1), 2013. Of the paper's 2 n
     points, the k-th and the (n + k)-th are antipodal.
@@ -58,7 +58,7 @@ def transformed(n: int) -> PointSet:
 
 
 def unscented(n: int, alpha: float, beta: float, kappa: float) -> PointSet:
-    """Scaled unscented transformation (Julier 2002; van der Merwe 2004).
+    """Return the points of the scaled unscented transformation (Julier 2002; van der Merwe 2004).
 
     With e the even part of the propagated points about the centre and mu its mean, the covariance
     is ``odd + 2 w sum e e' + (beta - alpha^2) mu mu'``: a sum of squares for every ``beta >=

@@ -32,7 +32,7 @@ OBSERVATION_SIGNATURE = types.void(_vector, _vector, types.int64, _vector, types
 
 @compiled(OBSERVATION_SIGNATURE)
 def nothing_nonlinear(moving, parameters, sensor, constants, selection, n_lanes, seen):
-    """Observation of a problem without nonlinear sensors; never called."""
+    """Stand in for the observation of a problem without nonlinear sensors; never called."""
 
 
 class Process(NamedTuple):
@@ -165,14 +165,14 @@ class Records(NamedTuple):
 
 
 def empty_records(timeline: Timeline, n: int) -> Records:
-    """Records of a timeline for a state of n components, to be filled in."""
+    """Make the records of a timeline for a state of n components, to be filled in."""
     n_measurements, n_components = timeline.measurement.shape
     rows = (timeline.time.size, n), (timeline.time.size, n), *[(n_measurements, n_components)] * 2, n_measurements
     return Records(*(np.full(shape, np.nan) for shape in rows))
 
 
 def until(records: Records, n_events: int, n_measurements: int) -> Records:
-    """The first rows of records."""
+    """Keep the first rows of records."""
     return Records(*(a[:n_events] for a in records[:2]), *(a[:n_measurements] for a in records[2:]))
 
 

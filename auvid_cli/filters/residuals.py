@@ -61,7 +61,7 @@ def _records(response: Response, sensors: Sensors, uncertainty: Uncertainty) -> 
 
 
 def _left_over(response: Response, sensors: Sensors, uncertainty: Uncertainty) -> tuple[Array, Array]:
-    """Variance of each residual and normalised residual squared of each measurement."""
+    """Return the variance of each residual and normalised residual squared of each measurement."""
     explained = response.whitened[..., :-1] @ uncertainty.root
     share = explained @ explained.swapaxes(-1, -2)
     sensor = response.timeline.measurement_sensor[: len(share)]

@@ -18,14 +18,14 @@ Run = Callable[[Iterable[Timeline], Gaussian, OnChunk], FilterOutcome]
 
 
 def places(n_joint: int, n_moving: int, n_segments: int) -> list[Indices]:
-    """Where in a joint state the own state of each segment stands."""
+    """Find where in a joint state the state of each segment stands."""
     n_parameters = n_joint - n_segments * n_moving
-    own = np.arange(n_parameters, n_joint).reshape(n_segments, n_moving)
-    return [np.concatenate([np.arange(n_parameters), moving]) for moving in own]
+    motions = np.arange(n_parameters, n_joint).reshape(n_segments, n_moving)
+    return [np.concatenate([np.arange(n_parameters), moving]) for moving in motions]
 
 
 def joint_gaussian(gaussians: Sequence[Gaussian], n_moving: int) -> Gaussian:
-    """About segments of which the same is known of the parameters, and whose motions share nothing else."""
+    """Join segments of which the same is known of the parameters, and whose motions share nothing else."""
     n = gaussians[0].mean.size + (len(gaussians) - 1) * n_moving
     joint = Gaussian(np.zeros(n), np.zeros((n, n)))
     for gaussian, place in zip(gaussians, places(n, n_moving, len(gaussians)), strict=True):
@@ -35,7 +35,7 @@ def joint_gaussian(gaussians: Sequence[Gaussian], n_moving: int) -> Gaussian:
 
 
 def of_segment(joint: Gaussian, place: Indices) -> Gaussian:
-    """What a joint Gaussian says of the own state of a segment."""
+    """Return what a joint Gaussian says of the state of a segment."""
     return Gaussian(joint.mean[place], joint.factor[np.ix_(place, place)])
 
 
@@ -84,14 +84,14 @@ def one_after_the_other(
 
 
 def _marginal(mean: Array, covariance: Array, n: int) -> Gaussian:
-    """The first n components of a state."""
+    """Return what is known of the first n components of a state."""
     scale = np.sqrt(np.diagonal(covariance)[:n])
     correlation = covariance[:n, :n] / np.outer(scale, scale)
     return Gaussian(mean[:n].copy(), np.asarray(scale[:, None] * np.linalg.cholesky(correlation), dtype=np.float64))
 
 
 def _with_parameters(gaussian: Gaussian, parameters: Gaussian) -> Gaussian:
-    """The same motion, given the parameters, with another Gaussian about these."""
+    """Keep the motion, given the parameters, and put another Gaussian about these."""
     n = parameters.mean.size
     by_parameters = np.linalg.solve(gaussian.factor[:n, :n].T, gaussian.factor[n:, :n].T).T
     mean, factor = gaussian.mean.copy(), gaussian.factor.copy()

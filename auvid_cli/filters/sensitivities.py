@@ -51,7 +51,7 @@ class Response(NamedTuple):
 
     @property
     def blew_up(self) -> bool:
-        """Whether the motion is not finite, or beyond all measure, before the end of the chunk."""
+        """Say whether the motion is not finite, or beyond all measure, before the end of the chunk."""
         return len(self.mean) < self.timeline.time.size
 
 
@@ -166,7 +166,7 @@ def _see_nonlinearly(
     innovation: Array,
     whitened: Array,
 ) -> None:
-    """The same for the nonlinear sensors."""
+    """Do the same for the nonlinear sensors."""
     assert process.linearise is not None, "a nonlinear sensor needs `Process.linearise`"
     n_parameters = means.shape[1] - sensitivities.shape[1]
     for event in range(n_events):

@@ -124,7 +124,7 @@ def draw_points(basis, mean, columns, n, n_moving, scratch, points):
 
 @compiled(types.boolean(types.int64, _vector), reassociate=True, inline=True)
 def all_finite(n, values):
-    """Whether the first n values are; a sum is one branch instead of n."""
+    """Say whether the first n values are finite; a sum is one branch instead of n."""
     total = 0.0
     for i in range(n):
         total += values[i]
@@ -133,7 +133,7 @@ def all_finite(n, values):
 
 @compiled(types.UniTuple(types.int64, 2)(BASIS), internal=True)
 def blocks_and_lanes(basis):
-    """How many blocks of points a map has to work on, and how many lanes of the last: the centre needs one."""
+    """Count the blocks of points that a map has to work on, and the lanes of the last: the centre needs one."""
     n_tiles = basis.directions.shape[0]
     return (n_tiles, LANES) if basis.centred else (n_tiles + 1, 1)
 
@@ -144,7 +144,7 @@ def blocks_and_lanes(basis):
     inline=True,
 )
 def collect_points(images, basis, n_images, first_even, image_mean, odd, regression, spread, scratch):
-    """Mean, odd and even part of what a map made of the points.
+    """Collect mean, odd and even part of what a map made of the points.
 
     Parameters
     ----------

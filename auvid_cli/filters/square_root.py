@@ -38,7 +38,7 @@ _RECORDS = types.NamedTuple((_matrix, _matrix, _matrix, _matrix, _vector), Recor
 
 @compiled(types.void(_matrix, types.int64, _vector, _vector), reassociate=True, internal=True)
 def deviations(columns, n, squares, result):
-    """Standard deviations of the state: row norms of the factor. `squares` is overwritten."""
+    """Fill in the standard deviations of the state: row norms of the factor. `squares` is overwritten."""
     width = columns.shape[1]
     for i in range(width):
         squares[i] = 0.0

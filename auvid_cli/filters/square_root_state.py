@@ -35,7 +35,7 @@ class Model(NamedTuple):
 
     @classmethod
     def of(cls, process: Process, basis: Basis) -> "Model":
-        """The model of a process with a set of points."""
+        """Join a process and a set of points."""
         return cls(process.advance, process.observe, process.constants, process.selection, process.noise_density, basis)
 
 
@@ -69,18 +69,18 @@ class State(NamedTuple):
 
     @classmethod
     def of(cls, gaussian: Gaussian, n_columns: int, width: int) -> "State":
-        """A Gaussian laid out."""
+        """Lay out a Gaussian."""
         n = gaussian.mean.size
         state = cls(n, np.zeros(width), np.zeros((n_columns, width)))
         state.mean[:n], state.columns[:n, :n] = gaussian.mean, gaussian.factor.T
         return state
 
     def copy(self) -> "State":
-        """The same in arrays of its own."""
+        """Copy it into arrays of its own."""
         return State(self.n, self.mean.copy(), self.columns.copy())
 
     def covariance(self) -> Array:
-        """Covariance, shape (n, n)."""
+        """Return the covariance, shape (n, n)."""
         factor = self.columns[: self.n, : self.n]
         return factor.T @ factor
 

@@ -53,14 +53,14 @@ class Stack:
         self._angular = sensors.angular[rows] if sensors.angular[rows].any() else None
 
     def residual(self, measurement: Array, predicted: Array) -> Array:
-        """Difference of the components present, angles wrapped to [-pi, pi)."""
+        """Subtract the components present, angles wrapped to [-pi, pi)."""
         difference = measurement - predicted
         if self._angular is None:
             return difference
         return np.where(self._angular, wrap(difference), difference)
 
     def one_by_one(self, innovation: Array, covariance: Array, inverse: Array) -> tuple[Array, Array, Array]:
-        """What the innovations would have been, had the measurements been heard one after the other.
+        """Find what the innovations would have been, had the measurements been used one after the other.
 
         With the factor L of their covariance, L^-1 y is white, and its part of a measurement is what this says beyond
         those before; the diagonal block of L carries it back to the units of the measurement.
@@ -87,18 +87,18 @@ class Stack:
         if failed:
             raise np.linalg.LinAlgError("the innovation covariance is not positive definite")
         white = factor.T @ (inverse @ innovation)
-        own = factor * self._same_measurement
-        return own @ white, np.einsum("ij,ij->i", own, own), np.add.reduceat(white**2, self.begins)
+        alone = factor * self._same_measurement
+        return alone @ white, np.einsum("ij,ij->i", alone, alone), np.add.reduceat(white**2, self.begins)
 
     def first_broken(self, innovation: Array, covariance: Array) -> int:
-        """The first of `sensors` up to which innovations are not finite or not positive definite, or the last."""
+        """Find the first of `sensors` up to which innovations are not finite or not definite; else the last."""
         ends = [*self.begins[1:], len(covariance)]
         whole = (np.isfinite(innovation[:end]).all() and is_definite(covariance[:end, :end]) for end in ends)
         return next((s for s, sound in zip(self.sensors, whole, strict=True) if not sound), self.sensors[-1])
 
 
 def is_definite(covariance: Array) -> bool:
-    """Whether a matrix is positive definite, each row judged by its own size."""
+    """Say whether a matrix is positive definite, each row judged by its own size."""
     # Scaled to unit diagonal first, so that rounding is judged against each state's own size.
     scale = 1.0 / np.sqrt(np.diagonal(covariance))
     _, failed = dpotrf(covariance * np.outer(scale, scale), lower=True)

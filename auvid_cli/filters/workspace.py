@@ -62,7 +62,7 @@ def padded(size: int) -> int:
 
 
 def new_workspace(basis: Basis, process: Process, n: int, n_components: int, width: int) -> Workspace:
-    """Scratch for a state of n entries, and sensors of up to `n_components`."""
+    """Make the workspace for a state of n entries, and sensors of up to `n_components`."""
     n_tiles, m = basis.directions.shape[0], basis.present.size
     n_moving = process.noise_density.size
     rows = max(n_moving, n_components) + 1

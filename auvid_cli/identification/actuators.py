@@ -14,7 +14,7 @@ _SUBSTEPS = 4
 
 
 def lagged(commands: InputRecord, time_constant: float, step: float) -> InputRecord:
-    """Where fins are that follow ``time_constant d(delta)/dt = command - delta``, at rest in the first command.
+    """Find where fins are that follow ``time_constant d(delta)/dt = command - delta``, at rest in the first command.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def lagged(commands: InputRecord, time_constant: float, step: float) -> InputRec
 
 
 def _response(command: Array, decay: Array) -> Array:
-    """Fin at the beginning of each substep."""
+    """Find the fin at the beginning of each substep."""
     fin, before = np.empty(command.size), command[0]
     for k, (wanted, share) in enumerate(zip(command.tolist(), decay.tolist(), strict=True)):
         fin[k] = before

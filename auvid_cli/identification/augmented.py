@@ -50,7 +50,7 @@ class AugmentedProblem:
 
     @property
     def places(self) -> list[Indices]:
-        """Where in the joint state the state of each segment stands."""
+        """Return where in the joint state the state of each segment stands."""
         return places(self.prior.mean.size, self.process.noise_density.size, len(self.segments))
 
     @property
@@ -94,7 +94,7 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
 
 
 def _prior_of_parameters(layout: StateLayout, dataset: Dataset) -> Gaussian:
-    """Zero mean and the layout's spread; of the coefficients what an earlier estimate says, if one is named."""
+    """Return the prior of the layout, and of the coefficients what an earlier estimate says, if one is named."""
     n, coefficients = layout.n_parameters, layout.rows_of("coefficients")
     parameters = Gaussian(np.zeros(n), np.diag(layout.prior_std[:n]))
     earlier = dataset.experiment.identification.prior.from_estimate
@@ -105,7 +105,7 @@ def _prior_of_parameters(layout: StateLayout, dataset: Dataset) -> Gaussian:
 
 
 def held_coefficients(experiment: RunSettings) -> dict[str, float]:
-    """Values, SI, of the coefficients that are not estimated.
+    """Return the values, SI, of the coefficients that are not estimated.
 
     Raises
     ------

@@ -38,10 +38,10 @@ def chosen_estimator(name: FilterName, augmented: AugmentedProblem, settings: Id
             points = unscented(n, settings.ukf.alpha, settings.ukf.beta, settings.ukf.kappa)
             return _sigma_point(name, augmented, points)
         case FilterName.OUTPUT_ERROR:
-            stated = settings.output_error
-            bounds = _bounds(augmented, stated.bounds)
+            method = settings.output_error
+            bounds = _bounds(augmented, method.bounds)
             problem = augmented.process, augmented.sensors
-            return OutputErrorMethod(name.value, *problem, stated.max_evaluations, bounds, stated.use_prior)
+            return OutputErrorMethod(name.value, *problem, method.max_evaluations, bounds, method.use_prior)
         case _:
             assert_never(name)
 
@@ -60,10 +60,10 @@ def _sigma_point(name: FilterName, augmented: AugmentedProblem, points: PointSet
     return KalmanFilter(name.value, augmented.process, augmented.sensors, partial(run_square_root_filter, points))
 
 
-def _bounds(augmented: AugmentedProblem, stated: dict[str, tuple[float, float]]) -> tuple[Array, Array]:
-    """Lower and upper bounds of the scaled joint state, of which coefficients may have some."""
+def _bounds(augmented: AugmentedProblem, intervals: dict[str, tuple[float, float]]) -> tuple[Array, Array]:
+    """Return lower and upper bounds of the scaled joint state, of which coefficients may have some."""
     lower, upper = np.full(augmented.prior.mean.size, -np.inf), np.full(augmented.prior.mean.size, np.inf)
-    for symbol, limits in stated.items():
+    for symbol, limits in intervals.items():
         (place,) = augmented.layout.rows([symbol])
         lower[place], upper[place] = np.array(limits) / augmented.layout.scale[place]
     return lower, upper

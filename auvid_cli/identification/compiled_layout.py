@@ -25,7 +25,7 @@ _N_ROWS = len(ROWS)
 
 
 def model_constants(vehicle: Array, held: Array, layout: StateLayout) -> Array:
-    """Constants of an augmented model; see `auvid_cli.identification.process.vehicle_process`."""
+    """Lay out the constants of an augmented model; see `auvid_cli.identification.process.vehicle_process`."""
     compiled_in = {
         quantity.symbol
         for block in layout.blocks
@@ -39,25 +39,25 @@ def model_constants(vehicle: Array, held: Array, layout: StateLayout) -> Array:
 
 @compiled(types.int64(_vector))
 def first_moving_row(constants):
-    """How many parameters stand before the moving states; the motion begins these."""
+    """Return the row of the first moving state, behind all parameters; the motion begins there."""
     return int(constants[constants.size - 1])
 
 
 @compiled(types.int64(_vector, types.int64))
 def row_of(constants, which):
-    """Row of the state at which one of `ROWS` stands; negative if nowhere."""
+    """Return the row of the state at which one of `ROWS` stands; negative if nowhere."""
     return int(constants[constants.size - 1 - _N_ROWS + which])
 
 
 @compiled(types.boolean(_vector), internal=True)
 def depth_is_state(constants):
-    """Whether it is."""
+    """Say whether it is."""
     return row_of(constants, ROW_DEPTH) >= 0
 
 
 @compiled(types.float64(_vector, types.int64, _vector, _vector, types.int64), internal=True)
 def value_of(constants, which, parameters, moving, k):
-    """One lane of one of `ROWS`, parameter or moving state; 0 if it is no state."""
+    """Return one lane of one of `ROWS`, parameter or moving state; 0 if it is no state."""
     row, n_parameters = row_of(constants, which), first_moving_row(constants)
     if row < 0:
         return 0.0

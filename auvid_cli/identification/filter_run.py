@@ -72,7 +72,7 @@ class FilterRun:
     def chunk(
         self, rows: tuple[Array, Array, Array], innovations: dict[str, Innovations], kept: slice = slice(None)
     ) -> EstimateChunk:
-        """Time, mean and standard deviation in scaled units, of which some rows are kept, with innovations."""
+        """Convert a chunk to SI from time, mean and standard deviation in scaled units, with its innovations."""
         time, mean, deviation = (row[kept] for row in rows)
         return EstimateChunk(time, mean * self.scale, deviation * self.scale, innovations)
 
@@ -82,13 +82,13 @@ class FilterRun:
         time = np.repeat(timeline.time, np.diff(timeline.measurement_offset))[:n_measurements]
         by_sensor = {}
         for sensor, (name, record) in enumerate(self.measuring.items()):
-            own = (timeline.measurement_sensor[:n_measurements] == sensor) & ~np.isnan(records.nis)
+            used = (timeline.measurement_sensor[:n_measurements] == sensor) & ~np.isnan(records.nis)
             width = len(SENSORS[name])
             by_sensor[name] = Innovations(
-                time[own],
-                records.innovation[own, :width],
-                records.innovation_variance[own, :width],
-                records.nis[own],
+                time[used],
+                records.innovation[used, :width],
+                records.innovation_variance[used, :width],
+                records.nis[used],
                 record.standard_deviation,
             )
         return by_sensor
@@ -176,7 +176,7 @@ def _state_of_the_factor(outcome: FilterOutcome, sigmas: float) -> str:
 
 
 def _clocks() -> Array:
-    """Processor time of this thread and wall time, s."""
+    """Return processor time of this thread and wall time, s."""
     return np.array([thread_time(), perf_counter()])
 
 

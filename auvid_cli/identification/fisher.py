@@ -1,6 +1,6 @@
 """Fisher information of a dataset about coefficients and initial motions, and the bound of Cramer and Rao."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 
@@ -12,7 +12,7 @@ from auvid_cli.filters.information import Information, jointly
 from auvid_cli.filters.problem import Gaussian
 from auvid_cli.filters.sensitivities import responses
 from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
-from auvid_cli.identification.prepared_data import PreparedData
+from auvid_cli.identification.prepared_data import PreparedData, Segment
 from auvid_cli.identification.timeline import CHUNK
 
 Array = NDArray[np.float64]
@@ -57,18 +57,18 @@ class DatasetInformation:
     lost_after: float | None
 
     def bound(self, sensor: str | None = None) -> dict[str, float]:
-        """Least standard deviation of an estimate without bias, SI, from all sensors or from one of them.
+        """Return the least standard deviation of an estimate without bias, SI, from all sensors or from one of them.
 
         Infinite for what the measurements do not tell from the rest.
         """
         return self._deviations(self.total if sensor is None else self.by_sensor[sensor])
 
     def bound_with_prior(self) -> dict[str, float]:
-        """The same from all sensors and the prior together, on all of the state."""
+        """Return the same from all sensors and the prior together, on all of the state."""
         return self._deviations(self.total.join(Information.of_gaussian(self.prior, self.prior.mean)))
 
     def _deviations(self, information: Information) -> dict[str, float]:
-        """Of the coefficients and of the first motion."""
+        """Return the bound on the coefficients and on the first motion."""
         first = np.eye(self.scale.size, information.projected.size)
         deviation = self.scale * information.uncertainty().deviation(first)
         return dict(zip(self.state, deviation.tolist(), strict=True))
@@ -77,7 +77,7 @@ class DatasetInformation:
 def information_at(
     prepared: PreparedData, coefficients: Mapping[str, float], motions: Sequence[Array] | None = None
 ) -> DatasetInformation:
-    """Fisher information at given values of the coefficients, for white measurement noise and no process noise.
+    """Find the Fisher information at some coefficients, for white measurement noise and no process noise.
 
     Parameters
     ----------
@@ -94,59 +94,68 @@ def information_at(
     DataError
         If the model blows up with these coefficients.
     """
-    busiest = max(record.time.size for record in prepared.measuring.values())
-    chunk = min(CHUNK, busiest // _STAGES + 1)
     problem = augmented_problem(prepared)
     start, n = _start(problem, coefficients, motions), len(problem.layout.symbols)
-    n_parameters = n - problem.process.noise_density.size
-    of_segments: list[dict[str, Information]] = []
+    n_parameters = problem.layout.n_parameters
+    by_segment: list[dict[str, Information]] = []
     growing: list[tuple[float, Information]] = []
     elapsed, before, lost_after = 0.0, Information.none(n), None
     least = np.full(n, np.inf)
     for segment, place in zip(problem.segments, problem.places, strict=True):
         by_sensor = dict.fromkeys(problem.measuring, Information.none(n))
-        together = Information.none(n)
         least[n_parameters:] = np.inf
-        for response in responses(
-            problem.process, problem.sensors, segment.timelines.in_chunks_of(chunk), start[place]
-        ):
-            if response.blew_up:
-                time = response.timeline.time[len(response.mean)]
-                raise DataError(f"with these coefficients the model blows up at t = {time:.3f} s")
-            longer = {
-                name: by_sensor[name].with_response(response, response.timeline.measurement_sensor == sensor)
-                for sensor, name in enumerate(by_sensor)
-            }
-            together = reduce(Information.join, longer.values())
-            known = together.join(before)
+        for time, longer in _stages(problem, segment, start[place]):
+            known = _together(longer).join(before)
             deviation = known.uncertainty().deviation(np.eye(n))
             # More data cannot say less: if it seems so, rounding has the last word.
             if (deviation > _ROUNDED * least).any():
                 lost_after = growing[-1][0]
                 break
             by_sensor, least = longer, deviation
-            growing.append((elapsed + float(response.timeline.time[-1]) - segment.timelines.span[0], known))
-        of_segments.append(by_sensor)
+            growing.append((elapsed + time - segment.timelines.span[0], known))
+        by_segment.append(by_sensor)
         if lost_after is not None:
             break
-        elapsed, before = growing[-1][0], before.join(together.split(n_parameters)[1])
-    reached = n_parameters + len(of_segments) * (n - n_parameters)
+        elapsed, before = growing[-1][0], before.join(_together(by_sensor).split(n_parameters)[1])
+    reached = n_parameters + len(by_segment) * (n - n_parameters)
     return DatasetInformation(
         problem.layout.symbols,
         problem.layout.scale,
         Gaussian(problem.prior.mean[:reached], problem.prior.factor[:reached, :reached]),
-        {name: jointly([own[name] for own in of_segments], n_parameters) for name in problem.measuring},
-        jointly([reduce(Information.join, own.values()) for own in of_segments], n_parameters),
+        {name: jointly([by_sensor[name] for by_sensor in by_segment], n_parameters) for name in problem.measuring},
+        jointly([_together(by_sensor) for by_sensor in by_segment], n_parameters),
         tuple(growing),
         lost_after,
     )
 
 
+def _stages(
+    problem: AugmentedProblem, segment: Segment, start: Array
+) -> Iterator[tuple[float, dict[str, Information]]]:
+    """Yield what each sensor says of the state of a segment until later and later, s, as the motion goes on."""
+    busiest = max(record.time.size for record in problem.measuring.values())
+    timelines = segment.timelines.in_chunks_of(min(CHUNK, busiest // _STAGES + 1))
+    by_sensor = dict.fromkeys(problem.measuring, Information.none(start.size))
+    for response in responses(problem.process, problem.sensors, timelines, start):
+        time, measured_by = response.timeline.time, response.timeline.measurement_sensor
+        if response.blew_up:
+            raise DataError(f"with these coefficients the model blows up at t = {time[len(response.mean)]:.3f} s")
+        by_sensor = {
+            name: information.with_response(response, measured_by == sensor)
+            for sensor, (name, information) in enumerate(by_sensor.items())
+        }
+        yield float(time[-1]), by_sensor
+
+
+def _together(by_sensor: Mapping[str, Information]) -> Information:
+    return reduce(Information.join, by_sensor.values())
+
+
 def _start(problem: AugmentedProblem, coefficients: Mapping[str, float], motions: Sequence[Array] | None) -> Array:
-    """The joint state in scaled units; of what is not given as the prior has it."""
+    """Return the joint state in scaled units; what is not given is as the prior has it."""
     start = problem.prior.mean.copy()
-    own = problem.layout.rows_of("coefficients")
-    start[own] = [coefficients[symbol] for symbol in problem.layout.symbols[own]] / problem.layout.scale[own]
+    rows = problem.layout.rows_of("coefficients")
+    start[rows] = [coefficients[symbol] for symbol in problem.layout.symbols[rows]] / problem.layout.scale[rows]
     if motions is not None:
         for motion, place in zip(motions, problem.places, strict=True):
             start[place[problem.layout.rows_of("motion")]] = motion

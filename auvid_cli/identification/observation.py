@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 @compiled(OBSERVATION_SIGNATURE)
 def observe(moving, parameters, sensor, constants, selection, n_lanes, seen):
-    """What it sees of a block of states; the DVL is the only nonlinear sensor."""
+    """Predict what the DVL sees of a block of states; it is the only nonlinear sensor."""
     for k in range(n_lanes):
         north = value_of(constants, ROW_CURRENT_NORTH, parameters, moving, k)
         east = value_of(constants, ROW_CURRENT_EAST, parameters, moving, k)
@@ -46,7 +46,7 @@ def observe(moving, parameters, sensor, constants, selection, n_lanes, seen):
 
 
 def linearised(constants: Array, mean: Array, sensor: int) -> tuple[Array, Array]:
-    """What it sees of one state, shape (3,), and the derivative by the state, shape (3, n)."""
+    """Predict what it sees of one state, shape (3,), and the derivative by the state, shape (3, n)."""
     first = first_moving_row(constants)
     rows = [row_of(constants, which) for which in (ROW_DVL_SCALE, ROW_DVL_YAW, ROW_CURRENT_NORTH, ROW_CURRENT_EAST)]
     scale, yaw, north, east = (float(mean[row]) if row >= 0 else 0.0 for row in rows)
@@ -70,17 +70,17 @@ def linearised(constants: Array, mean: Array, sensor: int) -> tuple[Array, Array
 
 
 def dvl_axes(scale: float, yaw: float) -> Array:
-    """From the velocity over ground to what is seen of it, ``(1 + scale) Rz(yaw)'``."""
+    """Return the matrix from the velocity over ground to what is seen of it, ``(1 + scale) Rz(yaw)'``."""
     sine, cosine = np.sin(yaw), np.cos(yaw)
     return (1.0 + scale) * np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 def current_in_body_axes(attitude: Array, north: float, east: float) -> Array:
-    """A current along x, y, z of the vehicle, shape (..., 3), at as many attitudes."""
+    """Turn a current to x, y, z of the vehicle, shape (..., 3), at as many attitudes."""
     rows = attitude.reshape(-1, 3)
     return earth_to_body(rows, np.broadcast_to([north, east, 0.0], rows.shape)).reshape(attitude.shape)
 
 
 def earth_in_body_axes(attitude: Array) -> Array:
-    """North, east and down along x, y, z of the vehicle: the columns of ``R(phi, theta, psi)'``."""
+    """Return north, east and down along x, y, z of the vehicle: the columns of ``R(phi, theta, psi)'``."""
     return rotation_matrix(attitude).T

@@ -20,7 +20,7 @@ _LIFT_SLOPE = 3.0
 
 
 def natural_magnitude(coefficient: Coefficient, size: Size) -> float:
-    """Magnitude a coefficient would have on a plain body of this size, SI.
+    """Return the magnitude that a coefficient would have on a plain body of this size, SI.
 
     Drag is ``rho/2 C A`` with C = 1 on the frontal area for surge and on the lateral area for the
     cross-flow terms; lift and control are ``rho/2 C_L d^2``. A moment, and every rate among the
@@ -44,22 +44,22 @@ def natural_magnitude(coefficient: Coefficient, size: Size) -> float:
     return float(pressure * area * lever ** (turns + (coefficient.row >= 3)))
 
 
-def prior_standard_deviations(size: Size, factor: float, stated: dict[str, float]) -> dict[str, float]:
-    """Standard deviation of each coefficient's zero-mean prior, SI, by symbol.
+def prior_standard_deviations(size: Size, factor: float, given: dict[str, float]) -> dict[str, float]:
+    """Return the standard deviation of each coefficient's zero-mean prior, SI, by symbol.
 
     Parameters
     ----------
     size : Size
     factor : float
         Times the natural magnitude.
-    stated : dict
+    given : dict
         By symbol, instead of that.
     """
-    return {c.symbol: stated.get(c.symbol, factor * natural_magnitude(c, size)) for c in COEFFICIENTS}
+    return {c.symbol: given.get(c.symbol, factor * natural_magnitude(c, size)) for c in COEFFICIENTS}
 
 
 def earlier_gaussian(path: Path, dataset: Dataset, estimated: Sequence[str], scale: Array) -> tuple[Array, Array]:
-    """What an earlier estimate says of coefficients, in units of `scale`; what it does not know keeps its prior.
+    """Return what an earlier estimate says of coefficients, in units of `scale`; others keep their prior.
 
     Parameters
     ----------

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 from functools import partial
+from itertools import accumulate
+from typing import NamedTuple
 
 import numpy as np
 from numba import types
@@ -43,6 +45,53 @@ _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
 
 
+class _Workspace(NamedTuple):
+    """Arrays that hold nothing from one use to the next.
+
+    Attributes
+    ----------
+    coefficients : ndarray, shape (N_FACTORS,)
+        All of them, estimated or held, and the thrust's factor.
+    sensitivity : ndarray, shape (9, 9 + N_FACTORS)
+        Derivative of the motion by where it started and by the coefficients.
+    sinking : ndarray, shape (9 + N_FACTORS + 1,)
+        The same of the depth, then how much it has grown.
+    block : ndarray, shape (N_BLOCK + LANES,)
+        Motion and depth in the first lane of a block.
+    coefficient_block : ndarray, shape (N_COEFFICIENT_BLOCK,)
+    step : ndarray
+        For a Runge-Kutta step, with or without the transition matrix.
+    """
+
+    coefficients: Array
+    sensitivity: Array
+    sinking: Array
+    block: Array
+    coefficient_block: Array
+    step: Array
+
+
+# Where each of them ends in the scratch that a filter hands over.
+_COEFFICIENTS, _SENSITIVITY, _SINKING, _BLOCK, _COEFFICIENT_BLOCK, _N_SCRATCH = accumulate(
+    (
+        *(N_FACTORS, N_MOTION * N_COLUMNS, N_COLUMNS + 1, N_BLOCK + LANES, N_COEFFICIENT_BLOCK),
+        max(N_TRANSITION_WORK, N_WORK),
+    )
+)
+
+
+@compiled(types.NamedTuple((_vector, _matrix, *[_vector] * 4), _Workspace)(_vector), inline=True)
+def _workspace(scratch):
+    return _Workspace(
+        coefficients=scratch[:_COEFFICIENTS],
+        sensitivity=scratch[_COEFFICIENTS:_SENSITIVITY].reshape(N_MOTION, N_COLUMNS),
+        sinking=scratch[_SENSITIVITY:_SINKING],
+        block=scratch[_SINKING:_BLOCK],
+        coefficient_block=scratch[_BLOCK:_COEFFICIENT_BLOCK],
+        step=scratch[_COEFFICIENT_BLOCK:_N_SCRATCH],
+    )
+
+
 @compiled(types.void(_vector, types.int64, types.uint64, types.float64), internal=True)
 def _sink(moving, place, n_lanes, duration):
     """Move the depth on at the present rate: a half step before and one after the motion are the trapezoidal rule.
@@ -58,6 +107,7 @@ def _sink(moving, place, n_lanes, duration):
 
 @compiled(PROCESS_SIGNATURE)
 def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration, scratch):
+    # Not from `_workspace`: with slices that begin at an offset a step of the sigma-point filters is 2 to 4 % longer.
     coefficients, work = scratch[:N_COEFFICIENT_BLOCK], scratch[N_COEFFICIENT_BLOCK:]
     j = 0
     for m in range(N_COEFFICIENTS):
@@ -108,14 +158,14 @@ def _fill_in_row(sensitivity, constants, selection, row):
 
 @compiled(types.void(_matrix, _vector, _indices, _matrix), internal=True)
 def _fill_in(sensitivity, constants, selection, matrix):
-    """Sensitivities to motion and to all factors, to the moving rows of a transition matrix."""
+    """Copy sensitivities to motion and to all factors to the moving rows of a transition matrix."""
     for i in range(N_MOTION):
         _fill_in_row(sensitivity[i], constants, selection, matrix[first_moving_row(constants) + i])
 
 
 @compiled(types.void(_matrix, _vector), internal=True)
 def _before_moving(sensitivity, sinking):
-    """The motion depends on itself alone, and the depth has not changed."""
+    """Begin: the motion depends on itself alone, and the depth has not changed."""
     for i in range(N_MOTION):
         for j in range(N_COLUMNS):
             sensitivity[i, j] = 1.0 if i == j else 0.0
@@ -137,68 +187,54 @@ def _sink_rate(motion, sensitivity, duration, sinking):
     sinking[N_COLUMNS] += duration * (cos_theta * across - sin_theta * u)
 
 
-# Where in the scratch of a transition all coefficients, the sensitivities of motion and depth, and the rest stand.
-_SENSITIVITY = N_FACTORS
-_SINKING = _SENSITIVITY + N_MOTION * N_COLUMNS
-_REST = _SINKING + N_COLUMNS + 1
-# And in the rest of a first-order one, motion and depth, the coefficients, and the work of a step.
-_BLOCK = N_BLOCK + LANES
-_STEP = _BLOCK + N_COEFFICIENT_BLOCK
-
-
 @compiled(TRANSITION_SIGNATURE)
 def _exact_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
-    """The variational equation along the integration."""
-    first = first_moving_row(constants)
-    depth, motion = row_of(constants, ROW_DEPTH), mean[first:][:N_MOTION]
-    coefficients, sinking, work = scratch[:N_FACTORS], scratch[_SINKING:_REST], scratch[_REST:]
-    sensitivity = scratch[_SENSITIVITY:_SINKING].reshape(N_MOTION, N_COLUMNS)
-    _all_coefficients(mean, constants, selection, coefficients)
-    _before_moving(sensitivity, sinking)
+    """Integrate the variational equation along the motion."""
+    work, vehicle = _workspace(scratch), constants[:N_CONSTANTS]
+    depth, motion = row_of(constants, ROW_DEPTH), mean[first_moving_row(constants) :][:N_MOTION]
+    _all_coefficients(mean, constants, selection, work.coefficients)
+    _before_moving(work.sensitivity, work.sinking)
     for substep in range(substep_duration.size):
         held, duration = inputs[substep_input[substep]], substep_duration[substep]
         if depth_is_state(constants):
-            _sink_rate(motion, sensitivity, 0.5 * duration, sinking)
-        transition_step(motion, coefficients, held, constants[:N_CONSTANTS], duration, sensitivity, work)
+            _sink_rate(motion, work.sensitivity, 0.5 * duration, work.sinking)
+        transition_step(motion, work.coefficients, held, vehicle, duration, work.sensitivity, work.step)
         if depth_is_state(constants):
-            _sink_rate(motion, sensitivity, 0.5 * duration, sinking)
-    _fill_in(sensitivity, constants, selection, matrix)
+            _sink_rate(motion, work.sensitivity, 0.5 * duration, work.sinking)
+    _fill_in(work.sensitivity, constants, selection, matrix)
     if depth_is_state(constants):
-        mean[depth] += sinking[N_COLUMNS]
-        _fill_in_row(sinking, constants, selection, matrix[depth])
+        mean[depth] += work.sinking[N_COLUMNS]
+        _fill_in_row(work.sinking, constants, selection, matrix[depth])
 
 
 @compiled(TRANSITION_SIGNATURE)
 def first_order_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
-    """The paper's I + A dt, Table A1: linearised once, where the interval begins."""
-    first = first_moving_row(constants)
-    depth, motion = row_of(constants, ROW_DEPTH), mean[first:][:N_MOTION]
-    coefficients, sinking, work = scratch[:N_FACTORS], scratch[_SINKING:_REST], scratch[_REST:]
-    sensitivity = scratch[_SENSITIVITY:_SINKING].reshape(N_MOTION, N_COLUMNS)
-    vehicle, elapsed = constants[:N_CONSTANTS], 0.0
-    _all_coefficients(mean, constants, selection, coefficients)
+    """Linearise once, where the interval begins: the paper's I + A dt, Table A1."""
+    work, vehicle = _workspace(scratch), constants[:N_CONSTANTS]
+    depth, motion = row_of(constants, ROW_DEPTH), mean[first_moving_row(constants) :][:N_MOTION]
+    sensitivity, block, elapsed = work.sensitivity, work.block, 0.0
+    _all_coefficients(mean, constants, selection, work.coefficients)
     for substep in range(substep_duration.size):
         elapsed += substep_duration[substep]
     if depth_is_state(constants):
-        _before_moving(sensitivity, sinking)
-        _sink_rate(motion, sensitivity, elapsed, sinking)
-        _fill_in_row(sinking, constants, selection, matrix[depth])
-    motion_jacobian(motion, coefficients, inputs[substep_input[0]], vehicle, sensitivity, work)
+        _before_moving(sensitivity, work.sinking)
+        _sink_rate(motion, sensitivity, elapsed, work.sinking)
+        _fill_in_row(work.sinking, constants, selection, matrix[depth])
+    motion_jacobian(motion, work.coefficients, inputs[substep_input[0]], vehicle, sensitivity, work.step)
     for i in range(N_MOTION):
         for j in range(N_COLUMNS):
             sensitivity[i, j] = elapsed * sensitivity[i, j] + (1.0 if i == j else 0.0)
     _fill_in(sensitivity, constants, selection, matrix)
-    block, coefficient_block, work = work[:_BLOCK], work[_BLOCK:_STEP], work[_STEP:]
     for i in range(N_MOTION):
         block[i * LANES] = motion[i]
     block[N_MOTION * LANES] = 0.0
     for m in range(N_FACTORS):
-        coefficient_block[m * LANES] = coefficients[m]
+        work.coefficient_block[m * LANES] = work.coefficients[m]
     for substep in range(substep_duration.size):
         held, duration = inputs[substep_input[substep]], substep_duration[substep]
         if depth_is_state(constants):
             _sink(block, N_MOTION, 1, 0.5 * duration)
-        runge_kutta_step(block, coefficient_block, held, vehicle, 1, duration, work)
+        runge_kutta_step(block, work.coefficient_block, held, vehicle, 1, duration, work.step)
         if depth_is_state(constants):
             _sink(block, N_MOTION, 1, 0.5 * duration)
     for i in range(N_MOTION):
@@ -208,7 +244,7 @@ def first_order_transition(mean, inputs, substep_input, substep_duration, consta
 
 
 def vehicle_process(vehicle: Array, held: Mapping[str, float], layout: StateLayout) -> Process:
-    """The augmented model of Sabet et al. 2018, eq. (10), with coefficients in units of their scales, and errors.
+    """Make the augmented model of Sabet et al. 2018, eq. (10), with coefficients in units of their scales, and errors.
 
     Parameters
     ----------
@@ -230,8 +266,7 @@ def vehicle_process(vehicle: Array, held: Mapping[str, float], layout: StateLayo
         constants=constants,
         selection=np.array([SYMBOLS.index(symbol) for symbol in estimated], dtype=np.int64),
         noise_density=layout.noise_density,
-        # The larger need of the two: a transition's, which has room for the block and work of `advance` as well.
-        scratch_size=_REST + max(N_TRANSITION_WORK, _STEP + N_WORK),
+        scratch_size=_N_SCRATCH,
         observe=observe,
         linearise=partial(linearised, constants),
     )

@@ -35,7 +35,7 @@ def used_data(dataset: Dataset) -> Dataset:
     sensors = {}
     for name, record in dataset.sensors.items():
         cut = [record.between(*span) for span in spans]
-        time, values = (np.concatenate([getattr(own, of) for own in cut]) for of in ("time", "values"))
+        time, values = (np.concatenate([getattr(record, of) for record in cut]) for of in ("time", "values"))
         sensors[name] = replace(record, time=time, values=values)
     return replace(dataset, sensors=sensors)
 

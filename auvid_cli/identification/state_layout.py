@@ -52,7 +52,7 @@ class StateBlock:
 
     @property
     def is_moving(self) -> bool:
-        """Whether its components are moving states, and not parameters."""
+        """Say whether its components are moving states, and not parameters."""
         return bool(self.noise_density)
 
 
@@ -100,24 +100,24 @@ class StateLayout:
 
     @cached_property
     def noise_density(self) -> Array:
-        """Of the moving states."""
+        """Square root of the power spectral density that drives each moving state."""
         return np.concatenate([block.noise_density for block in self.blocks if block.is_moving])
 
     @property
     def n_parameters(self) -> int:
-        """How many parameters stand before the moving states."""
+        """Number of parameters, which stand before the moving states."""
         return len(self.symbols) - self.noise_density.size
 
     def row(self, symbol: str) -> int | None:
-        """Where a component stands; None if it is no state."""
+        """Return where a component stands; None if it is no state."""
         return self._rows.get(symbol)
 
     def rows(self, symbols: Sequence[str]) -> list[int]:
-        """Where components stand that are all states."""
+        """Return where components stand that are all states."""
         return [self._rows[symbol] for symbol in symbols]
 
     def rows_of(self, name: str) -> slice:
-        """Where a block stands; empty if there is none of that name."""
+        """Return where a block stands; empty if there is none of that name."""
         for block, begin, end in zip(self.blocks, self._ends, self._ends[1:], strict=False):
             if block.name == name:
                 return slice(begin, end)
@@ -125,7 +125,7 @@ class StateLayout:
 
 
 def state_layout(settings: Identification, size: Size, has_depth: bool) -> StateLayout:
-    """The augmented state that settings ask for.
+    """Lay out the augmented state that settings ask for.
 
     Parameters
     ----------

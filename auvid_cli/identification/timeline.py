@@ -28,7 +28,7 @@ CHUNK = 8000
 
 
 def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
-    """The sensors that measure motion states or the depth and have at least one valid sample.
+    """Return the sensors that measure motion states or the depth and have at least one valid sample.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
 
 
 def measurement_model(measuring: dict[str, SensorRecord], layout: StateLayout, gate: float) -> Sensors:
-    """Rows that select the measured motion states, plus the sensor's own errors, from an augmented state.
+    """Return the rows that select the measured motion states, plus the sensor's own errors, from an augmented state.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def measurement_model(measuring: dict[str, SensorRecord], layout: StateLayout, g
 
 
 def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tuple[float, Array]:
-    """Where a filter starts: when every sensor has spoken, and what each said last by then.
+    """Find where a filter starts: when every sensor has measured, and what each measured last by then.
 
     Returns
     -------
@@ -108,14 +108,14 @@ def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tupl
     motion = np.zeros(N_MOTION)
     for name, record in measuring.items():
         for component, quantity in enumerate(SENSORS[name]):
-            said = np.isfinite(record.values[:, component]) & (record.time <= start)
-            if said.any() and quantity != DEPTH:
-                motion[MOTION_SYMBOLS.index(quantity.symbol)] = record.values[said, component][-1]
+            measured = np.isfinite(record.values[:, component]) & (record.time <= start)
+            if measured.any() and quantity != DEPTH:
+                motion[MOTION_SYMBOLS.index(quantity.symbol)] = record.values[measured, component][-1]
     return start, motion
 
 
 def initial_depth(record: SensorRecord, start: float) -> float:
-    """What a depth sensor said last by a start, s; or, if it was silent until then, first."""
+    """Find what a depth sensor measured last by a start, s; or, if it was silent until then, first."""
     time, depth = (values[np.isfinite(record.values[:, 0])] for values in (record.time, record.values[:, 0]))
     return float(depth[max(np.searchsorted(time, start, side="right") - 1, 0)])
 
@@ -199,13 +199,13 @@ def _merge(
     tick = np.concatenate(ticks)
     # Stable: at equal times the sensors keep their order.
     order = np.argsort(tick, kind="stable")
-    sensor = np.repeat(np.arange(len(ticks), dtype=np.int8), [own.size for own in ticks])
+    sensor = np.repeat(np.arange(len(ticks), dtype=np.int8), [times.size for times in ticks])
     events, first_measurement = np.unique(tick[order], return_index=True)
     return events, np.append(first_measurement, tick.size), sensor[order], np.concatenate(values)[order]
 
 
 def _substeps(changes: Ticks, before: np.int64, events: Ticks, step: float) -> tuple[Indices, Array, Indices]:
-    """Offset of each event's substeps, durations and inputs: what lies between it and the event before."""
+    """Divide what lies between events into substeps: the offset of each event's, their durations and inputs."""
     inside = slice(*np.searchsorted(changes, [before + 1, events[-1]]))
     cuts = np.unique(np.concatenate([[before], events, changes[inside]]))
     gaps = np.diff(cuts)
@@ -215,11 +215,11 @@ def _substeps(changes: Ticks, before: np.int64, events: Ticks, step: float) -> t
             f"nothing is heard from t = {cuts[k] * _NANOSECOND:.6g} s to {cuts[k + 1] * _NANOSECOND:.6g} s, too long "
             "to go on without a measurement: end a segment there (identification.use.longest_gap), or use a part of it"
         )
-    parts = np.maximum(np.ceil(gaps * _NANOSECOND / step - 1e-6).astype(np.int64), 1)
+    n_substeps = np.maximum(np.ceil(gaps * _NANOSECOND / step - 1e-6).astype(np.int64), 1)
     held = np.maximum(np.searchsorted(changes, cuts[:-1], side="right") - 1, 0)
-    substeps_before_cut = np.append(0, np.cumsum(parts))
+    substeps_before_cut = np.append(0, np.cumsum(n_substeps))
     offset = np.append(0, substeps_before_cut[np.searchsorted(cuts, events)])
-    return offset, np.repeat(gaps * _NANOSECOND / parts, parts), np.repeat(held, parts)
+    return offset, np.repeat(gaps * _NANOSECOND / n_substeps, n_substeps), np.repeat(held, n_substeps)
 
 
 def _last_measurement(record: SensorRecord) -> float:
@@ -227,7 +227,7 @@ def _last_measurement(record: SensorRecord) -> float:
 
 
 def _check_coverage(changes: Ticks, last: np.int64) -> None:
-    """Inputs hold until the next one, but not for ever: a second, or as long as they ever did."""
+    """Refuse measurements after the last input has held for longer than a second and than any other input did."""
     longest = max(1.0, float(np.diff(changes).max(initial=0)) * _NANOSECOND)
     if last - changes[-1] > longest / _NANOSECOND:
         raise DataError(

@@ -29,7 +29,7 @@ _CHUNK = 100_000
 
 
 def in_vehicle_axes(sensor: SensorMap, rows: Rows, path: Path) -> Array:
-    """Components in the body's axes, or about those of the earth, north-east-down; as far as that needs no attitude.
+    """Turn components to the body's axes, or about the earth's, north-east-down, as far as that needs no attitude.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def in_vehicle_axes(sensor: SensorMap, rows: Rows, path: Path) -> Array:
 
 
 def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, SensorRecord], path: Path) -> Array:
-    """Velocity of the vehicle's origin in body axes, with attitude and rates of other sensors at its times.
+    """Find the velocity of the vehicle's origin in body axes, with attitude and rates of other sensors at its times.
 
     Raises
     ------
@@ -80,18 +80,18 @@ def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, Se
 
 
 def _whole(records: dict[str, SensorRecord], name: str) -> SensorRecord | None:
-    """A sensor's record if it ever measured all of its components."""
+    """Return a sensor's record if it ever measured all of its components."""
     record = records.get(name)
     return record if record is not None and np.isfinite(record.values).all(axis=1).any() else None
 
 
 def _mounted(sensor: InBody | DvlMap) -> Array:
-    """Quaternion from the sensor's axes to the body's."""
+    """Return the quaternion from the sensor's axes to the body's."""
     return _UNTURNED if sensor.mount is None else quaternion_of_euler(np.array([sensor.mount.angles()]))[0]
 
 
 def _attitude(sensor: AttitudeMap, rows: Rows, path: Path) -> Array:
-    """Roll, pitch and yaw of the body, from north."""
+    """Return roll, pitch and yaw of the body, from north."""
     frames = (sensor.reference, sensor.frame)
     if sensor.quaternion is None and sensor.mount is None and frames in (("NED", "FRD"), ("ENU", "FLU")):
         missing = np.full(rows.time.size, np.nan)

@@ -56,7 +56,7 @@ class Order(NamedTuple):
 
 
 def to_seconds(values: ColumnValues, factor: float) -> Clock:
-    """Seconds of a time column.
+    """Convert a time column to seconds.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def to_seconds(values: ColumnValues, factor: float) -> Clock:
 
 
 def order_rows(seconds: Array) -> Order:
-    """Order in which times increase strictly; of rows at one time the first counts."""
+    """Find the order in which times increase strictly; of rows at one time the first counts."""
     known = np.isfinite(seconds)
     without_time = int(seconds.size - np.count_nonzero(known))
     steps = np.diff(seconds[known] if without_time else seconds)

@@ -73,6 +73,6 @@ def find_clock_drift(taken: Array, other: Array, names: tuple[str, str]) -> Cloc
 
 
 def _unevenness(time: Array) -> float:
-    """Mean size, s, of what intervals differ from their median by."""
+    """Return the mean size, s, of what intervals differ from their median by."""
     intervals = np.diff(time)
     return float(np.abs(intervals - np.median(intervals)).mean())

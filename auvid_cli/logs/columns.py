@@ -27,7 +27,7 @@ class ColumnReader:
         self._clocks: dict[tuple[Place, float], Clock] = {}
 
     def take(self, place: Place) -> ColumnValues:
-        """A column, once for each request that needs it.
+        """Hand out a column, once for each request that needs it.
 
         Raises
         ------
@@ -42,7 +42,7 @@ class ColumnReader:
         return self._held[place] if self._wanted[place] else self._held.pop(place)
 
     def take_time(self, request: Request) -> Clock:
-        """Times of a request's rows, s; the array may be shared with others.
+        """Hand out the times of a request's rows, s; the array may be shared with others.
 
         Raises
         ------

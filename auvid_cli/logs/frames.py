@@ -15,7 +15,7 @@ ENU_TO_NED = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
 
 
 def quaternion_of_euler(angles: Array) -> Array:
-    """Quaternions of Euler angles, shape (n, 3) to (n, 4)."""
+    """Convert Euler angles to quaternions, shape (n, 3) to (n, 4)."""
     cosine, sine = np.cos(0.5 * angles).T, np.sin(0.5 * angles).T
     (cr, cp, cy), (sr, sp, sy) = cosine, sine
     return np.column_stack(
@@ -29,7 +29,7 @@ def quaternion_of_euler(angles: Array) -> Array:
 
 
 def euler_of_quaternion(quaternion: Array) -> Array:
-    """Euler angles of quaternions of any length but zero, shape (n, 4) to (n, 3); NaN of a zero."""
+    """Convert quaternions of any length but zero to Euler angles, shape (n, 4) to (n, 3); NaN of a zero."""
     length = np.sqrt(np.einsum("ij,ij->i", quaternion, quaternion))
     length[length == 0.0] = np.nan
     w, x, y, z = (quaternion / length[:, None]).T
@@ -45,7 +45,7 @@ def euler_of_quaternion(quaternion: Array) -> Array:
 
 
 def product(left: Array, right: Array) -> Array:
-    """Quaternion product, either side one quaternion or n."""
+    """Multiply quaternions, either side one of them or n."""
     a, b, c, d = left.T
     w, x, y, z = right.T
     return np.stack(
@@ -60,12 +60,12 @@ def product(left: Array, right: Array) -> Array:
 
 
 def conjugate(quaternion: Array) -> Array:
-    """Quaternions of the turns back."""
+    """Return the quaternions of the turns back."""
     return quaternion * np.array([1.0, -1.0, -1.0, -1.0])
 
 
 def rotation(quaternion: Array) -> Array:
-    """Rotation matrix of one quaternion; what is only rounding beside 1 becomes 0, so that axes stay apart."""
+    """Return the rotation matrix of a quaternion; what is only rounding beside 1 becomes 0, so that axes stay apart."""
     w, x, y, z = quaternion
     matrix = np.array(
         [

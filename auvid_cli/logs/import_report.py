@@ -40,19 +40,19 @@ class Account(NamedTuple):
 
 
 def account_of(name: str, time: NDArray[np.float64], missing: int, rows: Rows, remarks: tuple[str, ...]) -> Account:
-    """Account of a sensor or input that kept samples at `time`, s, of the rows that were read."""
+    """Account for a sensor or input that kept samples at `time`, s, of the rows that were read."""
     order, rollovers, drift = rows.order, rows.rollovers, rows.clock_drift
-    said = (
+    treatment = (
         (order.backward, f"time went back in {order.backward} rows, by up to {order.furthest_back:.3g} s: sorted"),
         (order.without_time, f"{order.without_time} rows without a time left out"),
         (rollovers, f"the hour or the day of the clock ended, {rollovers} in all: taken to go on"),
         (drift, _differing(drift) if drift else ""),
         *((True, _overlapping(overlap)) for overlap in rows.overlaps),
     )
-    own = tuple(text for applies, text in said if applies)
+    of_rows = tuple(text for applies, text in treatment if applies)
     rate = 1.0 / float(np.median(np.diff(time))) if time.size > 1 else 0.0
     span = float(time[0]), float(time[-1])
-    return Account(name, time.size, rate, span, missing, order.duplicates, (*own, *remarks))
+    return Account(name, time.size, rate, span, missing, order.duplicates, (*of_rows, *remarks))
 
 
 def _differing(drift: ClockDrift) -> str:

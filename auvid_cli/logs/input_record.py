@@ -60,7 +60,9 @@ def read_inputs(
     with refusals.collecting():
         if not time.size or time[0] > end or time[-1] < begin:
             message = f"no time in common with the sensors, which measure from {begin:.3f} to {end:.3f} s"
-            spans = ", ".join(f"{name} {own.time[0]:.3f} to {own.time[-1]:.3f} s" for name, own in channels.items())
+            spans = ", ".join(
+                f"{name} {channel.time[0]:.3f} to {channel.time[-1]:.3f} s" for name, channel in channels.items()
+            )
             raise RefusedError(("inputs",), f"{message}: {spans}; give one of them a time with an `offset`")
         remarks = _mix(settings, held, sensors.records, record)
     refusals.stop_if_any()
@@ -128,7 +130,7 @@ def _mix(
 
 
 def _mapped(settings: InputsMap) -> set[str]:
-    """Inputs that the map says anything of."""
+    """Return the inputs that the map says anything of."""
     mapped = {symbol for symbol in INPUT_SYMBOLS if getattr(settings, symbol) is not None}
     if settings.fins is not None:
         mapped |= moved_by(settings.fins.given())
@@ -136,7 +138,7 @@ def _mapped(settings: InputsMap) -> set[str]:
 
 
 def _speed(time: Array, sensors: dict[str, SensorRecord]) -> Array:
-    """Measured surge velocity; NaN where there is none."""
+    """Return the measured surge velocity; NaN where there is none."""
     if "dvl" not in sensors:
         raise RefusedError(("inputs", "thrust", "b"), "needs the speed, but no `dvl` is mapped")
     return interpolate(sensors["dvl"].time, sensors["dvl"].values[:, :1], time)[:, 0]

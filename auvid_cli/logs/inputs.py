@@ -46,7 +46,7 @@ class Mixed(NamedTuple):
 
 
 def hold(channels: Mapping[str, Channel]) -> tuple[Array, dict[str, Array]]:
-    """Channels on the union of their times, each holding its last value, from when all have begun."""
+    """Put channels on the union of their times, each holding its last value, from when all have begun."""
     times = [channel.time for channel in channels.values()]
     if all(np.array_equal(times[0], other) for other in times[1:]):
         return times[0], {name: channel.values for name, channel in channels.items()}
@@ -59,7 +59,7 @@ def hold(channels: Mapping[str, Channel]) -> tuple[Array, dict[str, Array]]:
 
 
 def mix(fins: Mapping[str, Array]) -> Mixed:
-    """Rudder and elevator of single fins: their least-squares fit, which is the mean of the fins concerned."""
+    """Mix single fins to rudder and elevator: their least-squares fit, which is the mean of the fins concerned."""
     design = np.array([_FINS[name] for name in fins])
     inverse = np.linalg.pinv(design)
     rudder, elevator = (sum(w * fin for w, fin in zip(row, fins.values(), strict=True)) for row in inverse)
@@ -71,23 +71,23 @@ def mix(fins: Mapping[str, Array]) -> Mixed:
 
 
 def moved_by(fins: Iterable[str]) -> set[str]:
-    """Which of rudder and elevator have a part in what fins do."""
+    """Say which of rudder and elevator have a part in what fins do."""
     return {name for fin in fins for name, part in zip(("rudder", "elevator"), _FINS[fin], strict=True) if part}
 
 
 def propeller_thrust(revolutions: Array, speed: Array, a: float, b: float) -> Array:
-    """Thrust a n|n| + b |n| u, N, of n revolutions per second at u m/s ahead (Fossen 2011, section 9.3)."""
+    """Return the thrust a n|n| + b |n| u, N, of n revolutions per second at u m/s ahead (Fossen 2011, section 9.3)."""
     return a * revolutions * np.abs(revolutions) + b * np.abs(revolutions) * speed
 
 
 def thruster_force(percent: Array, full: float) -> Array:
-    """Thrust full x|x|, N, of a command x from -100 to 100 percent."""
+    """Return the thrust full x|x|, N, of a command x from -100 to 100 percent."""
     share = 0.01 * percent
     return full * share * np.abs(share)
 
 
 def cut(time: Array, values: Array, begin: float, end: float) -> tuple[Array, Array]:
-    """What holds from `begin` to `end`, with the value that holds already at the beginning."""
+    """Cut out what holds from `begin` to `end`, with the value that holds already at the beginning."""
     first = max(int(np.searchsorted(time, begin, side="right")) - 1, 0)
     last = int(np.searchsorted(time, end, side="right"))
     kept = np.maximum(time[first:last], begin)

@@ -139,7 +139,7 @@ def _overlaps(
 
 
 def without_repeats(rows: Rows) -> Rows:
-    """The first row, and those that bring a number which is another than the last one of that component."""
+    """Keep the first row, and those with a number that is another than the last one of its component."""
     fresh = np.zeros(rows.time.size, np.bool_)
     fresh[0] = True
     for numbers in rows.values.values():
@@ -150,7 +150,7 @@ def without_repeats(rows: Rows) -> Rows:
 
 
 def to_si(raw: ColumnValues, signal: Signal, factor: float) -> Array:
-    """A signal's numbers in SI: sign x (raw - centre) x factor + offset."""
+    """Convert a signal's numbers to SI: sign x (raw - centre) x factor + offset."""
     numbers = np.array(raw, np.float64)
     numbers -= signal.centre
     numbers *= signal.sign * factor
@@ -159,7 +159,7 @@ def to_si(raw: ColumnValues, signal: Signal, factor: float) -> Array:
 
 
 def is_valid(flags: ColumnValues, validity: Validity) -> NDArray[np.bool_]:
-    """Whether a flag is one of those that mean valid; capitals do not matter, and true is 1."""
+    """Say whether a flag is one of those that mean valid; capitals do not matter, and true is 1."""
     if flags.dtype.kind == "U":
         wanted = [str(value).lower() for value in validity.values]
         return np.isin(np.char.lower(np.char.strip(np.asarray(flags, np.str_))), wanted)

@@ -72,7 +72,7 @@ class Request(NamedTuple):
     time: Times
 
     def places(self) -> Iterator[Place]:
-        """All columns that it needs."""
+        """Return all columns that it needs."""
         yield from (source.place for source in self.values.values())
         optional = (self.valid, self.time.place, self.time.other, self.time.file)
         yield from (place for place in optional if place is not None)
@@ -102,7 +102,7 @@ def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusal
     for name, sensor in settings.sensors.given().items():
         path: Path = ("sensors", name)
         under = "columns" if getattr(sensor, "quaternion", None) is None else "quaternion"
-        signals: dict[Path, Signal] = {(*path, under, symbol): own for symbol, own in sensor.signals().items()}
+        signals: dict[Path, Signal] = {(*path, under, symbol): signal for symbol, signal in sensor.signals().items()}
         requests[path] = finder.request(path, [sensor], signals, sensor.unit, sensor.valid and sensor.valid.column)
     for key, signal in settings.inputs.channels().items():
         path = ("inputs", *key)
@@ -180,12 +180,12 @@ class _Finder:
         return None
 
     def _factor(self, path: Path, signal: Signal, unit: str | None, column: Column) -> float:
-        """SI units per unit of the log's numbers."""
+        """Return the SI units per unit of the log's numbers."""
         if signal.scale is not None:
             return signal.scale
-        stated = signal.unit or unit
-        if stated is not None:
-            return unit_factor(stated, signal.si)
+        unit_of_log = signal.unit or unit
+        if unit_of_log is not None:
+            return unit_factor(unit_of_log, signal.si)
         return self._header_factor(path, column, signal.si)
 
     def _header_factor(self, path: Path, column: Column, si: str) -> float:
@@ -196,10 +196,10 @@ class _Finder:
             self._say(path, f"{reason}: expected {expected(si)}")
             return 1.0
 
-    def _time(self, path: Path, log: str, table: str, stated: list[TimeSource | None]) -> Times | None:
-        """Column, unit and offset of the times."""
-        own = next((source for source in stated if source is not None), None)
-        source = own or self._settings.time
+    def _time(self, path: Path, log: str, table: str, sources: list[TimeSource | None]) -> Times | None:
+        """Find column, unit and offset of the times."""
+        nearest = next((source for source in sources if source is not None), None)
+        source = nearest or self._settings.time
         names = [column.name for column in self._tables[log][table]]
         if source is None:
             default = next((name for name in (HEADER_STAMP, LOG_TIME) if name in names), None)
@@ -211,10 +211,10 @@ class _Finder:
         candidates: list[Path] = [(*path[:length], "time") for length in range(len(path), 0, -1)]
         at = next((p for p in candidates if len(list(self._tree.descend(p))) == len(p) + 1), ("time",))
         if source.table is not None:
-            found = self._table(at, log, source.table)
-            if found is None:
+            other_table = self._table(at, log, source.table)
+            if other_table is None:
                 return None
-            table = found
+            table = other_table
         column = self._column((*at, "column"), log, table, source.column, numbers=False)
         if column is None:
             return None

@@ -9,7 +9,7 @@ _LONGEST_GAP = 1.0
 
 
 def interpolate(time: Array, values: Array, at: Array, is_angle: bool = False) -> Array:
-    """Rows of values at other times, linearly; NaN before the first, after the last, and in gaps of over a second.
+    """Interpolate rows of values linearly; NaN before the first, after the last, and in gaps of over a second.
 
     Parameters
     ----------
@@ -31,20 +31,20 @@ def interpolate(time: Array, values: Array, at: Array, is_angle: bool = False) -
         return np.full((at.size, values.shape[1]), np.nan)
     if is_angle:
         values = np.unwrap(values, axis=0)
-    found = np.column_stack([np.interp(at, time, column, np.nan, np.nan) for column in values.T])
+    interpolated = np.column_stack([np.interp(at, time, column, np.nan, np.nan) for column in values.T])
     after = np.clip(np.searchsorted(time, at), 1, max(time.size - 1, 1))
     if time.size > 1:
-        found[(time[after] - time[after - 1] > _LONGEST_GAP) & ~np.isin(at, time)] = np.nan
-    return found
+        interpolated[(time[after] - time[after - 1] > _LONGEST_GAP) & ~np.isin(at, time)] = np.nan
+    return interpolated
 
 
 def velocity_at_origin(velocity: Array, rates: Array, position: Array) -> Array:
-    """Velocity of the vehicle's origin from that of a sensor at a position: v - omega x r, rows in body axes."""
+    """Find the velocity of the vehicle's origin from that of a sensor at a position: v - omega x r, in body axes."""
     return velocity - np.cross(rates, position)
 
 
 def depth_at_origin(down: Array, roll: Array, pitch: Array, position: Array) -> Array:
-    """Depth of the vehicle's origin from that of a sensor at a position in the body: down - (R position)_z.
+    """Find the depth of the vehicle's origin from that of a sensor at a position in the body: down - (R position)_z.
 
     The last row of R, from the body to north-east-down, holds no heading (Fossen 2011, eq. (2.18)).
     """

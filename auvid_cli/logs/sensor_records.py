@@ -56,7 +56,7 @@ def read_sensors(
         with refusals.collecting():
             rows[name], raw[name] = _read(name, sensor, requests["sensors", name], columns)
     refusals.stop_if_any()
-    origin = float(min(own.time[0] for own in rows.values()))
+    origin = float(min(kept.time[0] for kept in rows.values()))
     excluded, records = {}, {}
     for name, sensor in maps.items():
         time, values = rows[name].time - origin, raw.pop(name)
@@ -95,7 +95,7 @@ def _read(name: str, sensor: SensorMap, request: Request, columns: ColumnReader)
 
 
 def _within(time: Array, spans: Spans) -> NDArray[np.bool_]:
-    """Whether times are in one of the spans, their ends included."""
+    """Say which times are in one of the spans, their ends included."""
     inside = np.zeros(time.size, np.bool_)
     for begin, end in spans:
         inside[np.searchsorted(time, begin) : np.searchsorted(time, end, side="right")] = True
@@ -105,7 +105,7 @@ def _within(time: Array, spans: Spans) -> NDArray[np.bool_]:
 def _check_common_time(records: dict[str, SensorRecord], origin: float, refusals: Refusals) -> None:
     for (name, first), (other, second) in combinations(records.items(), 2):
         if max(first.time[0], second.time[0]) > min(first.time[-1], second.time[-1]):
-            spans = (f"{own.time[0] + origin:.3f} to {own.time[-1] + origin:.3f} s" for own in (first, second))
+            spans = (f"{kept.time[0] + origin:.3f} to {kept.time[-1] + origin:.3f} s" for kept in (first, second))
             refusals.say(
                 ("sensors", other),
                 "no time in common: {} is from {}, {} from {}; give one of them a time with an `offset`, or another "
@@ -121,7 +121,7 @@ def _depth_of_origin(depth: SensorRecord, attitude: SensorRecord | None, positio
 
 
 def _finished(name: str, sensor: SensorMap, record: SensorRecord, use: Spans) -> tuple[SensorRecord, tuple[Noise, ...]]:
-    """What is used of a record, with its noise, and where that was estimated from each component."""
+    """Return what is used of a record, with its noise, and where that was estimated from each component."""
     time, values = record.time, record.values
     if use:
         used = _within(time, use)
@@ -136,7 +136,7 @@ def _finished(name: str, sensor: SensorMap, record: SensorRecord, use: Spans) ->
 
 def _standard_deviation(name: str, values: Array, noise: tuple[Noise, ...]) -> Array:
     measured = np.isfinite(values).any(axis=0)
-    deviation = np.array([own.standard_deviation for own in noise])
+    deviation = np.array([component.standard_deviation for component in noise])
     if not (deviation[measured] > 0.0).all():
         message = "the noise cannot be estimated, for most samples repeat the one before or go on as it did: state it"
         raise RefusedError(("sensors", name, "standard_deviation"), message)
@@ -153,13 +153,15 @@ def _account(
 ) -> Account:
     unit = SENSORS[name][0].unit
     unused = rows.time.size - record.time.size
-    stated = ", ".join(f"{deviation:.3g}" for deviation in record.standard_deviation)
+    estimate = ", ".join(f"{deviation:.3g}" for deviation in record.standard_deviation)
     steps = ", ".join(
-        f"{quantity.symbol} {own.step:.3g}" for quantity, own in zip(SENSORS[name], noise, strict=False) if own.step
+        f"{quantity.symbol} {own_noise.step:.3g}"
+        for quantity, own_noise in zip(SENSORS[name], noise, strict=False)
+        if own_noise.step
     )
     heading = [k for k, quantity in enumerate(SENSORS[name]) if quantity.symbol in _HEADINGS]
     furthest = float(np.nanmax(np.abs(record.values[:, heading]), initial=0.0))
-    said = (
+    treatment = (
         (
             furthest > 2.0 * np.pi,
             f"the heading reaches {furthest:.4g} rad: are these turns, or degrees without a unit?",
@@ -168,7 +170,7 @@ def _account(
         (rows.invalid, f"{rows.invalid} values not valid or beyond their limits set to missing"),
         (rows.repeats, f"{rows.repeats} rows that repeat the one before left out"),
         (unused, f"{unused} samples not in the spans of `use` left out"),
-        (noise, f"standard deviation estimated from the signal: {stated} {unit}"),
+        (noise, f"standard deviation estimated from the signal: {estimate} {unit}"),
         (
             noise and name == "attitude",
             "that is scatter alone, and errors of an AHRS last and are far larger: state what it may be off by",
@@ -176,7 +178,7 @@ def _account(
         (steps, f"the noise is lost in the steps of the numbers, taken as step / sqrt(12): {steps} {unit}"),
     )
     missing = int(np.count_nonzero(np.isnan(record.values).all(axis=1)))
-    remarks = [text for applies, text in said if applies]
+    remarks = [text for applies, text in treatment if applies]
     if gaps is not None:
         remarks.append(
             f"{gaps.number} {'gap' if gaps.number == 1 else 'gaps'}, the longest of {gaps.longest:.4g} s from t = "

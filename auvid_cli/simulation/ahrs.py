@@ -33,7 +33,7 @@ _INITIAL_TILT = np.deg2rad(3.0)
 
 
 def attitude_reference(records: dict[str, SensorRecord], suite: SensorSuite, duration: float) -> SensorRecord:
-    """Roll, pitch, yaw at the rate of `suite.attitude`.
+    """Estimate roll, pitch and yaw at the rate of `suite.attitude`.
 
     Parameters
     ----------
@@ -61,16 +61,43 @@ def attitude_reference(records: dict[str, SensorRecord], suite: SensorSuite, dur
     gyro_noise = np.array(suite.gyroscope.noise_standard_deviation()) / np.sqrt(suite.gyroscope.rate)
     force_variance = np.mean(np.square(suite.accelerometer.noise_standard_deviation()))
     force_variance += settings.ahrs.manoeuvre_acceleration**2 * suite.accelerometer.rate
-    heading_variance = suite.magnetometer.noise_standard_deviation()[0] ** 2
+    noise = _Noise(
+        rate_density=float(np.mean(gyro_noise**2)),
+        force_variance=float(force_variance / GRAVITY**2),
+        heading_variance=suite.magnetometer.noise_standard_deviation()[0] ** 2,
+        gyro_bias=settings.ahrs.gyro_bias,
+    )
+    unknown = np.full((2, 3), np.nan)
     values = np.full((output.size, 3), np.nan)
     _run(
         (*(source.time for source in sources), output),
         (*(source.values for source in sources), values),
-        np.array([np.mean(gyro_noise**2), force_variance / GRAVITY**2, heading_variance, settings.ahrs.gyro_bias]),
+        noise,
         np.zeros(5, np.int64),
-        _Ahrs(np.eye(3), np.zeros((6, 6)), np.zeros((6, 6)), *np.zeros((5, 3)), *np.zeros((3, 6))),
+        _Ahrs(np.eye(3), np.zeros((6, 6)), np.zeros((6, 6)), *unknown, *np.zeros((3, 3)), *np.zeros((3, 6))),
     )
     return SensorRecord(output, values, np.array(settings.stated_standard_deviation()))
+
+
+class _Noise(NamedTuple):
+    """How far the sensors are trusted.
+
+    Attributes
+    ----------
+    rate_density : float
+        Power spectral density of the gyroscope's noise, (rad/s)^2/Hz.
+    force_variance : float
+        Of the accelerometer's noise and the vehicle's own acceleration, in units of g^2.
+    heading_variance : float
+        Of the magnetometer's noise, rad^2.
+    gyro_bias : float
+        Standard deviation of the gyroscope's bias, rad/s.
+    """
+
+    rate_density: float
+    force_variance: float
+    heading_variance: float
+    gyro_bias: float
 
 
 class _Ahrs(NamedTuple):
@@ -83,7 +110,7 @@ class _Ahrs(NamedTuple):
     covariance, moved : ndarray, shape (6, 6)
         Of the errors of attitude (NED) and gyro bias; `moved` is scratch.
     rate, velocity : ndarray, shape (3,)
-        Last heard.
+        Last measured; NaN before the first.
     bias : ndarray, shape (3,)
         Estimated, of the gyro.
     body, turn : ndarray, shape (3,)
@@ -108,7 +135,7 @@ class _Ahrs(NamedTuple):
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _AHRS = types.NamedTuple((*[_matrix] * 3, *[_vector] * 8), _Ahrs)
-
+_NOISE = types.NamedUniTuple(types.float64, 4, _Noise)
 
 _wrap = compiled(types.float64(types.float64), inline=True)(wrap)
 
@@ -120,7 +147,7 @@ def _missing(values):
 
 @compiled(types.void(_AHRS, types.float64, types.float64), internal=True)
 def _correct(ahrs, residual, variance):
-    """Kalman update of error and covariance by one scalar, the product of `row` and the error."""
+    """Update error and covariance with one scalar, the product of `row` and the error (Kalman)."""
     row, error, gain, covariance = ahrs.row, ahrs.error, ahrs.gain, ahrs.covariance
     total, predicted = variance, 0.0
     for i in range(6):
@@ -165,7 +192,7 @@ def _apply(ahrs):
 
 @compiled(types.void(_AHRS), internal=True)
 def _to_navigation(ahrs):
-    """The vector `body` in NED, to `turn`."""
+    """Turn the vector `body` to NED, into `turn`."""
     rotation, body = ahrs.rotation, ahrs.body
     for i in range(3):
         ahrs.turn[i] = rotation[i, 0] * body[0] + rotation[i, 1] * body[1] + rotation[i, 2] * body[2]
@@ -200,16 +227,16 @@ def _propagate(ahrs, rate, interval, rate_density):
 
 @compiled(types.void(_AHRS, _vector), internal=True)
 def _feel(ahrs, force):
-    """Specific force without what the turn adds to it, to `body`: gravity, upwards."""
+    """Put the specific force without what the turn adds to it into `body`: gravity, upwards."""
     rate, bias, velocity = ahrs.rate, ahrs.bias, ahrs.velocity
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         ahrs.body[i] = force[i] - (rate[j] - bias[j]) * velocity[k] + (rate[k] - bias[k]) * velocity[j]
 
 
-@compiled(types.void(_AHRS, types.float64, _vector), internal=True)
+@compiled(types.void(_AHRS, types.float64, _NOISE), internal=True)
 def _begin(ahrs, heading, noise):
-    """Level by the force felt, and take a heading."""
+    """Begin: level by the force felt, and take a heading."""
     body, rotation, covariance = ahrs.body, ahrs.rotation, ahrs.covariance
     phi = np.arctan2(-body[1], -body[2])
     theta = np.arctan2(body[0], np.hypot(body[1], body[2]))
@@ -218,8 +245,8 @@ def _begin(ahrs, heading, noise):
     rotation[1, 0], rotation[1, 1], rotation[1, 2] = c2 * s3, s1 * s2 * s3 + c1 * c3, c1 * s2 * s3 - s1 * c3
     rotation[2, 0], rotation[2, 1], rotation[2, 2] = -s2, s1 * c2, c1 * c2
     for i in range(3):
-        covariance[i, i] = _INITIAL_TILT**2 if i < 2 else noise[2]
-        covariance[3 + i, 3 + i] = noise[3] ** 2
+        covariance[i, i] = _INITIAL_TILT**2 if i < 2 else noise.heading_variance
+        covariance[3 + i, 3 + i] = noise.gyro_bias**2
 
 
 @compiled(types.void(_AHRS, types.float64), internal=True)
@@ -246,49 +273,67 @@ def _align(ahrs, heading, variance):
     _apply(ahrs)
 
 
+@compiled(types.void(_matrix, _vector), internal=True)
+def _write_attitude(rotation, attitude):
+    """Write down roll, pitch and yaw of a rotation."""
+    attitude[0] = np.arctan2(rotation[2, 1], rotation[2, 2])
+    attitude[1] = np.arctan2(-rotation[2, 0], np.hypot(rotation[2, 1], rotation[2, 2]))
+    attitude[2] = np.arctan2(rotation[1, 0], rotation[0, 0])
+
+
+@compiled(types.void(_vector, _vector), internal=True)
+def _keep(sample, latest):
+    for i in range(3):
+        latest[i] = sample[i]
+
+
+@compiled(types.int64(types.UniTuple(_vector, 5), types.int64[::1]), internal=True)
+def _earliest(times, treated):
+    """Find which source has the earliest of the samples that are not yet treated; -1 if there are none."""
+    source, earliest = -1, np.inf
+    for i in range(5):
+        if treated[i] < times[i].size and times[i][treated[i]] < earliest:
+            source, earliest = i, times[i][treated[i]]
+    return source
+
+
 @compiled(
-    types.void(types.UniTuple(_vector, 5), types.UniTuple(_matrix, 5), _vector, types.int64[::1], _AHRS),
+    types.void(types.UniTuple(_vector, 5), types.UniTuple(_matrix, 5), _NOISE, types.int64[::1], _AHRS),
 )
 def _run(times, values, noise, treated, ahrs):
-    """Treat all samples in the order of their times, and fill in the output."""
-    have_rate, have_velocity, have_heading, running = False, False, False, False
-    heading, now = 0.0, 0.0
+    """Treat all samples in the order of their times, and fill in the output.
+
+    The attitude begins with the first force that is felt when rate, velocity and heading are known.
+    """
+    heading, now, running = np.nan, 0.0, False
     while True:
-        what, then = -1, np.inf
-        for i in range(5):
-            if treated[i] < times[i].size and times[i][treated[i]] < then:
-                what, then = i, times[i][treated[i]]
-        if what < 0:
+        source = _earliest(times, treated)
+        if source < 0:
             break
-        sample = values[what][treated[what]]
-        treated[what] += 1
-        interval = then - now
-        now = then
-        if running and interval > 0.0:
-            fresh = what == _GYROSCOPE and not _missing(sample)
-            _propagate(ahrs, sample if fresh else ahrs.rate, interval, noise[0])
-        if what == _OUTPUT:
+        time, sample = times[source][treated[source]], values[source][treated[source]]
+        treated[source] += 1
+        if running and time > now:
+            turns = source == _GYROSCOPE and not _missing(sample)
+            _propagate(ahrs, sample if turns else ahrs.rate, time - now, noise.rate_density)
+        now = time
+        if source == _OUTPUT:
             if running:
-                rotation = ahrs.rotation
-                sample[0] = np.arctan2(rotation[2, 1], rotation[2, 2])
-                sample[1] = np.arctan2(-rotation[2, 0], np.hypot(rotation[2, 1], rotation[2, 2]))
-                sample[2] = np.arctan2(rotation[1, 0], rotation[0, 0])
-        elif what == _MAGNETOMETER:
+                _write_attitude(ahrs.rotation, sample)
+        elif source == _MAGNETOMETER:
             if not np.isnan(sample[0]):
-                heading, have_heading = sample[0], True
+                heading = sample[0]
                 if running:
-                    _align(ahrs, heading, noise[2])
-        elif not _missing(sample):
-            if what == _GYROSCOPE:
-                ahrs.rate[0], ahrs.rate[1], ahrs.rate[2] = sample[0], sample[1], sample[2]
-                have_rate = True
-            elif what == _DVL:
-                ahrs.velocity[0], ahrs.velocity[1], ahrs.velocity[2] = sample[0], sample[1], sample[2]
-                have_velocity = True
-            elif have_rate and have_velocity:
-                _feel(ahrs, sample)
-                if running:
-                    _level(ahrs, noise[1])
-                elif have_heading:
-                    _begin(ahrs, heading, noise)
-                    running = True
+                    _align(ahrs, heading, noise.heading_variance)
+        elif _missing(sample):
+            continue
+        elif source == _GYROSCOPE:
+            _keep(sample, ahrs.rate)
+        elif source == _DVL:
+            _keep(sample, ahrs.velocity)
+        elif not (_missing(ahrs.rate) or _missing(ahrs.velocity)):
+            _feel(ahrs, sample)
+            if running:
+                _level(ahrs, noise.force_variance)
+            elif not np.isnan(heading):
+                _begin(ahrs, heading, noise)
+                running = True

@@ -55,18 +55,18 @@ INITIAL_MEMORY = (0.0, 0.0, 0.0, 1.0)
 
 
 def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Plan) -> Controls:
-    """The autopilot of a manoeuvre, tuned to a vehicle.
+    """Tune the autopilot of a manoeuvre to a vehicle.
 
     Raises
     ------
     ConfigError
         If the vehicle has no positive-definite mass matrix or lacks coefficients.
     """
-    stated, known = vehicle.all_coefficients(), vehicle.known_parameters()
+    coefficients, known = vehicle.all_coefficients(), vehicle.known_parameters()
     autopilot, limits = manoeuvre.autopilot, manoeuvre.limits
     # Per newton of thrust, so that an idle propeller makes no torque.
     torque = known["K_prop"] / known["X_prop"] if known["X_prop"] else 0.0
-    drag = -stated["X_u|u|"]
+    drag = -coefficients["X_u|u|"]
     if isinstance(manoeuvre, Recorded):
         # What was recorded is all the thrust and torque there was.
         torque = drag = 0.0
@@ -74,15 +74,16 @@ def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Plan) -
         drag=drag,
         surge_gain=mass_matrix(known)[0, 0] * autopilot.bandwidth * float(autopilot.speed),
         length_time=vehicle.size.length / manoeuvre.speed,
-        rudder_gain=np.copysign(autopilot.bandwidth, stated["N_uudr"]) * float(autopilot.horizontal == "turn_rate"),
-        elevator_gain=np.copysign(autopilot.bandwidth, stated["M_uude"]) * float(autopilot.vertical != "none"),
+        rudder_gain=np.copysign(autopilot.bandwidth, coefficients["N_uudr"])
+        * float(autopilot.horizontal == "turn_rate"),
+        elevator_gain=np.copysign(autopilot.bandwidth, coefficients["M_uude"]) * float(autopilot.vertical != "none"),
         pitch=plan.pitch,
         depth_gain=float(autopilot.vertical == "depth") / (10.0 * vehicle.size.length),
         fin_angle=limits.fin_angle,
         fin_rate=limits.fin_rate,
         largest_force=limits.surge_force,
         torque=torque,
-        zigzag_rudder=np.copysign(plan.zigzag[0], stated["N_uudr"]) if plan.zigzag[0] else 0.0,
+        zigzag_rudder=np.copysign(plan.zigzag[0], coefficients["N_uudr"]) if plan.zigzag[0] else 0.0,
         zigzag_heading=plan.zigzag[1],
         zigzag_start=plan.zigzag[2],
     )
@@ -90,7 +91,7 @@ def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Plan) -
 
 @compiled(types.float64(types.float64, types.float64), internal=True)
 def within(value, limit):
-    """The value, or the limit on its side."""
+    """Limit a value."""
     return min(max(value, -limit), limit)
 
 

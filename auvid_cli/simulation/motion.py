@@ -107,7 +107,7 @@ def simulate_motion(
 
 @compiled(types.void(_vector, _vector), internal=True)
 def _velocity_over_ground(block, velocity):
-    """Velocity in the NED frame, eqs. (1) and (2), of the state in lane 0."""
+    """Find the velocity in the NED frame, eqs. (1) and (2), of the state in lane 0."""
     u, v, w = block[0], block[LANES], block[2 * LANES]
     sin_phi, cos_phi = sine_cosine(block[6 * LANES])
     sin_theta, cos_theta = sine_cosine(block[7 * LANES])
@@ -216,7 +216,7 @@ def _sample(time, record, constants, coefficients, wanted, block, slope, work):
 
 
 def sample_motion(truth: Truth, times: Array) -> tuple[Array, Array]:
-    """True motion and its time derivative at any increasing times, by integrating on from the tick before.
+    """Find true motion and its time derivative at any increasing times, by integrating on from the tick before.
 
     Returns
     -------

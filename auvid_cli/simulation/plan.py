@@ -86,7 +86,7 @@ def make_plan(manoeuvre: AnyManoeuvre) -> Plan:
 
 
 def multisine(settings: Multisine, time: Array) -> Array:
-    """Equal sines with the phases of Schroeder (1970), which keep the peak low, scaled to `amplitude`."""
+    """Sum equal sines with the phases of Schroeder (1970), which keep the peak low, scaled to `amplitude`."""
     k = np.arange(settings.lines)
     frequencies = np.linspace(settings.lowest, settings.highest, settings.lines)
     phases = settings.phase - np.pi * k * (k + 1) / settings.lines
@@ -97,7 +97,7 @@ def multisine(settings: Multisine, time: Array) -> Array:
 
 
 def _ramp(time: Array, fade_in: float) -> Array:
-    """Smooth growth from 0 to 1.
+    """Grow smoothly from 0 to 1.
 
     A filter that starts with wide priors learns from a small motion first: while the motion is small
     the unknown terms are nearly linear, and no prior can throw the predicted vehicle off its course.
@@ -129,7 +129,7 @@ def _doublets(manoeuvre: Doublets, time: Array) -> Array:
 
 
 def _recorded(path: Path, time: Array) -> Array:
-    """Inputs of a CSV file, held between its rows."""
+    """Read the inputs of a CSV file, held between its rows."""
     try:
         table = np.array(list(_rows(path))).reshape(-1, 1 + len(INPUT_SYMBOLS))
     except (OSError, ValueError) as error:
@@ -144,7 +144,7 @@ def _recorded(path: Path, time: Array) -> Array:
 
 
 def _rows(path: Path) -> Iterator[list[float]]:
-    """Times and inputs of each row; ValueError where it is no table of numbers."""
+    """Read times and inputs of each row; ValueError where it is no table of numbers."""
     wanted = ("time", *INPUT_SYMBOLS)
     check_regular(path)
     with path.open(newline="", encoding="utf-8-sig") as file:

@@ -54,7 +54,7 @@ class _Sampled:
 
 
 def sample_times(settings: SensorSettings, duration: float) -> Array:
-    """Ticks of a sensor's clock from its start to the end of the run, s."""
+    """Return the ticks of a sensor's clock from its start to the end of the run, s."""
     count = int(np.floor((duration - settings.start) * settings.rate + 1e-9)) + 1
     return settings.start + np.arange(max(count, 0)) / settings.rate
 

@@ -48,7 +48,7 @@ class Coefficient(NamedTuple):
 
     @property
     def moduli(self) -> tuple[bool, ...]:
-        """Whether each factor is a modulus."""
+        """Say whether each factor is a modulus."""
         return tuple(factor != signal for factor, signal in zip(self.factors, self.signals, strict=True))
 
     @property
@@ -91,17 +91,16 @@ def check_table(coefficients: Iterable[Coefficient]) -> None:
     ValueError
         If a row or a factor is unknown, or there are too many factors.
     """
-    for each in coefficients:
+    for coefficient in coefficients:
         known = all(
-            factor in (signal, f"|{signal}|") for factor, signal in zip(each.factors, each.signals, strict=True)
+            factor in (signal, f"|{signal}|")
+            for factor, signal in zip(coefficient.factors, coefficient.signals, strict=True)
         )
-        if not (known and set(each.signals) <= set(SIGNALS) and 1 <= len(each.factors) <= MOST_FACTORS):
-            raise ValueError(
-                f"{each.symbol}: the factors {each.factors} are not 1 to {MOST_FACTORS} of {', '.join(SIGNALS)}, "
-                "bare or as moduli"
-            )
-        if each.row not in range(6):
-            raise ValueError(f"{each.symbol}: the equations of motion have no row {each.row}")
+        if not (known and set(coefficient.signals) <= set(SIGNALS) and 1 <= len(coefficient.factors) <= MOST_FACTORS):
+            factors = f"{MOST_FACTORS} of {', '.join(SIGNALS)}, bare or as moduli"
+            raise ValueError(f"{coefficient.symbol}: the factors {coefficient.factors} are not 1 to {factors}")
+        if coefficient.row not in range(6):
+            raise ValueError(f"{coefficient.symbol}: the equations of motion have no row {coefficient.row}")
 
 
 check_table(COEFFICIENTS)

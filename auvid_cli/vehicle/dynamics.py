@@ -29,7 +29,7 @@ _vector = types.float64[::1]
 
 
 def vehicle_constants(parameters: Mapping[str, float]) -> Array:
-    """What the compiled dynamics need of a vehicle, as one vector.
+    """Put what the compiled dynamics need of a vehicle into one vector.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def vehicle_constants(parameters: Mapping[str, float]) -> Array:
 
 
 def factors(coefficients: Mapping[str, float], thrust: float = 1.0) -> Array:
-    """What the regressors are multiplied by, shape (N_FACTORS,).
+    """Return what the regressors are multiplied by, shape (N_FACTORS,).
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def factors(coefficients: Mapping[str, float], thrust: float = 1.0) -> Array:
 
 @compiled(types.UniTuple(types.float64, 2)(types.float64))
 def sine_cosine(angle: float) -> tuple[float, float]:
-    """Sine and cosine to 1 ulp or so for |angle| < 1e5 rad, branch-free so that it vectorises.
+    """Compute sine and cosine to 1 ulp or so for |angle| < 1e5 rad, branch-free so that it vectorises.
 
     Cody-Waite reduction to +-pi/4 and the minimax polynomials of Cephes (Moshier 1989).
     """
@@ -88,7 +88,7 @@ def sine_cosine(angle: float) -> tuple[float, float]:
 
 @compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector))
 def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivative):
-    """Time derivative of the nine motion states, Sabet et al. 2018, eqs. (3), (8) and (13).
+    """Differentiate the nine motion states by time, Sabet et al. 2018, eqs. (3), (8) and (13).
 
     Parameters
     ----------

@@ -55,12 +55,12 @@ def body_to_earth(angles: Array, vectors: Array) -> Array:
 
 
 def rotation_matrix(angles: Array) -> Array:
-    """Matrix that turns body axes to north, east, down at one attitude, shape (3,)."""
+    """Return the matrix that turns body axes to north, east, down at one attitude, shape (3,)."""
     return earth_to_body(np.broadcast_to(angles, (3, 3)), np.eye(3))
 
 
 def euler_rates(rates: Array, angles: Array) -> Array:
-    """Rates of roll, pitch and yaw that body rates make; not finite where the pitch is 90 degrees.
+    """Find the rates of roll, pitch and yaw that body rates make; not finite where the pitch is 90 degrees.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def euler_rates(rates: Array, angles: Array) -> Array:
 
 
 def body_rates(time: Array, angles: Array) -> Array:
-    """Body rates p, q, r that the change of Euler angles implies, by central differences.
+    """Find the body rates p, q, r that the change of Euler angles implies, by central differences.
 
     Parameters
     ----------

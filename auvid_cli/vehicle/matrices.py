@@ -11,12 +11,12 @@ Array = NDArray[np.float64]
 
 
 def skew(a: Array) -> Array:
-    """Cross-product matrix of a 3-vector: ``skew(a) @ b == cross(a, b)``."""
+    """Return the cross-product matrix of a 3-vector: ``skew(a) @ b == cross(a, b)``."""
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
 
 def rigid_body_matrix(parameters: Mapping[str, float]) -> Array:
-    """Mass matrix of the body without the water, ``M_RB``, shape (6, 6).
+    """Return the mass matrix of the body without the water, ``M_RB``, shape (6, 6).
 
     Parameters
     ----------
@@ -42,13 +42,13 @@ def rigid_body_matrix(parameters: Mapping[str, float]) -> Array:
 
 
 def central_inertia(parameters: Mapping[str, float]) -> Array:
-    """Inertia of the body about its centre of gravity, shape (3, 3)."""
+    """Return the inertia of the body about its centre of gravity, shape (3, 3)."""
     rigid = rigid_body_matrix(parameters)
     return rigid[3:, 3:] - rigid[3:, :3] @ rigid[:3, 3:] / parameters["m"]
 
 
 def mass_matrix(parameters: Mapping[str, float]) -> Array:
-    """Rigid-body and added mass, ``M = M_RB + M_A``.
+    """Add rigid-body and added mass, ``M = M_RB + M_A``.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def mass_matrix(parameters: Mapping[str, float]) -> Array:
 
 
 def coriolis_matrix(mass: Array, nu: Array) -> Array:
-    """Coriolis and centripetal matrix ``C(nu)`` of a symmetric mass matrix.
+    """Return the Coriolis and centripetal matrix ``C(nu)`` of a symmetric mass matrix.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def coriolis_matrix(mass: Array, nu: Array) -> Array:
 
 
 def restoring_vector(parameters: Mapping[str, float], attitude: Array) -> Array:
-    """Weight and buoyancy as a force on the body (the force side, ``-g(eta)``).
+    """Return weight and buoyancy as a force on the body (the force side, ``-g(eta)``).
 
     Parameters
     ----------

@@ -1,7 +1,11 @@
 """How the motion depends on where it started and on the coefficients: Jacobian and transition matrix."""
 
+from itertools import accumulate
+from typing import NamedTuple
+
 import numpy as np
 from numba import types
+from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.lanes import LANES
@@ -17,6 +21,8 @@ _SIGNAL = np.array(
 )
 _MODULUS = np.array([[*c.moduli] + [False] * (MOST_FACTORS - len(c.moduli)) for c in COEFFICIENTS])
 
+Array = NDArray[np.float64]
+
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
@@ -27,13 +33,13 @@ N_JACOBIAN_WORK = 6 * 8 + 6
 
 @compiled(types.float64(_vector, _vector, types.int64), inline=True)
 def signal(motion, inputs, which):
-    """One of `SIGNALS`."""
+    """Return one of `SIGNALS`."""
     return motion[which] if which < 6 else inputs[which - 6]
 
 
 @compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _vector))
 def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
-    """Analytic derivative of `motion_derivative` by the motion states, the 22 coefficients and the thrust's factor.
+    """Differentiate `motion_derivative` by the motion states, the 22 coefficients and the thrust's factor.
 
     Parameters
     ----------
@@ -123,11 +129,76 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
     jacobian[8, 6], jacobian[8, 7] = secant * turning_by_roll, turning * secant * tangent
 
 
-N_TRANSITION_WORK = 4 * N_MOTION * N_COLUMNS + 2 * N_MOTION + 2 * N_BLOCK + N_COEFFICIENT_BLOCK + N_JACOBIAN_WORK
+class TransitionWorkspace(NamedTuple):
+    """Arrays that hold nothing from one step to the next.
+
+    Attributes
+    ----------
+    start_transition, stage_transition : ndarray, shape (9, 9 + N_FACTORS)
+        Transition matrix where the step and where a stage of it begins.
+    rate : ndarray, shape (9, 9 + N_FACTORS)
+        Its time derivative.
+    jacobian : ndarray, shape (9, 9 + N_FACTORS)
+        See `motion_jacobian`.
+    start, stage : ndarray, shape (9,)
+        Motion where the step and where a stage of it begins.
+    block, slope : ndarray, shape (N_BLOCK,)
+        The motion of a stage in the first lane of a block, and its time derivative.
+    coefficient_block : ndarray, shape (N_COEFFICIENT_BLOCK,)
+    for_jacobian : ndarray, shape (N_JACOBIAN_WORK,)
+    """
+
+    start_transition: Array
+    stage_transition: Array
+    rate: Array
+    jacobian: Array
+    start: Array
+    stage: Array
+    block: Array
+    slope: Array
+    coefficient_block: Array
+    for_jacobian: Array
+
+
+# Where each of them ends in one vector; the matrices stand together.
+_MATRICES, _START, _STAGE, _BLOCK, _SLOPE, _COEFFICIENTS, N_TRANSITION_WORK = accumulate(
+    (4 * N_MOTION * N_COLUMNS, N_MOTION, N_MOTION, N_BLOCK, N_BLOCK, N_COEFFICIENT_BLOCK, N_JACOBIAN_WORK)
+)
+
+
+@compiled(types.NamedTuple((*[_matrix] * 4, *[_vector] * 6), TransitionWorkspace)(_vector), inline=True)
+def _transition_workspace(scratch):
+    matrices = scratch[:_MATRICES].reshape(4, N_MOTION, N_COLUMNS)
+    return TransitionWorkspace(
+        start_transition=matrices[0],
+        stage_transition=matrices[1],
+        rate=matrices[2],
+        jacobian=matrices[3],
+        start=scratch[_MATRICES:_START],
+        stage=scratch[_START:_STAGE],
+        block=scratch[_STAGE:_BLOCK],
+        slope=scratch[_BLOCK:_SLOPE],
+        coefficient_block=scratch[_SLOPE:_COEFFICIENTS],
+        for_jacobian=scratch[_COEFFICIENTS:N_TRANSITION_WORK],
+    )
+
+
+@compiled(types.void(_matrix, _matrix, _matrix), inline=True)
+def _transition_rate(jacobian, transition, rate):
+    """Fill in ``A Phi + [0 B]`` for the Jacobian ``[A B]`` and the transition matrix Phi."""
+    for i in range(N_MOTION):
+        # The short sum inside: it is unrolled, and the loop over columns becomes vector instructions.
+        for j in range(N_COLUMNS):
+            total = 0.0
+            for k in range(N_MOTION):
+                total += jacobian[i, k] * transition[k, j]
+            rate[i, j] = total
+        for j in range(N_MOTION, N_COLUMNS):
+            rate[i, j] += jacobian[i, j]
 
 
 @compiled(types.void(_vector, _vector, _vector, _vector, types.float64, _matrix, _vector))
-def transition_step(motion, coefficients, inputs, constants, duration, transition, work):
+def transition_step(motion, coefficients, inputs, constants, duration, transition, scratch):
     """Advance one motion state and its transition matrix together by one Runge-Kutta step, in place.
 
     The variational equation ``dPhi/dt = A Phi + [0 B]`` is integrated at the same stages as the
@@ -142,40 +213,26 @@ def transition_step(motion, coefficients, inputs, constants, duration, transitio
         Step, s.
     transition : ndarray, shape (9, 9 + N_FACTORS)
         Sensitivity of the motion to the initial motion and to the coefficients; start from [I 0].
-    work : ndarray, shape (N_TRANSITION_WORK,)
+    scratch : ndarray, shape (N_TRANSITION_WORK,)
         Overwritten.
     """
-    matrices, vectors = (
-        work[: 4 * N_MOTION * N_COLUMNS].reshape(4, N_MOTION, N_COLUMNS),
-        work[4 * N_MOTION * N_COLUMNS :],
-    )
-    start_transition, stage_transition, rate, jacobian = matrices[0], matrices[1], matrices[2], matrices[3]
-    start, stage, vectors = vectors[:N_MOTION], vectors[N_MOTION : 2 * N_MOTION], vectors[2 * N_MOTION :]
-    block, slope, vectors = vectors[:N_BLOCK], vectors[N_BLOCK : 2 * N_BLOCK], vectors[2 * N_BLOCK :]
-    coefficient_block, jacobian_work = vectors[:N_COEFFICIENT_BLOCK], vectors[N_COEFFICIENT_BLOCK:]
+    work = _transition_workspace(scratch)
     for m in range(N_FACTORS):
-        coefficient_block[m * LANES] = coefficients[m]
+        work.coefficient_block[m * LANES] = coefficients[m]
     for i in range(N_MOTION):
-        start[i] = stage[i] = motion[i]
+        work.start[i] = work.stage[i] = motion[i]
         for j in range(N_COLUMNS):
-            start_transition[i, j] = stage_transition[i, j] = transition[i, j]
+            work.start_transition[i, j] = work.stage_transition[i, j] = transition[i, j]
     for weight, advance in ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)):
         for i in range(N_MOTION):
-            block[i * LANES] = stage[i]
-        motion_derivative(block, coefficient_block, inputs, constants, 1, slope)
-        motion_jacobian(stage, coefficients, inputs, constants, jacobian, jacobian_work)
+            work.block[i * LANES] = work.stage[i]
+        motion_derivative(work.block, work.coefficient_block, inputs, constants, 1, work.slope)
+        motion_jacobian(work.stage, coefficients, inputs, constants, work.jacobian, work.for_jacobian)
+        _transition_rate(work.jacobian, work.stage_transition, work.rate)
         for i in range(N_MOTION):
-            # The short sum inside: it is unrolled, and the loop over columns becomes vector instructions.
+            slope = work.slope[i * LANES]
+            motion[i] += duration / 6.0 * weight * slope
+            work.stage[i] = work.start[i] + advance * duration * slope
             for j in range(N_COLUMNS):
-                total = 0.0
-                for k in range(N_MOTION):
-                    total += jacobian[i, k] * stage_transition[k, j]
-                rate[i, j] = total
-            for j in range(N_MOTION, N_COLUMNS):
-                rate[i, j] += jacobian[i, j]
-        for i in range(N_MOTION):
-            motion[i] += duration / 6.0 * weight * slope[i * LANES]
-            stage[i] = start[i] + advance * duration * slope[i * LANES]
-            for j in range(N_COLUMNS):
-                transition[i, j] += duration / 6.0 * weight * rate[i, j]
-                stage_transition[i, j] = start_transition[i, j] + advance * duration * rate[i, j]
+                transition[i, j] += duration / 6.0 * weight * work.rate[i, j]
+                work.stage_transition[i, j] = work.start_transition[i, j] + advance * duration * work.rate[i, j]

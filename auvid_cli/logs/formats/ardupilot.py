@@ -46,17 +46,17 @@ class DataFlashLog(Log):
     """
 
     def tables(self) -> dict[str, tuple[Column, ...]]:
-        """Columns of each kind of message that has a time and was sent, with the units that the log states."""
+        """List the columns of each kind of message that has a time and was sent, with the units the log states."""
         return self._tables
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Columns by name, scaled to the unit that is stated."""
-        found = look_up(self, table, columns)
+        """Read columns by name, scaled to the unit that is stated."""
+        wanted = look_up(self, table, columns)
         kind, instance = _split(table)
         form, rows = self._rows(kind)
         if instance is not None:
             rows = rows[rows[form.instance_field] == instance]
-        return {column.name: _values(form, rows, column) for column in found}
+        return {column.name: _values(form, rows, column) for column in wanted}
 
     @cached_property
     def _tables(self) -> dict[str, tuple[Column, ...]]:
@@ -71,7 +71,7 @@ class DataFlashLog(Log):
 
     @cached_property
     def _index(self) -> dict[str, tuple[DFFormat, list[int]]]:
-        """How each kind of message is written, and where."""
+        """Return how each kind of message is written, and where."""
         complaints = StringIO()
         refusing = refusing_damage(lambda reason: f"{self.path}: is damaged: {reason}")
         # The library prints a line for each byte that it does not understand, and goes on.
@@ -83,7 +83,7 @@ class DataFlashLog(Log):
         return index
 
     def _rows(self, kind: str) -> tuple[DFFormat, NDArray[np.void]]:
-        """Messages of a kind as they are written."""
+        """Read the messages of a kind as they are written."""
         form, offsets = self._index[kind]
         try:
             layout = np.dtype([(name, _dtype(code)) for name, code in zip(form.columns, form.format, strict=True)])
@@ -108,7 +108,7 @@ class _Reader(DFReader_binary):
 
 
 def _dtype(code: str) -> np.dtype[Any]:
-    """How a field is written."""
+    """Return the type of a field as it is written."""
     if code == "a":
         return np.dtype(("<i2", (_LIST_LENGTH,)))
     written = FORMAT_TO_STRUCT[code][0]
@@ -143,14 +143,14 @@ class TelemetryLog(Log):
     """What a ground station hears from the vehicle over MAVLink; its time is that of the ground station."""
 
     def tables(self) -> dict[str, tuple[Column, ...]]:
-        """Columns of each kind of message, with the units that MAVLink states."""
+        """List the columns of each kind of message, with the units that MAVLink states."""
         return self._tables
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Columns by name, in MAVLink's own units."""
-        found = look_up(self, table, columns)
-        values = {column.name: [] if column.is_text else array("d") for column in found}
-        places = {column.name: _split(column.name) for column in found if column.name != LOG_TIME}
+        """Read columns by name, in MAVLink's own units."""
+        wanted = look_up(self, table, columns)
+        values = {column.name: [] if column.is_text else array("d") for column in wanted}
+        places = {column.name: _split(column.name) for column in wanted if column.name != LOG_TIME}
         number = next(number for number, kind in mavlink.mavlink_map.items() if kind.msgname == table)
         parser = mavlink.MAVLink(None)
         for start, seconds, packet in self._packets(number):
@@ -165,7 +165,7 @@ class TelemetryLog(Log):
                     field, index = places[name]
                     value = getattr(message, field)
                     estimated_values.append(value if index is None else value[index])
-        return {name: np.array(found, None if isinstance(found, array) else str) for name, found in values.items()}
+        return {name: np.array(column, None if isinstance(column, array) else str) for name, column in values.items()}
 
     @cached_property
     def _tables(self) -> dict[str, tuple[Column, ...]]:
@@ -175,7 +175,7 @@ class TelemetryLog(Log):
         return {kind.msgname: tuple(_message_columns(kind)) for kind in sorted(kinds, key=lambda kind: kind.msgname)}
 
     def _packets(self, number: int | None = None) -> Iterator[tuple[int, float, bytes]]:
-        """Place, time in s since the epoch, and bytes of each known message, or of those of one number."""
+        """Yield place, time in s since the epoch, and bytes of each known message, or of those of one number."""
         data = self.path.read_bytes()
         start = 0
         while start + _STAMP_BYTES + _SHORTEST_PACKET <= len(data):
@@ -187,15 +187,15 @@ class TelemetryLog(Log):
             end = start + _STAMP_BYTES + length
             if end > len(data):
                 return
-            found = _number(head)
-            if found in mavlink.mavlink_map and number in (None, found):
+            message = _number(head)
+            if message in mavlink.mavlink_map and number in (None, message):
                 (stamp,) = struct.unpack_from(">Q", data, start)
                 yield start, stamp / 1e6, data[start + _STAMP_BYTES : end]
             start = end
 
 
 def _number(packet: bytes) -> int:
-    """Number of the kind of a message."""
+    """Return the number of the kind of a message."""
     return int.from_bytes(packet[7:10], "little") if packet[0] == _VERSION_2 else packet[5]
 
 
@@ -213,6 +213,6 @@ def _message_columns(kind: Any) -> Iterator[Column]:
 
 
 def _split(column: str) -> tuple[str, int | None]:
-    """A field, and the place in its list if it is one."""
+    """Split off the place in its list, if a field is one."""
     element = _ELEMENT.fullmatch(column)
     return (element["name"], int(element["index"])) if element else (column, None)

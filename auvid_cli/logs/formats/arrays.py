@@ -48,14 +48,14 @@ class ArrayLog(Log):
     """A file of named arrays."""
 
     def tables(self) -> dict[str, tuple[Column, ...]]:
-        """Columns by the names of their arrays, ``name[0]``, ``name[1]`` of an array with two dimensions."""
+        """List the columns by the names of their arrays, ``name[0]``, ``name[1]`` of an array with two dimensions."""
         return {
             table: tuple(Column(name, is_text=place.is_text) for name, place in columns.items())
             for table, columns in self._places.items()
         }
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Columns by name; of the file's variables only those are loaded that hold them."""
+        """Read columns by name; of the file's variables only those are loaded that hold them."""
         places = {column.name: self._places[table][column.name] for column in look_up(self, table, columns)}
         values: dict[str, ColumnValues] = {}
         for variable in dict.fromkeys(place.path[0] for place in places.values()):
@@ -85,11 +85,11 @@ class ArrayLog(Log):
 
     @abstractmethod
     def _variables(self) -> Sequence[str]:
-        """Names of what the file holds."""
+        """Return the names of what the file holds."""
 
     @abstractmethod
     def _arrays(self, variable: str) -> Iterator[tuple[_Path, Any]]:
-        """Arrays of numbers or text that a variable holds, each with its path, vectors with one dimension."""
+        """Find the arrays of numbers or text that a variable holds, each with its path, vectors with one dimension."""
 
 
 class NumpyLog(ArrayLog):
@@ -135,24 +135,24 @@ class MatlabHdf5Log(ArrayLog):
     def _arrays(self, variable: str) -> Iterator[tuple[_Path, NDArray[Any]]]:
         with self._refusing_damage(), h5py.File(self.path, "r") as file:
             item = file[variable]
-            found = {(variable,): item}
+            datasets = {(variable,): item}
             if isinstance(item, h5py.Group):
                 names: list[str] = []
                 item.visit(names.append)
-                found = {(variable, *name.split("/")): item[name] for name in names}
-            arrays = {path: _values(one) for path, one in found.items() if isinstance(one, h5py.Dataset)}
+                datasets = {(variable, *name.split("/")): item[name] for name in names}
+            arrays = {path: _values(dataset) for path, dataset in datasets.items() if isinstance(dataset, h5py.Dataset)}
         for path, array in arrays.items():
             yield from _if_usable(path, array)
 
 
 def _values(dataset: h5py.Dataset) -> NDArray[Any]:
-    """Values of a dataset as MATLAB shows them; empty if they are text or cells, which are stored elsewhere."""
+    """Read a dataset as MATLAB shows it; empty if it is text or cells, which are stored elsewhere."""
     kind = dataset.attrs.get("MATLAB_class", b"double")
     return np.empty(0) if kind in (b"char", b"cell") else np.squeeze(dataset[()].T)
 
 
 def _flatten(path: _Path, content: Any) -> Iterator[tuple[_Path, NDArray[Any]]]:
-    """Arrays of a MATLAB variable, those of structs by their fields."""
+    """Return the arrays of a MATLAB variable, those of structs by their fields."""
     if isinstance(content, mat_struct):
         for field in vars(content)["_fieldnames"]:
             yield from _flatten((*path, field), getattr(content, field))
@@ -167,14 +167,14 @@ def _flatten(path: _Path, content: Any) -> Iterator[tuple[_Path, NDArray[Any]]]:
 
 
 def _if_usable(path: _Path, array: NDArray[Any]) -> Iterator[tuple[_Path, NDArray[Any]]]:
-    """An array, if it is one of numbers or text with more than one row and few columns."""
+    """Return an array if it is one of numbers or text with more than one row and few columns."""
     few = array.ndim == 1 or (array.ndim == 2 and min(array.shape) <= _MOST_COLUMNS)
     if array.size > 1 and few and array.dtype.kind in _NUMBERS + _TEXT:
         yield path, array
 
 
 def _tabulate(shapes: Mapping[_Path, _Shape]) -> dict[str, dict[str, _Place]]:
-    """Columns of each table."""
+    """Return the columns of each table."""
     vectors = {shape.shape[0] for shape in shapes.values() if len(shape.shape) == 1}
     groups: dict[tuple[str, int], list[_Path]] = {}
     across = {}
@@ -199,7 +199,7 @@ def _tabulate(shapes: Mapping[_Path, _Shape]) -> dict[str, dict[str, _Place]]:
 
 
 def _parent(paths: Sequence[_Path]) -> _Path:
-    """The innermost struct that holds all of the arrays."""
+    """Return the innermost struct that holds all of the arrays."""
     depth = min(map(len, paths)) - 1
     while any(path[:depth] != paths[0][:depth] for path in paths):
         depth -= 1

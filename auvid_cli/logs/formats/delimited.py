@@ -49,11 +49,11 @@ class DelimitedLog(Log):
         self._header: Header = read_header(path, lines, layout)
 
     def tables(self) -> dict[str, tuple[Column, ...]]:
-        """Columns by their headings."""
+        """List the columns by their headings."""
         return {"": self._header.columns}
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Columns by name, after every row has been checked for its fields."""
+        """Read columns by name, after every row has been checked for its fields."""
         positions = {column.name: self._header.columns.index(column) for column in look_up(self, table, columns)}
         try:
             values = self._read(list(positions.values()), strict=True)
@@ -78,7 +78,7 @@ class DelimitedLog(Log):
             raise FileError(f"{self.path}: cannot be read: {error}") from error
 
     def _read(self, positions: Sequence[int], strict: bool) -> dict[int, ColumnValues]:
-        """Columns by position; if strict, numbers are what pandas takes for one, or it raises ValueError."""
+        """Read columns by position; if strict, numbers are what pandas takes for one, or it raises ValueError."""
         header, rows = self._header, self._rows
         count = rows.lines - header.line - len(rows.filler)
         numeric = {k: np.empty(count) for k in positions if not header.columns[k].is_text}
@@ -100,7 +100,7 @@ class DelimitedLog(Log):
         return {**numeric, **texts}
 
     def _chunks(self, positions: Sequence[int], fast: set[int]) -> Iterator[pd.DataFrame]:
-        """Some rows after the other, as numbers or, what is not fast, as text."""
+        """Read some rows after the other, as numbers or, what is not fast, as text."""
         header, rows = self._header, self._rows
         if rows.lines == header.line + len(rows.filler):
             return
@@ -126,7 +126,7 @@ class DelimitedLog(Log):
             raise FileError(f"{self.path}: {_OPEN_QUOTE} ({error})") from error
 
     def _numbers(self, fields: Iterable[str], position: int, start: int) -> NDArray[np.float64]:
-        """Numbers of a column's fields from the row `start` on; a field that holds none is named by its line."""
+        """Convert a column's fields, from the row `start` on, to numbers; a field that is none is named by its line."""
         column, is_flag = self._header.columns[position], self._header.is_flag[position]
         suffix, decimal = self._header.suffixes[position], self._header.decimal
         numbers = []

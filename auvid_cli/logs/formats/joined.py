@@ -30,19 +30,21 @@ class JoinedLog(Log):
         self._parts = tuple(parts)
 
     def tables(self) -> dict[str, tuple[Column, ...]]:
-        """Columns of each table, and `FILE`."""
+        """List the columns of each table, and `FILE`."""
         return self._tables
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Columns of a table by name."""
+        """Read columns of a table by name."""
         look_up(self, table, columns)
         # Without any other column a part would not say how many rows it has.
         stored = [name for name in columns if name != FILE] or [self._tables[table][0].name]
         parts = enumerate(zip(self._parts, self._contents, strict=True), 1)
         having = {k: part.read(table, stored) for k, (part, content) in parts if table in content}
-        found = {c: cast(ColumnValues, np.concatenate([own[c] for own in having.values()])) for c in stored}
-        found[FILE] = np.repeat(np.array([*having], np.float64), [own[stored[0]].size for own in having.values()])
-        return {name: found[name] for name in columns}
+        joined = {c: cast(ColumnValues, np.concatenate([values[c] for values in having.values()])) for c in stored}
+        joined[FILE] = np.repeat(
+            np.array([*having], np.float64), [values[stored[0]].size for values in having.values()]
+        )
+        return {name: joined[name] for name in columns}
 
     @cached_property
     def _contents(self) -> list[dict[str, tuple[Column, ...]]]:
@@ -50,15 +52,15 @@ class JoinedLog(Log):
 
     @cached_property
     def _tables(self) -> dict[str, tuple[Column, ...]]:
-        found: dict[str, tuple[Column, ...]] = {}
+        common: dict[str, tuple[Column, ...]] = {}
         for part, content in zip(self._parts, self._contents, strict=True):
             for table, columns in content.items():
                 others = {column.name: column for column in columns}
-                found[table] = tuple(c for c in found.get(table, columns) if c.name in others)
-                for column in found[table]:
+                common[table] = tuple(c for c in common.get(table, columns) if c.name in others)
+                for column in common[table]:
                     if others[column.name] != column:
                         raise FileError(
                             f"{part.path}: column {column.name!r} is in {others[column.name].unit or 'no unit'}, in "
                             f"{self.path} before it in {column.unit or 'no unit'}: they do not continue each other"
                         )
-        return {table: (*columns, Column(FILE)) for table, columns in found.items()}
+        return {table: (*columns, Column(FILE)) for table, columns in common.items()}

@@ -47,14 +47,14 @@ class Log(ABC):
 
     @abstractmethod
     def tables(self) -> dict[str, tuple[Column, ...]]:
-        """Columns of each table: a topic, a kind of message; of a log that is one table its name is the empty string.
+        """List the columns of each table: a topic, a kind of message; where all is one table its name is empty.
 
         Bags and message logs have the columns `LOG_TIME` and, where messages have a header, `HEADER_STAMP`.
         """
 
     @abstractmethod
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Columns of a table by name, all of one length, in the order of the log; NaN where a number is missing.
+        """Read columns of a table by name, all of one length, in the order of the log; NaN where a number is missing.
 
         Raises
         ------

@@ -8,7 +8,7 @@ from auvid_cli.logs.formats.log import Column, Log
 
 
 def look_up(log: Log, table: str, names: Sequence[str]) -> tuple[Column, ...]:
-    """Columns of a log's table by name.
+    """Find columns of a log's table by name.
 
     Raises
     ------
@@ -26,7 +26,7 @@ def look_up(log: Log, table: str, names: Sequence[str]) -> tuple[Column, ...]:
 
 
 def missing(log: Log, what: str, name: str, known: Collection[str]) -> str:
-    """What to say of a name that is not there."""
+    """Say that a name is not there, and which is near."""
     near = get_close_matches(name, known, n=3, cutoff=0.5)
     some = near or list(known)[:5]
     of = "" if len(some) == len(known) else f" ({'nearest' if near else 'first'} of {len(known)})"

@@ -110,7 +110,7 @@ def _open_bag(path: Path) -> Log:
 
 
 def _kind_of(path: Path) -> _Kind | None:
-    """Kind of a file that is not text."""
+    """Find the kind of a file that is not text."""
     try:
         with path.open("rb") as file:
             head = file.read(_HEAD_BYTES)

@@ -41,16 +41,16 @@ def find_overlaps(time: Array, files: Array, values: Array) -> list[Overlap]:
     known = np.isfinite(time)
     time, files, values = time[known], files[known], values[known]
     starts = np.flatnonzero(np.diff(files, prepend=files[:1]))
-    found = []
+    overlaps = []
     for start, stop in zip(starts, (*starts[1:], time.size), strict=True):
         begin = max(time[:start].min(), time[start:stop].min())
         end = min(time[:start].max(), time[start:stop].max())
         inside = (time >= begin) & (time <= end)
-        before, own = np.flatnonzero(inside[:start]), start + np.flatnonzero(inside[start:stop])
+        before, after = np.flatnonzero(inside[:start]), start + np.flatnonzero(inside[start:stop])
         # A row at the end of one file and at the beginning of the next is no span.
-        if begin < end and before.size and own.size:
-            common, first, second = np.intersect1d(time[before], time[own], return_indices=True)
-            repeats = np.array_equal(values[before[first]], values[own[second]], equal_nan=True)
-            is_own = not repeats or common.size < min(np.unique(time[before]).size, np.unique(time[own]).size)
-            found.append(Overlap(int(files[start]), float(begin), float(end), is_own))
-    return found
+        if begin < end and before.size and after.size:
+            common, first, second = np.intersect1d(time[before], time[after], return_indices=True)
+            repeats = np.array_equal(values[before[first]], values[after[second]], equal_nan=True)
+            is_own = not repeats or common.size < min(np.unique(time[before]).size, np.unique(time[after]).size)
+            overlaps.append(Overlap(int(files[start]), float(begin), float(end), is_own))
+    return overlaps

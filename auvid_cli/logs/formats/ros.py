@@ -37,14 +37,14 @@ class BagLog(Log):
     """A bag. Its messages are decoded by the definitions in it, or if it has none by those of ROS 2 itself."""
 
     def tables(self) -> dict[str, tuple[Column, ...]]:
-        """Columns of each topic, of a list without a fixed length as many as its first message has.
+        """List the columns of each topic, of a list without a fixed length as many as its first message has.
 
         Of a topic without messages, or whose messages are not defined in the bag, that is the time of the log alone.
         """
         return {name: topic.columns for name, topic in self._topics.items()}
 
     def read(self, table: str, columns: Sequence[str]) -> dict[str, ColumnValues]:
-        """Fields of a topic's messages by their dotted paths; NaN or empty where a list is too short for an index."""
+        """Read fields of a topic's messages by dotted paths; NaN or empty where a list is too short for an index."""
         if table not in self._topics:
             raise FileError(missing(self, "topic", table, self._topics))
         topic = self._topics[table]
@@ -64,7 +64,7 @@ class BagLog(Log):
                         known = [column.name for column in _leaves("", message)]
                         raise FileError(missing(self, f"number in {table}", name, known)) from None
         return {
-            name: np.array(found, dtype=None if isinstance(found, array) else str) for name, found in values.items()
+            name: np.array(column, dtype=None if isinstance(column, array) else str) for name, column in values.items()
         }
 
     @cached_property
@@ -95,7 +95,7 @@ class BagLog(Log):
             reader.close()
 
     def _messages(self, reader: AnyReader, topic: str) -> Iterator[tuple[int, Any]]:
-        """Messages of a topic with the time of the log in ns; if their type is not known, None for each."""
+        """Yield the messages of a topic with the time of the log in ns; if their type is not known, None for each."""
         connections = [connection for connection in reader.connections if connection.topic == topic]
         count = 0
         with refusing_damage(lambda reason: self._damaged(f"after {count} messages of {topic}", reason)):
@@ -110,7 +110,7 @@ class BagLog(Log):
 
 
 def _leaves(prefix: str, value: Any) -> Iterator[Column]:
-    """Columns that a message, a field of it, or an element of a list holds."""
+    """Return the columns that a message, a field of it, or an element of a list holds."""
     if is_dataclass(value):
         for field in fields(value):
             # Constants of the type are fields too, with a default.
@@ -125,7 +125,7 @@ def _leaves(prefix: str, value: Any) -> Iterator[Column]:
 
 
 def _extractor(name: str, beyond: float | str) -> Callable[[int, Any], Any]:
-    """What takes a column's value from the log's time in ns and a message; `beyond` stands beyond the end of a list."""
+    """Make what takes a column's value from time in ns and message; `beyond` stands beyond the end of a list."""
     if name == LOG_TIME:
         return lambda stamp, message: stamp / _NANOSECONDS
     if name == HEADER_STAMP:

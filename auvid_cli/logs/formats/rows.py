@@ -33,7 +33,7 @@ class Rows(NamedTuple):
     encoding: str
 
     def numbers(self, header: Header) -> NDArray[np.int64]:
-        """Lines that hold values, counted from 1."""
+        """Return the lines that hold values, counted from 1."""
         return np.setdiff1d(np.arange(header.line + 1, self.lines + 1), list(self.filler))
 
 
@@ -74,14 +74,14 @@ def survey(path: Path, file: IO[bytes], header: Header) -> Rows:
             line = block[starts[k] : ends[k]].decode(encoding, errors="replace")
             if is_filler(line, header.delimiter):
                 filler.add(number)
-            elif (found := len(split_row(line, header.delimiter))) != header.fields:
-                raise FileError(f"{path}:{number}: a row of {found} fields where the others have {header.fields}")
+            elif (n_fields := len(split_row(line, header.delimiter))) != header.fields:
+                raise FileError(f"{path}:{number}: a row of {n_fields} fields where the others have {header.fields}")
         lines += len(ends)
     return Rows(lines, frozenset(filler), encoding)
 
 
 def _whole_lines(path: Path, file: IO[bytes]) -> Iterator[bytes]:
-    """Blocks of whole lines, each ended by a line feed."""
+    """Yield blocks of whole lines, each ended by a line feed."""
     rest = b""
     while block := file.read(_BLOCK_BYTES):
         whole, feed, rest = (rest + block).rpartition(b"\n")
@@ -104,7 +104,7 @@ def _decodes(decoder: codecs.IncrementalDecoder, block: bytes) -> bool:
 
 
 def _count_fields(data: NDArray[np.uint8], ends: NDArray[np.int64], delimiter: str) -> NDArray[np.int64]:
-    """Fields of each line, as if none were quoted."""
+    """Count the fields of each line, as if none were quoted."""
     if delimiter == BLANKS:
         blank = np.isin(data, _WHITE)
         marks = np.flatnonzero(~blank & np.concatenate(([True], blank[:-1])))
@@ -114,6 +114,6 @@ def _count_fields(data: NDArray[np.uint8], ends: NDArray[np.int64], delimiter: s
 
 
 def _may_be_filler(first: NDArray[np.uint8], delimiter: str) -> NDArray[np.bool_]:
-    """Whether lines begin like filler, by their first bytes."""
+    """Say whether lines begin like filler, by their first bytes."""
     signs = "".join(mark[0] for mark in COMMENT_MARKS) + delimiter + ' \t\r\n"'
     return np.isin(first, np.frombuffer(signs.encode(), np.uint8))

@@ -71,7 +71,7 @@ class Header(NamedTuple):
 
 
 def split_row(line: str, delimiter: str) -> list[str]:
-    """Fields of a row without the blanks around them; a row that cannot be split is one field."""
+    """Split a row into fields without the blanks around them; a row that cannot be split is one field."""
     if delimiter == BLANKS:
         return line.split()
     try:
@@ -83,7 +83,7 @@ def split_row(line: str, delimiter: str) -> list[str]:
 
 
 def is_filler(line: str, delimiter: str) -> bool:
-    """Whether a line is a comment, blank, or a row of empty fields."""
+    """Say whether a line is a comment, blank, or a row of empty fields."""
     return not line.replace(delimiter, "").strip() or line.lstrip().startswith(COMMENT_MARKS)
 
 
@@ -140,10 +140,11 @@ def _uncomment(line: str) -> str:
 
 
 def _find_delimiter(path: Path, lines: Sequence[str]) -> str:
-    """The delimiter that splits most of the last lines into equally many fields."""
+    """Find the delimiter that splits most of the last lines into equally many fields."""
     lengths = {delimiter: [len(row) for row in _split_rows(lines, delimiter).values()] for delimiter in _DELIMITERS}
     agreeing = {
-        delimiter: max((found.count(n) for n in {*found} - {1}), default=0) for delimiter, found in lengths.items()
+        delimiter: max((lengths_of_rows.count(n) for n in {*lengths_of_rows} - {1}), default=0)
+        for delimiter, lengths_of_rows in lengths.items()
     }
     delimiter = max(agreeing, key=lambda delimiter: agreeing[delimiter])
     if agreeing[delimiter] == 0:
@@ -152,12 +153,12 @@ def _find_delimiter(path: Path, lines: Sequence[str]) -> str:
 
 
 def _split_rows(lines: Sequence[str], delimiter: str) -> dict[int, list[str]]:
-    """Fields of the lines that are no filler, by the number of the line from 0."""
+    """Split the lines that are no filler into fields, by the number of the line from 0."""
     return {k: split_row(line, delimiter) for k, line in enumerate(lines) if not is_filler(line, delimiter)}
 
 
 def _usual_length(rows: Sequence[Sequence[str]]) -> int:
-    """Fields that most rows have."""
+    """Return how many fields most rows have."""
     return Counter(map(len, rows)).most_common(1)[0][0] if rows else 0
 
 
@@ -189,8 +190,8 @@ def _find_decimal(rows: Sequence[Sequence[str]], delimiter: str) -> str:
 
 
 def _are_flags(values: Sequence[str]) -> bool:
-    stated = [value for value in values if value not in MISSING]
-    return bool(stated) and all(value.lower() in FLAGS for value in stated)
+    given = [value for value in values if value not in MISSING]
+    return bool(given) and all(value.lower() in FLAGS for value in given)
 
 
 def _named(headings: Sequence[str]) -> list[tuple[str, str]]:

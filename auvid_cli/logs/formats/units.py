@@ -21,7 +21,7 @@ _NO_UNIT = ("", "-", "--")
 
 
 def is_number(field: str, decimal: str = ".", missing: Sequence[str] = ()) -> bool:
-    """Whether a field holds a number, or what stands for a missing one."""
+    """Say whether a field holds a number, or what stands for a missing one."""
     if field in MISSING or field in missing:
         return True
     number = field.replace(decimal, ".")
@@ -30,13 +30,13 @@ def is_number(field: str, decimal: str = ".", missing: Sequence[str] = ()) -> bo
 
 
 def split_unit(field: str) -> tuple[str, str]:
-    """The number of a field and the unit behind it; all of it and nothing if it is no such number."""
+    """Split a field into a number and the unit behind it; into all of it and nothing if it is no such number."""
     match = _WITH_UNIT.fullmatch(field)
     return (match["number"], match["unit"]) if match else (field, "")
 
 
 def find_suffix(values: Sequence[str], decimal: str, missing: Sequence[str]) -> str:
-    """Unit of the first cell that has one, if each of the others is a number, with a unit or without."""
+    """Find the unit of the first cell that has one, if each of the others is a number, with a unit or without."""
     units = []
     for value in values:
         if not is_number(value, decimal, missing):
@@ -48,25 +48,25 @@ def find_suffix(values: Sequence[str], decimal: str, missing: Sequence[str]) -> 
 
 
 def are_units(cells: Sequence[str]) -> bool:
-    """Whether a row below the names holds units and nothing else."""
-    stated = [unit for unit in map(bare_unit, cells) if unit]
-    return bool(stated) and all(map(is_unit, stated))
+    """Say whether a row below the names holds units and nothing else."""
+    units = [unit for unit in map(bare_unit, cells) if unit]
+    return bool(units) and all(map(is_unit, units))
 
 
 def bare_unit(cell: str) -> str:
-    """A cell below a name without brackets; empty if it states no unit."""
+    """Take the brackets off a cell below a name; empty if it states no unit."""
     unit = cell.strip("()[] ")
     return "" if unit in _NO_UNIT else unit
 
 
 @cache
 def is_unit(text: str) -> bool:
-    """Whether a text is a unit of anything that vehicles log; a number is none, although 1 may be stated as one."""
+    """Say whether a text is a unit of anything that vehicles log; a number is none, although 1 may be stated as one."""
     return not is_number(text) and any(_size(text, measured) is not None for measured in _MEASURED)
 
 
 def agreed_unit(where: str, heading: str, under: str, suffix: str) -> str:
-    """Unit that the heading, the row under it and the cells state, those of them that state a known one.
+    """Return the unit on which heading, row under it and cells agree, those of them that state a known one.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def agreed_unit(where: str, heading: str, under: str, suffix: str) -> str:
 
 
 def _size(text: str, unit: str) -> float | None:
-    """Size of a unit in another one, if there is any."""
+    """Return the size of a unit in another one, if there is any."""
     try:
         return unit_factor(text, unit)
     except ValueError:

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.logs.formats.log import Column, Log
+from auvid_cli.logs.suggest.commented_yaml import Comment, Entry, Flow, Line, Phrase
 from auvid_cli.logs.suggest.names import INPUT_NAMES, find_columns, find_in_logs, named_unit
-from auvid_cli.logs.suggest.rows import quoted, row_lines, time_of
+from auvid_cli.logs.suggest.rows import row_entries, time_of
 
 Array = NDArray[np.float64]
 
@@ -23,71 +24,77 @@ class _Input(NamedTuple):
 
     column: Column
     values: Array
-    place: str
+    place: dict[str, Flow]
 
     @property
     def largest(self) -> float:
         """Largest size."""
         return float(np.nanmax(np.abs(self.values), initial=0.0))
 
-    def signal(self, *more: str) -> str:
-        """Flow mapping of place, column and what else it needs."""
-        return f"{{{', '.join((f'{self.place}column: {quoted(self.column.name)}', *more))}}}"
+    def signal(self, **more: Flow) -> dict[str, Flow]:
+        """Return place, column and what else it needs."""
+        return {**self.place, "column": self.column.name, **more}
 
 
-def input_lines(logs: Mapping[str, Log]) -> Iterator[str]:
-    """Lines below `inputs:`."""
+def input_lines(logs: Mapping[str, Log]) -> Iterator[Line]:
+    """Yield the lines below `inputs:`."""
     place = find_in_logs(logs, INPUT_NAMES)
     if place is None:
-        yield "  rudder: null # required: no column looks like a fin or a propeller"
+        yield Entry("rudder", None, "required: no column looks like a fin or a propeller")
         return
     name, main = place
-    yield from row_lines(logs, name, main.table, "  ")
-    found = _inputs(logs, name, main.table)
-    direct = {key: own for key, own in found.items() if "." not in key}
-    fins = {key.removeprefix("fins."): own for key, own in found.items() if key.startswith("fins.")}
+    yield from row_entries(logs, name, main.table)
+    inputs = _inputs(logs, name, main.table)
+    direct = {key: signal for key, signal in inputs.items() if "." not in key}
+    fins = {key.removeprefix("fins."): signal for key, signal in inputs.items() if key.startswith("fins.")}
     if fins and ("rudder" in direct or "elevator" in direct):
         fins = {}
-    deflecting = {**fins, **{key: own for key, own in direct.items() if key in ("rudder", "elevator")}}
-    largest = max((own.largest for own in deflecting.values()), default=0.0)
-    for key, own in direct.items():
-        yield (
-            f"  {key}: {own.signal()} # check: in N, or N m"
-            if key not in deflecting
-            else _fin(f"  {key}", own, largest)
-        )
+    deflecting = {**fins, **{key: direct[key] for key in ("rudder", "elevator") if key in direct}}
+    largest = max((fin.largest for fin in deflecting.values()), default=0.0)
+    for key, signal in direct.items():
+        yield _fin(key, signal, largest) if key in deflecting else Entry(key, signal.signal(), "check: in N, or N m")
     if fins:
-        yield "  fins: # check: positive pushes the tail to starboard, or up; else sign: -1"
-        yield from (_fin(f"    {key}", own, largest) for key, own in fins.items())
-    for one, other in _OPPOSITE:
-        if {one, other} <= set(fins) and _are_opposite(fins[one].values, fins[other].values):
-            yield f"    # check: {one} and {other} go against each other, so one of them counts the other way: sign: -1"
+        lines: list[Line] = [_fin(key, fin, largest) for key, fin in fins.items()]
+        lines += _opposites(fins)
+        yield Entry("fins", lines, "check: positive pushes the tail to starboard, or up; else sign: -1")
     if not deflecting:
-        others = [column.name for column in logs[name].tables()[main.table] if "fin" in column.name.lower()]
-        others += [
-            f"{table} {c.name}"
-            for log in logs.values()
-            for table in log.tables()
-            if "fin" in table.lower()
-            for c in log.tables()[table]
-            if c.name.startswith("data")
-        ]
-        yield f"  # check: no column is called like a fin{'; these may be fins: ' if others else ''}{', '.join(others)}"
-    yield from _thrust(found)
+        candidates = ", ".join(_possible_fins(logs, name, main.table))
+        these = f"; these may be fins: {candidates}" if candidates else ""
+        yield Comment(f"check: no column is called like a fin{these}")
+    yield from _thrust(inputs)
+
+
+def _opposites(fins: Mapping[str, _Input]) -> Iterator[Comment]:
+    for first, second in _OPPOSITE:
+        if {first, second} <= set(fins) and _are_opposite(fins[first].values, fins[second].values):
+            why = f"{first} and {second} go against each other, so one of them counts the other way"
+            yield Comment(f"check: {why}: sign: -1")
+
+
+def _possible_fins(logs: Mapping[str, Log], name: str, main: str) -> Iterator[str]:
+    """Yield columns of the table with the inputs, and tables of numbers, that have a fin in their names."""
+    yield from (column.name for column in logs[name].tables()[main] if "fin" in column.name.lower())
+    for log in logs.values():
+        for table, columns in log.tables().items():
+            if "fin" in table.lower():
+                yield from (f"{table} {column.name}" for column in columns if column.name.startswith("data"))
 
 
 def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, _Input]:
-    """Inputs by their keys: those of the table that has most of them, then what others have besides."""
-    places = [(name, found) for found in find_columns(INPUT_NAMES, {main: logs[name].tables()[main]})]
-    places += [(log, found) for log in logs for found in find_columns(INPUT_NAMES, logs[log].tables())]
+    """Find inputs by their keys: those of the table that has most of them, then what others have besides."""
+    places = [(name, columns) for columns in find_columns(INPUT_NAMES, {main: logs[name].tables()[main]})]
+    places += [(log, columns) for log in logs for columns in find_columns(INPUT_NAMES, logs[log].tables())]
     inputs: dict[str, _Input] = {}
     for log, (table, columns) in places:
         new = {key: column for key, column in columns.items() if key not in inputs}
-        place = "" if (log, table) == (name, main) else _place(logs, log, table)
+        elsewhere = (log, table) != (name, main)
+        place = _place(logs, log, table) if elsewhere else {}
         if new and place is not None:
             read = logs[log].read(table, [column.name for column in new.values()])
             numbers = {key: np.asarray(read[column.name], np.float64) for key, column in new.items()}
-            inputs |= {key: _Input(new[key], own, place) for key, own in numbers.items() if _counts(own, bool(place))}
+            inputs |= {
+                key: _Input(new[key], values, place) for key, values in numbers.items() if _counts(values, elsewhere)
+            }
     return inputs
 
 
@@ -96,67 +103,70 @@ def _counts(values: Array, must_change: bool) -> bool:
     return bool(known.size) and (not must_change or bool(np.ptp(known) > 0.0))
 
 
-def _place(logs: Mapping[str, Log], log: str, table: str) -> str | None:
-    """Place of a column that stands elsewhere, to be put before its name; None if nothing there looks like times."""
+def _place(logs: Mapping[str, Log], log: str, table: str) -> dict[str, Flow] | None:
+    """Return the place of a column that stands elsewhere; None if nothing there looks like times."""
     time, _ = time_of(logs[log], table)
-    where = (f"log: {log}, " if len(logs) > 1 else "", f"table: {quoted(table)}, " if table else "")
-    return None if time == "null" else f"{''.join(where)}time: {time}, "
+    if time is None:
+        return None
+    place: dict[str, Flow] = {"log": log} if len(logs) > 1 else {}
+    return place | ({"table": table} if table else {}) | {"time": time}
 
 
-def _are_opposite(one: Array, other: Array) -> bool:
-    if one.size != other.size:
+def _are_opposite(first: Array, second: Array) -> bool:
+    if first.size != second.size:
         return False
-    return float(np.nanstd(one + other)) < 0.5 * float(np.nanstd(one - other))
+    return float(np.nanstd(first + second)) < 0.5 * float(np.nanstd(first - second))
 
 
-def _thrust(found: Mapping[str, _Input]) -> Iterator[str]:
-    if "surge_force" in found:
+def _thrust(inputs: Mapping[str, _Input]) -> Iterator[Line]:
+    if "surge_force" in inputs:
         return
-    if "thrust.revolutions" in found:
-        yield "  thrust:"
-        yield f"    revolutions: {_revolutions(found['thrust.revolutions'])}"
-        yield "    a: null # required: force = a n|n|, such as 0.05 N*s^2"
-    elif "thrust.share" in found:
-        own = found["thrust.share"]
-        yield "  thrust:"
-        signal, reached = own.signal(*_share_unit(own)), f"it reaches {own.largest:.4g}"
-        yield f"    share: {signal} # check: percent, or '1' for fractions; {reached}"
-        yield "    full: null # required: force at 100 percent, such as 20 N"
+    if "thrust.revolutions" in inputs:
+        factor = Entry("a", None, "required: force = a n|n|, such as 0.05 N*s^2")
+        yield Entry("thrust", [_revolutions(inputs["thrust.revolutions"]), factor])
+    elif "thrust.share" in inputs:
+        full = Entry("full", None, "required: force at 100 percent, such as 20 N")
+        yield Entry("thrust", [_share(inputs["thrust.share"]), full])
     else:
-        yield "  # check: no column looks like thrust: it will be zero"
+        yield Comment("check: no column looks like thrust: it will be zero")
 
 
-def _revolutions(own: _Input) -> str:
-    if own.column.unit:
-        return f"{own.signal()} # {own.column.unit} as the log says"
-    unit = named_unit(own.column.name, "turn/s") or "rpm"
-    return f"{own.signal(f'unit: {unit}')} # check: rpm, or turn/s"
+def _revolutions(command: _Input) -> Entry:
+    if command.column.unit:
+        return Entry("revolutions", command.signal(), f"{command.column.unit} as the log says")
+    unit = named_unit(command.column.name, "turn/s") or "rpm"
+    return Entry("revolutions", command.signal(unit=unit), "check: rpm, or turn/s")
 
 
-def _share_unit(own: _Input) -> tuple[str, ...]:
-    if own.column.unit:
-        return ()
-    if own.largest > _LARGEST_PERCENT:
-        centre = _middle(own.values)
-        return f"centre: {centre}", f"scale: {'0.25' if centre == _MIDDLE_PULSE else '0.787'} percent"
-    is_fraction = 0.0 < own.largest <= _LARGEST_FRACTION and not named_unit(own.column.name, "percent")
-    return ("unit: '1'" if is_fraction else "unit: percent",)
+def _share(command: _Input) -> Entry:
+    comment = f"check: percent, or '1' for fractions; it reaches {command.largest:.4g}"
+    return Entry("share", command.signal(**_share_unit(command)), comment)
 
 
-def _fin(key: str, own: _Input, largest: float) -> str:
-    spread = f"it goes from {np.nanmin(own.values):.4g} to {np.nanmax(own.values):.4g}"
-    if own.column.unit:
-        return f"{key}: {own.signal()} # {own.column.unit} as the log says; check: sign"
-    if unit := named_unit(own.column.name, "rad"):
-        return f"{key}: {own.signal(f'unit: {unit}')} # as the name says; check: sign; {spread}"
+def _share_unit(command: _Input) -> dict[str, Flow]:
+    if command.column.unit:
+        return {}
+    if command.largest > _LARGEST_PERCENT:
+        centre = _middle(command.values)
+        return {"centre": centre, "scale": Phrase("0.25 percent" if centre == _MIDDLE_PULSE else "0.787 percent")}
+    is_fraction = 0.0 < command.largest <= _LARGEST_FRACTION and not named_unit(command.column.name, "percent")
+    return {"unit": "1" if is_fraction else "percent"}
+
+
+def _fin(key: str, fin: _Input, largest: float) -> Entry:
+    extent = f"it goes from {np.nanmin(fin.values):.4g} to {np.nanmax(fin.values):.4g}"
+    if fin.column.unit:
+        return Entry(key, fin.signal(), f"{fin.column.unit} as the log says; check: sign")
+    if unit := named_unit(fin.column.name, "rad"):
+        return Entry(key, fin.signal(unit=unit), f"as the name says; check: sign; {extent}")
     if largest > _LARGEST_FIN_DEGREES:
-        counts = own.signal(f"centre: {_middle(own.values)}", "scale: null")
-        return f"{key}: {counts} # required: what is straight, and one count, such as 0.35 deg; {spread}"
+        counts = fin.signal(centre=_middle(fin.values), scale=None)
+        return Entry(key, counts, f"required: what is straight, and one count, such as 0.35 deg; {extent}")
     unit = "deg" if largest > 0.5 * np.pi else "rad"
-    return f"{key}: {own.signal(f'unit: {unit}')} # check: unit and sign; {spread}"
+    return Entry(key, fin.signal(unit=unit), f"check: unit and sign; {extent}")
 
 
 def _middle(counts: Array) -> int:
-    """The count that most likely means zero."""
+    """Guess the count that means zero."""
     low, high = _PULSES
     return _MIDDLE_PULSE if np.nanmin(counts) >= low and np.nanmax(counts) <= high else _MIDDLE_BYTE

@@ -69,7 +69,7 @@ _REP_103 = {
 }
 
 
-class Found(NamedTuple):
+class Match(NamedTuple):
     """Columns of a table that look like what is wanted."""
 
     table: str
@@ -78,7 +78,7 @@ class Found(NamedTuple):
 
 def find_columns(
     wanted: Mapping[str, str], tables: Mapping[str, tuple[Column, ...]], hint: str = "", unit: str = ""
-) -> list[Found]:
+) -> list[Match]:
     """Find columns by component of what is wanted, table by table: most of them first, then those called like the hint.
 
     Parameters
@@ -95,20 +95,20 @@ def find_columns(
     places = []
     for table, columns in tables.items():
         numbers = [column for column in columns if not column.is_text]
-        found = {}
+        matches = {}
         for component, pattern in wanted.items():
             called = rf"({pattern}){ending}"
             matching = [c for c in numbers if any(_is_called(name, called) for name in _spoken(table, c))]
             if matching:
                 # Of "velocity.x" and "target.velocity.x" the shorter.
-                found[component] = min(matching, key=lambda column: len(column.name))
-        if found:
-            places.append(Found(table, found))
+                matches[component] = min(matching, key=lambda column: len(column.name))
+        if matches:
+            places.append(Match(table, matches))
     return sorted(places, key=lambda place: (len(place.columns), hint in place.table), reverse=True)
 
 
 def named_unit(name: str, unit: str) -> str:
-    """Unit that the end of a column's name states, of those that may stand for an SI unit; empty if it states none."""
+    """Find the unit that the end of a column's name states, of those for an SI unit; empty if it states none."""
     ends = NAMED_UNITS.get(unit, {})
     called = f"_{_plain(name)}"
     return next((ends[end] for end in sorted(ends, key=len, reverse=True) if called.endswith(f"_{end}")), "")
@@ -116,26 +116,26 @@ def named_unit(name: str, unit: str) -> str:
 
 def find_in_logs(
     logs: Mapping[str, Log], wanted: Mapping[str, str], hint: str = "", unit: str = ""
-) -> tuple[str, Found] | None:
-    """Log and columns that have the most of what is wanted, of those whose numbers ever change; none that is empty."""
+) -> tuple[str, Match] | None:
+    """Find log and columns with the most of what is wanted, of those whose numbers ever change; none that is empty."""
     places = [(name, place) for name, log in logs.items() for place in find_columns(wanted, log.tables(), hint, unit)]
-    for name, place in sorted(places, key=lambda one: len(one[1].columns), reverse=True):
+    for name, place in sorted(places, key=lambda place: len(place[1].columns), reverse=True):
         values = logs[name].read(place.table, [column.name for column in place.columns.values()])
         numbers = {key: np.asarray(values[column.name], np.float64) for key, column in place.columns.items()}
-        filled = {key: own for key, own in numbers.items() if np.isfinite(own).any()}
-        if any(np.nanmax(own) > np.nanmin(own) for own in filled.values()):
-            return name, Found(place.table, {key: place.columns[key] for key in filled})
+        filled = {key: values for key, values in numbers.items() if np.isfinite(values).any()}
+        if any(np.nanmax(values) > np.nanmin(values) for values in filled.values()):
+            return name, Match(place.table, {key: place.columns[key] for key in filled})
     return None
 
 
 def standard_message(columns: Iterable[Column]) -> str:
-    """Kind of message, of those whose axes a convention of ROS fixes, that has such columns; empty if it is none."""
+    """Return the kind of message, of those whose axes ROS fixes, that has such columns; empty if it is none."""
     names = {column.name for column in columns}
-    return next((kind for kind, own in _REP_103.items() if names.issuperset(own)), "")
+    return next((kind for kind, fields in _REP_103.items() if names.issuperset(fields)), "")
 
 
 def find_time(columns: Iterable[Column]) -> Column | None:
-    """The column that most likely holds the times."""
+    """Find the column that most likely holds the times."""
     columns = list(columns)
     for name in (HEADER_STAMP, LOG_TIME):
         if name in [column.name for column in columns]:
@@ -148,7 +148,7 @@ def find_time(columns: Iterable[Column]) -> Column | None:
 
 
 def _spoken(table: str, column: Column) -> tuple[str, ...]:
-    """What a column is called, with its unit too; where a message is nothing but numbers, by its topic."""
+    """Return what a column is called, with its unit too; where a message is nothing but numbers, by its topic."""
     field = _BARE_FIELD.fullmatch(column.name)
     if not table or field is None:
         return (column.name, f"{column.name}_{column.unit}")

@@ -12,18 +12,18 @@ from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.config.magnitudes import magnitude_of
 from auvid_cli.data.noise import estimate_noise
 from auvid_cli.logs.formats.log import Column, Log
+from auvid_cli.logs.suggest.commented_yaml import Comment, Entry, Line, Phrase, yaml_text
 from auvid_cli.logs.suggest.inputs import input_lines
 from auvid_cli.logs.suggest.names import (
     QUATERNION_NAMES,
     SENSOR_NAMES,
-    Found,
+    Match,
     find_columns,
     find_in_logs,
     named_unit,
     standard_message,
 )
-from auvid_cli.logs.suggest.rows import quoted, row_lines
-from auvid_cli.printable import printable
+from auvid_cli.logs.suggest.rows import row_entries
 from auvid_cli.vehicle.parameters import PARAMETERS, SENSORS
 
 Array = NDArray[np.float64]
@@ -60,26 +60,17 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
         If a log is damaged.
     """
     names = _log_names(logs)
-    lines = [
-        "# A map suggested by auvid: look at every line with `check:`, replace every null with `required:`.",
-        f"name: {next(iter(names))}",
-        *_vehicle(),
-        "logs:",
-        *(f"  {name}: {quoted(os.path.relpath(log.path, folder))}" for name, log in names.items()),
-        "sensors:",
-    ]
-    sensors = {
-        sensor: find_in_logs(names, wanted, sensor, SENSORS[sensor][0].unit) for sensor, wanted in SENSOR_NAMES.items()
-    }
-    quaternion = find_in_logs(names, QUATERNION_NAMES)
-    if quaternion is not None and len(quaternion[1].columns) == 4:
-        sensors["attitude"] = quaternion
-    for sensor, place in sensors.items():
-        if place is not None:
-            lines += _sensor(sensor, names, *place)
-    if not any(sensors.values()):
-        lines.append("  # required: no column looks like a sensor; see the guide for what may stand here")
-    return "".join(f"{printable(line)}\n" for line in [*lines, "inputs:", *input_lines(names)])
+    files = [Entry(name, os.path.relpath(log.path, folder)) for name, log in names.items()]
+    return yaml_text(
+        [
+            Comment("A map suggested by auvid: look at every line with `check:`, replace every null with `required:`."),
+            Entry("name", next(iter(names))),
+            Entry("vehicle", _vehicle(), "or the path of a vehicle file"),
+            Entry("logs", files),
+            Entry("sensors", list(_sensors(names))),
+            Entry("inputs", list(input_lines(names))),
+        ]
+    )
 
 
 def _log_names(logs: Sequence[Log]) -> dict[str, Log]:
@@ -92,63 +83,79 @@ def _log_names(logs: Sequence[Log]) -> dict[str, Log]:
     return names
 
 
-def _vehicle() -> Iterator[str]:
-    yield "vehicle: # or the path of a vehicle file"
-    yield "  name: my vehicle # check: what you call it"
-    yield "  size:"
-    yield "    length: null # required: of the hull, such as 1.6 m"
-    yield "    diameter: null # required: of the hull, such as 0.19 m"
-    yield "  parameters:"
-    for quantity in PARAMETERS:
-        yield f"    {quantity.symbol}: null # required: {quantity.meaning}, {quantity.unit}"
+def _vehicle() -> list[Line]:
+    size: list[Line] = [
+        Entry("length", None, "required: of the hull, such as 1.6 m"),
+        Entry("diameter", None, "required: of the hull, such as 0.19 m"),
+    ]
+    parameters = [
+        Entry(quantity.symbol, None, f"required: {quantity.meaning}, {quantity.unit}") for quantity in PARAMETERS
+    ]
+    name = Entry("name", Phrase("my vehicle"), "check: what you call it")
+    return [name, Entry("size", size), Entry("parameters", parameters)]
 
 
-def _sensor(sensor: str, logs: Mapping[str, Log], name: str, found: Found) -> Iterator[str]:
-    columns, quantities = found.columns, SENSORS[sensor]
-    values = logs[name].read(found.table, [column.name for column in columns.values()])
+def _sensors(logs: Mapping[str, Log]) -> Iterator[Line]:
+    places = {
+        sensor: find_in_logs(logs, wanted, sensor, SENSORS[sensor][0].unit) for sensor, wanted in SENSOR_NAMES.items()
+    }
+    quaternion = find_in_logs(logs, QUATERNION_NAMES)
+    if quaternion is not None and len(quaternion[1].columns) == 4:
+        places["attitude"] = quaternion
+    for sensor, place in places.items():
+        if place is not None:
+            yield Entry(sensor, list(_sensor(sensor, logs, *place)))
+    if not any(places.values()):
+        yield Comment("required: no column looks like a sensor; see the guide for what may stand here")
+
+
+def _sensor(sensor: str, logs: Mapping[str, Log], name: str, match: Match) -> Iterator[Line]:
+    log, columns, quantities = logs[name], match.columns, SENSORS[sensor]
+    values = log.read(match.table, [column.name for column in columns.values()])
     numbers = {component: np.asarray(values[column.name], np.float64) for component, column in columns.items()}
-    yield f"  {sensor}:"
-    yield from row_lines(logs, name, found.table, "    ")
+    yield from row_entries(logs, name, match.table)
     if set(columns) == set(QUATERNION_NAMES):
-        yield "    quaternion:"
-        yield from (f"      {axis}: {quoted(column.name)}" for axis, column in columns.items())
-        frame, why = _convention(logs[name], found.table) or ("FLU", "usual for quaternions in ROS")
-        yield f"    frame: {frame} # check: {why}; FRD, forward-right-down, or FLU, forward-left-up"
-        yield f"    reference: {_EARTH[frame]} # check: likewise; NED, from north, or ENU, from east"
+        yield Entry("quaternion", [Entry(axis, column.name) for axis, column in columns.items()])
+        frame, why = _convention(log, match.table) or ("FLU", "usual for quaternions in ROS")
+        yield Entry("frame", frame, f"check: {why}; FRD, forward-right-down, or FLU, forward-left-up")
+        yield Entry("reference", _EARTH[frame], "check: likewise; NED, from north, or ENU, from east")
         yield from _repeats(numbers)
-        yield "    standard_deviation: null # required: noise by the data sheet, or estimate"
+        yield Entry("standard_deviation", None, "required: noise by the data sheet, or estimate")
         return
-    yield "    columns:"
-    for component, column in columns.items():
-        if component == "down" and np.nanmedian(numbers[component]) < 0.0:
-            yield f"      down: {{column: {quoted(column.name)}, sign: -1}} # check: it is mostly negative"
-        else:
-            yield f"      {component}: {quoted(column.name)}"
-    missing = [quantity.symbol for quantity in quantities if quantity.symbol not in columns]
-    if missing:
-        yield f"      # check: no column found for {', '.join(missing)}"
+    yield Entry("columns", list(_columns(sensor, columns, numbers)))
     unit, comment = _unit(list(columns.values()), numbers, quantities[0].unit)
-    yield f"    unit: {quoted(unit)} # {comment}"
+    yield Entry("unit", unit, comment)
     factor = unit_factor(unit, quantities[0].unit)
     most = magnitude_of(quantities[0].unit).most / factor
-    si = {component: factor * np.where(np.abs(own) <= most, own, np.nan) for component, own in numbers.items()}
-    yield from _axes(sensor, si, _convention(logs[name], found.table))
+    si = {component: factor * np.where(np.abs(raw) <= most, raw, np.nan) for component, raw in numbers.items()}
+    yield from _axes(sensor, si, _convention(log, match.table))
     yield from _repeats(si)
-    flags = [column.name for column in logs[name].tables()[found.table] if _FLAG.fullmatch(column.name)]
+    flags = [column.name for column in log.tables()[match.table] if _FLAG.fullmatch(column.name)]
     if flags:
         # Of "velocity_valid" and "beams[0].valid" that of the whole message.
         flag = min(flags, key=lambda name: name.count("."))
-        yield f"    valid: {{column: {quoted(flag)}, values: [true, 1]}} # check: which values mean valid"
-    noise = [estimate_noise(own, quantities[0].unit == "rad").standard_deviation for own in si.values()]
-    known = ", ".join(f"{one:.2g}" for one in noise if one > 0.0)
+        yield Entry("valid", {"column": flag, "values": (True, 1)}, "check: which values mean valid")
+    noise = [estimate_noise(signal, quantities[0].unit == "rad").standard_deviation for signal in si.values()]
+    known = ", ".join(f"{deviation:.2g}" for deviation in noise if deviation > 0.0)
     hint = f"; the signals look like {known} {quantities[0].unit}" if known else ""
-    yield f"    standard_deviation: null # required: noise by the data sheet, or estimate{hint}"
+    yield Entry("standard_deviation", None, f"required: noise by the data sheet, or estimate{hint}")
+
+
+def _columns(sensor: str, columns: Mapping[str, Column], numbers: Mapping[str, Array]) -> Iterator[Line]:
+    for component, column in columns.items():
+        if component == "down" and np.nanmedian(numbers[component]) < 0.0:
+            yield Entry("down", {"column": column.name, "sign": -1}, "check: it is mostly negative")
+        else:
+            yield Entry(component, column.name)
+    missing = [quantity.symbol for quantity in SENSORS[sensor] if quantity.symbol not in columns]
+    if missing:
+        yield Comment(f"check: no column found for {', '.join(missing)}")
 
 
 def _unit(columns: Sequence[Column], numbers: Mapping[str, Array], si: str) -> tuple[str, str]:
-    """Unit of columns, and why."""
-    stated = {column.unit for column in columns}
-    if len(stated) == 1 and (unit := stated.pop()):
+    """Guess the unit of columns, and say why."""
+    units = {column.unit for column in columns}
+    if len(units) == 1 and (unit := units.pop()):
         try:
             unit_factor(unit, si)
         except ValueError:
@@ -164,7 +171,7 @@ def _unit(columns: Sequence[Column], numbers: Mapping[str, Array], si: str) -> t
 
 
 def _convention(log: Log, table: str) -> tuple[str, str] | None:
-    """Body axes that all sensors of a message share by a convention of ROS, unless gravity contradicts, and why."""
+    """Guess the axes of all sensors of a message by a convention of ROS, unless gravity contradicts, and say why."""
     columns = log.tables()[table]
     kind = standard_message(columns)
     if not kind:
@@ -177,31 +184,37 @@ def _convention(log: Log, table: str) -> tuple[str, str] | None:
     return "FLU", f"{kind} is FLU by REP 103"
 
 
-def _repeats(numbers: Mapping[str, Array]) -> Iterator[str]:
-    """What is to be said where most rows are as the one before."""
+def _repeats(numbers: Mapping[str, Array]) -> Iterator[Line]:
+    """Comment on rows of which most are as the one before."""
     values = np.column_stack([*numbers.values()])
     values = values[np.isfinite(values).any(axis=1)]
     same = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
     share = float(same.all(axis=1).mean()) if len(values) > 1 else 0.0
     if share > _MANY_REPEATS:
-        yield f"    # check: {100.0 * share:.0f} % of the rows repeat the one before; `repeats: drop` leaves them out"
+        repeated = f"{100.0 * share:.0f} % of the rows repeat the one before"
+        yield Comment(f"check: {repeated}; `repeats: drop` leaves them out")
 
 
-def _axes(sensor: str, numbers: Mapping[str, Array], convention: tuple[str, str] | None) -> Iterator[str]:
-    """Axes that a convention or the numbers, in SI, speak for."""
+def _axes(sensor: str, numbers: Mapping[str, Array], convention: tuple[str, str] | None) -> Iterator[Line]:
+    """Guess axes by a convention or by the numbers, in SI."""
     if convention is not None and sensor in ("accelerometer", "gyroscope", "dvl", "attitude"):
         frame, why = convention
-        yield f"    frame: {frame} # check: {why}"
+        yield Entry("frame", frame, f"check: {why}")
         if sensor == "attitude":
-            yield f"    reference: {_EARTH[frame]} # check: likewise"
+            yield Entry("reference", _EARTH[frame], "check: likewise")
     elif sensor == "accelerometer" and "fz" in numbers:
         mean = float(np.nanmean(numbers["fz"]))
-        yield f"    frame: {'FLU' if mean > 0.0 else 'FRD'} # check: fz is {mean:.3g} on average, of FRD it is negative"
+        yield Entry(
+            "frame", "FLU" if mean > 0.0 else "FRD", f"check: fz is {mean:.3g} on average, of FRD it is negative"
+        )
     elif sensor == "attitude":
-        yield "    frame: FRD # check: FRD, forward-right-down, or FLU, forward-left-up"
-        yield "    reference: NED # check: a turn to starboard makes psi grow; NED, psi from north, or ENU, from east"
+        yield Entry("frame", "FRD", "check: FRD, forward-right-down, or FLU, forward-left-up")
+        yield Entry(
+            "reference", "NED", "check: a turn to starboard makes psi grow; NED, psi from north, or ENU, from east"
+        )
         if "phi" in numbers and np.nanmedian(np.abs(numbers["phi"])) > 0.75 * np.pi:
-            yield "    mount: upside down # check: roll is about 180 deg"
+            yield Entry("mount", Phrase("upside down"), "check: roll is about 180 deg")
     elif sensor in ("gyroscope", "dvl"):
         positive = "r" if sensor == "gyroscope" else "v"
-        yield f"    frame: FRD # check: in FRD a turn or drift to starboard makes {positive} positive, in FLU negative"
+        turning = f"in FRD a turn or drift to starboard makes {positive} positive, in FLU negative"
+        yield Entry("frame", "FRD", f"check: {turning}")

@@ -1,0 +1,86 @@
+"""Writes YAML with comments, for somebody to read and change."""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple, TypeAlias
+
+from auvid_cli.printable import printable
+
+_WORDS_OF_YAML = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
+_PLAIN = re.compile(r"[A-Za-z_/][\w./-]*", re.ASCII)
+
+
+class Phrase(str):
+    """Text with blanks that is to stand without quotes, such as a number with its unit."""
+
+    __slots__ = ()
+
+
+class Comment(NamedTuple):
+    """A line that is nothing but a comment."""
+
+    text: str
+
+
+class Entry(NamedTuple):
+    """A key and its value, with a comment behind.
+
+    Attributes
+    ----------
+    key : str
+    value : Value
+        A list of lines is a block of its own; a mapping and a tuple stand in braces and brackets.
+    comment : str
+    """
+
+    key: str
+    value: "Value"
+    comment: str = ""
+
+
+Line: TypeAlias = Entry | Comment
+Flow: TypeAlias = "str | int | Mapping[str, Flow] | tuple[Flow, ...] | None"
+Value: TypeAlias = "Flow | list[Line] | list[Entry]"
+
+
+def yaml_text(lines: Iterable[Line]) -> str:
+    """Write a mapping."""
+    return "".join(f"{printable(line)}\n" for line in _block(lines, ""))
+
+
+def quoted(name: str) -> str:
+    """Quote a name as YAML needs it."""
+    if _PLAIN.fullmatch(name) and name.lower() not in _WORDS_OF_YAML:
+        return name
+    if not name.isprintable():
+        escaped = name.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{printable(escaped)}"'
+    return "'" + name.replace("'", "''") + "'"
+
+
+def _block(lines: Iterable[Line], indent: str) -> Iterator[str]:
+    for line in lines:
+        if isinstance(line, Comment):
+            yield f"{indent}# {line.text}"
+            continue
+        comment = f" # {line.comment}" if line.comment else ""
+        if isinstance(line.value, list):
+            yield f"{indent}{line.key}:{comment}"
+            yield from _block(line.value, f"{indent}  ")
+        else:
+            yield f"{indent}{line.key}: {_flow(line.value)}{comment}"
+
+
+def _flow(value: Flow) -> str:
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return str(value).lower()
+        case int() | Phrase():
+            return str(value)
+        case str():
+            return quoted(value)
+        case tuple():
+            return f"[{', '.join(map(_flow, value))}]"
+    return f"{{{', '.join(f'{key}: {_flow(item)}' for key, item in value.items())}}}"
