@@ -49,7 +49,7 @@ def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None)
     ----------
     dataset : Dataset
     filter_name : str
-        ``"ekf"``, ``"ckf"``, ``"tukf"``, ``"ukf"`` or ``"output_error"``.
+        ``"ekf"``, ``"ckf"``, ``"tukf"``, ``"ukf"``, ``"smoother"`` or ``"output_error"``.
     file : str or pathlib.Path, optional
         To write the estimate to as it comes, which hours of data need; it is then as `read_estimate` reads it.
 

@@ -136,6 +136,14 @@ class OutputErrorSettings(Settings):
         return parsed
 
 
+class SmootherSettings(Settings):
+    """Iterated smoother: the most probable trajectory and coefficients, with process noise."""
+
+    max_passes: Annotated[
+        int, Field(ge=1, strict=True, description="how often the data may be filtered, from each start")
+    ] = 50
+
+
 class Identification(Settings):
     """How coefficients are estimated from a dataset."""
 
@@ -172,6 +180,7 @@ class Identification(Settings):
     ] = None
     ekf: EkfSettings = EkfSettings()
     ukf: UkfSettings = UkfSettings()
+    smoother: SmootherSettings = SmootherSettings()
     output_error: OutputErrorSettings = OutputErrorSettings()
 
     @field_validator("coefficients", mode="after")
@@ -199,8 +208,9 @@ class Identification(Settings):
     def check_filters(self, filters: Sequence[FilterName]) -> None:
         """Raise ConfigError or FileError if filters cannot run with these settings, whatever the data."""
         if self.gate is not None and any(name.in_one_batch for name in filters):
+            batch = next(name for name in filters if name.in_one_batch)
             raise ConfigError(
-                "identification.gate has no meaning for output_error, which weighs all measurements at once; leave out "
+                f"identification.gate has no meaning for {batch}, which weighs all measurements at once; leave out "
                 "the gate or the filter"
             )
         earlier = self.prior.from_estimate

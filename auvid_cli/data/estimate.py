@@ -31,7 +31,7 @@ class EstimateHeader:
     Attributes
     ----------
     filter : str
-        "ekf", "ckf", "tukf", "ukf" or "output_error".
+        "ekf", "ckf", "tukf", "ukf", "smoother" or "output_error".
     experiment : RunSettings
         Settings it is made with.
     state : tuple of str
@@ -54,6 +54,11 @@ class EstimateHeader:
     def in_one_batch(self) -> bool:
         """Say whether all data were fitted at once, instead of filtered from measurement to measurement."""
         return FilterName(self.filter).in_one_batch
+
+    @property
+    def is_free_run_fit(self) -> bool:
+        """Whether it comes of a fit of the motion left to itself, without process noise."""
+        return FilterName(self.filter).is_free_run_fit
 
 
 @dataclass(frozen=True)
@@ -123,7 +128,7 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
     Attributes
     ----------
     filter : str
-        "ekf", "ckf", "tukf", "ukf" or "output_error".
+        "ekf", "ckf", "tukf", "ukf", "smoother" or "output_error".
     status : str
         "completed", "diverged at t = ...: why", or "unconverged: why".
     state, unit : tuple of str

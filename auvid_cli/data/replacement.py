@@ -10,7 +10,14 @@ from functools import partial
 from pathlib import Path
 
 from auvid_cli import __version__
-from auvid_cli.config.experiment import EkfSettings, Identification, OutputErrorSettings, RunSettings, UkfSettings
+from auvid_cli.config.experiment import (
+    EkfSettings,
+    Identification,
+    OutputErrorSettings,
+    RunSettings,
+    SmootherSettings,
+    UkfSettings,
+)
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import dump_experiment, parse_run
 from auvid_cli.data.dataset import Dataset
@@ -24,7 +31,12 @@ from auvid_cli.errors import AuvidError, FileError
 from auvid_cli.printable import one_line
 
 # Settings that concern one filter alone, by its name.
-_OWN = {"ekf": EkfSettings(), "ukf": UkfSettings(), "output_error": OutputErrorSettings()}
+_OWN = {
+    "ekf": EkfSettings(),
+    "ukf": UkfSettings(),
+    "smoother": SmootherSettings(),
+    "output_error": OutputErrorSettings(),
+}
 
 
 class _Made(FileAttributes):

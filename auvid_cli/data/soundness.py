@@ -124,7 +124,7 @@ def check_innovations(sensor: str, innovations: Innovations, filter_name: str) -
 
 def _may_be_infinite(filter_name: str) -> bool:
     """Say whether a standard deviation may be infinite, as the output-error method's is of what the data leave open."""
-    return FilterName(filter_name).in_one_batch
+    return FilterName(filter_name).is_free_run_fit
 
 
 def _check_state(state: Sequence[str], unit: Sequence[str], held: dict[str, float]) -> None:

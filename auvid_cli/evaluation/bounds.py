@@ -63,7 +63,7 @@ class BoundsOf:
             self._bounds[key] = _bounds(self._prepared, estimate)
         bounds = self._bounds[key]
         settings = estimate.experiment.identification.output_error
-        if estimate.in_one_batch and not settings.use_prior:
+        if estimate.is_free_run_fit and not settings.use_prior:
             return bounds._replace(with_prior=bounds.of_data)
         return bounds
 

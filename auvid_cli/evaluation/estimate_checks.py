@@ -54,7 +54,7 @@ def check_estimate(prepared: PreparedData, estimate: Estimate, bounds: Bounds) -
 
 def _finished(estimate: Estimate) -> Check:
     advice = "Narrow the prior, start more gently, or look at that sensor at that time."
-    if estimate.in_one_batch:
+    if estimate.is_free_run_fit:
         advice = "The data do not determine the model, or it is unstable in open loop: use a filter, or a prior."
     return Check.of(
         estimate.filter,
@@ -94,7 +94,7 @@ def _against_bounds(estimate: Estimate, bounds: Bounds) -> list[Check]:
         "The filter claims more than the data hold: do not use its standard deviations. Its linearisation fails; "
         "narrow the prior, or use a sigma-point filter or output_error."
     )
-    if estimate.in_one_batch:
+    if estimate.is_free_run_fit:
         above = below = "The bound is another at the true values: the fit is far from them."
     return [
         Check.of_values(
@@ -123,7 +123,7 @@ def _against_bounds(estimate: Estimate, bounds: Bounds) -> list[Check]:
 def _at_limits(estimate: Estimate) -> list[Check]:
     """Name the coefficients of a fit that ended at the limits set for them."""
     limits = estimate.experiment.identification.output_error.bounds
-    if not estimate.in_one_batch or not limits:
+    if not estimate.is_free_run_fit or not limits:
         return []
     held = []
     for symbol, interval in limits.items():

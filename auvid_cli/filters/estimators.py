@@ -30,6 +30,11 @@ class Estimator(Protocol):
         """Say whether it goes through all data many times, instead of from measurement to measurement."""
         ...
 
+    @property
+    def limit(self) -> str:
+        """Name the setting that limits its iterations, with its value; empty if there is none."""
+        ...
+
     def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
         """Estimate the joint state of segments, see `auvid_cli.filters.segments`, and hand over what is found."""
         ...
@@ -53,6 +58,7 @@ class KalmanFilter:
     sensors: Sensors
     filter_segment: FilterSegment
     in_one_batch = False
+    limit = ""
 
     def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
         """Filter one segment after the other."""
@@ -83,6 +89,11 @@ class OutputErrorMethod:
     use_prior: bool
     in_one_batch = True
 
+    @property
+    def limit(self) -> str:
+        """Name the setting that limits its iterations, with its value."""
+        return f"output_error.max_evaluations = {self.max_evaluations}"
+
     def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
         """Fit all segments at once."""
         # No other estimator needs scipy's optimisers.
@@ -90,3 +101,34 @@ class OutputErrorMethod:
 
         problem = self.process, self.sensors, segments, prior, on_chunk
         return run_output_error(*problem, self.max_evaluations, self.bounds, self.use_prior)
+
+
+@dataclass(frozen=True)
+class IteratedSmoother:
+    """The most probable trajectory and parameters; see `auvid_cli.filters.smoother`.
+
+    Attributes
+    ----------
+    name : str
+    process : Process
+    sensors : Sensors
+    max_passes : int
+    """
+
+    name: str
+    process: Process
+    sensors: Sensors
+    max_passes: int
+    in_one_batch = True
+
+    @property
+    def limit(self) -> str:
+        """Name the setting that limits its iterations, with its value."""
+        return f"smoother.max_passes = {self.max_passes}"
+
+    def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+        """Smooth all segments at once."""
+        # What it is compiled from serves no other estimator.
+        from auvid_cli.filters.smoother import run_smoother
+
+        return run_smoother(self.process, self.sensors, segments, prior, on_chunk, self.max_passes)

@@ -73,7 +73,7 @@ def one_after_the_other(
         gaussian = of_segment(prior, place)
         if k:
             try:
-                gaussian = _with_parameters(gaussian, _marginal(final, outcome.covariance, n_parameters))
+                gaussian = with_parameters(gaussian, _marginal(final, outcome.covariance, n_parameters))
             except np.linalg.LinAlgError:
                 return outcome._replace(n_good=n_good, failure=PREDICTION)
         outcome = run(segments[k], gaussian, keep_and_pass_on)
@@ -90,7 +90,7 @@ def _marginal(mean: Array, covariance: Array, n: int) -> Gaussian:
     return Gaussian(mean[:n].copy(), np.asarray(scale[:, None] * np.linalg.cholesky(correlation), dtype=np.float64))
 
 
-def _with_parameters(gaussian: Gaussian, parameters: Gaussian) -> Gaussian:
+def with_parameters(gaussian: Gaussian, parameters: Gaussian) -> Gaussian:
     """Keep the motion, given the parameters, and put another Gaussian about these."""
     n = parameters.mean.size
     by_parameters = np.linalg.solve(gaussian.factor[:n, :n].T, gaussian.factor[n:, :n].T).T

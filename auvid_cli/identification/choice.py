@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import Identification
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.filters.estimators import Estimator, KalmanFilter, OutputErrorMethod
+from auvid_cli.filters.estimators import Estimator, IteratedSmoother, KalmanFilter, OutputErrorMethod
 from auvid_cli.filters.point_sets import PointSet, cubature, transformed, unscented
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.augmented import AugmentedProblem
@@ -37,6 +37,9 @@ def chosen_estimator(name: FilterName, augmented: AugmentedProblem, settings: Id
         case FilterName.UKF:
             points = unscented(n, settings.ukf.alpha, settings.ukf.beta, settings.ukf.kappa)
             return _sigma_point(name, augmented, points)
+        case FilterName.SMOOTHER:
+            problem = augmented.process, augmented.sensors
+            return IteratedSmoother(name.value, *problem, settings.smoother.max_passes)
         case FilterName.OUTPUT_ERROR:
             method = settings.output_error
             bounds = _bounds(augmented, method.bounds)

@@ -99,10 +99,9 @@ class FilterRun:
             case problem.OK:
                 return "completed"
             case problem.NOT_CONVERGED:
-                limit = self.header.experiment.identification.output_error.max_evaluations
                 return (
-                    "unconverged: the fit did not settle within identification.output_error.max_evaluations = "
-                    f"{limit}; where it had got to is no estimate"
+                    f"unconverged: it did not settle within identification.{self.estimator.limit}; where it had got "
+                    "to is no estimate"
                 )
             case problem.PREDICTION if self.estimator.in_one_batch:
                 return f"{at}: no fit was found whose motion reaches the end of the data"

@@ -45,8 +45,8 @@ def unit_latex(unit: str) -> str:
 
 
 def filter_label(name: str) -> str:
-    """Write a filter's name as it is read: EKF, CKF, TUKF, UKF; OE for the output-error method."""
-    return "OE" if name == "output_error" else name.upper()
+    """Write a filter's name as it is read: EKF and so on; IEKS for the smoother, OE for the output-error method."""
+    return {"output_error": "OE", "smoother": "IEKS"}.get(name, name.upper())
 
 
 def setting_text(value: object) -> str:

@@ -26,7 +26,7 @@ def remedies(estimates: Sequence[Estimate]) -> list[str]:
 def _remedy(estimate: Estimate) -> str | None:
     if verdict(estimate) == "completed":
         return None
-    settings, is_fit = estimate.experiment.identification, estimate.in_one_batch
+    settings, is_fit = estimate.experiment.identification, estimate.is_free_run_fit
     factor, nonlinear = settings.prior.factor, [b.value for b in settings.estimate.biases if b in _NONLINEAR]
     if nonlinear and not is_fit:
         narrow = f"needs a narrow prior (--set identification.prior.factor={_NARROWER:g})"

@@ -106,7 +106,7 @@ def test_one_mistake(text, old, new, message):
         ),
         (
             "filters: [ekf, efk]",
-            "identification.filters.1: expected 'ekf', 'ckf', 'tukf', 'ukf' or 'output_error', got 'efk'",
+            "identification.filters.1: expected 'ekf', 'ckf', 'tukf', 'ukf', 'smoother' or 'output_error', got 'efk'",
         ),
         ("filters: []", "identification.filters: expected at least 1 of them, got a list"),
         ("prior: {factor: x}", "identification.prior.factor: expected a number, got 'x'"),

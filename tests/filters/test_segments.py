@@ -14,6 +14,7 @@ from auvid_cli.filters.output_error import run_output_error
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import OK, PREDICTION, Gaussian
 from auvid_cli.filters.segments import joint_gaussian, of_segment, one_after_the_other, places
+from auvid_cli.filters.smoother import run_smoother
 from auvid_cli.filters.square_root import run_square_root_filter
 
 N_MOVING = 4
@@ -219,3 +220,21 @@ def test_an_uncertainty_of_some_is_that_of_the_whole(rng):
     assert chunk.root.shape == (3, 3)
     assert_allclose(chunk.deviation(np.eye(3)), whole.deviation(np.eye(7))[place])
     assert_allclose(chunk.covariance(np.eye(3)), whole.covariance(np.eye(7))[np.ix_(place, place)], atol=1e-14)
+
+
+def test_a_smoother_solves_the_joint_problem_of_segments(cut_in_two):
+    """With process noise that does nothing it is the least squares over parameters and both first motions."""
+    p = cut_in_two
+    process = p.process._replace(noise_density=1e-7 * p.process.noise_density)
+    state, covariance = best(p)
+    on_chunk, means, deviations = received()
+    outcome = run_smoother(process, p.sensors, p.segments, p.joint, on_chunk)
+    assert (outcome.failure, outcome.n_good) == (OK, 30)
+    assert len(means) == 3
+    n_parameters = p.prior.mean.size - N_MOVING
+    deviation = np.sqrt(np.diagonal(covariance))[:n_parameters]
+    for chunk, spread in zip(means, deviations, strict=True):
+        assert np.abs((chunk[:, :n_parameters] - state[:n_parameters]) / deviation).max() < 1e-4
+        assert_allclose(spread[:, :n_parameters], np.tile(deviation, (len(spread), 1)), rtol=1e-5)
+    expected = [o + t @ state[place] for o, t, place in zip(p.offset, p.transition, p.places, strict=True)]
+    assert_allclose(np.vstack(means), np.vstack(expected), atol=1e-4 * np.abs(np.vstack(expected)).max())

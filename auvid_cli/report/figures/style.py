@@ -53,6 +53,7 @@ FILTER_STYLES = {
     "ckf": FilterStyle("#D55E00", "-", 1.2, "s", 5.0),
     "tukf": FilterStyle("#000000", (0, (1, 1.3)), 1.5, "^", 5.0),
     "ukf": FilterStyle("#009E73", (0, (5, 1.5, 1, 1.5)), 1.2, "D", 4.5),
+    "smoother": FilterStyle("#0072B2", (0, (3, 1, 1, 1, 1, 1)), 2.0, "P", 5.5),
     "output_error": FilterStyle("#CC79A7", (0, (7, 2)), 1.8, "v", 5.5),
 }
 

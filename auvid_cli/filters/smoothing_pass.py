@@ -1,0 +1,425 @@
+"""One pass of a smoother that is linear about a trajectory: a filter forward, and what it did not know backward.
+
+All is about deviations from the trajectory: ``x_k = nominal_k + delta_k``. Backward goes the adjoint of the modified
+Bryson-Frazier recursion (Bierman 1977, section X.5), which inverts no covariance: with r what the data after an event
+say, the smoothed deviation is ``delta + P r``. Parameters are constant, so that of P only the moving rows are kept.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.compilation import compiled
+from auvid_cli.filters.factor import carlson_update, triangularise
+from auvid_cli.filters.measurement import SENSORS, wrapped
+from auvid_cli.filters.problem import TIMELINE, TRANSITION_SIGNATURE
+from auvid_cli.filters.square_root_state import STATE
+
+Array = NDArray[np.float64]
+
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+_stack = types.float64[:, :, ::1]
+_indices = types.int64[::1]
+
+
+class Linearised(NamedTuple):
+    """A chunk of the data about a trajectory.
+
+    Attributes
+    ----------
+    parameters : ndarray, shape (n_parameters,)
+    before : ndarray, shape (n_moving,)
+        Moving states of the trajectory at the event before the first.
+    moving : ndarray, shape (n_events, n_moving)
+        Those at the events.
+    residual : ndarray, shape (n_measurements, c)
+        Measured less what the trajectory predicts; NaN where missing.
+    rows : ndarray, shape (n_measurements, c, n)
+        Derivative of what is predicted by the state.
+    """
+
+    parameters: Array
+    before: Array
+    moving: Array
+    residual: Array
+    rows: Array
+
+
+class Trace(NamedTuple):
+    """What the way back needs of the way forward.
+
+    Attributes
+    ----------
+    transition : ndarray, shape (n_events, n_moving, n)
+        Moving rows of the transition matrix that leads to an event.
+    filtered : ndarray, shape (n_events, n)
+        Deviation after its measurements.
+    covariance : ndarray, shape (n_events, n_moving, n)
+        Moving rows of its covariance.
+    gain : ndarray, shape (n_measurements, c, n)
+        Covariance of the state with a component, before that; components come one after the other.
+    total, error : ndarray, shape (n_measurements, c)
+        Variance of what is new in it, and that.
+    innovation, variance : ndarray, shape (n_measurements, c)
+        The same of each component by itself, before any of its measurement; NaN where missing.
+    """
+
+    transition: Array
+    filtered: Array
+    covariance: Array
+    gain: Array
+    total: Array
+    error: Array
+    innovation: Array
+    variance: Array
+
+
+class Work(NamedTuple):
+    """Arrays that hold nothing from one use to the next.
+
+    Attributes
+    ----------
+    point : ndarray, shape (n,)
+    matrix, product : ndarray, shape (n, n)
+    spread : ndarray, shape (even number of moving states, whole tiles)
+    lower : ndarray, shape (as many, as many)
+    gain : ndarray, shape (width of the factor,)
+    ratio, share : ndarray, shape (even number of states,)
+    process : ndarray
+        For the process itself.
+    """
+
+    point: Array
+    matrix: Array
+    product: Array
+    spread: Array
+    lower: Array
+    gain: Array
+    ratio: Array
+    share: Array
+    process: Array
+
+
+LINEARISED = types.NamedTuple((_vector, _vector, _matrix, _matrix, _stack), Linearised)
+TRACE = types.NamedTuple((_stack, _matrix, _stack, _stack, *[_matrix] * 4), Trace)
+WORK = types.NamedTuple((_vector, *[_matrix] * 4, *[_vector] * 4), Work)
+
+
+@compiled(types.void(SENSORS, TIMELINE, LINEARISED))
+def linearise_measurements(sensors, timeline, about):
+    """Fill in residuals and derivatives of the linear sensors."""
+    n, n_parameters = about.rows.shape[2], about.parameters.size
+    for event in range(timeline.time.size):
+        for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
+            sensor = timeline.measurement_sensor[k]
+            if sensors.nonlinear[sensor]:
+                continue
+            for c in range(about.residual.shape[1]):
+                predicted = 0.0
+                for i in range(n):
+                    h = sensors.matrix[sensor, c, i]
+                    about.rows[k, c, i] = h
+                    if h != 0.0:
+                        state = about.parameters[i] if i < n_parameters else about.moving[event, i - n_parameters]
+                        predicted += h * state
+                difference = timeline.measurement[k, c] - predicted
+                about.residual[k, c] = wrapped(difference, sensors.angular[sensor, c])
+
+
+@compiled(types.boolean(_vector, types.float64, STATE, WORK), reassociate=True, internal=True)
+def _predict(noise_density, elapsed, state, work):
+    """Move mean and factor of the deviation by ``work.matrix``; False if there is no factor."""
+    n, mean, columns, matrix = state.n, state.mean, state.columns, work.matrix
+    n_moving = noise_density.size
+    n_parameters = n - n_moving
+    spread, moved = work.spread, work.product
+    for i in range(spread.shape[0]):
+        for k in range(spread.shape[1]):
+            spread[i, k] = 0.0
+    for i in range(n_moving):
+        row = matrix[n_parameters + i]
+        total = 0.0
+        for j in range(n):
+            total += row[j] * mean[j]
+        work.point[i] = total
+        for j in range(n):
+            column = columns[j]
+            total = 0.0
+            for k in range(j, n):
+                total += row[k] * column[k]
+            moved[i, j] = total
+    for i in range(n_moving):
+        mean[n_parameters + i] = work.point[i]
+        for j in range(n_parameters):
+            columns[j, n_parameters + i] = moved[i, j]
+        for j in range(n_moving):
+            spread[i, j] = moved[i, n_parameters + j]
+        spread[i, n_moving + i] = noise_density[i] * np.sqrt(elapsed)
+    if not triangularise(spread, n_moving, work.lower):
+        return False
+    for j in range(n_moving):
+        for i in range(j, n_moving):
+            columns[n_parameters + j, n_parameters + i] = work.lower[i, j]
+    return True
+
+
+@compiled(types.float64(types.int64, _matrix, _vector, LINEARISED, STATE, TRACE, WORK), reassociate=True, internal=True)
+def _update(k, rows, noise, about, state, trace, work):
+    """Condition on measurement k, component by component; returns the sum of their NIS."""
+    n, mean, columns = state.n, state.mean, state.columns
+    width = columns.shape[1]
+    for c in range(rows.shape[0]):
+        trace.innovation[k, c] = np.nan
+        trace.variance[k, c] = np.nan
+        residual = about.residual[k, c]
+        mean[n + c] = 0.0
+        for j in range(n):
+            columns[j, n + c] = 0.0
+        if np.isnan(residual):
+            continue
+        predicted, total = 0.0, noise[c]
+        for i in range(n):
+            h = rows[c, i]
+            if h != 0.0:
+                predicted += h * mean[i]
+                for j in range(i + 1):
+                    columns[j, n + c] += h * columns[j, i]
+        for j in range(n):
+            total += columns[j, n + c] * columns[j, n + c]
+        # Minus the innovation rides along, so that the updates carry it on.
+        mean[n + c] = predicted - residual
+        trace.innovation[k, c] = residual - predicted
+        trace.variance[k, c] = total
+    nis = 0.0
+    for c in range(rows.shape[0]):
+        if np.isnan(about.residual[k, c]):
+            continue
+        error = -mean[n + c]
+        total = carlson_update(columns, n, n + c, noise[c], work.gain, work.ratio, work.share)
+        nis += error * error / total
+        step = error / total
+        for i in range(width):
+            mean[i] += work.gain[i] * step
+        trace.error[k, c], trace.total[k, c] = error, total
+        for i in range(n):
+            trace.gain[k, c, i] = work.gain[i]
+    return nis
+
+
+@compiled(types.void(types.int64, STATE, types.int64, TRACE), reassociate=True, internal=True)
+def _write_down(event, state, n_parameters, trace):
+    n, columns, covariance = state.n, state.columns, trace.covariance[event]
+    for i in range(n):
+        trace.filtered[event, i] = state.mean[i]
+    for i in range(n - n_parameters):
+        for k in range(n):
+            covariance[i, k] = 0.0
+    for j in range(n):
+        column = columns[j]
+        for i in range(n - n_parameters):
+            share, row = column[n_parameters + i], covariance[i]
+            for k in range(n):
+                row[k] += share * column[k]
+
+
+@compiled(
+    types.Tuple((types.int64, types.float64, types.float64))(
+        types.FunctionType(TRANSITION_SIGNATURE),
+        *(_vector, _indices, _vector, SENSORS, TIMELINE, LINEARISED, STATE, types.boolean, TRACE, WORK),
+    ),
+    reassociate=True,
+)
+def forward(transition, constants, selection, noise_density, sensors, timeline, about, state, traced, trace, work):
+    """Filter the deviations from a trajectory through a chunk of the data.
+
+    Parameters
+    ----------
+    transition, constants, selection, noise_density
+        Of the process, see `auvid_cli.filters.problem`.
+    sensors : Sensors
+    timeline : Timeline
+    about : Linearised
+    state : State
+        Deviation at the event before the chunk; moved to its last one.
+    traced : bool
+        Whether there will be a way back.
+    trace : Trace
+        Filled in, if so.
+    work : Work
+
+    Returns
+    -------
+    good : int
+        How many events went well.
+    cost : float
+        Of the trajectory: squares of process noise and residuals that it needs, by their variances.
+    least : float
+        What is left of it at the minimum of the linear problem: the sum of the NIS.
+    """
+    n, n_moving = state.n, noise_density.size
+    n_parameters = n - n_moving
+    cost, least = 0.0, 0.0
+    for event in range(timeline.time.size):
+        first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
+        if last > first:
+            elapsed = 0.0
+            for substep in range(first, last):
+                elapsed += timeline.substep_duration[substep]
+            for j in range(n_parameters):
+                work.point[j] = about.parameters[j]
+            for i in range(n_moving):
+                work.point[n_parameters + i] = about.before[i] if event == 0 else about.moving[event - 1, i]
+            substeps = timeline.substep_input[first:last], timeline.substep_duration[first:last]
+            moved = work.point
+            transition(
+                moved, timeline.inputs, substeps[0], substeps[1], constants, selection, work.matrix, work.process
+            )
+            for i in range(n_moving):
+                defect = moved[n_parameters + i] - about.moving[event, i]
+                cost += defect * defect / (noise_density[i] ** 2 * elapsed)
+                work.gain[i] = defect
+                if traced:
+                    for j in range(n):
+                        trace.transition[event, i, j] = work.matrix[n_parameters + i, j]
+            if not _predict(noise_density, elapsed, state, work):
+                return event, cost, least
+            for i in range(n_moving):
+                state.mean[n_parameters + i] += work.gain[i]
+        for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
+            sensor = timeline.measurement_sensor[k]
+            for c in range(about.residual.shape[1]):
+                residual = about.residual[k, c]
+                if not np.isnan(residual):
+                    cost += residual * residual / sensors.variance[sensor, c]
+            nis = _update(k, about.rows[k], sensors.variance[sensor], about, state, trace, work)
+            if not nis >= 0.0:
+                return event, cost, least
+            least += nis
+        if not cost < np.inf:
+            return event, cost, least
+        if traced:
+            _write_down(event, state, n_parameters, trace)
+    return timeline.time.size, cost, least
+
+
+@compiled(types.void(_vector, _vector, types.float64, types.float64, _vector), reassociate=True, internal=True)
+def _take_in(row, gain, error, total, adjoint):
+    """Carry the adjoint back over one component."""
+    known = 0.0
+    for i in range(adjoint.size):
+        known += gain[i] * adjoint[i]
+    share = (error - known) / total
+    for i in range(adjoint.size):
+        adjoint[i] += share * row[i]
+
+
+@compiled(types.void(_vector, _vector, types.float64, _matrix, _vector), reassociate=True, internal=True)
+def _take_in_information(row, gain, total, information, product):
+    """Carry its covariance back over one component: ``L' Lambda L + h h' / total`` with ``L = I - g h' / total``."""
+    n = row.size
+    square = 0.0
+    for i in range(n):
+        dot = 0.0
+        for j in range(n):
+            dot += information[i, j] * gain[j]
+        product[i] = dot / total
+        square += gain[i] * product[i]
+    weight = 1.0 / total + square / total
+    for i in range(n):
+        h = row[i]
+        if h != 0.0:
+            for j in range(n):
+                information[i, j] -= h * product[j]
+                information[j, i] -= h * product[j]
+    for i in range(n):
+        if row[i] != 0.0:
+            for j in range(n):
+                information[i, j] += weight * row[i] * row[j]
+
+
+@compiled(types.void(_matrix, types.int64, _vector, _matrix, _matrix), reassociate=True, internal=True)
+def _back_in_time(transition, n_parameters, adjoint, information, product):
+    """Carry adjoint and its covariance back over a transition: ``F' r`` and ``F' Lambda F``."""
+    n = adjoint.size
+    n_moving = n - n_parameters
+    for i in range(n_moving):
+        product[0, i] = adjoint[n_parameters + i]
+        adjoint[n_parameters + i] = 0.0
+    for i in range(n_moving):
+        for j in range(n):
+            adjoint[j] += product[0, i] * transition[i, j]
+    if information.shape[0] == 0:
+        return
+    # Lambda F, row by row; of F the upper rows are those of the identity.
+    for i in range(n):
+        row = product[i]
+        for j in range(n):
+            row[j] = information[i, j] if j < n_parameters else 0.0
+        for k in range(n_moving):
+            share = information[i, n_parameters + k]
+            for j in range(n):
+                row[j] += share * transition[k, j]
+    for i in range(n):
+        for j in range(n):
+            information[i, j] = product[i, j] if i < n_parameters else 0.0
+    for k in range(n_moving):
+        row = product[n_parameters + k]
+        for i in range(n):
+            share = transition[k, i]
+            for j in range(n):
+                information[i, j] += share * row[j]
+
+
+@compiled(types.void(TIMELINE, LINEARISED, TRACE, _vector, _matrix, _matrix, _matrix, _matrix), reassociate=True)
+def backward(timeline, about, trace, adjoint, information, step, variance, product):
+    """Smooth a chunk of the data.
+
+    Parameters
+    ----------
+    timeline, about, trace
+        Of `forward`.
+    adjoint : ndarray, shape (n,)
+        r after the last event; carried to before the first.
+    information : ndarray, shape (n, n)
+        Its covariance, alike; of no size where variances are not asked for.
+    step : ndarray, shape (n_events, n_moving)
+        Filled in: smoothed deviation of the moving states.
+    variance : ndarray, shape (n_events, n_moving)
+        Filled in: its variance, if asked for.
+    product : ndarray, shape (n, n)
+        Overwritten.
+    """
+    n, n_moving = adjoint.size, step.shape[1]
+    n_parameters = n - n_moving
+    for back in range(timeline.time.size):
+        event = timeline.time.size - 1 - back
+        for i in range(n_moving):
+            row = trace.covariance[event, i]
+            total = trace.filtered[event, n_parameters + i]
+            for j in range(n):
+                total += row[j] * adjoint[j]
+            step[event, i] = total
+            if information.shape[0] > 0:
+                square = 0.0
+                for k in range(n):
+                    dot = 0.0
+                    for j in range(n):
+                        dot += information[k, j] * row[j]
+                    square += row[k] * dot
+                variance[event, i] = row[n_parameters + i] - square
+        first, last = timeline.measurement_offset[event], timeline.measurement_offset[event + 1]
+        for before in range(last - first):
+            k = last - 1 - before
+            for reverse in range(about.residual.shape[1]):
+                c = about.residual.shape[1] - 1 - reverse
+                if np.isnan(about.residual[k, c]):
+                    continue
+                gain, total = trace.gain[k, c], trace.total[k, c]
+                if information.shape[0] > 0:
+                    _take_in_information(about.rows[k, c], gain, total, information, product[0])
+                _take_in(about.rows[k, c], gain, trace.error[k, c], total, adjoint)
+        if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
+            _back_in_time(trace.transition[event], n_parameters, adjoint, information, product)

@@ -1,0 +1,73 @@
+"""The iterated smoother on vehicles: right where filters go astray, the same where they do not."""
+
+import numpy as np
+import pytest
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.errors import ConfigError
+from auvid_cli.identification.identify import identify
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
+
+ZIGZAG = (
+    "manoeuvre=manoeuvres/zigzag_20_20.yaml",
+    "manoeuvre.speed=2 m/s",
+    "manoeuvre.duration=60 s",
+    "sensors.attitude.source=direct",
+)
+
+
+def coefficients(estimate):
+    return estimate.mean[-1, :N_COEFFICIENTS], estimate.standard_deviation[-1, :N_COEFFICIENTS]
+
+
+def normalised_errors(dataset, estimate):
+    mean, deviation = coefficients(estimate)
+    return (mean - [dataset.truth.coefficients[symbol] for symbol in SYMBOLS]) / deviation
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_it_takes_back_what_filters_conclude_far_from_the_answer(seed, simulated_with):
+    dataset = simulated_with(*ZIGZAG, f"seed={seed}")
+    astray, right = (identify(dataset, name) for name in (FilterName.EKF, FilterName.SMOOTHER))
+    assert astray.status == right.status == "completed"
+    assert np.abs(normalised_errors(dataset, astray)).max() > 5.0
+    errors = normalised_errors(dataset, right)
+    assert np.abs(errors).max() < 3.0
+    assert np.sqrt(np.mean(errors**2)) < 1.3
+
+
+def test_where_a_filter_is_right_it_says_the_same(short_run, short_estimates):
+    smoothed, filtered = (short_estimates[name] for name in (FilterName.SMOOTHER, FilterName.TUKF))
+    (mean, deviation), (other, of_other) = coefficients(smoothed), coefficients(filtered)
+    assert np.abs((mean - other) / of_other).max() < 1.0
+    assert np.abs(np.log(deviation / of_other)).max() < 0.2
+    # Parameters are those of all data from the first event on; the motion is known better than to a filter.
+    assert np.ptp(smoothed.mean[:, :N_COEFFICIENTS], axis=0).max() == 0.0
+    late = filtered.time > 10.0
+    motion = slice(N_COEFFICIENTS, None)
+    assert np.all(smoothed.standard_deviation[late, motion] <= filtered.standard_deviation[late, motion] * 1.05)
+
+
+def test_without_process_noise_it_is_the_output_error_fit(simulated_with):
+    dataset = simulated_with(
+        "manoeuvre.duration=30 s",
+        "sensors.attitude.source=direct",
+        "identification.output_error.use_prior=true",
+        "identification.process_noise={velocity: 1e-9, rate: 1e-9, attitude: 1e-9}",
+    )
+    (mean, deviation), (other, of_other) = (
+        coefficients(identify(dataset, name)) for name in (FilterName.SMOOTHER, FilterName.OUTPUT_ERROR)
+    )
+    assert np.abs((mean - other) / of_other).max() < 0.05
+    assert np.abs(np.log(deviation / of_other)).max() < 0.02
+
+
+def test_it_says_that_its_passes_did_not_suffice(short_run, with_settings):
+    dataset = with_settings(short_run, "identification.smoother.max_passes=1")
+    estimate = identify(dataset, FilterName.SMOOTHER)
+    assert estimate.status.startswith("unconverged: it did not settle within identification.smoother.max_passes = 1")
+
+
+def test_it_weighs_all_measurements_and_takes_no_gate(short_run, with_settings):
+    with pytest.raises(ConfigError, match="no meaning for smoother"):
+        identify(with_settings(short_run, "identification.gate=6"), FilterName.SMOOTHER)
