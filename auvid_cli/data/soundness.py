@@ -14,7 +14,7 @@ from auvid_cli.vehicle.parameters import INPUTS, MOTION_SYMBOLS, SENSORS
 
 # s, from the beginning of the data: three years.
 LONGEST = 1e8
-# Of the variance of the measurement noise, what that of an innovation cannot be below; the rest is for rounding.
+# Of the standard deviation of the measurement noise, what that of an innovation cannot be below but for rounding.
 _OF_NOISE = 0.999
 # Of the standard deviations, what a covariance may lack in symmetry.
 _ASYMMETRY = 1e-6
@@ -113,13 +113,15 @@ def check_innovations(sensor: str, innovations: Innovations, filter_name: str) -
     )
     _check_deviations(where, innovations.standard_deviation)
     _check_not_infinite(where, innovations.innovation, innovations.nis)
+    if (innovations.variance < 0.0).any() or (innovations.nis < 0.0).any():
+        raise ValueError(f"{where} has negative squares")
+    if (innovations.nis[np.isnan(innovations.variance).all(axis=1)] > 0.0).any():
+        raise ValueError(f"{where} has squares of measurements of which nothing was used")
     if not _may_be_infinite(filter_name):
         _check_not_infinite(where, innovations.variance)
         # S = H P H' + R, of which R alone is this: only a residual of a fit varies less than the noise.
-        if (innovations.variance < _OF_NOISE * innovations.standard_deviation**2).any():
+        if (np.sqrt(innovations.variance) < _OF_NOISE * innovations.standard_deviation).any():
             raise ValueError(f"{where} has variances below that of the measurement noise")
-    if (innovations.variance < 0.0).any() or (innovations.nis < 0.0).any():
-        raise ValueError(f"{where} has negative squares")
 
 
 def _may_be_infinite(filter_name: str) -> bool:

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 HORIZONS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 # A horizon needs so many starts whose measurements it reaches.
 FEWEST_STARTS = 10
+# Beyond this a motion counts as blown up: its square is still a number.
+_LARGEST = 1e100
 # The measurement that is compared comes at the horizon or, at the latest, so many times as long after the start.
 _LATEST = 1.5
 _SIGMAS = 2.0
@@ -151,8 +153,8 @@ def predict_ahead(
 
 
 def _variance(drawn: Array, centre: float) -> float:
-    """Return the mean square about the identified model of the draws that are finite; NaN if they are too few."""
-    sound = drawn[np.isfinite(drawn)]
+    """Return the mean square about the identified model of the draws that did not blow up; NaN if they are too few."""
+    sound = drawn[np.abs(drawn) < _LARGEST]
     return float(np.square(sound - centre).mean()) if sound.size > 0.5 * drawn.size else np.nan
 
 

@@ -91,6 +91,8 @@ WRONG = [
     *((f"innovations/dvl/{name}", with_(1, np.inf)) for name in ("innovation", "variance", "nis")),
     *((f"innovations/dvl/{name}", with_(1, -1.0)) for name in ("variance", "nis")),
     ("innovations/dvl/variance", with_(1, 0.0)),
+    ("innovations/dvl/variance", lambda rows: rows * np.nan),
+    ("innovations/dvl/standard_deviation", with_(1, 1e300)),
     *((f"innovations/dvl/{name}", lambda rows: rows[1:]) for name in ("innovation", "nis", "standard_deviation")),
     ("innovations/dvl/time", np.negative),
     ("innovations/dvl/standard_deviation", np.negative),

@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from auvid_cli.validation.horizon_prediction import Collected, Sample, Target, evenly_spaced, rows_ahead, targets_of
+from auvid_cli.validation.horizon_prediction import (
+    Collected,
+    Sample,
+    Target,
+    _variance,
+    evenly_spaced,
+    rows_ahead,
+    targets_of,
+)
 from auvid_cli.validation.signals import Signal
 
 TIME = np.arange(0.0, 100.0, 0.25)
@@ -53,3 +61,8 @@ def test_starts_are_settled_and_leave_something_to_predict():
     np.testing.assert_allclose(evenly_spaced(0.0, 100.0, 3), [5.0, 52.25, 99.5])
     np.testing.assert_allclose(evenly_spaced(10.0, 20.0, 2), [11.0, 19.5])
     assert evenly_spaced(0.0, 0.5, 10).size == 0
+
+
+def test_draws_that_blow_up_do_not_count_and_most_must_not():
+    assert np.isnan(_variance(np.array([1.0, 3.0, 1e200, np.nan]), 2.0))
+    assert _variance(np.array([1.0, 3.0, 3.0, 1e200, np.inf]), 2.0) == 1.0
