@@ -210,7 +210,7 @@ def _further(rng: random.Random, command: tuple[str, ...], absurd: bool) -> tupl
     if command[0] != "run" or rng.random() > _RUNS[absurd]:
         return ()
     settings = tuple(word for word in command[1:] if word != "--dry-run")
-    filters = ("-f", rng.choice(("tukf", "tukf", "ckf", "ukf", "ekf", "output_error")))
+    filters = ("-f", rng.choice(("tukf", "tukf", "ckf", "ukf", "ekf", "smoother", "output_error")))
     return (("simulate", *settings, *_SHORT, "-o", "out"), ("identify", "out/dataset.h5", *filters, "-o", "out"))
 
 
