@@ -168,6 +168,9 @@ class _Loader(yaml.SafeLoader):
         tag = getattr(event, "tag", None)
         if tag is not None:
             raise _error(event, f"the tag {tag.replace(_TAGS, '!!')!r} is not allowed")
+        # "\ud800" is half of a character, which no file or terminal takes.
+        if any("\ud800" <= letter <= "\udfff" for letter in getattr(event, "value", None) or ""):
+            raise _error(event, "half of a character (\\ud800 to \\udfff), which is no text")
         self._composed += 1
         if self._composed > MOST_NODES:
             raise _error(event, f"more than {MOST_NODES} values")

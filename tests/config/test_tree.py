@@ -94,6 +94,7 @@ def test_first_of_duplicate_keys_counts():
         ("a: !!int ''\n", "f.yaml:1:4: not valid YAML: the tag '!!int' is not allowed"),
         ("a: !!float ''\n", "f.yaml:1:4: not valid YAML: the tag '!!float' is not allowed"),
         ("a: !!timestamp x\n", "f.yaml:1:4: not valid YAML: the tag '!!timestamp' is not allowed"),
+        ('a: "b\\ud800"\n', "f.yaml:1:4: not valid YAML: half of a character (\\ud800 to \\udfff), which is no text"),
         ("!!int x: 1\n", "f.yaml:1:1: not valid YAML: the tag '!!int' is not allowed"),
         ("a: 5_0\n", "f.yaml:1:4: not valid YAML: '5_0' is no number with an underscore in it"),
         ("a: -1_0.5e-1\n", "f.yaml:1:4: not valid YAML: '-1_0.5e-1' is no number"),
