@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.measurement import SENSORS, wrapped
+from auvid_cli.filters.nonlinear_sensors import linearised_measurements
 from auvid_cli.filters.problem import TIMELINE, TRANSITION_SIGNATURE, Process, Sensors, Timeline
 
 Array = NDArray[np.float64]
@@ -80,7 +81,7 @@ def responses(process: Process, sensors: Sensors, timelines: Iterable[Timeline],
         n_measured = timeline.measurement_offset[good]
         _predict_measurements(sensors, timeline, good, means, sensitivities, innovation, whitened)
         if sensors.nonlinear.any():
-            _see_nonlinearly(process, sensors, timeline, good, means, sensitivities, innovation, whitened)
+            _predict_nonlinear(process, sensors, timeline, good, means, sensitivities, innovation, whitened)
         yield Response(timeline, means[:good], sensitivities[:good], innovation[:n_measured], whitened[:n_measured])
         if good < n_events:
             return
@@ -156,7 +157,7 @@ def _predict_measurements(sensors, timeline, n_events, means, sensitivities, inn
                 row[n] = weight * innovation[k, c]
 
 
-def _see_nonlinearly(
+def _predict_nonlinear(
     process: Process,
     sensors: Sensors,
     timeline: Timeline,
@@ -167,17 +168,13 @@ def _see_nonlinearly(
     whitened: Array,
 ) -> None:
     """Do the same for the nonlinear sensors."""
-    assert process.linearise is not None, "a nonlinear sensor needs `Process.linearise`"
     n_parameters = means.shape[1] - sensitivities.shape[1]
-    for event in range(n_events):
-        for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
-            sensor = timeline.measurement_sensor[k]
-            if not sensors.nonlinear[sensor]:
-                continue
-            predicted, derivative = process.linearise(means[event], int(sensor))
-            by_start = derivative[:, n_parameters:] @ sensitivities[event]
-            by_start[:, :n_parameters] += derivative[:, :n_parameters]
-            for c in np.flatnonzero(~np.isnan(timeline.measurement[k])):
-                error = wrapped(timeline.measurement[k, c] - predicted[c], sensors.angular[sensor, c])
-                innovation[k, c] = error
-                whitened[k, c] = np.append(by_start[c], error) / np.sqrt(sensors.variance[sensor, c])
+    for k, event, residual, derivative in linearised_measurements(
+        process, sensors, timeline, n_events, means.__getitem__
+    ):
+        by_start = derivative[:, n_parameters:] @ sensitivities[event]
+        by_start[:, :n_parameters] += derivative[:, :n_parameters]
+        variance = sensors.variance[timeline.measurement_sensor[k]]
+        for c in np.flatnonzero(~np.isnan(residual)):
+            innovation[k, c] = residual[c]
+            whitened[k, c] = np.append(by_start[c], residual[c]) / np.sqrt(variance[c])

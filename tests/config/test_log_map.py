@@ -1,3 +1,4 @@
+from math import pi
 from pathlib import Path
 
 import pytest
@@ -5,6 +6,7 @@ import pytest
 from auvid_cli.config.load import shipped_configs
 from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.config.log_map import load_map
+from auvid_cli.config.log_sensors import _plain_map
 from auvid_cli.errors import ConfigError
 
 HEAD = f"""\
@@ -165,3 +167,13 @@ def test_every_mistake_is_named_with_its_place(load, sensors, inputs, messages):
         load(HEAD + ("sensors:\n" + sensors if sensors else "sensors: {}\n") + inputs)
     for message in messages:
         assert message in str(caught.value)
+
+
+def test_a_sensor_without_a_map_of_its_own_gets_a_plain_one():
+    """As one that is added to the table of sensors has it, with its unit and its components."""
+    plain = _plain_map("gyroscope")
+    sensor = plain.model_validate({"columns": {"q": "gy"}, "unit": "deg/s", "standard_deviation": "0.2 deg/s"})
+    assert sensor.signals()["q"].column == "gy"
+    assert sensor.standard_deviation == pytest.approx((0.2 * pi / 180.0,) * 3)
+    with pytest.raises(ValueError, match=r"columns\.u"):
+        plain.model_validate({"columns": {"u": "gy"}, "standard_deviation": "0.2 deg/s"})

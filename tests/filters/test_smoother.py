@@ -5,9 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.optimize import least_squares
 
-from auvid_cli.filters.problem import OK
+from auvid_cli.filters.problem import OK, PREDICTION
 from auvid_cli.filters.smoother import run_smoother
+from auvid_cli.filters.smoothing_backward import backward
 
 
 def smooth_one(process, sensors, timelines, prior, on_chunk):
@@ -74,3 +76,75 @@ def test_a_linear_problem_is_solved_as_by_one_big_system(chunk, linear_problem, 
     # A difference of variances.
     assert_allclose(history.records.standard_deviation, expected.deviation, rtol=1e-7)
     assert_allclose(history.covariance, expected.covariance, rtol=1e-8, atol=1e-10)
+
+
+@pytest.fixture
+def nonlinear_cost(nonlinear_problem):
+    """Function: what `least_squares` makes small, of parameters and the moving states of all events in one row."""
+    p, t = nonlinear_problem, nonlinear_problem.timeline
+    n, n_moving = p.prior.mean.size, p.process.noise_density.size
+    n_parameters = n - n_moving
+
+    def residuals(row):
+        parameters, moving = row[:n_parameters], row[n_parameters:].reshape(-1, n_moving)
+        parts = [np.linalg.solve(p.prior.factor, np.append(parameters, moving[0]) - p.prior.mean)]
+        for event in range(t.time.size):
+            first, last = t.substep_offset[event : event + 2]
+            if last > first:
+                moved = np.append(parameters, moving[event - 1])
+                pieces = t.substep_input[first:last], t.substep_duration[first:last]
+                constants = p.process.constants, p.process.selection
+                p.process.transition(moved, t.inputs, *pieces, *constants, np.eye(n), np.zeros(1))
+                deviation = p.process.noise_density * np.sqrt(pieces[1].sum())
+                parts.append((moving[event] - moved[n_parameters:]) / deviation)
+            state = np.append(parameters, moving[event])
+            for k in range(*t.measurement_offset[event : event + 2]):
+                sensor, present = t.measurement_sensor[k], ~np.isnan(t.measurement[k])
+                predicted = p.plain_observe(state) if sensor == 0 else p.sensors.matrix[sensor] @ state
+                difference = (t.measurement[k] - predicted) / np.sqrt(p.sensors.variance[sensor])
+                parts.append(difference[present])
+        return np.concatenate(parts)
+
+    return residuals
+
+
+@pytest.mark.parametrize("linear_problem", [2], indirect=True)
+def test_nonlinear_sensors_are_smoothed_to_the_least_cost(nonlinear_problem, nonlinear_cost, run_whole):
+    history = run_whole(smooth_one, nonlinear_problem)
+    assert history.failure == OK
+    mean, deviation = history.records.mean, history.records.standard_deviation
+    n_parameters = nonlinear_problem.prior.mean.size - nonlinear_problem.process.noise_density.size
+    rows = [np.append(each[0, :n_parameters], each[:, n_parameters:]) for each in (mean, deviation)]
+    solution = least_squares(nonlinear_cost, rows[0], x_scale=rows[1], xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    assert np.abs((solution.x - rows[0]) / rows[1]).max() < 0.05
+    covariance = np.linalg.inv(solution.jac.T @ solution.jac)
+    assert_allclose(rows[1], np.sqrt(np.diagonal(covariance)), rtol=0.02)
+
+
+@pytest.mark.parametrize("linear_problem", [2], indirect=True)
+def test_a_turn_more_of_an_angle_changes_nothing(nonlinear_problem, run_whole):
+    p = nonlinear_problem
+    # An innovation of an angle is less than half a turn.
+    p.timeline.measurement[:] *= 0.2
+    angular = p.sensors.angular.copy()
+    angular[0, 2] = angular[1, 0] = True
+    p.sensors = p.sensors._replace(angular=angular)
+    plain = run_whole(smooth_one, p)
+    turned = p.timeline.measurement.copy()
+    for sensor, component in np.argwhere(angular):
+        turned[p.timeline.measurement_sensor == sensor, component] += 2.0 * np.pi
+    p.timeline = p.timeline._replace(measurement=turned)
+    history = run_whole(smooth_one, p)
+    assert_allclose(history.records.mean, plain.records.mean, atol=1e-9)
+
+
+def test_a_variance_that_is_lost_to_rounding_is_no_zero(linear_problem, run_whole, monkeypatch):
+    """Where the way back leaves nothing of it, the answer ends, and says so."""
+
+    def lossy(timeline, about, trace, adjoint, information, step, variance, product):
+        backward(timeline, about, trace, adjoint, information, step, variance, product)
+        variance[12:, 1] = -1e-20
+
+    monkeypatch.setattr("auvid_cli.filters.linear_smoothing.backward", lossy)
+    history = run_whole(smooth_one, linear_problem, chunk=30)
+    assert (history.n_good, history.failure) == (12, PREDICTION)

@@ -1,5 +1,7 @@
 """The iterated smoother on vehicles: right where filters go astray, the same where they do not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,3 +73,12 @@ def test_it_says_that_its_passes_did_not_suffice(short_run, with_settings):
 def test_it_weighs_all_measurements_and_takes_no_gate(short_run, with_settings):
     with pytest.raises(ConfigError, match="no meaning for smoother"):
         identify(with_settings(short_run, "identification.gate=6"), FilterName.SMOOTHER)
+
+
+def test_data_that_nothing_follows_are_said_whatever_the_segments(short_run, with_settings):
+    values = short_run.inputs.values.copy()
+    values[short_run.inputs.time > 50.0] = 1e30
+    broken = replace(short_run, inputs=replace(short_run.inputs, values=values))
+    estimate = identify(with_settings(broken, "identification.use.spans=[[5, 25], [40, 60]]"), FilterName.SMOOTHER)
+    assert estimate.status.startswith("diverged at t = ")
+    assert estimate.covariance.shape == (len(estimate.state),) * 2

@@ -1,0 +1,248 @@
+"""Linear smoothing problems about trajectories: what a step of the iterated smoother solves.
+
+Forward goes a filter of the deviations, see `auvid_cli.filters.smoothing_forward`, through all segments and chunks;
+backward its adjoint, see `auvid_cli.filters.smoothing_backward`. Segments share the parameters: the filter carries
+these from one to the next, the adjoint what later ones say of them back.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from auvid_cli.filters.nonlinear_sensors import linearised_measurements
+from auvid_cli.filters.problem import Gaussian, Process, Sensors, Timeline
+from auvid_cli.filters.segments import of_segment, places, with_parameters
+from auvid_cli.filters.smoothing_backward import backward
+from auvid_cli.filters.smoothing_forward import Linearised, Trace, Work, forward, linearise_measurements
+from auvid_cli.filters.square_root_state import State
+from auvid_cli.filters.workspace import padded
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A history of the state.
+
+    Attributes
+    ----------
+    parameters : ndarray, shape (n_parameters,)
+    initial : list of ndarray, shape (n_moving,)
+        Moving states at the beginning of each segment: those at its first event, unless something leads to that.
+    moving : list of list of ndarray, shape (n_events, n_moving)
+        By segment and chunk, at each event.
+    """
+
+    parameters: Array
+    initial: list[Array]
+    moving: list[list[Array]]
+
+    def stepped(self, step: "Trajectory", share: float) -> "Trajectory":
+        """Go a share of a step."""
+        moved = [
+            [chunk + share * by for chunk, by in zip(*segments, strict=True)]
+            for segments in zip(self.moving, step.moving, strict=True)
+        ]
+        initial = [state + share * by for state, by in zip(self.initial, step.initial, strict=True)]
+        return Trajectory(self.parameters + share * step.parameters, initial, moved)
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """The linear problem about a trajectory, filtered to the end.
+
+    Attributes
+    ----------
+    trajectory : Trajectory
+    cost, least : float
+        Of the trajectory, and at the minimum of the linear problem.
+    before : list of list of State
+        Deviation before each chunk of each segment.
+    by_parameters : list of ndarray, shape (n_moving, n_parameters)
+        What each segment's first moving states owe to the parameters.
+    final : State
+        Deviation at the end.
+    """
+
+    trajectory: Trajectory
+    cost: float
+    least: float
+    before: list[list[State]]
+    by_parameters: list[Array]
+    final: State
+
+
+class Smoothed(NamedTuple):
+    """A chunk of the answer to a linear problem.
+
+    Attributes
+    ----------
+    segment : int
+    timeline : Timeline
+    trace : Trace
+    step, variance : ndarray, shape (n_events, n_moving)
+        Smoothed deviation of the moving states, and its variance if asked for.
+    adjoint : ndarray, shape (n,)
+        What the data from here on say of the deviation before the chunk.
+    """
+
+    segment: int
+    timeline: Timeline
+    trace: Trace
+    step: Array
+    variance: Array
+    adjoint: Array
+
+
+class LinearSmoothing:
+    """Linear problems about one trajectory after the other.
+
+    Parameters
+    ----------
+    process, sensors, segments, prior
+        As of `auvid_cli.filters.smoother.run_smoother`.
+    """
+
+    def __init__(
+        self, process: Process, sensors: Sensors, segments: Sequence[Iterable[Timeline]], prior: Gaussian
+    ) -> None:
+        self._process, self._sensors, self._segments, self._prior = process, sensors, segments, prior
+        self._n_moving = process.noise_density.size
+        self._n_parameters = prior.mean.size - len(segments) * self._n_moving
+        self._n = self._n_parameters + self._n_moving
+        self._places = places(prior.mean.size, self._n_moving, len(segments))
+        self._work = _new_work(process, self._n, sensors.matrix.shape[1])
+
+    def filter(self, trajectory: Trajectory) -> Filtered | None:
+        """Filter the deviations from a trajectory; None where it has no finite cost."""
+        cost, least, before, by_parameters, state = 0.0, 0.0, [], [], None
+        for segment in range(len(self._segments)):
+            gaussian, owed, distance = self._beginning(trajectory, segment, state)
+            cost += distance
+            # The first segment's prior counts as a whole, of the others what it says of their own states.
+            by_parameters.append(owed)
+            state = self._state(gaussian)
+            before.append([])
+            for chunk, timeline in enumerate(self._segments[segment]):
+                about = self._about(trajectory, segment, chunk, timeline)
+                before[-1].append(state.copy())
+                good, chunk_cost, chunk_least = self._forward(timeline, about, state)
+                cost, least = cost + chunk_cost, least + chunk_least
+                if good < timeline.time.size:
+                    return None
+        assert state is not None, "there is at least one segment"
+        return Filtered(trajectory, cost, least, before, by_parameters, state)
+
+    def step(self, filtered: Filtered) -> Trajectory:
+        """Solve the linear problem: the step from its trajectory to the answer."""
+        n = self._n_parameters
+        initial: list[Array] = [np.zeros(0)] * len(self._segments)
+        moving: list[list[Array]] = [[] for _ in self._segments]
+        for chunk in self.smooth(filtered, with_variance=False):
+            moving[chunk.segment].insert(0, chunk.step)
+            before = filtered.before[chunk.segment][0]
+            factor = before.columns[: self._n, : self._n].T
+            led = before.mean[n : self._n] + factor[n:] @ (factor.T @ chunk.adjoint)
+            # Of the first chunk, which comes last.
+            initial[chunk.segment] = led if is_led_to(chunk.timeline) else chunk.step[0]
+        return Trajectory(filtered.final.mean[:n].copy(), initial, moving)
+
+    def smooth(self, filtered: Filtered, with_variance: bool) -> Iterator[Smoothed]:
+        """Smooth chunk by chunk, from the last to the first.
+
+        Each chunk is filtered once more from where it began: what the way back needs is large.
+        """
+        n, n_parameters = self._n, self._n_parameters
+        adjoint, information = np.zeros(n), np.zeros((n, n) if with_variance else (0, 0))
+        for segment in reversed(range(len(self._segments))):
+            for chunk, timeline in reversed([*enumerate(self._segments[segment])]):
+                about = self._about(filtered.trajectory, segment, chunk, timeline)
+                trace = _new_trace(timeline, about)
+                self._forward(timeline, about, filtered.before[segment][chunk].copy(), trace)
+                step, variance = (np.zeros(about.moving.shape) for _ in range(2))
+                backward(timeline, about, trace, adjoint, information, step, variance, self._work.product)
+                yield Smoothed(segment, timeline, trace, step, variance, adjoint.copy())
+            # The motion before is another: what is known of this one says something of the parameters alone.
+            owed = np.vstack([np.eye(n_parameters), filtered.by_parameters[segment]])
+            adjoint[:n_parameters], adjoint[n_parameters:] = owed.T @ adjoint, 0.0
+            if with_variance:
+                of_parameters = owed.T @ information @ owed
+                information[:] = 0.0
+                information[:n_parameters, :n_parameters] = of_parameters
+
+    def _about(self, trajectory: Trajectory, segment: int, chunk: int, timeline: Timeline) -> Linearised:
+        """Linearise a chunk about a trajectory."""
+        chunks, shape = trajectory.moving[segment], timeline.measurement.shape
+        before = chunks[chunk - 1][-1] if chunk else trajectory.initial[segment]
+        residual, rows = np.full(shape, np.nan), np.zeros((*shape, self._n))
+        about = Linearised(trajectory.parameters, before, chunks[chunk], residual, rows)
+        linearise_measurements(self._sensors, timeline, about)
+
+        def state_at(event: int) -> Array:
+            return np.concatenate([trajectory.parameters, about.moving[event]])
+
+        for seen in linearised_measurements(self._process, self._sensors, timeline, timeline.time.size, state_at):
+            about.residual[seen.k, : seen.residual.size] = seen.residual
+            about.rows[seen.k, : seen.residual.size] = seen.derivative
+        return about
+
+    def _beginning(self, trajectory: Trajectory, segment: int, state: State | None) -> tuple[Gaussian, Array, float]:
+        """Find what is known of the deviation before a segment, what its motion owes to the parameters, its cost."""
+        n = self._n_parameters
+        own = of_segment(self._prior, self._places[segment])
+        nominal = np.concatenate([trajectory.parameters, trajectory.initial[segment]])
+        distance = solve_triangular(own.factor, nominal - own.mean, lower=True)
+        owed = solve_triangular(own.factor[:n, :n].T, own.factor[n:, :n].T, lower=False).T
+        if state is not None:
+            known = Gaussian(trajectory.parameters + state.mean[:n], state.columns[:n, :n].T.copy())
+            own, distance = with_parameters(own, known), distance[n:]
+        return own._replace(mean=own.mean - nominal), owed, float(distance @ distance)
+
+    def _state(self, gaussian: Gaussian) -> State:
+        return State.of(gaussian, self._n + self._n % 2, padded(self._n + self._sensors.matrix.shape[1]))
+
+    def _forward(
+        self, timeline: Timeline, about: Linearised, state: State, trace: Trace | None = None
+    ) -> tuple[int, float, float]:
+        p = self._process
+        model = p.transition, p.constants, p.selection, p.noise_density
+        into = _new_trace(timeline, about) if trace is None else trace
+        return forward(*model, self._sensors, timeline, about, state, trace is not None, into, self._work)
+
+
+def is_led_to(first: Timeline) -> bool:
+    """Say whether anything leads to the first event of a segment."""
+    return bool(first.substep_offset[1] > first.substep_offset[0])
+
+
+def _new_trace(timeline: Timeline, about: Linearised) -> Trace:
+    n_events, (n_measurements, n_components, n) = timeline.time.size, about.rows.shape
+    n_moving = about.before.size
+    return Trace(
+        np.empty((n_events, n_moving, n)),
+        np.empty((n_events, n)),
+        np.empty((n_events, n_moving, n)),
+        np.empty((n_measurements, n_components, n)),
+        *(np.ones((n_measurements, n_components)) for _ in range(2)),
+        *(np.full((n_measurements, n_components), np.nan) for _ in range(2)),
+    )
+
+
+def _new_work(process: Process, n: int, n_components: int) -> Work:
+    n_moving, even = process.noise_density.size, n + n % 2
+    rows = n_moving + 2
+    return Work(
+        point=np.zeros(n),
+        matrix=np.eye(n),
+        product=np.zeros((n, n)),
+        spread=np.zeros((rows, padded(2 * n_moving))),
+        lower=np.zeros((rows, rows)),
+        gain=np.zeros(padded(n + n_components)),
+        ratio=np.zeros(even),
+        share=np.zeros(even),
+        process=np.zeros(process.scratch_size),
+    )
