@@ -23,6 +23,9 @@ from auvid_cli.filters.workspace import padded
 
 Array = NDArray[np.float64]
 
+# Bytes of what the way forward leaves for the way back that are kept; what is more is filtered again.
+_KEPT = 2**28
+
 
 @dataclass(frozen=True)
 class Trajectory:
@@ -116,10 +119,12 @@ class LinearSmoothing:
         self._n = self._n_parameters + self._n_moving
         self._places = places(prior.mean.size, self._n_moving, len(segments))
         self._work = _new_work(process, self._n, sensors.matrix.shape[1])
+        self._kept, self._kept_of = dict[tuple[int, int], tuple[Linearised, Trace]](), None
 
     def filter(self, trajectory: Trajectory) -> Filtered | None:
         """Filter the deviations from a trajectory; None where it has no finite cost."""
         cost, least, before, by_parameters, state = 0.0, 0.0, [], [], None
+        self._kept_of, room = trajectory, _KEPT
         for segment in range(len(self._segments)):
             gaussian, owed, distance = self._beginning(trajectory, segment, state)
             cost += distance
@@ -130,7 +135,11 @@ class LinearSmoothing:
             for chunk, timeline in enumerate(self._segments[segment]):
                 about = self._about(trajectory, segment, chunk, timeline)
                 before[-1].append(state.copy())
-                good, chunk_cost, chunk_least = self._forward(timeline, about, state)
+                _, trace = self._kept.pop((segment, chunk), (None, None))
+                trace = _new_trace(about) if trace is None else trace
+                if (room := room - sum(array.nbytes for array in (*trace, about.rows))) >= 0:
+                    self._kept[segment, chunk] = about, trace
+                good, chunk_cost, chunk_least = self._forward(timeline, about, state, trace)
                 cost, least = cost + chunk_cost, least + chunk_least
                 if good < timeline.time.size:
                     return None
@@ -154,15 +163,13 @@ class LinearSmoothing:
     def smooth(self, filtered: Filtered, with_variance: bool) -> Iterator[Smoothed]:
         """Smooth chunk by chunk, from the last to the first.
 
-        Each chunk is filtered once more from where it began: what the way back needs is large.
+        What the way back needs is large: a chunk of which it was not kept is filtered once more from where it began.
         """
         n, n_parameters = self._n, self._n_parameters
         adjoint, information = np.zeros(n), np.zeros((n, n) if with_variance else (0, 0))
         for segment in reversed(range(len(self._segments))):
             for chunk, timeline in reversed([*enumerate(self._segments[segment])]):
-                about = self._about(filtered.trajectory, segment, chunk, timeline)
-                trace = _new_trace(timeline, about)
-                self._forward(timeline, about, filtered.before[segment][chunk].copy(), trace)
+                about, trace = self._traced(filtered, segment, chunk, timeline)
                 step, variance = (np.zeros(about.moving.shape) for _ in range(2))
                 backward(timeline, about, trace, adjoint, information, step, variance, self._work.product)
                 yield Smoothed(segment, timeline, trace, step, variance, adjoint.copy())
@@ -173,6 +180,15 @@ class LinearSmoothing:
                 of_parameters = owed.T @ information @ owed
                 information[:] = 0.0
                 information[:n_parameters, :n_parameters] = of_parameters
+
+    def _traced(self, filtered: Filtered, segment: int, chunk: int, timeline: Timeline) -> tuple[Linearised, Trace]:
+        """Return what the way back needs of a chunk."""
+        if filtered.trajectory is self._kept_of and (segment, chunk) in self._kept:
+            return self._kept[segment, chunk]
+        about = self._about(filtered.trajectory, segment, chunk, timeline)
+        trace = _new_trace(about)
+        self._forward(timeline, about, filtered.before[segment][chunk].copy(), trace)
+        return about, trace
 
     def _about(self, trajectory: Trajectory, segment: int, chunk: int, timeline: Timeline) -> Linearised:
         """Linearise a chunk about a trajectory."""
@@ -205,13 +221,10 @@ class LinearSmoothing:
     def _state(self, gaussian: Gaussian) -> State:
         return State.of(gaussian, self._n + self._n % 2, padded(self._n + self._sensors.matrix.shape[1]))
 
-    def _forward(
-        self, timeline: Timeline, about: Linearised, state: State, trace: Trace | None = None
-    ) -> tuple[int, float, float]:
+    def _forward(self, timeline: Timeline, about: Linearised, state: State, trace: Trace) -> tuple[int, float, float]:
         p = self._process
         model = p.transition, p.constants, p.selection, p.noise_density
-        into = _new_trace(timeline, about) if trace is None else trace
-        return forward(*model, self._sensors, timeline, about, state, trace is not None, into, self._work)
+        return forward(*model, self._sensors, timeline, about, state, trace, self._work)
 
 
 def is_led_to(first: Timeline) -> bool:
@@ -219,9 +232,8 @@ def is_led_to(first: Timeline) -> bool:
     return bool(first.substep_offset[1] > first.substep_offset[0])
 
 
-def _new_trace(timeline: Timeline, about: Linearised) -> Trace:
-    n_events, (n_measurements, n_components, n) = timeline.time.size, about.rows.shape
-    n_moving = about.before.size
+def _new_trace(about: Linearised) -> Trace:
+    (n_events, n_moving), (n_measurements, n_components, n) = about.moving.shape, about.rows.shape
     return Trace(
         np.empty((n_events, n_moving, n)),
         np.empty((n_events, n)),
@@ -239,6 +251,7 @@ def _new_work(process: Process, n: int, n_components: int) -> Work:
         point=np.zeros(n),
         matrix=np.eye(n),
         product=np.zeros((n, n)),
+        rows=np.zeros((n_moving + n_moving % 2, padded(n))),
         spread=np.zeros((rows, padded(2 * n_moving))),
         lower=np.zeros((rows, rows)),
         gain=np.zeros(padded(n + n_components)),

@@ -33,9 +33,11 @@ from auvid_cli.filters.square_root import run_square_root_filter
 
 Array = NDArray[np.float64]
 
-# Squares of standard deviations by which the cost may still fall, by the linear problem, at the last step: with 22
-# parameters a fall of so much moves none of them by more than a few hundredths of its standard deviation.
-_NEGLIGIBLE = 1e-3
+# Squares of standard deviations by which the cost may still fall, by the linear problem, before the last step: it moves
+# no parameter by more than a tenth of its standard deviation, and what is left after it is smaller still.
+_NEGLIGIBLE = 1e-2
+# Standard deviations by which a filter's parameters may be off the answer that it led to, before that is doubted.
+_FAR = 1.0
 # Shortest share of a step that is tried.
 _SHORTEST = 2.0**-10
 # Times the process noise, and the prior's spread of the parameters, for a start that only follows the measurements.
@@ -52,8 +54,8 @@ def run_smoother(
 ) -> FilterOutcome:
     """Find the most probable parameters and motion.
 
-    It starts from the trajectory of a CKF, and from one that keeps the prior's parameters and follows the
-    measurements; the more probable of the two answers counts.
+    It starts from the trajectory of a CKF. Where the answer is far from that, or there is none, it starts once more,
+    from a trajectory that keeps the prior's parameters and follows the measurements; the more probable answer counts.
 
     Parameters
     ----------
@@ -75,7 +77,12 @@ def run_smoother(
     """
     problem = LinearSmoothing(process, sensors, segments, prior)
     starts = _starts(process, sensors, segments, prior)
-    answers = [answer for start in starts if (answer := _minimise(problem, start, max_passes)) is not None]
+    answers = []
+    for start in starts:
+        if (answer := _minimise(problem, start, max_passes)) is not None:
+            answers.append(answer)
+            if _is_near(start, answer[0]):
+                break
     if not answers:
         factor = of_segment(prior, places(prior.mean.size, process.noise_density.size, len(segments))[0]).factor
         return FilterOutcome(factor @ factor.T, 0, PREDICTION)
@@ -95,6 +102,14 @@ def _starts(
     held[:, :n_parameters] *= _HELD
     if (followed := _ckf(loose, sensors, segments, prior._replace(factor=held))) is not None:
         yield replace(followed, parameters=prior.mean[:n_parameters])
+
+
+def _is_near(start: Trajectory, answer: Filtered) -> bool:
+    """Say whether an answer has the parameters of its start, within what is not known of them."""
+    n_parameters = start.parameters.size
+    deviation = np.sqrt(np.diagonal(answer.final.covariance())[:n_parameters])
+    moved = answer.trajectory.parameters + answer.final.mean[:n_parameters] - start.parameters
+    return bool((np.abs(moved) <= _FAR * deviation).all())
 
 
 def _ckf(

@@ -11,7 +11,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.factor import carlson_update, triangularise
+from auvid_cli.filters.factor import TILE, carlson_update, triangularise
 from auvid_cli.filters.measurement import SENSORS, predict_linearly, wrapped
 from auvid_cli.filters.problem import TIMELINE, TRANSITION_SIGNATURE
 from auvid_cli.filters.square_root_state import STATE
@@ -83,6 +83,8 @@ class Work(NamedTuple):
     ----------
     point : ndarray, shape (n,)
     matrix, product : ndarray, shape (n, n)
+    rows : ndarray, shape (even number of moving states, whole tiles)
+        Zero beyond the moving rows of the matrix.
     spread : ndarray, shape (even number of moving states, whole tiles)
     lower : ndarray, shape (as many, as many)
     gain : ndarray, shape (width of the factor,)
@@ -94,6 +96,7 @@ class Work(NamedTuple):
     point: Array
     matrix: Array
     product: Array
+    rows: Array
     spread: Array
     lower: Array
     gain: Array
@@ -104,7 +107,7 @@ class Work(NamedTuple):
 
 LINEARISED = types.NamedTuple((_vector, _vector, _matrix, _matrix, _stack), Linearised)
 TRACE = types.NamedTuple((_stack, _matrix, _stack, _stack, *[_matrix] * 4), Trace)
-WORK = types.NamedTuple((_vector, *[_matrix] * 4, *[_vector] * 4), Work)
+WORK = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 4), Work)
 
 
 @compiled(types.void(SENSORS, TIMELINE, LINEARISED))
@@ -131,25 +134,31 @@ def linearise_measurements(sensors, timeline, about):
 @compiled(types.boolean(_vector, types.float64, STATE, WORK), reassociate=True, internal=True)
 def _predict(noise_density, elapsed, state, work):
     """Move mean and factor of the deviation by ``work.matrix``; False if there is no factor."""
-    n, mean, columns, matrix = state.n, state.mean, state.columns, work.matrix
+    n, mean, columns, rows, moved = state.n, state.mean, state.columns, work.rows, work.product
     n_moving = noise_density.size
     n_parameters = n - n_moving
-    spread, moved = work.spread, work.product
+    spread = work.spread
     for i in range(spread.shape[0]):
         for k in range(spread.shape[1]):
             spread[i, k] = 0.0
     for i in range(n_moving):
-        row = matrix[n_parameters + i]
+        for j in range(n):
+            rows[i, j] = work.matrix[n_parameters + i, j]
         total = 0.0
         for j in range(n):
-            total += row[j] * mean[j]
+            total += rows[i, j] * mean[j]
         work.point[i] = total
-        for j in range(n):
-            column = columns[j]
-            total = 0.0
-            for k in range(j, n):
-                total += row[k] * column[k]
-            moved[i, j] = total
+    # Two rows at a time, from a tile's edge on: what stands before a column's diagonal is zero.
+    for j in range(n):
+        edge = j // TILE * TILE
+        column = columns[j][edge:]
+        for i in range(0, n_moving, 2):
+            row0, row1 = rows[i][edge:], rows[i + 1][edge:]
+            total0, total1 = 0.0, 0.0
+            for k in range(row0.size):
+                total0 += row0[k] * column[k]
+                total1 += row1[k] * column[k]
+            moved[i, j], moved[i + 1, j] = total0, total1
     for i in range(n_moving):
         mean[n_parameters + i] = work.point[i]
         for j in range(n_parameters):
@@ -211,21 +220,22 @@ def _write_down(event, state, n_parameters, trace):
         for k in range(n):
             covariance[i, k] = 0.0
     for j in range(n):
-        column = columns[j]
+        edge = j // TILE * TILE
+        column = columns[j][edge:n]
         for i in range(n - n_parameters):
-            share, row = column[n_parameters + i], covariance[i]
-            for k in range(n):
+            share, row = columns[j, n_parameters + i], covariance[i][edge:]
+            for k in range(column.size):
                 row[k] += share * column[k]
 
 
 @compiled(
     types.Tuple((types.int64, types.float64, types.float64))(
         types.FunctionType(TRANSITION_SIGNATURE),
-        *(_vector, _indices, _vector, SENSORS, TIMELINE, LINEARISED, STATE, types.boolean, TRACE, WORK),
+        *(_vector, _indices, _vector, SENSORS, TIMELINE, LINEARISED, STATE, TRACE, WORK),
     ),
     reassociate=True,
 )
-def forward(transition, constants, selection, noise_density, sensors, timeline, about, state, traced, trace, work):
+def forward(transition, constants, selection, noise_density, sensors, timeline, about, state, trace, work):
     """Filter the deviations from a trajectory through a chunk of the data.
 
     Parameters
@@ -237,10 +247,8 @@ def forward(transition, constants, selection, noise_density, sensors, timeline, 
     about : Linearised
     state : State
         Deviation at the event before the chunk; moved to its last one.
-    traced : bool
-        Whether there will be a way back.
     trace : Trace
-        Filled in, if so.
+        Filled in.
     work : Work
 
     Returns
@@ -274,9 +282,8 @@ def forward(transition, constants, selection, noise_density, sensors, timeline, 
                 defect = moved[n_parameters + i] - about.moving[event, i]
                 cost += defect * defect / (noise_density[i] ** 2 * elapsed)
                 work.gain[i] = defect
-                if traced:
-                    for j in range(n):
-                        trace.transition[event, i, j] = work.matrix[n_parameters + i, j]
+                for j in range(n):
+                    trace.transition[event, i, j] = work.matrix[n_parameters + i, j]
             if not _predict(noise_density, elapsed, state, work):
                 return event, cost, least
             for i in range(n_moving):
@@ -293,6 +300,5 @@ def forward(transition, constants, selection, noise_density, sensors, timeline, 
             least += nis
         if not cost < np.inf:
             return event, cost, least
-        if traced:
-            _write_down(event, state, n_parameters, trace)
+        _write_down(event, state, n_parameters, trace)
     return timeline.time.size, cost, least
