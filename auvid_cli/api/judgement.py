@@ -12,6 +12,7 @@ from auvid_cli.evaluation.check import Checks
 from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.identifiability import assess_dataset
+from auvid_cli.evaluation.judgement import judge
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.inspection.inspection import Inspection
@@ -108,8 +109,11 @@ def check(dataset: Dataset, *estimates: Estimate) -> Checks:
     refuse_estimates_of_others(dataset, estimates)
     prepared = prepare(dataset)
     bounds_of = BoundsOf(prepared)
+    judgements = judge(estimates)
     return Checks(
-        verdict for estimate in estimates for verdict in check_estimate(prepared, estimate, bounds_of(estimate))
+        verdict
+        for estimate in estimates
+        for verdict in check_estimate(prepared, estimate, bounds_of(estimate), judgements[estimate.filter])
     )
 
 

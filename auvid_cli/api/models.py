@@ -6,7 +6,7 @@ from auvid_cli.api.same_data import refuse_estimates_of_others
 from auvid_cli.config.named import named
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.estimate_file import read_estimate
+from auvid_cli.data.estimate_file import read_estimate, read_reference
 from auvid_cli.data.files import keep_apart, write_text
 from auvid_cli.data.netcdf import digest
 from auvid_cli.export.format_name import FormatName
@@ -22,7 +22,8 @@ def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str,
     dataset : Dataset
         From which the estimate was made.
     estimate : Estimate, str or pathlib.Path
-        One in memory, or a file, whose SHA-256 the model then names.
+        One in memory, or a file, whose SHA-256 the model then names. A coefficient counts as identified if the estimate
+        is sound; one of a filter is judged by the smoother's, in the file ``smoother.h5`` beside it.
     target : str
         ``"yaml"`` (a vehicle file), ``"json"``, ``"python"`` (needs only NumPy), ``"matlab"`` or ``"sdf"`` (Gazebo).
     file : str or pathlib.Path, optional
@@ -48,12 +49,13 @@ def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str,
     >>> "def " in text
     True
     """
-    kind, sha256, inputs = named(FormatName, target, "form of a model"), "", []
+    kind, sha256, inputs, reference = named(FormatName, target, "form of a model"), "", [], None
     if not isinstance(estimate, Estimate):
         inputs = [Path(estimate)]
         estimate, sha256 = read_estimate(inputs[0]), digest(inputs[0])
+        reference = read_reference(inputs[0], estimate)
     refuse_estimates_of_others(dataset, [estimate])
-    model, form = model_found_by(estimate, dataset, sha256), FORMATS[kind]
+    model, form = model_found_by(estimate, dataset, sha256, reference), FORMATS[kind]
     path = Path(default_stem(model) if file is None else file)
     check_stem(kind, path.stem)
     text = form.file_text(model, form.losses(model), path.stem)

@@ -10,6 +10,7 @@ from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, normalised_estimation_error
 from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.vehicle.parameters import MOTION
 
 _ANGLES = ("phi", "theta", "psi")
@@ -31,6 +32,8 @@ class Measure(NamedTuple):
         Of a coefficient or motion state, SI; of a sensor.
     status : str
         Of the run: "completed", or what was wrong, as `auvid_cli.evaluation.consistency.verdict` says it.
+    grade, reason : str
+        What its estimate is worth, and what stands against it; see `auvid_cli.evaluation.judgement`.
     true, estimate, standard_deviation : float or None
         Of a coefficient, at the last time.
     rmse : float or None
@@ -39,6 +42,8 @@ class Measure(NamedTuple):
         Of a coefficient; of a run, the mean over its coefficients.
     cramer_rao_bound, times_bound : float or None
         Of a coefficient: the least standard deviation that the data allow, and the filter's in terms of it.
+    identified : bool or None
+        Whether the estimate of a coefficient is sound, and its uncertainty small enough.
     squares, components : float, int or None
         Sum of the normalised innovations squared of a sensor and how many components went into it; of a run the NEES
         of its coefficients and how many there are.
@@ -53,6 +58,8 @@ class Measure(NamedTuple):
     name: str
     unit: str
     status: str
+    grade: str
+    reason: str
     true: float | None = None
     estimate: float | None = None
     standard_deviation: float | None = None
@@ -60,6 +67,7 @@ class Measure(NamedTuple):
     steady_state_error_percent: float | None = None
     cramer_rao_bound: float | None = None
     times_bound: float | None = None
+    identified: bool | None = None
     squares: float | None = None
     components: int | None = None
     processor_time: float | None = None
@@ -67,7 +75,13 @@ class Measure(NamedTuple):
 
 
 def measures(
-    run: str, filter_name: str, seed: int, estimate: Estimate, truth: TruthRecord, bounds: Mapping[str, float]
+    run: str,
+    filter_name: str,
+    seed: int,
+    estimate: Estimate,
+    truth: TruthRecord,
+    bounds: Mapping[str, float],
+    judgement: Judgement,
 ) -> list[Measure]:
     """Return all rows of a run.
 
@@ -80,13 +94,15 @@ def measures(
         Of the data that it is made from.
     bounds : mapping
         Cramer-Rao's by symbol, SI, as far as known.
+    judgement : Judgement
+        Of the estimate.
     """
     status = verdict(estimate)
 
     def row(kind: str, name: str = "", unit: str = "") -> Measure:
-        return Measure(run, filter_name, seed, kind, name, unit, status)
+        return Measure(run, filter_name, seed, kind, name, unit, status, judgement.grade, judgement.reason)
 
-    results = coefficient_results(estimate, truth, bounds)
+    results = coefficient_results(estimate, truth, bounds, judgement.grade is Grade.SOUND)
     error = normalised_estimation_error(estimate, truth) if estimate.completed else None
     rows = [
         row("run")._replace(
@@ -106,6 +122,7 @@ def measures(
             steady_state_error_percent=result.steady_state_error_percent,
             cramer_rao_bound=result.cramer_rao_bound,
             times_bound=result.times_bound,
+            identified=result.identified,
         )
         for result in results
     ]

@@ -14,11 +14,13 @@ from auvid_cli import __version__
 from auvid_cli.campaign.measures import Measure, measures
 from auvid_cli.campaign.plan import Group, Run
 from auvid_cli.config.experiment import Experiment, Identification, Use
+from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import given_settings
 from auvid_cli.data.dataset import Dataset, TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import AuvidError, ConfigError, DataError
 from auvid_cli.evaluation.bounds import bounds_at
+from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.simulation.simulate import simulate
@@ -84,7 +86,8 @@ def _perform(simulated: str, run: Run, given: str, with_estimates: bool) -> Perf
         (name,) = assumed.identification.filters
         estimate = identify(_as_assumed(dataset, assumed), name)
         bounds = _bounds(simulated, assumed.identification.model_dump_json(include=_OF_THE_DATA, exclude_none=True))
-        rows = measures(run.identity, run.filter, run.seed, estimate, _truth(dataset), bounds)
+        judgement = judge_one(estimate, _reference(simulated, _judging(assumed)))
+        rows = measures(run.identity, run.filter, run.seed, estimate, _truth(dataset), bounds, judgement)
     except AuvidError as error:
         return Performed(run, [], str(error), None)
     except Exception as error:
@@ -107,6 +110,24 @@ def _as_assumed(dataset: Dataset, assumed: Experiment) -> Dataset:
         for name, record in dataset.sensors.items()
     }
     return replace(dataset, sensors=records, experiment=assumed)
+
+
+def _judging(assumed: Experiment) -> str:
+    """Return the experiment that fits the judge of a filter; empty if nobody is to judge it, or it is the judge."""
+    settings = assumed.identification
+    if FilterName.SMOOTHER not in settings.with_judge(settings.filters) or FilterName.SMOOTHER in settings.filters:
+        return ""
+    others = {name: Identification.model_fields[name].default for name in ("ekf", "ukf", "output_error")}
+    smoother = settings.model_copy(update={"filters": (FilterName.SMOOTHER,), **others})
+    return json.dumps(given_settings(assumed.model_copy(update={"identification": smoother})))
+
+
+# The filters of a group's data that assume the same share their judge.
+@lru_cache(maxsize=4)
+def _reference(simulated: str, given: str) -> Estimate | None:
+    if not given:
+        return None
+    return identify(_as_assumed(_data(simulated), Experiment.model_validate_json(given)), FilterName.SMOOTHER)
 
 
 def _truth(dataset: Dataset) -> TruthRecord:

@@ -71,6 +71,7 @@ def _of_filter(rows: pd.DataFrame) -> dict[str, float]:
         "failed": float(failed(runs).mean()),
         "diverged": float(diverged(runs).mean()),
         "inconsistent": float(runs["status"].str.startswith("inconsistent").mean()),
+        "sound": float((runs["grade"] == "sound").mean()),
         **_spread("steady_state_error_percent", sound["steady_state_error_percent"]),
         "within_two_sigma": _share(_within_two_sigma(coefficients)),
         **_against_bound(coefficients),

@@ -24,7 +24,7 @@ from auvid_cli.data.files import replacing, write_text
 from auvid_cli.errors import FileError
 from auvid_cli.regular import check_regular
 
-_TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64()}
+_TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
 # So many files that came one by one are made one.
 _MOST_PARTS = 50
 # In a file's metadata: which files went into it.
@@ -238,7 +238,8 @@ class Store:
 
 def _failure_row(failure: Failure) -> Measure:
     """Make the row by which a failed run stands among those that did not fail."""
-    return Measure(failure.run, failure.filter, failure.seed, "run", "", "", f"failed: {failure.reason}")
+    status = f"failed: {failure.reason}"
+    return Measure(failure.run, failure.filter, failure.seed, "run", "", "", status, "failed", failure.reason)
 
 
 def _failure(run: Run, reason: str) -> Failure:

@@ -41,7 +41,7 @@ def export(
 ) -> None:
     """Write an identified model for other programs, and say what they cannot hold of it."""
     with reporting_errors():
-        from auvid_cli.data.estimate_file import read_estimate
+        from auvid_cli.data.estimate_file import read_estimate, read_reference
         from auvid_cli.data.files import keep_apart, write_text
         from auvid_cli.data.netcdf import digest
         from auvid_cli.data.replacement import refuse_unless
@@ -60,7 +60,7 @@ def export(
             from auvid_cli.export.losses import loss_lines
             from auvid_cli.export.model import model_found_by
         with terminal.stage("bounds"):
-            model = model_found_by(estimate, data, digest(path))
+            model = model_found_by(estimate, data, digest(path), read_reference(path, estimate))
         form = FORMATS[target]
         file = output or home / "export" / f"{default_stem(model)}{form.suffix}"
         check_stem(target, file.stem)

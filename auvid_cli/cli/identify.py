@@ -53,12 +53,12 @@ def identify(
         if path and dataset:
             put_copy(path, dataset, folder, files, overwrite)
         dataset = dataset or pipeline.dataset_of(experiment, folder)
-        chosen = tuple(filters or experiment.identification.filters)
+        chosen = experiment.identification.with_judge(filters or experiment.identification.filters)
         terminal = Terminal(quiet, verbose)
         pipeline.say_doubts(dataset.experiment.vehicle, terminal)
         prepared = pipeline.prepare(dataset, terminal)
         estimates = pipeline.identify_to(folder, prepared, chosen, terminal, overwrite)
-        code = pipeline.exit_code(estimates)
+        code = pipeline.say_judgements(estimates, terminal)
         terminal.say(f"next: auvid report {folder}")
         if code == DONE:
             terminal.say(f"on another run: auvid validate {folder / 'estimates' / chosen[0]}.h5 OTHER.h5")

@@ -1,7 +1,7 @@
 """The steps of the main job, as the commands string them together."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from pathlib import Path
@@ -178,8 +178,6 @@ def identify_to(
         remove(path for path in products(folder) if path not in kept)
     for path, estimate in zip(paths, estimates, strict=True):
         terminal.say(f"{path}: {verdict(estimate)}; {estimate.cpu_time:.2f} s of processor time")
-    for line in remedies(estimates):
-        terminal.say(line)
     return estimates
 
 
@@ -229,12 +227,13 @@ def report_to(
     figures.add_others(prepared.dataset, estimates, evaluation)
     paths = write_tables(evaluation, folder / "tables")
     print_summary(terminal.out, evaluation)
+    for line in remedies(estimates):
+        terminal.say(line)
     with terminal.progress("figures") as (progress,):
         paths += figures.finish(progress)
     remove_former(folder, paths, [estimate.filter for estimate in estimates])
     print_files(terminal.out, paths)
-    sound = all(row.status == "completed" for row in evaluation.summary)
-    return DONE if sound else VERDICT_FAILED
+    return exit_code(row.grade for row in evaluation.summary)
 
 
 @contextmanager
@@ -247,11 +246,21 @@ def drawing(folder: Path) -> Iterator["FigureQueue"]:
         yield FigureQueue(folder / "figures", submit)
 
 
-def exit_code(estimates: list[Estimate]) -> int:
-    """Return 1 if a filter diverged or its innovations belie it."""
-    from auvid_cli.evaluation.consistency import verdict
+def say_judgements(estimates: list[Estimate], terminal: Terminal) -> int:
+    """Say what each estimate is worth, and what may help; the exit code says whether one is worth little."""
+    with terminal.compiling():
+        from auvid_cli.evaluation.judgement import judge
+    judgements = judge(estimates)
+    for name, judgement in judgements.items():
+        terminal.say(f"{name}: {judgement}")
+    for line in remedies(estimates):
+        terminal.say(line)
+    return exit_code(judgement.grade for judgement in judgements.values())
 
-    return DONE if all(verdict(estimate) == "completed" for estimate in estimates) else VERDICT_FAILED
+
+def exit_code(grades: Iterable[str]) -> int:
+    """Return 1 if an estimate is worse than sound; one that nobody was asked to judge is not."""
+    return DONE if all(grade in ("sound", "unjudged") for grade in grades) else VERDICT_FAILED
 
 
 def dataset_of(experiment: RunSettings, folder: Path) -> Dataset:

@@ -178,6 +178,10 @@ class Identification(Settings):
             ge=1e-3, le=1e6, description="reject a component whose innovation is more standard deviations; null: none"
         ),
     ] = None
+    judge: Annotated[
+        bool,
+        Field(description="fit the iterated smoother whether or not it is asked for, to judge the others by it"),
+    ] = True
     ekf: EkfSettings = EkfSettings()
     ukf: UkfSettings = UkfSettings()
     smoother: SmootherSettings = SmootherSettings()
@@ -204,6 +208,11 @@ class Identification(Settings):
     def estimated(self) -> tuple[str, ...]:
         """Return the symbols of the coefficients to estimate, in the order of the table."""
         return SYMBOLS if self.coefficients == "all" else tuple(self.coefficients)
+
+    def with_judge(self, filters: Sequence[FilterName]) -> tuple[FilterName, ...]:
+        """Add the iterated smoother, which judges the others; not where a gate is set, which it cannot have."""
+        judges = self.judge and self.gate is None and FilterName.SMOOTHER not in filters
+        return (*dict.fromkeys(filters), *([FilterName.SMOOTHER] if judges else []))
 
     def check_filters(self, filters: Sequence[FilterName]) -> None:
         """Raise ConfigError or FileError if filters cannot run with these settings, whatever the data."""

@@ -1,8 +1,8 @@
 """What a filter found: the value objects between identification and evaluation."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,6 +98,34 @@ class Course(EstimateChunk):
     completed: bool
 
 
+class FaultTest(NamedTuple):
+    """What an estimate's data say of something that may be wrong with them or with the model: a score test.
+
+    Attributes
+    ----------
+    fault, unit : str
+        See `auvid_cli.identification.faults`; unit of its size, SI.
+    size, standard_deviation : float
+        How large it would be, if nothing else was wrong.
+    coefficient : str
+        The one that it moves most.
+    susceptibility : float
+        By how many of its standard deviations a fault of one of its own, which these data cannot show, moves that.
+    """
+
+    fault: str
+    unit: str
+    size: float
+    standard_deviation: float
+    coefficient: str
+    susceptibility: float
+
+    @property
+    def z(self) -> float:
+        """Return the size as a multiple of its standard deviation."""
+        return self.size / self.standard_deviation
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What is known of an estimate after its filter has run.
@@ -112,6 +140,8 @@ class Outcome:
         Events that went well.
     cpu_time, wall_time : float
         Of the filter alone, s.
+    faults : tuple of FaultTest
+        Of an estimator that tests for faults.
     """
 
     status: str
@@ -119,6 +149,7 @@ class Outcome:
     steps: int
     cpu_time: float
     wall_time: float
+    faults: tuple[FaultTest, ...] = field(default=(), kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -147,6 +178,8 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         Settings it is made with.
     steps, cpu_time, wall_time
         Events that went well, and what the filter took, s.
+    faults : tuple of FaultTest
+        Of an estimator that tests for faults.
     dataset_sha256 : str
         Of the file of the dataset that it comes from; empty if there is none.
     """

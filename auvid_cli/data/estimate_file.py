@@ -14,7 +14,7 @@ from pydantic import Field
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import dump_experiment, parse_run
-from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, Outcome
+from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, FaultTest, Outcome
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.data.netcdf import append, new_file, write_dimension, write_growing, write_variable
 from auvid_cli.data.netcdf_reading import (
@@ -25,6 +25,7 @@ from auvid_cli.data.netcdf_reading import (
     read_attributes,
     read_names,
     read_rows,
+    subgroup,
     subgroups,
 )
 from auvid_cli.data.soundness import check_estimate, check_innovations
@@ -32,6 +33,14 @@ from auvid_cli.vehicle.parameters import SENSORS
 
 # Of more than so many events or measurements of a sensor, every so many are read: evenly spaced, they say the same.
 _MOST_ROWS = 50_000
+# Of the group of faults, besides their names.
+_FAULT_COLUMNS: tuple[tuple[str, type, str], ...] = (
+    ("unit", object, "unit of its size"),
+    ("size", float, "how large it would be, if nothing else was wrong"),
+    ("standard_deviation", float, "of its size"),
+    ("coefficient", object, "the one that it moves most"),
+    ("susceptibility", float, "standard deviations by which a fault of one of its own moves that"),
+)
 
 
 class EstimateWriter:
@@ -55,6 +64,8 @@ class EstimateWriter:
         """Write what is known at the end."""
         square = ("state", "state_of_column")
         write_variable(self._file, "covariance", outcome.covariance, square, "posterior covariance at the last time")
+        if outcome.faults:
+            _write_faults(self._file.create_group("faults"), outcome.faults)
         self._file.attrs.update(
             {
                 "status": outcome.status,
@@ -147,6 +158,26 @@ def _prepare_innovations(group: h5py.Group, sensor: str, standard_deviation: NDA
     write_growing(group, "nis", (), ("time",), "normalised innovation squared", "1")
 
 
+def _write_faults(group: h5py.Group, faults: tuple[FaultTest, ...]) -> None:
+    def column(name: str, kind: type) -> NDArray:
+        return np.array([getattr(fault, name) for fault in faults], dtype=kind)
+
+    write_dimension(group, "fault", column("fault", object), "what may be wrong with the data or the model")
+    for name, kind, meaning in _FAULT_COLUMNS:
+        write_variable(group, name, column(name, kind), ("fault",), meaning)
+
+
+def _read_faults(group: h5py.Group) -> tuple[FaultTest, ...]:
+    columns = [
+        read_names(group, name) if kind is object else read_array(group, name).tolist()
+        for name, kind, _ in _FAULT_COLUMNS
+    ]
+    try:
+        return tuple(FaultTest(*row) for row in zip(read_names(group, "fault"), *columns, strict=True))
+    except ValueError:
+        raise ValueError("/faults has columns of different lengths") from None
+
+
 class _Attributes(FileAttributes):
     """What the root of an estimate file says of it."""
 
@@ -189,9 +220,25 @@ def read_estimate(path: Path) -> Estimate:
             cpu_time=known.cpu_time_s,
             wall_time=known.wall_time_s,
             dataset_sha256=known.dataset_sha256,
+            faults=_read_faults(subgroup(file, "faults")) if "faults" in file else (),
         )
         check_estimate(estimate)
     return estimate
+
+
+def read_reference(path: Path, estimate: Estimate) -> Estimate | None:
+    """Read the iterated smoother's estimate of the same data that stands beside another one; None if there is none.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read.
+    """
+    beside = path.with_name(f"{FilterName.SMOOTHER.value}.h5")
+    if beside == path or not beside.is_file():
+        return None
+    reference = read_estimate(beside)
+    return reference if reference.dataset_sha256 == estimate.dataset_sha256 else None
 
 
 def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName) -> Innovations:

@@ -8,7 +8,6 @@ import numpy as np
 
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.identification.prior import natural_magnitude
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
@@ -38,7 +37,7 @@ class CoefficientResult(NamedTuple):
         ``standard_deviation / cramer_rao_bound``: how much of what the data hold the filter claims to have got. Below
         one it claims more, or its prior does. None also after divergence, and where the bound is infinite.
     identified : bool
-        Whether its share of the value, see `shares_of_value`, is small enough, and nothing is wrong with the filter.
+        Whether its share of the value, see `shares_of_value`, is small enough, and the estimate is sound.
     """
 
     filter: str
@@ -55,11 +54,20 @@ class CoefficientResult(NamedTuple):
 
 
 def coefficient_results(
-    estimate: Estimate, truth: TruthRecord | None, bounds: Mapping[str, float]
+    estimate: Estimate, truth: TruthRecord | None, bounds: Mapping[str, float], is_sound: bool
 ) -> list[CoefficientResult]:
-    """Return the results of one filter, in the order of its state; `bounds` are Cramer-Rao's by symbol, if known."""
+    """Return the results of one filter, in the order of its state.
+
+    Parameters
+    ----------
+    estimate : Estimate
+    truth : TruthRecord or None
+    bounds : mapping
+        Cramer-Rao's by symbol, as far as known.
+    is_sound : bool
+        As `auvid_cli.evaluation.judgement.judge` says.
+    """
     steady, shares = steady_part(estimate), shares_of_value(estimate, truth, bounds)
-    sound = verdict(estimate) == "completed"
     results = []
     for i, symbol in enumerate(estimate.state):
         if symbol not in SYMBOLS:
@@ -84,7 +92,7 @@ def coefficient_results(
                 error,
                 bound,
                 deviation / bound if bound is not None and isfinite(bound) and estimate.completed else None,
-                sound and shares[symbol] <= LARGEST_SHARE_OF_VALUE,
+                is_sound and shares[symbol] <= LARGEST_SHARE_OF_VALUE,
             )
         )
     return results

@@ -22,6 +22,8 @@ class SensorConsistency(NamedTuple):
     mean_nis : float
         Normalised innovation squared per component: 1 for a consistent filter with white noise,
         more if the data contradict the model, less if the stated noise is larger than the scatter.
+    expected_low, expected_high : float
+        Between which chance leaves it 99 times of 100, were the innovations independent.
     """
 
     filter: str
@@ -29,6 +31,8 @@ class SensorConsistency(NamedTuple):
     measurements: int
     rejected: int
     mean_nis: float
+    expected_low: float
+    expected_high: float
 
 
 def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
@@ -38,7 +42,10 @@ def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
         tally = innovations.tally()
         components = tally.components.sum()
         mean = float(tally.squares.sum() / components) if components else float("nan")
-        results.append(SensorConsistency(estimate.filter, name, tally.measurements, tally.rejected, mean))
+        # Of chi-squared with so many components, whose mean is its number, and its variance twice that.
+        scatter = _QUANTILE * float(np.sqrt(2.0 / components)) if components else float("nan")
+        counts = tally.measurements, tally.rejected
+        results.append(SensorConsistency(estimate.filter, name, *counts, mean, max(1.0 - scatter, 0.0), 1.0 + scatter))
     return results
 
 
@@ -47,6 +54,8 @@ def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
 # thrown off course early and looks settled later: what it learned then was wrong.
 LARGEST_NIS, LARGEST_NIS_IN_WINDOW = 1.5, 2.0
 _FEWEST_COMPONENTS = 200
+# Standard deviations within which 99 % of a Gaussian are.
+_QUANTILE = 2.576
 
 
 def verdict(estimate: Estimate) -> str:

@@ -16,6 +16,7 @@ from auvid_cli.evaluation.bounds import Bounds
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.data_checks import data_checks
 from auvid_cli.evaluation.innovation_checks import innovation_checks
+from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.prior import natural_magnitude, prior_standard_deviations
@@ -37,11 +38,15 @@ _FIN_SIGNS = {"Y_uudr": 1, "N_uudr": -1, "Z_uude": -1, "M_uude": -1}
 _CONFIDENCE = 0.99
 
 
-def check_estimate(prepared: PreparedData, estimate: Estimate, bounds: Bounds) -> list[Check]:
+def check_estimate(prepared: PreparedData, estimate: Estimate, bounds: Bounds, judgement: Judgement) -> list[Check]:
     """Return all verdicts on an estimate; of one that did not end well only those on data and innovations."""
     dataset = prepared.dataset
     used = [segment.dataset for segment in prepared.with_settings(estimate.experiment).segments]
-    checks = [_finished(estimate), *data_checks(used, estimate.filter, list(estimate.innovations))]
+    checks = [
+        _finished(estimate),
+        _sound(estimate, judgement),
+        *data_checks(used, estimate.filter, list(estimate.innovations)),
+    ]
     checks += innovation_checks(dataset, estimate)
     if not estimate.completed:
         return checks
@@ -64,6 +69,19 @@ def _finished(estimate: Estimate) -> Check:
         threshold="to the end of the data",
         passed=estimate.completed,
         advice=f"{estimate.status}. {advice}",
+    )
+
+
+def _sound(estimate: Estimate, judgement: Judgement) -> Check:
+    """Repeat the judgement as a verdict; what nobody has judged is only worth knowing."""
+    return Check.of(
+        estimate.filter,
+        "coefficients",
+        "sound",
+        statistic=judgement.grade,
+        threshold=Grade.SOUND,
+        passed=None if judgement.grade is Grade.UNJUDGED else judgement.grade is Grade.SOUND,
+        advice=f"{judgement.reason}; {judgement.remedy}." if judgement.remedy else f"{judgement.reason}.",
     )
 
 

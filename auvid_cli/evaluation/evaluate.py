@@ -13,6 +13,7 @@ from auvid_cli.evaluation.accuracy import (
 from auvid_cli.evaluation.bounds import Bounds
 from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor_consistency, verdict
 from auvid_cli.evaluation.free_run import VelocityError, free_run
+from auvid_cli.evaluation.judgement import Grade, judge
 from auvid_cli.evaluation.motion import FreeRun
 from auvid_cli.evaluation.sensor_errors import SensorErrorResult, sensor_error_results
 from auvid_cli.identification.prepared_data import PreparedData
@@ -31,6 +32,31 @@ class FilterSummary(NamedTuple):
     steps: int
     microseconds_per_step: float
     status: str
+    grade: str
+    reason: str
+    remedy: str
+
+
+class FaultResult(NamedTuple):
+    """A row of ``faults.csv``: what the innovations of an estimate say of something that may be wrong.
+
+    Attributes
+    ----------
+    filter : str
+    fault, unit, size, standard_deviation, coefficient, susceptibility
+        As of `auvid_cli.data.estimate.FaultTest`.
+    z : float
+        Size as a multiple of its standard deviation.
+    """
+
+    filter: str
+    fault: str
+    unit: str
+    size: float
+    standard_deviation: float
+    coefficient: str
+    susceptibility: float
+    z: float
 
 
 class Evaluation(NamedTuple):
@@ -41,6 +67,7 @@ class Evaluation(NamedTuple):
     velocity_errors: list[VelocityError]
     consistency: list[SensorConsistency]
     sensor_errors: list[SensorErrorResult]
+    faults: list[FaultResult]
     free_runs: dict[str, FreeRun]
     remarks: list[str]
 
@@ -52,6 +79,7 @@ class Evaluation(NamedTuple):
             "velocity_error": NamedRows(VelocityError._fields, self.velocity_errors),
             "consistency": NamedRows(SensorConsistency._fields, self.consistency),
             "sensor_errors": NamedRows(SensorErrorResult._fields, self.sensor_errors),
+            "faults": NamedRows(FaultResult._fields, self.faults),
         }
 
     def to_pandas(self) -> "dict[str, pd.DataFrame]":
@@ -61,12 +89,15 @@ class Evaluation(NamedTuple):
 
 def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Callable[[Estimate], Bounds]) -> Evaluation:
     """Evaluate estimates against the dataset they came from, its truth where it has one, and their bounds."""
+    judgements = judge(estimates)
     bounds = {estimate.filter: bounds_of(estimate) for estimate in estimates}
     remarks = {f"no Cramer-Rao bound: {bound.remark}" for bound in bounds.values() if bound.remark}
-    evaluation = Evaluation([], [], [], [], [], {}, [*sorted(remarks), *_of_different_data(estimates)])
+    evaluation = Evaluation([], [], [], [], [], [], {}, [*sorted(remarks), *_of_different_data(estimates)])
     for estimate in estimates:
         run, errors = free_run(prepared.with_settings(estimate.experiment), estimate)
-        results = coefficient_results(estimate, prepared.dataset.truth, bounds[estimate.filter].of_data)
+        judgement = judgements[estimate.filter]
+        is_sound = judgement.grade is Grade.SOUND
+        results = coefficient_results(estimate, prepared.dataset.truth, bounds[estimate.filter].of_data, is_sound)
         steps = max(estimate.steps, 1)
         evaluation.coefficients.extend(results)
         evaluation.summary.append(
@@ -78,11 +109,13 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
                 steps,
                 estimate.cpu_time / steps * 1e6,
                 verdict(estimate),
+                *judgement,
             )
         )
         evaluation.velocity_errors.extend(errors)
         evaluation.consistency.extend(sensor_consistency(estimate))
         evaluation.sensor_errors.extend(sensor_error_results(estimate))
+        evaluation.faults.extend(FaultResult(estimate.filter, *fault, z=fault.z) for fault in estimate.faults)
         evaluation.free_runs[estimate.filter] = run
     return evaluation
 

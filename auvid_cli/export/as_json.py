@@ -30,7 +30,8 @@ def json_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
         "vehicle": vehicle.name,
         "size": vehicle.size.model_dump(mode="json"),
         "filter": model.filter,
-        "status": model.verdict,
+        "status": str(model.judgement.grade),
+        "reason": model.judgement.reason,
         "doubts": doubts(model),
         "parameters": {
             q.symbol: {"value": parameters[q.symbol], "unit": q.unit, "meaning": q.meaning} for q in PARAMETERS

@@ -1,6 +1,7 @@
 """What stands above an exported model, in plain words."""
 
 from auvid_cli.evaluation.accuracy import LARGEST_SHARE_OF_VALUE
+from auvid_cli.evaluation.judgement import Grade
 from auvid_cli.export.losses import Losses, loss_lines
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
 
@@ -22,8 +23,8 @@ def heading_lines(model: IdentifiedModel, losses: Losses) -> list[str]:
 def doubts(model: IdentifiedModel) -> list[str]:
     """Say what speaks against the estimate and its coefficients, a sentence each."""
     sentences = []
-    if model.verdict != "completed":
-        sentences.append(f"Do not rely on these values: the filter is {model.verdict}.")
+    if model.judgement.grade is not Grade.SOUND:
+        sentences.append(f"Do not rely on these values, {model.judgement}.")
     elif model.not_identified():
         share = f"uncertain by more than {LARGEST_SHARE_OF_VALUE:.0%} of their value"
         sentences.append(f"Not identified by these data, {share}: {', '.join(model.not_identified())}.")

@@ -15,7 +15,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
 from auvid_cli.export.actuation import Actuation, acting_inputs, actuation
 from auvid_cli.export.terms import TermSize, term_histories, term_sizes
 from auvid_cli.identification.prepared_data import prepare
@@ -99,8 +99,7 @@ class IdentifiedModel:
     experiment : RunSettings
         With which they were found; its vehicle has the known parameters.
     filter : str
-    verdict : str
-        "completed", or what the innovations hold against it.
+    judgement : Judgement
     coefficients : tuple of IdentifiedCoefficient
         All 22, in the order of the table.
     states : tuple of EstimatedState
@@ -115,7 +114,7 @@ class IdentifiedModel:
 
     experiment: RunSettings
     filter: str
-    verdict: str
+    judgement: Judgement
     coefficients: tuple[IdentifiedCoefficient, ...]
     states: tuple[EstimatedState, ...]
     covariance: Array
@@ -134,7 +133,9 @@ class IdentifiedModel:
         return tuple(coefficient.symbol for coefficient in self.coefficients if coefficient.identified is False)
 
 
-def model_found_by(estimate: Estimate, dataset: Dataset, estimate_sha256: str) -> IdentifiedModel:
+def model_found_by(
+    estimate: Estimate, dataset: Dataset, estimate_sha256: str, reference: Estimate | None = None
+) -> IdentifiedModel:
     """Take the model out of an estimate, with the bounds of its data and where it comes from, now.
 
     Parameters
@@ -144,6 +145,8 @@ def model_found_by(estimate: Estimate, dataset: Dataset, estimate_sha256: str) -
         From which it was made.
     estimate_sha256 : str
         Of its file; empty if there is none.
+    reference : Estimate, optional
+        Of the iterated smoother from the same data, by which it is judged.
 
     Raises
     ------
@@ -152,11 +155,16 @@ def model_found_by(estimate: Estimate, dataset: Dataset, estimate_sha256: str) -
     """
     bounds = BoundsOf(prepare(dataset))(estimate).of_data if estimate.completed else {}
     created = datetime.now(UTC).isoformat(timespec="seconds")
-    return identified_model(estimate, dataset, bounds, Origin(dataset.sha256, estimate_sha256, __version__, created))
+    origin = Origin(dataset.sha256, estimate_sha256, __version__, created)
+    return identified_model(estimate, dataset, bounds, origin, reference)
 
 
 def identified_model(
-    estimate: Estimate, dataset: Dataset, bounds: Mapping[str, float], origin: Origin
+    estimate: Estimate,
+    dataset: Dataset,
+    bounds: Mapping[str, float],
+    origin: Origin,
+    reference: Estimate | None = None,
 ) -> IdentifiedModel:
     """Take the model out of an estimate.
 
@@ -169,6 +177,8 @@ def identified_model(
     bounds : mapping
         Cramer-Rao's by symbol, as far as they are known.
     origin : Origin
+    reference : Estimate, optional
+        Of the iterated smoother from the same data, by which it is judged.
 
     Raises
     ------
@@ -181,7 +191,9 @@ def identified_model(
             "so nothing is exported"
         )
     values = estimate.final_coefficients()
-    results = {result.coefficient: result for result in coefficient_results(estimate, dataset.truth, bounds)}
+    judgement = judge_one(estimate, reference)
+    found = coefficient_results(estimate, dataset.truth, bounds, judgement.grade is Grade.SOUND)
+    results = {result.coefficient: result for result in found}
     coefficients = []
     for coefficient in COEFFICIENTS:
         result = results.get(coefficient.symbol)
@@ -196,7 +208,7 @@ def identified_model(
     return IdentifiedModel(
         experiment=estimate.experiment,
         filter=estimate.filter,
-        verdict=verdict(estimate),
+        judgement=judgement,
         coefficients=tuple(coefficients),
         states=tuple(
             EstimatedState(

@@ -41,7 +41,7 @@ def _estimated(coefficient: IdentifiedCoefficient, model: IdentifiedModel) -> di
 def _provenance(model: IdentifiedModel) -> str:
     origin, experiment = model.origin, model.experiment
     return (
-        f"Coefficients estimated by {model.filter} ({model.verdict}) with auvid {origin.auvid_version}; "
+        f"Coefficients estimated by {model.filter} ({model.judgement.grade}) with auvid {origin.auvid_version}; "
         f"{origin.estimate}, from {origin.dataset}, experiment {experiment.name}, seed {experiment.seed}."
     )
 

@@ -3,13 +3,16 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.filters.problem import FilterOutcome, Gaussian, OnChunk, Process, Sensors, Timeline
 from auvid_cli.filters.segments import one_after_the_other
+
+if TYPE_CHECKING:
+    from auvid_cli.filters.fault_scores import Faults
 
 Array = NDArray[np.float64]
 
@@ -113,12 +116,15 @@ class IteratedSmoother:
     process : Process
     sensors : Sensors
     max_passes : int
+    faults : Faults
+        To test for, about the answer.
     """
 
     name: str
     process: Process
     sensors: Sensors
     max_passes: int
+    faults: "Faults"
     in_one_batch = True
 
     @property
@@ -131,4 +137,5 @@ class IteratedSmoother:
         # What it is compiled from serves no other estimator.
         from auvid_cli.filters.smoother import run_smoother
 
-        return run_smoother(self.process, self.sensors, segments, prior, on_chunk, self.max_passes)
+        problem = self.process, self.sensors, segments, prior, on_chunk
+        return run_smoother(*problem, self.max_passes, self.faults)

@@ -181,6 +181,12 @@ class LinearSmoothing:
                 information[:] = 0.0
                 information[:n_parameters, :n_parameters] = of_parameters
 
+    def traced(self, filtered: Filtered) -> Iterator[tuple[int, Timeline, Linearised, Trace]]:
+        """Go through the chunks of each segment once more, from the first to the last."""
+        for segment in range(len(self._segments)):
+            for chunk, timeline in enumerate(self._segments[segment]):
+                yield segment, timeline, *self._traced(filtered, segment, chunk, timeline)
+
     def _traced(self, filtered: Filtered, segment: int, chunk: int, timeline: Timeline) -> tuple[Linearised, Trace]:
         """Return what the way back needs of a chunk."""
         if filtered.trajectory is self._kept_of and (segment, chunk) in self._kept:

@@ -183,6 +183,26 @@ OnChunk = Callable[[Timeline, Records], None]
 OK, PREDICTION, NOT_CONVERGED = -1, -2, -3
 
 
+class FaultScores(NamedTuple):
+    """What the data say of faults of the model or of themselves, each by itself; see `auvid_cli.filters.fault_scores`.
+
+    Attributes
+    ----------
+    names, units : tuple of str
+        Of each fault and of its size, SI.
+    score, information : ndarray, shape (n_faults,)
+        The data say that a fault is as large as ``score / information``, with variance ``1 / information``.
+    effect : ndarray, shape (n_parameters, n_faults)
+        True parameters less those found, per unit of each.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    score: Array
+    information: Array
+    effect: Array
+
+
 class FilterOutcome(NamedTuple):
     """How a run of a filter ended.
 
@@ -195,8 +215,11 @@ class FilterOutcome(NamedTuple):
     failure : int
         `OK`; or what ended the filter after event ``n_good - 1``: `PREDICTION`, or the sensor whose
         measurement it was. `NOT_CONVERGED` if it went to the end with what an iteration had not finished.
+    faults : FaultScores or None
+        Of an estimator that tests for faults.
     """
 
     covariance: Array
     n_good: int
     failure: int
+    faults: FaultScores | None = None

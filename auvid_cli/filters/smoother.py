@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.filters.fault_scores import Faults, score_faults
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Smoothed, Trajectory, is_led_to
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import (
@@ -51,6 +52,7 @@ def run_smoother(
     prior: Gaussian,
     on_chunk: OnChunk,
     max_passes: int = 50,
+    faults: Faults | None = None,
 ) -> FilterOutcome:
     """Find the most probable parameters and motion.
 
@@ -68,6 +70,8 @@ def run_smoother(
         About their joint state, see `auvid_cli.filters.segments`.
     max_passes : int
         Of the filter through the data, from each start.
+    faults : Faults, optional
+        To test for, about the answer.
 
     Returns
     -------
@@ -87,7 +91,10 @@ def run_smoother(
         factor = of_segment(prior, places(prior.mean.size, process.noise_density.size, len(segments))[0]).factor
         return FilterOutcome(factor @ factor.T, 0, PREDICTION)
     best, converged = min(answers, key=lambda answer: answer[0].cost)
-    return _hand_over(problem, best, on_chunk, OK if converged else NOT_CONVERGED)
+    outcome = _hand_over(problem, best, on_chunk, OK if converged else NOT_CONVERGED)
+    if faults is None or outcome.failure != OK:
+        return outcome
+    return outcome._replace(faults=score_faults(problem, best, faults))
 
 
 def _starts(

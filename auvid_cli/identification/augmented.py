@@ -27,6 +27,8 @@ class AugmentedProblem:
     Attributes
     ----------
     layout : StateLayout
+    known : dict
+        Known parameters of the vehicle, SI.
     held : dict
         Coefficients that are not estimated, SI.
     process : Process
@@ -41,6 +43,7 @@ class AugmentedProblem:
     """
 
     layout: StateLayout
+    known: dict[str, float]
     held: dict[str, float]
     process: Process
     sensors: Sensors
@@ -79,11 +82,13 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     settings = experiment.identification
     held = held_coefficients(experiment)
     layout = state_layout(settings, experiment.vehicle.size, "depth" in measuring)
-    process = vehicle_process(vehicle_constants(experiment.vehicle.known_parameters()), held, layout)
+    known = experiment.vehicle.known_parameters()
+    process = vehicle_process(vehicle_constants(known), held, layout)
     parameters = _prior_of_parameters(layout, prepared.dataset)
     gaussians = [initial_gaussian(layout, parameters, segment.measured) for segment in prepared.segments]
     return AugmentedProblem(
         layout=layout,
+        known=known,
         held=held,
         process=process,
         sensors=measurement_model(measuring, layout, np.inf if settings.gate is None else settings.gate),

@@ -38,8 +38,7 @@ def chosen_estimator(name: FilterName, augmented: AugmentedProblem, settings: Id
             points = unscented(n, settings.ukf.alpha, settings.ukf.beta, settings.ukf.kappa)
             return _sigma_point(name, augmented, points)
         case FilterName.SMOOTHER:
-            problem = augmented.process, augmented.sensors
-            return IteratedSmoother(name.value, *problem, settings.smoother.max_passes)
+            return _smoother(augmented, settings)
         case FilterName.OUTPUT_ERROR:
             method = settings.output_error
             bounds = _bounds(augmented, method.bounds)
@@ -57,6 +56,14 @@ def _extended(augmented: AugmentedProblem, settings: Identification) -> KalmanFi
     if settings.ekf.transition == "first_order":
         process = process._replace(transition=first_order_transition)
     return KalmanFilter(FilterName.EKF.value, process, augmented.sensors, run_extended_filter)
+
+
+def _smoother(augmented: AugmentedProblem, settings: Identification) -> IteratedSmoother:
+    # What it is compiled from serves no other estimator.
+    from auvid_cli.identification.faults import VehicleFaults
+
+    problem = augmented.process, augmented.sensors, settings.smoother.max_passes
+    return IteratedSmoother(FilterName.SMOOTHER.value, *problem, VehicleFaults(augmented))
 
 
 def _sigma_point(name: FilterName, augmented: AugmentedProblem, points: PointSet) -> KalmanFilter:

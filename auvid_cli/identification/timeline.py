@@ -163,6 +163,12 @@ class Timelines:
         _check_coverage(self._changes, self._end)
         self._step, self._chunk = step, chunk
 
+    @property
+    def input_rate(self) -> Array:
+        """How fast the inputs change at each of their times, per second: steps are spread over their neighbours."""
+        time = self._changes * _NANOSECOND
+        return np.gradient(self._inputs, time, axis=0) if time.size > 1 else np.zeros_like(self._inputs)
+
     def in_chunks_of(self, n: int) -> "Timelines":
         """Return the same measurements with at most so many of one sensor in a chunk."""
         other = copy(self)

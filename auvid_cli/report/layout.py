@@ -2,6 +2,7 @@
 
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation
+from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.paper import NOTE, published, published_filters
 from auvid_cli.report.sentence import sentence
@@ -31,6 +32,7 @@ def lay_out(evaluation: Evaluation, with_paper: bool) -> list[Table]:
         _velocities(evaluation, with_paper),
         _consistency(evaluation),
         *([_sensor_errors(evaluation)] if evaluation.sensor_errors else []),
+        *([_faults(evaluation)] if evaluation.faults else []),
         _runs(evaluation),
     ]
 
@@ -176,14 +178,43 @@ def _consistency(evaluation: Evaluation) -> Table:
     filters = _filters(evaluation)
     nis = {(row.sensor, row.filter): row.mean_nis for row in evaluation.consistency}
     sensors = dict.fromkeys(row.sensor for row in evaluation.consistency)
-    rows: list[list[Cell]] = [[sensor, *(nis.get((sensor, name)) for name in filters)] for sensor in sensors]
+    expected = {row.sensor: f"{row.expected_low:.3f} to {row.expected_high:.3f}" for row in evaluation.consistency}
+    rows: list[list[Cell]] = [
+        [sensor, expected[sensor], *(nis.get((sensor, name)) for name in filters)] for sensor in sensors
+    ]
     return Table(
         "consistency",
-        "Consistency: mean normalised innovation squared per component (1 is expected)",
-        (Column("Sensor", numeric=False), *_columns("Mean NIS", filters)),
+        "Consistency: mean normalised innovation squared per component",
+        (Column("Sensor", numeric=False), Column("99 % of chance"), *_columns("Mean NIS", filters)),
         rows,
-        [["all", *(row.mean_nis for row in evaluation.summary)]],
-        tuple(rejections(evaluation)),
+        notes=tuple(rejections(evaluation)),
+    )
+
+
+def _faults(evaluation: Evaluation) -> Table:
+    rows: list[list[Cell]] = [
+        [
+            row.fault,
+            Unit(row.unit),
+            PlusMinus(row.size, row.standard_deviation),
+            row.z,
+            Symbol(row.coefficient),
+            row.susceptibility,
+        ]
+        for row in sorted(evaluation.faults, key=lambda row: -abs(row.z))
+    ]
+    return Table(
+        "faults",
+        "What may be wrong, by what it would leave in the innovations of the smoother",
+        (
+            *(Column("Fault", numeric=False), Column("Unit", numeric=False), Column("Size ± standard deviation")),
+            *(Column("Size / standard deviation"), Column("Moves most", numeric=False), Column("Susceptibility")),
+        ),
+        rows,
+        notes=(
+            "The size is what these data say of each fault if nothing else was wrong. Susceptibility: by how many of "
+            "its standard deviations a fault of one of its own, which these data cannot show, moves that coefficient.",
+        ),
     )
 
 
@@ -235,11 +266,20 @@ def _runs(evaluation: Evaluation) -> Table:
     rows: list[list[Cell]] = [
         [filter_label(row.filter), row.cpu_time_s, row.steps, row.microseconds_per_step] for row in evaluation.summary
     ]
-    notes = (f"{filter_label(row.filter)} {row.status}." for row in evaluation.summary if row.status != "completed")
     return Table(
         "runs",
         "Cost",
         (Column("Filter", numeric=False), Column("CPU time (s)"), Column("Steps"), Column("CPU time per step (µs)")),
         rows,
-        notes=tuple(notes),
+        notes=tuple(sentence(text) for text in judgements(evaluation)),
     )
+
+
+def judgements(evaluation: Evaluation) -> list[str]:
+    """Say what stands against the filters that are not sound, and what to do, all with the same in one sentence."""
+    labels_by_judgement: dict[Judgement, list[str]] = {}
+    for row in evaluation.summary:
+        judgement = Judgement(Grade(row.grade), row.reason, row.remedy)
+        if judgement.grade is not Grade.SOUND:
+            labels_by_judgement.setdefault(judgement, []).append(filter_label(row.filter))
+    return [f"{', '.join(labels)} {judgement}" for judgement, labels in labels_by_judgement.items()]

@@ -13,7 +13,7 @@ from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.assessment import CLASSES, Identifiability
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.report.layout import by_coefficient, mark_explained, marked, rejections, unobserved
+from auvid_cli.report.layout import by_coefficient, judgements, mark_explained, marked, rejections, unobserved
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.screen_table import empty_table, encodable, first_that_fits, fits, narrowed, printed, screen_table
 from auvid_cli.report.sentence import sentence
@@ -26,7 +26,7 @@ _ERROR_DIGITS = 2
 
 
 def print_summary(console: Console, evaluation: Evaluation) -> None:
-    """Print coefficients, averages, consistency, cost and status of every filter.
+    """Print coefficients, averages, cost, verdict and consistency of every filter.
 
     Parameters
     ----------
@@ -38,10 +38,10 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
     if evaluation.coefficients:
         for table in _tables_that_fit(console, evaluation, filters):
             console.print(table)
-    console.print(screen_table(console, _runs(evaluation), unbroken=("filter", "status")))
-    for row in evaluation.summary:
-        if row.status != "completed":
-            console.print(Text(f"{filter_label(row.filter)} {row.status}"))
+    console.print(screen_table(console, _runs(evaluation), unbroken=("filter", "verdict")))
+    for text in judgements(evaluation):
+        console.print(Text(sentence(text)))
+    console.print(screen_table(console, _consistency(evaluation, filters), unbroken=("NIS of",)))
     explained = [encodable(console, text) for text in mark_explained(evaluation)]
     for text in [*explained, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:
         console.print(Text(text))
@@ -156,21 +156,31 @@ def _coefficients(evaluation: Evaluation, filters: list[str], deviations: bool) 
     return Table("coefficients", "Coefficients", tuple(columns), rows)
 
 
+def _consistency(evaluation: Evaluation, filters: list[str]) -> Table:
+    nis = {(row.sensor, row.filter): row for row in evaluation.consistency}
+    rows: list[list[Cell]] = []
+    for sensor in dict.fromkeys(row.sensor for row in evaluation.consistency):
+        of_filters = [nis.get((sensor, name)) for name in filters]
+        low, high = next((row.expected_low, row.expected_high) for row in of_filters if row is not None)
+        rows.append([sensor, f"{low:.3f} - {high:.3f}", *(row and printed(row.mean_nis, 3) for row in of_filters)])
+    columns = Column("NIS of", numeric=False), Column("by chance"), *(Column(filter_label(name)) for name in filters)
+    return Table("consistency", "Innovations", columns, rows)
+
+
 def _runs(evaluation: Evaluation) -> Table:
     columns = [Column("filter", numeric=False)]
-    columns += [Column(header) for header in (_AVERAGE, "mean NIS", "CPU time s", "steps", "µs/step")]
+    columns += [Column(header) for header in (_AVERAGE, "CPU time s", "steps", "µs/step")]
     rows: list[list[Cell]] = [
         [
             filter_label(row.filter),
             row.average_steady_state_error_percent,
-            row.mean_nis,
             row.cpu_time_s,
             row.steps,
             row.microseconds_per_step,
-            row.status.split()[0].rstrip(":"),
+            row.grade,
         ]
         for row in evaluation.summary
     ]
-    table = Table("runs", "Filters", (*columns, Column("status", numeric=False)), rows)
+    table = Table("runs", "Filters", (*columns, Column("verdict", numeric=False)), rows)
     has_average = any(row.average_steady_state_error_percent is not None for row in evaluation.summary)
     return table if has_average else table.without(_AVERAGE)

@@ -40,7 +40,7 @@ Cell: TypeAlias = str | float | Symbol | Unit | PlusMinus | Unidentified | None
 # Where the mark is explained.
 UNIDENTIFIED = (
     "† not to be relied on: the standard deviation, or the least that the data allow, is above 20 % of the value (the "
-    "true one where it is known), or the filter diverged or is inconsistent."
+    "true one where it is known), or the estimate is not sound."
 )
 
 

@@ -1,0 +1,191 @@
+"""One judgement of an estimate, whether or not there is a truth: whether its coefficients may be used.
+
+What a filter says of itself tells little: off a well-behaved manoeuvre it reaches the end with white innovations and
+wrong coefficients. What tells is its distance to the iterated smoother's answer, and of the smoother's answer whether
+its innovations look like a fault that the model does not know.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.innovations import Innovations
+from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.identification.faults import REMEDIES
+from auvid_cli.vehicle.coefficients import SYMBOLS
+
+Array = NDArray[np.float64]
+
+# Standard deviations: of a fault's size, by which it may look present; of the sum of squares of a sensor's innovations
+# and of their portmanteau statistic, beyond what noise makes of them; of a coefficient, from the smoother's answer.
+# Chosen on simulations of six manoeuvres with and without faults, see docs/studies.md.
+LARGEST_FAULT, LARGEST_NIS, LARGEST_PORTMANTEAU, FARTHEST = 3.5, 4.0, 10.0, 2.0
+_LAGS = 20
+# So many measurements say enough of correlations.
+_FEWEST = 200
+
+
+class Grade(StrEnum):
+    """What an estimate is worth, the best first."""
+
+    SOUND = "sound"
+    UNJUDGED = "unjudged"
+    DOUBTFUL = "doubtful"
+    INCONSISTENT = "inconsistent"
+    DIVERGED = "diverged"
+
+
+class Judgement(NamedTuple):
+    """Whether an estimate may be used.
+
+    Attributes
+    ----------
+    grade : Grade
+    reason : str
+        What stands against it; empty if nothing does.
+    remedy : str
+        What to do about that.
+    """
+
+    grade: Grade
+    reason: str = ""
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        """Return grade, reason and remedy as one sentence without its full stop."""
+        reason = f": {self.reason}" if self.reason else ""
+        return f"{self.grade}{reason}{f'; {self.remedy}' if self.remedy else ''}"
+
+
+def judge(estimates: Sequence[Estimate]) -> dict[str, Judgement]:
+    """Judge estimates of the same data, by filter.
+
+    Parameters
+    ----------
+    estimates : sequence of Estimate
+        One of them of the iterated smoother, if the others are to be judged.
+    """
+    reference = next((estimate for estimate in estimates if estimate.filter == FilterName.SMOOTHER), None)
+    return {estimate.filter: _judge(estimate, reference) for estimate in estimates}
+
+
+def judge_one(estimate: Estimate, reference: Estimate | None) -> Judgement:
+    """Judge an estimate by that of the iterated smoother of the same data, if there is one."""
+    return judge([estimate] if reference is None else [estimate, reference])[estimate.filter]
+
+
+def _judge(estimate: Estimate, reference: Estimate | None) -> Judgement:
+    status = verdict(estimate)
+    if not estimate.completed:
+        return Judgement(Grade.DIVERGED, status.removeprefix("diverged "))
+    if status != "completed":
+        return Judgement(Grade.INCONSISTENT, status.removeprefix("inconsistent: "))
+    if reference is None:
+        return Judgement(Grade.UNJUDGED, "without the iterated smoother nobody has judged it")
+    if not reference.completed:
+        return Judgement(Grade.UNJUDGED, f"the iterated smoother, which would judge it, {reference.status}")
+    doubt = next(_doubts_of_data(reference), None)
+    return doubt or _doubt_of_distance(estimate, reference) or Judgement(Grade.SOUND)
+
+
+def _doubts_of_data(reference: Estimate) -> Iterator[Judgement]:
+    """Yield what a smoother's innovations hold against model or data, the most telling first."""
+    worst = max(reference.faults, key=lambda fault: abs(fault.z), default=None)
+    if worst is not None and abs(worst.z) > LARGEST_FAULT:
+        unit = "" if worst.unit == "1" else f" {worst.unit}"
+        yield Judgement(
+            Grade.DOUBTFUL,
+            f"the data look like a fault: {worst.fault} {worst.size:.3g} +- {worst.standard_deviation:.2g}{unit} "
+            f"({abs(worst.z):.1f} of its standard deviations, of which each moves {worst.coefficient} by "
+            f"{worst.susceptibility:.2g} of its own)",
+            REMEDIES.get(worst.fault, ""),
+        )
+    for sensor, innovations in reference.innovations.items():
+        if sensor == "attitude" and _is_from_ahrs(reference):
+            continue
+        statistics = whiteness(innovations)
+        if statistics.nis > LARGEST_NIS:
+            reason = f"innovations of {sensor} are larger than stated by {statistics.nis:.1f} of what chance does"
+            yield Judgement(Grade.DOUBTFUL, reason, f"state more noise of {sensor}, or more process noise")
+        if statistics.portmanteau > LARGEST_PORTMANTEAU:
+            reason = (
+                f"innovations of {sensor} last from sample to sample ({statistics.portmanteau:.0f} sigma, Ljung-Box)"
+            )
+            yield Judgement(Grade.DOUBTFUL, reason, "the model lacks something, or its noise is not white")
+
+
+def _is_from_ahrs(estimate: Estimate) -> bool:
+    """Say whether the attitude was computed by an AHRS, as it is taken to be of a recorded run."""
+    experiment = estimate.experiment
+    return not isinstance(experiment, Experiment) or experiment.sensors.attitude.source == "ahrs"
+
+
+def _doubt_of_distance(estimate: Estimate, reference: Estimate) -> Judgement | None:
+    distances = distances_to(estimate, reference)
+    farthest = max(distances, key=lambda symbol: distances[symbol], default=None)
+    if farthest is None or distances[farthest] <= FARTHEST:
+        return None
+    reason = f"{farthest} is {distances[farthest]:.1f} of its standard deviations from what the iterated smoother finds"
+    return Judgement(Grade.DOUBTFUL, reason, "use the smoother's estimate")
+
+
+def distances_to(estimate: Estimate, reference: Estimate) -> Mapping[str, float]:
+    """Say how far coefficients are from those of another estimate, by the larger of their standard deviations."""
+    distances = {}
+    for i, symbol in enumerate(estimate.state):
+        if symbol in SYMBOLS and symbol in reference.state:
+            j = reference.state.index(symbol)
+            deviation = max(estimate.standard_deviation[-1, i], reference.standard_deviation[-1, j])
+            distances[symbol] = float(abs(estimate.mean[-1, i] - reference.mean[-1, j]) / deviation)
+    return distances
+
+
+class Whiteness(NamedTuple):
+    """Innovations of a sensor against white noise of their stated variance, in standard deviations of that.
+
+    Attributes
+    ----------
+    nis : float
+        Sum of the squares beyond its expectation; its variance counts the memory of the innovations.
+    portmanteau : float
+        Statistic of Ljung and Box (Biometrika 65(2), 1978) of the component that remembers most.
+    """
+
+    nis: float
+    portmanteau: float
+
+
+def whiteness(innovations: Innovations) -> Whiteness:
+    """Compare innovations with white noise; where there are few, NIS alone."""
+    tally = innovations.tally()
+    squares, components = float(tally.squares.sum()), float(tally.components.sum())
+    if not components:
+        return Whiteness(0.0, 0.0)
+    memories = [_squared_correlations(values) for values in _normalised(innovations) if values.size >= _FEWEST]
+    # The squares of a Gaussian sequence correlate by the square of its own correlation.
+    memory = max((float(squared.sum()) for squared, _ in memories), default=0.0)
+    nis = (squares - components) / np.sqrt(2.0 * components * (1.0 + 2.0 * memory))
+    statistics = [
+        (n * (n + 2) * float(np.sum(squared / (n - np.arange(1, _LAGS + 1)))) - _LAGS) / np.sqrt(2.0 * _LAGS)
+        for squared, n in memories
+    ]
+    return Whiteness(float(nis), max(statistics, default=0.0))
+
+
+def _normalised(innovations: Innovations) -> Iterator[Array]:
+    """Yield the innovations of each component that are there, by their stated standard deviation."""
+    for values, variance in zip(innovations.innovation.T, innovations.variance.T, strict=True):
+        used = np.isfinite(values) & np.isfinite(variance)
+        yield values[used] / np.sqrt(variance[used])
+
+
+def _squared_correlations(values: Array) -> tuple[Array, int]:
+    centred = values - values.mean()
+    power = float(centred @ centred)
+    return np.array([float(centred[lag:] @ centred[:-lag]) / power for lag in range(1, _LAGS + 1)]) ** 2, values.size

@@ -1,0 +1,127 @@
+"""Score tests of faults: what is left of the data after a smoother's fit, against what a fault would leave of them.
+
+Linear about the most probable trajectory, a fault of size ``a`` pushes the moving states by ``a g`` between events and
+adds ``a m`` to measurements. An estimator that knows nothing of it errs by ``a d``, which goes on as the filter does,
+
+    d <- F d + g,    s = m + h d,    d <- d - g_k s / S
+
+with gain ``g_k`` and variance ``S`` of each component, and its innovation is ``e = a s + noise`` of variance S. So
+``a`` is found from ``sum(s e / S) / sum(s^2 / S)``, of variance ``1 / sum(s^2 / S)`` (Rao's score test). Parameters are
+part of the state: what they can explain is not in s.
+"""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.compilation import compiled
+from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
+from auvid_cli.filters.problem import TIMELINE, FaultScores, Timeline
+from auvid_cli.filters.smoothing_forward import LINEARISED, TRACE, Linearised
+
+Array = NDArray[np.float64]
+
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+_stack = types.float64[:, :, ::1]
+
+
+class FaultEffects(NamedTuple):
+    """What faults do to a chunk of the data, per unit of each.
+
+    Attributes
+    ----------
+    pushed : ndarray, shape (n_events, n_moving, n_faults)
+        To the moving states between the event before and an event.
+    added : ndarray, shape (n_measurements, c, n_faults)
+        To what is measured.
+    """
+
+    pushed: Array
+    added: Array
+
+
+class Faults(Protocol):
+    """What may be wrong with a model or its data."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the faults."""
+        ...
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """SI unit of the size of each."""
+        ...
+
+    def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
+        """Say what they do to a chunk of a segment, along a trajectory."""
+        ...
+
+
+@compiled(types.void(TIMELINE, LINEARISED, TRACE, _stack, _stack, _matrix, _matrix, _vector, _vector), reassociate=True)
+def _carry(timeline, about, trace, pushed, added, error, moved, score, information):
+    """Carry the errors that faults make through a chunk of the data, and add to what is said of them."""
+    n, n_faults = error.shape
+    n_moving = moved.shape[0]
+    n_parameters = n - n_moving
+    seen = moved[0]
+    for event in range(timeline.time.size):
+        if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
+            for i in range(n_moving):
+                for f in range(n_faults):
+                    moved[i, f] = pushed[event, i, f]
+                for j in range(n):
+                    rate = trace.transition[event, i, j]
+                    for f in range(n_faults):
+                        moved[i, f] += rate * error[j, f]
+            for i in range(n_moving):
+                for f in range(n_faults):
+                    error[n_parameters + i, f] = moved[i, f]
+        for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
+            for c in range(about.residual.shape[1]):
+                if np.isnan(about.residual[k, c]):
+                    continue
+                for f in range(n_faults):
+                    seen[f] = added[k, c, f]
+                for j in range(n):
+                    h = about.rows[k, c, j]
+                    if h != 0.0:
+                        for f in range(n_faults):
+                            seen[f] += h * error[j, f]
+                total = trace.total[k, c]
+                innovation = trace.error[k, c] / total
+                for f in range(n_faults):
+                    score[f] += seen[f] * innovation
+                    information[f] += seen[f] * seen[f] / total
+                for j in range(n):
+                    gain = trace.gain[k, c, j] / total
+                    for f in range(n_faults):
+                        error[j, f] -= gain * seen[f]
+
+
+def score_faults(problem: LinearSmoothing, filtered: Filtered, faults: Faults) -> FaultScores:
+    """Find what the data say of faults.
+
+    Parameters
+    ----------
+    problem : LinearSmoothing
+    filtered : Filtered
+        About the most probable trajectory.
+    faults : Faults
+    """
+    n_faults = len(faults.names)
+    n_parameters, n_moving = filtered.trajectory.parameters.size, filtered.trajectory.initial[0].size
+    error, moved = np.zeros((n_parameters + n_moving, n_faults)), np.zeros((n_moving, n_faults))
+    score, information = np.zeros(n_faults), np.zeros(n_faults)
+    started = -1
+    for segment, timeline, about, trace in problem.traced(filtered):
+        if segment > started:
+            # The motion begins anew, as far off as what it owes to the parameters.
+            error[n_parameters:] = filtered.by_parameters[segment] @ error[:n_parameters]
+            started = segment
+        pushed, added = faults.effects(segment, timeline, about)
+        _carry(timeline, about, trace, pushed, added, error, moved, score, information)
+    return FaultScores(faults.names, faults.units, score, information, error[:n_parameters].copy())

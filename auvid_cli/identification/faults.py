@@ -1,0 +1,255 @@
+"""What may be wrong with a vehicle's model or its data, fault by fault: what each does along a motion, per unit of it.
+
+A fault is no state of the model; see `auvid_cli.filters.fault_scores` for what the data say of it. One that is, because
+settings ask for it to be estimated, is not tested.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.compilation import compiled
+from auvid_cli.filters.fault_scores import FaultEffects
+from auvid_cli.filters.problem import Timeline
+from auvid_cli.filters.smoothing_forward import Linearised
+from auvid_cli.identification.augmented import AugmentedProblem
+from auvid_cli.identification.observation import current_in_body_axes
+from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.dynamics import N_BLOCK, factors, motion_derivative, vehicle_constants
+from auvid_cli.vehicle.parameters import N_MOTION, SENSORS
+
+Array = NDArray[np.float64]
+
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+
+
+class Motion(NamedTuple):
+    """States of a vehicle under inputs.
+
+    Attributes
+    ----------
+    motion : ndarray, shape (n, 9)
+    inputs, input_rate : ndarray, shape (n, 4)
+        And how fast they change, per second.
+    """
+
+    motion: Array
+    inputs: Array
+    input_rate: Array
+
+
+class Model:
+    """A vehicle with its coefficients, as faults disturb it.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Known ones by symbol, SI.
+    coefficients : ndarray, shape (N_FACTORS,)
+        From `auvid_cli.vehicle.dynamics.factors`.
+    """
+
+    def __init__(self, parameters: Mapping[str, float], coefficients: Array) -> None:
+        self._parameters, self._coefficients = parameters, coefficients
+        self._constants = vehicle_constants(parameters)
+
+    def rates(self, motion: Array, inputs: Array) -> Array:
+        """Return how fast motions change, shape (n, 9)."""
+        return self._rates(motion, inputs, self._constants)
+
+    def by_parameter(self, at: Motion, **steps: float) -> Array:
+        """Return by how much more they change if known parameters are so much greater."""
+        other = vehicle_constants({**self._parameters, **{s: self._parameters[s] + by for s, by in steps.items()}})
+        return self._rates(at.motion, at.inputs, other) - self.rates(at.motion, at.inputs)
+
+    def by_inputs(self, at: Motion, change: Array) -> Array:
+        """Return by how much more they change if the inputs are so much greater; the rates are linear in them."""
+        return self.rates(at.motion, at.inputs + change) - self.rates(at.motion, at.inputs)
+
+    def by_force(self, at: Motion, row: int, force: Array) -> Array:
+        """Return by how much more they change under a force, N, or moment, N m: the row-th of X Y Z K M N."""
+        rates = np.zeros((len(force), N_MOTION))
+        rates[:, :6] = force[:, None] * self._constants[36:72].reshape(6, 6)[:, row]
+        return rates
+
+    def _rates(self, motion: Array, inputs: Array, constants: Array) -> Array:
+        rates = np.empty(motion.shape)
+        lanes = np.repeat(self._coefficients, LANES)
+        each = np.ascontiguousarray(motion), np.ascontiguousarray(inputs)
+        _fill_in_rates(*each, lanes, constants, rates, np.zeros(2 * N_BLOCK))
+        return rates
+
+
+class Fault(NamedTuple):
+    """Something that may be wrong.
+
+    Attributes
+    ----------
+    name, unit : str
+        Unit of its size, SI.
+    remedy : str
+        What to do about it.
+    state : str
+        Symbol of the state that stands for it where it is estimated; empty if none does.
+    sensor : str
+        Whose measurements it changes; empty if it acts on the motion.
+    effect : callable
+        ``effect(model, at)`` per unit: of a sensor's what is added, shape (n, c); of others by how much faster the
+        motion changes, shape (n, 9).
+    """
+
+    name: str
+    unit: str
+    remedy: str
+    state: str
+    sensor: str
+    effect: Callable[[Model, Motion], Array]
+
+
+def _constant(component: int) -> Callable[[Model, Motion], Array]:
+    return lambda model, at: np.tile(np.eye(3)[component], (len(at.motion), 1))
+
+
+def _late(columns: slice) -> Callable[[Model, Motion], Array]:
+    return lambda model, at: -model.rates(at.motion, at.inputs)[:, columns]
+
+
+def _lever(axis: int) -> Callable[[Model, Motion], Array]:
+    return lambda model, at: np.asarray(np.cross(at.motion[:, 3:6], np.eye(3)[axis]), dtype=np.float64)
+
+
+def _current(north: float, east: float) -> Callable[[Model, Motion], Array]:
+    return lambda model, at: current_in_body_axes(at.motion[:, 6:9], north, east)
+
+
+def _offset(given: int) -> Callable[[Model, Motion], Array]:
+    return lambda model, at: model.by_inputs(at, np.eye(4)[given])
+
+
+def _cross_flow(row: int) -> Callable[[Model, Motion], Array]:
+    return lambda model, at: model.by_force(at, row, np.abs(at.motion[:, 1]) * at.motion[:, 5])
+
+
+_GYRO = "estimate it (identification.estimate.biases: [gyro])"
+_DVL = "estimate scale and mounting of the DVL (identification.estimate.biases: [dvl])"
+_CURRENT = "estimate the current (identification.estimate.biases: [current])"
+_CLOCK = "shift the time of {} by that where it is recorded or imported"
+_LEVER = "move what the DVL measured to the origin of the vehicle"
+_TRIM = "subtract it from the recorded angle, or look at the zero of that fin"
+_TERM = "the model lacks this term, and others make up for it"
+_CHECK = "check vehicle.parameters.{}"
+
+FAULTS: tuple[Fault, ...] = (
+    *(
+        Fault(f"bias of {quantity.symbol}", "rad/s", _GYRO, f"bias_{quantity.symbol}", "gyroscope", _constant(i))
+        for i, quantity in enumerate(SENSORS["gyroscope"])
+    ),
+    Fault("delay of the gyroscope", "s", _CLOCK.format("the gyroscope"), "", "gyroscope", _late(slice(3, 6))),
+    Fault("delay of the DVL", "s", _CLOCK.format("the DVL"), "", "dvl", _late(slice(0, 3))),
+    Fault(
+        "delay of the inputs",
+        *("s", f"{_CLOCK.format('the inputs')}; fins that lag: identification.fin_time_constant", "", ""),
+        lambda model, at: -model.by_inputs(at, at.input_rate),
+    ),
+    Fault("scale of the DVL", "1", _DVL, "dvl_scale", "dvl", lambda model, at: at.motion[:, :3]),
+    Fault(
+        "mounting yaw of the DVL",
+        *("rad", _DVL, "dvl_yaw", "dvl"),
+        lambda model, at: at.motion[:, [1, 0, 2]] * [1.0, -1.0, 0.0],
+    ),
+    *(Fault(f"lever arm of the DVL, {axis}", "m", _LEVER, "", "dvl", _lever(i)) for i, axis in enumerate("xyz")),
+    Fault("current, north", "m/s", _CURRENT, "current_north", "dvl", _current(1.0, 0.0)),
+    Fault("current, east", "m/s", _CURRENT, "current_east", "dvl", _current(0.0, 1.0)),
+    Fault("trim of the rudder", "rad", _TRIM, "", "", _offset(0)),
+    Fault("trim of the elevator", "rad", _TRIM, "", "", _offset(1)),
+    Fault(
+        "constant thrust",
+        *("N", "check the thrust, or estimate its scale (identification.estimate.biases: [thrust])", "", ""),
+        _offset(2),
+    ),
+    Fault("mass", "kg", _CHECK.format("m"), "", "", lambda model, at: model.by_parameter(at, m=1.0)),
+    Fault("buoyancy", "N", _CHECK.format("B"), "", "", lambda model, at: model.by_parameter(at, B=1.0)),
+    Fault("xG", "m", _CHECK.format("xG"), "", "", lambda model, at: model.by_parameter(at, xG=1e-3) / 1e-3),
+    Fault("Y_|v|r", "N*s^2/(m*rad)", _TERM, "", "", _cross_flow(1)),
+    Fault("N_|v|r", "N*s^2/rad", _TERM, "", "", _cross_flow(5)),
+)
+
+REMEDIES = {fault.name: fault.remedy for fault in FAULTS}
+
+
+@compiled(types.void(_matrix, _matrix, _vector, _vector, _matrix, _vector))
+def _fill_in_rates(motion, inputs, coefficient_block, constants, rates, work):
+    """Fill in how fast motions change, one by one."""
+    block, derivative = work[:N_BLOCK], work[N_BLOCK:]
+    for k in range(motion.shape[0]):
+        for i in range(N_MOTION):
+            block[i * LANES] = motion[k, i]
+        motion_derivative(block, coefficient_block, inputs[k], constants, 1, derivative)
+        for i in range(N_MOTION):
+            rates[k, i] = derivative[i * LANES]
+
+
+class VehicleFaults:
+    """The faults that may be in the data of an augmented problem.
+
+    Parameters
+    ----------
+    problem : AugmentedProblem
+    """
+
+    def __init__(self, problem: AugmentedProblem) -> None:
+        self._problem = problem
+        present, modelled = ("", *problem.measuring), problem.layout.symbols
+        self._faults = tuple(f for f in FAULTS if f.sensor in present and f.state not in modelled)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the faults that no state stands for, of sensors that there are."""
+        return tuple(fault.name for fault in self._faults)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """SI unit of the size of each."""
+        return tuple(fault.unit for fault in self._faults)
+
+    @cached_property
+    def _motion(self) -> slice:
+        """Where the motion stands among the moving states."""
+        layout = self._problem.layout
+        rows = layout.rows_of("motion")
+        return slice(rows.start - layout.n_parameters, rows.stop - layout.n_parameters)
+
+    def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
+        """Say what they do to a chunk of a segment, along a trajectory."""
+        model = Model(self._problem.known, self._factors(about.parameters))
+        rate = self._problem.segments[segment].timelines.input_rate
+        states = np.vstack([about.before, about.moving])[:, self._motion]
+        # Over a substep the motion is taken for that at the event before: faults are small, and substeps short.
+        n_substeps = np.diff(timeline.substep_offset)
+        held = timeline.substep_input
+        on_the_way = Motion(np.repeat(states[:-1], n_substeps, axis=0), timeline.inputs[held], rate[held])
+        event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
+        last = held[np.maximum(timeline.substep_offset[1:] - 1, 0)][event]
+        sensors = [*self._problem.measuring]
+        pushed, added = (np.zeros((*a.shape, len(self._faults))) for a in (about.moving, timeline.measurement))
+        for f, fault in enumerate(self._faults):
+            if fault.sensor:
+                rows = np.flatnonzero(timeline.measurement_sensor == sensors.index(fault.sensor))
+                at = Motion(states[1:][event[rows]], timeline.inputs[last[rows]], rate[last[rows]])
+                added[rows, :3, f] = fault.effect(model, at)
+            else:
+                shares = fault.effect(model, on_the_way) * timeline.substep_duration[:, None]
+                np.add.at(pushed[:, self._motion, f], np.repeat(np.arange(timeline.time.size), n_substeps), shares)
+        return FaultEffects(pushed, added)
+
+    def _factors(self, parameters: Array) -> Array:
+        """Return what the regressors are multiplied by, from parameters as filters see them."""
+        layout = self._problem.layout
+        rows = layout.rows_of("coefficients")
+        found = dict(zip(layout.symbols[rows], parameters[rows] * layout.scale[rows], strict=True))
+        return factors(self._problem.held | found)
