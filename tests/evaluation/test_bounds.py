@@ -11,6 +11,7 @@ from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.evaluation.bounds import Bounds, BoundsOf
 from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.identifiability import assess_dataset
+from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.identify import identify
@@ -90,7 +91,9 @@ def test_coefficients_whose_model_blows_up_have_no_bound_and_that_is_said(short_
     bounds = BoundsOf(prepare(dataset))(ckf)
     assert bounds.of_data == bounds.with_prior == {}
     assert "blows up" in bounds.remark
-    (check,) = (check for check in check_estimate(prepare(dataset), ckf, bounds) if check.check == "bound")
+    (check,) = (
+        check for check in check_estimate(prepare(dataset), ckf, bounds, judge_one(ckf, None)) if check.check == "bound"
+    )
     assert check.passed is None
     assert "blows up" in check.advice
 
@@ -128,7 +131,10 @@ def test_in_segments_that_are_short_enough_it_is_judged_to_the_end(unstable_run,
 def test_standard_deviations_are_checked_against_the_least_that_are_possible(short_run, ckf, share, failing, noted):
     places = [ckf.state.index(symbol) for symbol in SYMBOLS]
     known = {symbol: ckf.standard_deviation[-1, i] / share for symbol, i in zip(SYMBOLS, places, strict=True)}
-    checks = {check.check: check.passed for check in check_estimate(prepare(short_run), ckf, Bounds({}, known))}
+    checks = {
+        check.check: check.passed
+        for check in check_estimate(prepare(short_run), ckf, Bounds({}, known), judge_one(ckf, None))
+    }
     assert checks["not below the bound"] is not failing
     assert checks["near the bound"] is (None if noted else True)
 
@@ -142,7 +148,10 @@ def test_a_fit_that_ends_at_a_limit_is_no_estimate_and_that_is_said(short_run, s
             update={"bounds": {"N_uvl": (0.0, upper)}}
         )
         limited = with_identification(estimate, output_error=settings)
-        checks = {check.check: check.passed for check in check_estimate(prepare(short_run), limited, Bounds({}, {}))}
+        checks = {
+            check.check: check.passed
+            for check in check_estimate(prepare(short_run), limited, Bounds({}, {}), judge_one(limited, None))
+        }
         assert checks["within its limits"] is passed
 
 
@@ -151,13 +160,19 @@ def test_with_an_earlier_estimate_the_information_is_what_was_added_to_it(short_
     estimate = with_identification(ckf, prior=prior)
     nothing_new = replace(estimate, standard_deviation=np.repeat(estimate.standard_deviation[-1:], 6360, axis=0))
     for one, passed in ((estimate, True), (nothing_new, False)):
-        checks = {check.check: check.passed for check in check_estimate(prepare(short_run), one, Bounds({}, {}))}
+        checks = {
+            check.check: check.passed
+            for check in check_estimate(prepare(short_run), one, Bounds({}, {}), judge_one(one, None))
+        }
         assert checks["information"] is passed
 
 
 def test_of_a_diverged_estimate_nothing_is_said_of_the_coefficients(short_run, ckf):
     diverged = replace(ckf, status="diverged at t = 1 s: why")
     subjects = {
-        check.subject for check in check_estimate(prepare(short_run), diverged, BoundsOf(prepare(short_run))(diverged))
+        check.subject
+        for check in check_estimate(
+            prepare(short_run), diverged, BoundsOf(prepare(short_run))(diverged), judge_one(diverged, None)
+        )
     }
     assert "coefficients" not in subjects

@@ -8,6 +8,7 @@ import pytest
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.estimate_checks import check_estimate, failed
+from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
 
@@ -41,7 +42,7 @@ def long_enough(simulated_with):
 def verdicts(dataset, filter_name=FilterName.TUKF):
     """All, and the names of those that failed, as (subject, check)."""
     estimate = identify(dataset, filter_name)
-    checks = check_estimate(prepare(dataset), estimate, BoundsOf(prepare(dataset))(estimate))
+    checks = check_estimate(prepare(dataset), estimate, BoundsOf(prepare(dataset))(estimate), judge_one(estimate, None))
     return checks, {(check.subject, check.check) for check in failed(checks)}
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.export.actuation import Actuation
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel, Origin
 from auvid_cli.export.terms import term_histories, term_sizes
@@ -12,13 +13,14 @@ from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.dynamics import motion_derivative, vehicle_constants
 from auvid_cli.vehicle.parameters import N_MOTION
 
+SOUND = Judgement(Grade.SOUND)
 AS_STATED = Actuation(1.0, 0.0, 0.0, {})
 # Centres off every axis and weight other than buoyancy, so that no lever vanishes.
 SKEWED = {"xG": 0.02, "yG": -0.01, "zG": 0.03, "xB": -0.03, "yB": 0.02, "zB": -0.01, "B": 480.0}
 
 
 def make_model(
-    experiment, held=(), not_identified=(), verdict="completed", states=(), actuation=AS_STATED
+    experiment, held=(), not_identified=(), judgement=SOUND, states=(), actuation=AS_STATED
 ) -> IdentifiedModel:
     """A vehicle with its own coefficients for estimates."""
     values, coefficients = experiment.vehicle.all_coefficients(), []
@@ -33,7 +35,7 @@ def make_model(
     return IdentifiedModel(
         experiment=experiment,
         filter="tukf",
-        verdict=verdict,
+        judgement=judgement,
         coefficients=tuple(coefficients),
         states=tuple(states),
         actuation=actuation,

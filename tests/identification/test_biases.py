@@ -69,7 +69,7 @@ def test_constant_biases_are_found_and_the_heading_offset_is_not(biased, with_se
 
 def test_blocks_bring_the_coefficients_back(biased, with_settings):
     errors = [
-        average_steady_state_error(coefficient_results(identify(dataset, FilterName.CKF), biased.truth, {}))
+        average_steady_state_error(coefficient_results(identify(dataset, FilterName.CKF), biased.truth, {}, True))
         for dataset in (biased, with_settings(biased, ALL))
     ]
     assert errors[1] < 0.5 * errors[0]

@@ -20,7 +20,7 @@ def without(dataset, *names):
 
 
 def average_error(dataset, estimate):
-    return average_steady_state_error(coefficient_results(estimate, dataset.truth, {}))
+    return average_steady_state_error(coefficient_results(estimate, dataset.truth, {}, True))
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,7 @@ def test_without_a_gyroscope_and_without_roll_coefficients_are_found(with_depth,
     poor = replace(poor, sensors=poor.sensors | {"attitude": replace(attitude, values=no_roll)})
     estimate = identify(poor, FilterName.CKF)
     assert verdict(estimate) == "completed"
-    rows = {row.coefficient: row for row in coefficient_results(estimate, with_depth.truth, {})}
+    rows = {row.coefficient: row for row in coefficient_results(estimate, with_depth.truth, {}, True)}
     for symbol in ("X_u|u|", "N_uudr", "Y_uudr", "M_uude"):
         row = rows[symbol]
         assert abs(row.estimate - row.true) < 4.0 * row.standard_deviation, symbol
@@ -102,7 +102,9 @@ def test_the_gain_of_a_propeller_is_found(with_depth, with_settings, kalman_filt
     seeing = identify(with_settings(weaker, "identification.estimate.biases=[thrust]"), kalman_filter)
     assert verdict(seeing) == "completed"
     assert seeing.final_thrust() == pytest.approx(1.2, rel=0.01)
-    wrong, right = ({r.coefficient: r for r in coefficient_results(e, with_depth.truth, {})} for e in (blind, seeing))
+    wrong, right = (
+        {r.coefficient: r for r in coefficient_results(e, with_depth.truth, {}, True)} for e in (blind, seeing)
+    )
     drag = right["X_u|u|"]
     assert abs(drag.estimate - drag.true) < 4.0 * drag.standard_deviation
     assert abs(drag.estimate - drag.true) < 0.1 * abs(wrong["X_u|u|"].estimate - drag.true)

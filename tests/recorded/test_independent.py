@@ -20,6 +20,7 @@ from auvid_cli.errors import DataError
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.consistency import verdict
 from auvid_cli.evaluation.estimate_checks import check_estimate
+from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.inspection.inspect import inspect_dataset
@@ -100,7 +101,9 @@ def test_nothing_is_wrong_with_the_data_themselves(training):
 def test_the_mismatch_of_the_structure_is_noticed(name, training):
     estimate = identify(training, name)
     assert verdict(estimate).startswith("inconsistent")
-    checks = check_estimate(prepare(training), estimate, BoundsOf(prepare(training))(estimate))
+    checks = check_estimate(
+        prepare(training), estimate, BoundsOf(prepare(training))(estimate), judge_one(estimate, None)
+    )
     failed = {(check.subject, check.check) for check in checks if check.passed is False}
     assert {(sensor, "NIS") for sensor in COLUMNS} <= failed
     assert {("gyroscope", "whiteness"), ("dvl", "whiteness"), ("dvl", "free of inputs")} <= failed

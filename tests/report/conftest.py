@@ -103,7 +103,7 @@ def evaluation_of(dataset: Dataset, estimates: list[Estimate], blown_up: tuple[s
     """What `evaluate` gives, with a free run that needs no vehicle."""
     evaluation = Evaluation([], [], [], [], [], {}, [])
     for estimate in estimates:
-        results = coefficient_results(estimate, dataset.truth, BOUNDS)
+        results = coefficient_results(estimate, dataset.truth, BOUNDS, True)
         motion = motion_at(TIME) + 0.02
         if estimate.filter in blown_up:
             motion[100:] = np.inf
