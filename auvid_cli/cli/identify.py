@@ -61,7 +61,7 @@ def identify(
         code = pipeline.say_judgements(estimates, terminal)
         terminal.say(f"next: auvid report {folder}")
         if code == DONE:
-            terminal.say(f"on another run: auvid validate {folder / 'estimates' / chosen[0]}.h5 OTHER.h5")
+            terminal.say(f"on another run: auvid validate {folder / 'estimates' / chosen[0].value}.h5 OTHER.h5")
         else:
             terminal.say(f"what is wrong, and what to do: auvid check {folder}")
         raise typer.Exit(code)

@@ -317,6 +317,9 @@ def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:
             )
     for why in other_estimates(folder, estimates[0].experiment, dataset.sha256, ()).values():
         raise FileError(f"{why} than that of {estimates[0].filter}, and tables show all together; identify again")
+    if dataset.truth is None:
+        # Nothing else says which of them is right.
+        estimates.sort(key=lambda estimate: estimate.filter != FilterName.SMOOTHER)
     return dataset, estimates
 
 

@@ -148,7 +148,7 @@ class Identification(Settings):
     """How coefficients are estimated from a dataset."""
 
     filters: Annotated[tuple[FilterName, ...], Field(min_length=1)] = (
-        FilterName.EKF,
+        FilterName.SMOOTHER,
         FilterName.CKF,
         FilterName.TUKF,
     )
@@ -275,11 +275,23 @@ class ImportedRun(RunSettings):
     recording: Recording
 
 
+_OF_THE_PAPER = (FilterName.EKF, FilterName.CKF, FilterName.TUKF)
+
+
 class Experiment(RunSettings):
     """A whole experiment file: a run to simulate."""
 
     sensors: SensorSuite
     manoeuvre: AnyManoeuvre
+
+    @model_validator(mode="before")
+    @classmethod
+    def _filters_of_the_paper(cls, data: Any) -> Any:
+        """Take the filters of the paper for a simulation that names none; what is recorded has the smoother first."""
+        identification = data.get("identification", {}) if isinstance(data, dict) else None
+        if not isinstance(identification, dict) or "filters" in identification:
+            return data
+        return {**data, "identification": {**identification, "filters": _OF_THE_PAPER}}
 
     def data_files(self) -> list[Path]:
         """Return those of any run, and the inputs of a recorded manoeuvre."""
