@@ -285,7 +285,7 @@ def test_figures_are_not_drawn_by_what_lies_in_the_current_folder(results, tmp_p
     folder, _ = results
     (tmp_path / "pydantic.py").write_text("raise RuntimeError('not what is installed')")
     dataset = folder / "results/spiral/dataset.h5"
-    command = [sys.executable, "-P", "-m", "auvid_cli", "inspect", dataset, "-o", tmp_path / "out"]
+    command = [Path(sys.executable).with_name("auvid"), "inspect", dataset, "-o", tmp_path / "out"]
     result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert result.stderr == ""
     assert result.returncode in (0, 1)
