@@ -1,4 +1,4 @@
-"""Estimators as objects: what they are called, whether they take all data in one batch, and their settings."""
+"""Estimators as objects: what they are called, and their settings."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -23,11 +23,6 @@ class Estimator(Protocol):
     @property
     def name(self) -> str:
         """Name by which commands, settings and files know it."""
-        ...
-
-    @property
-    def in_one_batch(self) -> bool:
-        """Say whether it goes through all data many times, instead of from measurement to measurement."""
         ...
 
     @property
@@ -57,7 +52,6 @@ class KalmanFilter:
     process: Process
     sensors: Sensors
     filter_segment: FilterSegment
-    in_one_batch = False
     limit = ""
 
     def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
@@ -87,7 +81,6 @@ class OutputErrorMethod:
     max_evaluations: int
     bounds: tuple[Array, Array]
     use_prior: bool
-    in_one_batch = True
 
     @property
     def limit(self) -> str:
@@ -119,7 +112,6 @@ class IteratedSmoother:
     process: Process
     sensors: Sensors
     max_passes: int
-    in_one_batch = True
 
     @property
     def limit(self) -> str:
