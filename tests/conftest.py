@@ -1,6 +1,9 @@
 """Shared by all tests: experiments from the shipped settings, and one simulated run."""
 
 import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +15,9 @@ from auvid_cli.config.experiment import Experiment, FilterName
 from auvid_cli.config.load import dump_experiment, find_experiment, load_experiment, parse_experiment, shipped_configs
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.files import write_text
 from auvid_cli.identification.identify import identify
+from auvid_cli.report.figures import draw, workers
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION
@@ -111,6 +116,35 @@ def hand_made(experiment_with):
         )
 
     return make
+
+
+@pytest.fixture(scope="session")
+def leave_figures_out() -> Callable[[pytest.MonkeyPatch], None]:
+    """Function: let a monkeypatch put files of their names in place of figures, which take seconds to draw."""
+
+    def save_kind(kind, arguments, folder, name):
+        paths = [folder / f"{name}.{suffix}" for suffix in ("png", "svg")]
+        for path in paths:
+            write_text(path, kind)
+        return paths
+
+    @contextmanager
+    def one_thread() -> Iterator[workers.Submit]:
+        with ThreadPoolExecutor(1) as executor:
+            yield executor.submit
+
+    def leave_out(patch: pytest.MonkeyPatch) -> None:
+        patch.setattr(draw, "draw_and_save", save_kind)
+        patch.setattr(workers, "figure_workers", one_thread)
+        patch.setattr(workers, "load_ahead", lambda: None)
+
+    return leave_out
+
+
+@pytest.fixture
+def without_figures(monkeypatch, leave_figures_out) -> None:
+    """Files of their names in place of figures."""
+    leave_figures_out(monkeypatch)
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from auvid_cli.data import screening
 from auvid_cli.data.estimate_file import write_estimate
 from auvid_cli.data.walk import flaw_of
 from auvid_cli.errors import AuvidError, ConfigError, DataError
-from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import INPUTS, SENSORS
 
 FUNCTIONS = [name for name in auvid.__all__ if name not in ("Dataset", "Estimate")]
@@ -247,7 +247,7 @@ def test_evaluation_and_bounds_are_tables_of_all_coefficients(short_run, short_e
     found = auvid.identifiability(short_run)
     assert list(found.to_pandas()["identifiability"]["coefficient"]) == list(SYMBOLS)
     labelled = found.to_xarray()
-    assert labelled["correlation"].shape == (22, 22)
+    assert labelled["correlation"].shape == (N_COEFFICIENTS, N_COEFFICIENTS)
     assert labelled["share"].sum("sensor").values == pytest.approx(1.0)
     last = labelled["bound"].sel(coefficient="N_uudr").values[-1]
     (stated,) = (one.percent for one in found.bounds if one.coefficient == "N_uudr")

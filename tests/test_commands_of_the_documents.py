@@ -13,8 +13,6 @@ from typer.testing import CliRunner
 from auvid_cli.cli import campaigning
 from auvid_cli.cli.app import app
 from auvid_cli.config import load
-from auvid_cli.data.files import write_text
-from auvid_cli.report.figures import draw
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 
@@ -39,7 +37,7 @@ def commands(block: str) -> Iterator[list[str]]:
 
 
 @pytest.fixture
-def quick(tmp_path, monkeypatch):
+def quick(tmp_path, monkeypatch, without_figures):
     """Shipped settings without the slowest filters, for 120 s; one trial run of a campaign; no figures are drawn."""
     configs = shutil.copytree(load.shipped_configs(), tmp_path / "shipped")
     for path in (*configs.glob("*.yaml"), *configs.glob("manoeuvres/*.yaml")):
@@ -47,13 +45,7 @@ def quick(tmp_path, monkeypatch):
         text = text.replace("tukf, output_error]", "tukf]")
         path.write_text(text.replace("duration: 300 s", "duration: 120 s"), encoding="utf-8")
     monkeypatch.setattr(load, "shipped_configs", lambda: configs)
-    monkeypatch.setattr(draw, "draw_and_save", save_nothing)
     monkeypatch.setattr(campaigning, "_PROBES", 1)
-
-
-def save_nothing(kind, arguments, folder, name):
-    write_text(folder / f"{name}.svg", kind)
-    return [folder / f"{name}.svg"]
 
 
 def write_log(path: Path) -> None:

@@ -26,17 +26,17 @@ class Doubt(NamedTuple):
     ----------
     subject : str
         What it is of, such as ``W``.
-    stated, expected : str
+    value, expected : str
         Its value, and what it would be in a vehicle like that.
     """
 
     subject: str
-    stated: str
+    value: str
     expected: str
 
     def __str__(self) -> str:
         """Say it in one line."""
-        return f"{self.subject} is {self.stated}; expected {self.expected}"
+        return f"{self.subject} is {self.value}; expected {self.expected}"
 
 
 def doubts(vehicle: VehicleSettings) -> list[Doubt]:

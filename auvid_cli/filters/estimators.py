@@ -1,4 +1,4 @@
-"""Estimators as objects: what they are called, whether they take all data in one batch, and their settings."""
+"""Estimators as objects: what they are called, and their settings."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -29,11 +29,6 @@ class Estimator(Protocol):
         ...
 
     @property
-    def in_one_batch(self) -> bool:
-        """Say whether it goes through all data many times, instead of from measurement to measurement."""
-        ...
-
-    @property
     def limit(self) -> str:
         """Name the setting that limits its iterations, with its value; empty if there is none."""
         ...
@@ -60,7 +55,6 @@ class KalmanFilter:
     process: Process
     sensors: Sensors
     filter_segment: FilterSegment
-    in_one_batch = False
     limit = ""
 
     def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
@@ -90,7 +84,6 @@ class OutputErrorMethod:
     max_evaluations: int
     bounds: tuple[Array, Array]
     use_prior: bool
-    in_one_batch = True
 
     @property
     def limit(self) -> str:
@@ -125,7 +118,6 @@ class IteratedSmoother:
     sensors: Sensors
     max_passes: int
     faults: "Faults"
-    in_one_batch = True
 
     @property
     def limit(self) -> str:

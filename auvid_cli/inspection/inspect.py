@@ -130,7 +130,7 @@ def _vehicle(vehicle: VehicleSettings) -> list[Check]:
     """List what of the vehicle's numbers can hardly be."""
     advice = "Look at the sign and the unit of that number in the vehicle file, and at what it is compared with."
     return [
-        judged("vehicle", doubt.subject, statistic=doubt.stated, threshold=doubt.expected, passed=None, advice=advice)
+        judged("vehicle", doubt.subject, statistic=doubt.value, threshold=doubt.expected, passed=None, advice=advice)
         for doubt in doubts(vehicle)
     ]
 

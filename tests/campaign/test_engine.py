@@ -2,8 +2,6 @@
 
 import os
 import signal
-import threading
-import time
 from itertools import islice
 
 import dask.config
@@ -42,27 +40,15 @@ def test_a_worker_that_dies_while_it_starts_is_one_line(monkeypatch):
         cluster_client(None, 1).__enter__()
 
 
-def test_two_of_eight_workers_that_are_killed_lose_and_repeat_nothing(planned):
-    plan = planned(MANY)
-    killed = []
-    with cluster_client(None, 8) as client:
-
-        def kill_two() -> None:
-            for _ in range(2):
-                pids = {info["pid"] for info in client.run(lambda: {"pid": os.getpid()}).values()}
-                victim = min(pids - set(killed))
-                killed.append(victim)
-                os.kill(victim, signal.SIGKILL)
-                time.sleep(1.0)
-
-        performed = []
-        killer = threading.Thread(target=kill_two)
-        for group in perform_groups(client, plan.groups(), False):
+def test_two_of_three_workers_that_are_killed_lose_and_repeat_nothing(planned):
+    plan, performed = planned(MANY), []
+    with cluster_client(None, 3) as client:
+        victims = list(client.run(os.getpid).values())[:2]
+        for number, group in enumerate(perform_groups(client, plan.groups(), False)):
             performed += group
-            if not killer.ident:
-                killer.start()
-        killer.join()
-    assert len(killed) == 2
+            if number in (0, 8):
+                os.kill(victims.pop(), signal.SIGKILL)
+    assert not victims
     assert sorted(done.run.identity for done in performed) == sorted(plan.labels())
     assert {done.failure for done in performed} == {""}
 
@@ -106,7 +92,8 @@ def test_a_scheduler_that_does_not_answer_is_said(monkeypatch):
         pass
 
 
-def test_a_scheduler_that_goes_away_is_said_and_what_came_is_there(planned):
+def test_a_scheduler_that_goes_away_is_said_and_what_came_is_there(planned, monkeypatch):
+    monkeypatch.setattr("auvid_cli.campaign.engine._PATIENCE", 4.0)
     plan, came = planned(MANY, "seeds=100"), []
     cluster = LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0")
 

@@ -13,6 +13,7 @@ from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.simulation.simulate import simulate
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 
 TEXT = """\
 name: short
@@ -60,10 +61,10 @@ def test_runs_are_measured_as_the_report_does(performed):
         run = rows["run", ""]
         assert run.steady_state_error_percent == wanted.summary[0].average_steady_state_error_percent
         # NEES by the definition, with an inverse.
-        error = [estimate.mean[-1, i] - dataset.truth.coefficients[estimate.state[i]] for i in range(22)]
-        nees = error @ np.linalg.inv(estimate.covariance[:22, :22]) @ error
+        error = [estimate.mean[-1, i] - dataset.truth.coefficients[estimate.state[i]] for i in range(N_COEFFICIENTS)]
+        nees = error @ np.linalg.inv(estimate.covariance[:N_COEFFICIENTS, :N_COEFFICIENTS]) @ error
         assert run.squares == pytest.approx(nees, rel=1e-4)
-        assert run.components == 22
+        assert run.components == N_COEFFICIENTS
         roll = np.interp(estimate.time, dataset.truth.time, dataset.truth.motion[:, 6])
         wanted_rmse = np.sqrt(np.mean((estimate.mean[:, estimate.state.index("phi")] - roll) ** 2))
         assert rows["motion", "phi"].rmse == pytest.approx(wanted_rmse)
@@ -94,7 +95,7 @@ def test_what_goes_wrong_in_one_run_is_its_failure(planned):
     assert "length" in first.failure
     assert first.rows == []
     assert second.failure == ""
-    assert len(second.rows) > 22
+    assert len(second.rows) > N_COEFFICIENTS
 
 
 def test_a_worker_of_another_version_does_nothing(planned):

@@ -1,27 +1,29 @@
-"""`auvid identifiability` on a part of a dataset."""
+"""`auvid identifiability`, of all data and of a part."""
 
 import csv
 
 import pytest
-import typer
-from typer.testing import CliRunner
 
-from auvid_cli.cli.identifiability import identifiability
 from auvid_cli.data.dataset_file import write_dataset
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
+
+from .conftest import auvid
+
+
+def rows(folder):
+    with (folder / "tables/identifiability.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
 
 
 @pytest.fixture
-def bounds(short_run, tmp_path):
+def bounds(short_run, tmp_path, without_figures):
     """Function: the bounds by coefficient that the command finds with some options."""
     write_dataset(tmp_path / "dataset.h5", short_run)
-    app = typer.Typer()
-    app.command()(identifiability)
 
     def run(*options):
-        result = CliRunner().invoke(app, [str(tmp_path / "dataset.h5"), "-o", str(tmp_path / "out"), *options])
+        result = auvid("identifiability", tmp_path / "dataset.h5", "-o", tmp_path / "out", *options)
         assert result.exit_code == 0, result.output
-        with (tmp_path / "out/tables/identifiability.csv").open(encoding="utf-8", newline="") as file:
-            return {row["coefficient"]: float(row["cramer_rao_bound"]) for row in csv.DictReader(file)}
+        return {row["coefficient"]: float(row["cramer_rao_bound"]) for row in rows(tmp_path / "out")}
 
     return run
 
@@ -31,3 +33,15 @@ def test_a_part_of_the_data_says_less_of_every_coefficient(bounds):
     assert part.keys() == whole.keys()
     assert all(part[symbol] > whole[symbol] for symbol in whole)
     assert part == bounds("--set", "identification.use.spans=[[10, 40]]")
+
+
+def test_identifiability_says_before_any_filter_what_the_data_hold(tmp_path):
+    result = auvid("identifiability", "--set", "manoeuvre.duration=12 s", cwd=tmp_path)
+    assert result.exit_code == 0, result.stderr
+    assert "not identified" in result.stdout, "twelve seconds are not enough for all"
+    assert "within 1 %" in result.stdout
+    home = tmp_path / "results/spiral"
+    assert len(rows(home)) == N_COEFFICIENTS
+    assert (home / "figures/identifiability_bounds.png").is_file()
+    assert (home / "figures/identifiability_correlation.svg").is_file()
+    assert not (home / "estimates").exists()

@@ -5,22 +5,16 @@ import shutil
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 import auvid_cli.data.replacement
-from auvid_cli.cli.app import app
 from auvid_cli.config.load import shipped_configs
-from auvid_cli.data.files import write_text
 from auvid_cli.data.results_folder import dataset_in, products
 from auvid_cli.errors import SimulationError
-from auvid_cli.report.figures import draw
+
+from .conftest import auvid
 
 SHORT = ("--set", "manoeuvre.duration=6 s")
 HOME = Path("results/spiral")
-
-
-def auvid(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def done(*arguments):
@@ -46,11 +40,11 @@ def assert_refused(*arguments, words=()):
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def made(tmp_path_factory, leave_figures_out):
     """A folder in which everything has been made from one run; figures are drawn by other tests."""
     folder = tmp_path_factory.mktemp("made")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(draw, "draw_and_save", save_text)
+        leave_figures_out(patch)
         patch.chdir(folder)
         done("run", *SHORT, "-f", "ckf", "-f", "tukf")
         done("check", HOME)
@@ -64,19 +58,12 @@ def made(tmp_path_factory):
 
 
 @pytest.fixture
-def here(made, tmp_path, monkeypatch):
+def here(made, tmp_path, monkeypatch, without_figures):
     """A copy of that as the current folder."""
     folder = tmp_path / "here"
     shutil.copytree(made, folder)
     monkeypatch.chdir(folder)
-    monkeypatch.setattr(draw, "draw_and_save", save_text)
     return folder
-
-
-def save_text(kind, arguments, folder, name):
-    for suffix in ("png", "svg"):
-        write_text(folder / f"{name}.{suffix}", kind)
-    return [folder / f"{name}.png", folder / f"{name}.svg"]
 
 
 def test_all_that_auvid_writes_into_a_folder_is_known(here):

@@ -66,9 +66,10 @@ def test_divergence_is_the_verdict_whatever_the_innovations(hand_made, innovatio
     assert verdict(hand_made([0, 1], {"Y_url": [0, 1]}, status, bad)) == status
 
 
-def test_the_wrong_vehicle_is_called_inconsistent(short_run, filter_name, with_settings):
+def test_the_wrong_vehicle_is_called_inconsistent(simulated_with, filter_name, with_settings):
     """Roll inertia and righting moment far from what they are: no coefficient makes up for that."""
-    wrong = with_settings(short_run, "vehicle.parameters.Ixx=4 kg*m^2", "vehicle.parameters.zG=3 cm")
+    run = simulated_with("manoeuvre.duration=8 s")
+    wrong = with_settings(run, "vehicle.parameters.Ixx=4 kg*m^2", "vehicle.parameters.zG=3 cm")
     assert verdict(identify(wrong, filter_name)).startswith(("inconsistent", "diverged", "unconverged"))
 
 

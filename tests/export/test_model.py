@@ -12,7 +12,7 @@ from auvid_cli.export.losses import Losses
 from auvid_cli.export.model import Origin, identified_model
 from auvid_cli.export.terms import ROWS
 from auvid_cli.identification.identify import identify
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS
 
 ORIGIN = Origin("d" * 64, "e" * 64, "1.2.3", "2026-01-01T00:00:00+00:00")
 CHOSEN = ("X_u|u|", "Z_uude", "N_uudr")
@@ -124,7 +124,7 @@ def test_a_measured_depth_is_motion_and_no_such_state(simulated_with):
     assert "down" in estimate.state
     model = identified_model(estimate, measured, {}, ORIGIN)
     assert model.states == ()
-    assert model.covariance.shape == (22, 22)
+    assert model.covariance.shape == (N_COEFFICIENTS, N_COEFFICIENTS)
 
 
 @pytest.mark.parametrize("status", ["diverged at t = 2 s: not finite", "unconverged: out of evaluations"])

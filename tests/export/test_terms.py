@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.export.terms import held_inputs, term_histories, term_sizes
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.matrices import mass_matrix
 
 
@@ -13,7 +13,7 @@ def test_terms_add_up_to_what_the_core_makes_of_the_coefficients(skewed, derivat
     terms = term_histories({each.symbol: each.value for each in skewed.coefficients}, motion, inputs)
     mass = mass_matrix(skewed.experiment.vehicle.known_parameters())
     for own, *state in zip(terms, motion, inputs, strict=True):
-        with_them, without = derivative_of(skewed, *state), derivative_of(skewed, *state, np.zeros(22))
+        with_them, without = derivative_of(skewed, *state), derivative_of(skewed, *state, np.zeros(N_COEFFICIENTS))
         by_row = np.bincount([c.row for c in COEFFICIENTS], own, minlength=6)
         assert_allclose(by_row, mass @ (with_them - without)[:6], rtol=1e-10, atol=1e-10)
 
@@ -31,7 +31,7 @@ def test_each_term_is_that_of_its_coefficient_alone(symbol, skewed, derivative_o
 
 
 def test_sizes_are_shares_of_the_row_even_where_terms_cancel():
-    terms = np.zeros((2, 22))
+    terms = np.zeros((2, N_COEFFICIENTS))
     terms[:, SYMBOLS.index("Y_uvl")] = 3.0, -3.0
     terms[:, SYMBOLS.index("Y_url")] = -4.0, 4.0
     terms[:, SYMBOLS.index("K_p|p|")] = 1.0, 7.0

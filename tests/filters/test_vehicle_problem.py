@@ -13,6 +13,8 @@ from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.identify import set_up_filters
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
+from auvid_cli.vehicle.parameters import N_MOTION
 
 N_MOVING = 9
 
@@ -96,7 +98,7 @@ def propagate(process, points, timeline, substeps):
 def test_square_root_form_equals_the_covariance_form(name, problem_of, share_of_largest):
     dataset, process, sensors, timeline, prior, history = problem_of(name)
     n = prior.mean.size
-    assert n == 31
+    assert n == N_COEFFICIENTS + N_MOTION
     points, for_mean, for_covariance = points_of(name, n, dataset.experiment.identification.ukf)
     noise = np.zeros(n)
     noise[-N_MOVING:] = process.noise_density**2

@@ -13,7 +13,7 @@ from auvid_cli.errors import DataError, FileError
 from auvid_cli.identification.identify import identify, set_up_filters
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.prior import earlier_gaussian
-from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
 
 @pytest.fixture
@@ -33,17 +33,22 @@ def written(tmp_path):
 def test_coefficients_and_their_covariance_are_taken_over(short_run, short_estimates, written):
     path = written(short_run)
     earlier = short_estimates[FilterName.CKF]
-    scale = np.linspace(1.0, 3.0, 22)
+    scale = np.linspace(1.0, 3.0, N_COEFFICIENTS)
     mean, factor = earlier_gaussian(path, short_run, SYMBOLS, scale)
-    assert_allclose(mean * scale, earlier.mean[-1, :22])
-    assert_allclose((factor @ factor.T) * np.outer(scale, scale), earlier.covariance[:22, :22], rtol=1e-9, atol=1e-12)
+    assert_allclose(mean * scale, earlier.mean[-1, :N_COEFFICIENTS])
+    assert_allclose(
+        (factor @ factor.T) * np.outer(scale, scale),
+        earlier.covariance[:N_COEFFICIENTS, :N_COEFFICIENTS],
+        rtol=1e-9,
+        atol=1e-12,
+    )
 
 
 def test_what_the_earlier_estimate_does_not_know_keeps_its_prior(short_run, written, with_settings):
     path = written(with_settings(short_run, "identification.coefficients=[X_u|u|, N_uudr]"))
-    mean, factor = earlier_gaussian(path, short_run, SYMBOLS, np.ones(22))
+    mean, factor = earlier_gaussian(path, short_run, SYMBOLS, np.ones(N_COEFFICIENTS))
     known = [SYMBOLS.index("X_u|u|"), SYMBOLS.index("N_uudr")]
-    others = np.setdiff1d(np.arange(22), known)
+    others = np.setdiff1d(np.arange(N_COEFFICIENTS), known)
     assert np.all(mean[others] == 0.0)
     assert np.all(np.diag(factor)[others] == 1.0)
     assert np.all(np.abs(mean[known]) > 0.0)
@@ -55,12 +60,12 @@ def test_a_second_run_on_new_data_knows_more(simulated_with, short_run, short_es
     alone = identify(other, FilterName.TUKF)
     both = identify(with_settings(other, f"identification.prior.from_estimate={path}"), FilterName.TUKF)
     first = short_estimates[FilterName.CKF]
-    smaller = np.minimum(alone.standard_deviation[-1, :22], first.standard_deviation[-1, :22])
-    assert np.all(both.standard_deviation[-1, :22] < 1.02 * smaller)
+    smaller = np.minimum(alone.standard_deviation[-1, :N_COEFFICIENTS], first.standard_deviation[-1, :N_COEFFICIENTS])
+    assert np.all(both.standard_deviation[-1, :N_COEFFICIENTS] < 1.02 * smaller)
     # Two independent halves of the information: variances add like parallel resistors, roughly.
-    assert np.median(both.standard_deviation[-1, :22] / smaller) < 0.9
+    assert np.median(both.standard_deviation[-1, :N_COEFFICIENTS] / smaller) < 0.9
     true = np.array([other.truth.coefficients[symbol] for symbol in SYMBOLS])
-    assert (np.abs(both.mean[-1, :22] - true) / both.standard_deviation[-1, :22]).max() < 5.0
+    assert (np.abs(both.mean[-1, :N_COEFFICIENTS] - true) / both.standard_deviation[-1, :N_COEFFICIENTS]).max() < 5.0
 
 
 def test_the_same_data_twice_are_refused(short_run, written, with_settings):

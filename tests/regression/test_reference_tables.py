@@ -16,6 +16,7 @@ from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.report.csv_tables import write_csv_tables
 from auvid_cli.simulation.simulate import simulate
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 
 REFERENCE = Path(__file__).parents[2] / "results/reference/spiral"
 PUBLISHED = Path(__file__).parents[2] / "auvid_cli/report/published/table_iv.csv"
@@ -46,7 +47,7 @@ def rows(folder: Path, name: str) -> list[dict[str, str]]:
 
 def test_coefficients_are_those_of_the_reference(tables):
     new, old = rows(tables, "coefficients.csv"), rows(REFERENCE, "coefficients.csv")
-    assert len(new) == len(old) == 3 * 22
+    assert len(new) == len(old) == 3 * N_COEFFICIENTS
     for a, b in zip(new, old, strict=True):
         assert (a["filter"], a["coefficient"], a["unit"], a["true"]) == (
             *(b["filter"], b["coefficient"], b["unit"], b["true"]),
@@ -82,7 +83,7 @@ def test_every_filter_is_at_least_as_accurate_as_the_paper_publishes(tables):
 
 
 def test_what_the_filters_claim_is_true(tables):
-    """Truth within the claimed uncertainty: normalised errors of 22 coefficients, per filter.
+    """Truth within the claimed uncertainty: normalised errors of the coefficients, per filter.
 
     The errors are correlated, so the bound is generous: a mean square above 4 means that standard deviations are
     half of what they should be.

@@ -25,6 +25,14 @@ ALL = {
     *("path", "velocities", "attitude", "coefficients_damping", "coefficients_lift", "coefficients_control"),
     *("innovations_ekf", "innovations_ckf", "innovations_tukf"),
 }
+# One of each group, where a panel like the others would show nothing more.
+FEW = tuple({c.group: c.symbol for c in reversed(COEFFICIENTS)}.values())[::-1]
+
+
+@pytest.fixture
+def as_png_only(monkeypatch):
+    """Every figure is drawn once, not twice."""
+    monkeypatch.setattr(canvas.FigureCanvasSVG, "print_svg", lambda self, path, **options: path.write_text("<svg/>"))
 
 
 @pytest.fixture(scope="module")
@@ -80,24 +88,27 @@ def test_a_single_filter_with_a_few_coefficients_and_no_truth(tmp_path, dataset,
     )
 
 
+@pytest.mark.usefixtures("as_png_only")
 @pytest.mark.parametrize("samples", [1, 40])
 def test_diverged_filters_are_drawn_as_far_as_they_went(tmp_path, dataset, samples, draw_figures):
-    broken = diverged(make_estimate("ekf"), samples)
+    broken = diverged(make_estimate("ekf", FEW), samples)
     broken.mean[-1] = np.nan
-    estimates = [broken, make_estimate("ckf")]
+    estimates = [broken, make_estimate("ckf", FEW)]
     dataset = dataset.without_truth()
     paths = draw_figures(dataset, estimates, evaluation_of(dataset, estimates, blown_up=("ekf",)), tmp_path)
     assert len(paths) == 2 * 8
 
 
+@pytest.mark.usefixtures("as_png_only")
 def test_only_diverged_filters(tmp_path, dataset, draw_figures):
-    estimates = [diverged(make_estimate("ekf"), 1)]
+    estimates = [diverged(make_estimate("ekf", FEW), 1)]
     paths = draw_figures(dataset, estimates, evaluation_of(dataset, estimates, blown_up=("ekf",)), tmp_path)
     assert len(paths) == 2 * 7
 
 
+@pytest.mark.usefixtures("as_png_only")
 def test_a_coefficient_that_is_infinitely_uncertain_is_drawn_and_printed(tmp_path, dataset, draw_figures):
-    estimate = make_estimate("output_error")
+    estimate = make_estimate("output_error", FEW)
     estimate.standard_deviation[:, 0] = np.inf
     evaluation = evaluation_of(dataset, [estimate])
     paths = draw_figures(dataset, [estimate], evaluation, tmp_path / "figures")
@@ -107,6 +118,7 @@ def test_a_coefficient_that_is_infinitely_uncertain_is_drawn_and_printed(tmp_pat
     assert "| 10.10 ± — † |" in (tmp_path / "tables.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("as_png_only")
 def test_missing_sensors_and_no_filter(tmp_path, dataset, draw_figures):
     bare = replace(dataset, sensors={"gyroscope": dataset.sensors["gyroscope"]})
     assert {path.stem for path in draw_figures(bare, [], evaluation_of(bare, []), tmp_path)} == {

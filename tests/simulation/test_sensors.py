@@ -1,5 +1,7 @@
 """Raw sensors: what they measure, and each of their imperfections."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -17,9 +19,14 @@ NOISELESS = tuple(f"sensors.{name}={{rate: 50 Hz, noise: 0}}" for name in RAW)
 def measurement(experiment_with, standing_still):
     """Function: samples of one sensor of a vehicle that stands still."""
 
+    @cache
+    def suite(name: str, settings: str):
+        """Sensors of which the others take one sample."""
+        others = (f"sensors.{other}.rate=0.001 Hz" for other in RAW if other != name)
+        return experiment_with(f"sensors.{name}={settings}", *others).sensors
+
     def read(name: str, settings: str, duration: float, seed: int = 1):
-        suite = experiment_with(f"sensors.{name}={settings}").sensors
-        return measure(standing_still(duration), suite, STILL_WATER, seed)[name]
+        return measure(standing_still(duration), suite(name, settings), STILL_WATER, seed)[name]
 
     return read
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
 WHITE = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
 ZIGZAG = "manoeuvre={type: zigzag, duration: 80 s, speed: 3.9 m/s, rudder: 20 deg, heading: 20 deg, approach: 8 s}"
@@ -25,7 +25,7 @@ def with_coefficients(hand_made):
         final = {symbol: (coefficients | changes)[symbol] for symbol in SYMBOLS}
         estimate = hand_made([0.0, 1.0], {symbol: [0.0, value] for symbol, value in final.items()})
         covariance = estimate.covariance.copy()
-        covariance[:22, :22] = np.diag([(share * value) ** 2 for value in final.values()])
+        covariance[:N_COEFFICIENTS, :N_COEFFICIENTS] = np.diag([(share * value) ** 2 for value in final.values()])
         return replace(estimate, covariance=covariance)
 
     return make

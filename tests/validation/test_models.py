@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.validation.models import drawn_coefficients, models_of
-from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ def test_draws_have_the_mean_and_the_covariance_of_the_estimate(estimate, rng):
     covariance = estimate.covariance.copy()
     covariance[:2, :2] = [[0.04, 0.054], [0.054, 0.09]]
     drawn = drawn_coefficients(replace(estimate, covariance=covariance), 20_000, rng)
-    assert drawn.shape == (20_000, 22)
+    assert drawn.shape == (20_000, N_COEFFICIENTS)
     columns = [SYMBOLS.index("X_u|u|"), SYMBOLS.index("N_uvl")]
     assert_allclose(drawn[:, columns].mean(axis=0), [-3.0, 4.0], atol=0.01)
     assert_allclose(np.cov(drawn[:, columns].T), covariance[:2, :2], rtol=0.05)
