@@ -64,7 +64,7 @@ def evaluate(dataset: Dataset, *estimates: Estimate) -> Evaluation:
     -------
     Evaluation
         Coefficients with their errors and Cramér-Rao bounds, a summary of each filter, errors of free runs,
-        consistency, sensor errors; ``to_pandas()`` makes tables of them by these names.
+        consistency, sensor errors, faults; ``to_pandas()`` makes tables of them by these names.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def evaluate(dataset: Dataset, *estimates: Estimate) -> Evaluation:
     --------
     >>> tables = auvid.evaluate(dataset, estimate).to_pandas()
     >>> list(tables)
-    ['coefficients', 'summary', 'velocity_error', 'consistency', 'sensor_errors']
+    ['coefficients', 'summary', 'velocity_error', 'consistency', 'sensor_errors', 'faults']
     """
     refuse_estimates_of_others(dataset, estimates)
     prepared = prepare(dataset)

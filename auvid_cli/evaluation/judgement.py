@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 # Chosen on simulations of six manoeuvres with and without faults, see docs/studies.md.
 LARGEST_FAULT, LARGEST_NIS, LARGEST_PORTMANTEAU, FARTHEST = 3.5, 4.0, 10.0, 2.0
 _LAGS = 20
+# Errors of an AHRS are no noise, and what a smoother makes of them may look like anything.
+_LASTING = "; or it is the AHRS, whose errors last: measure the attitude directly, or use the raw inertial sensors"
 # So many measurements say enough of correlations.
 _FEWEST = 200
 
@@ -104,7 +106,7 @@ def _doubts_of_data(reference: Estimate) -> Iterator[Judgement]:
             f"the data look like a fault: {worst.fault} {worst.size:.3g} +- {worst.standard_deviation:.2g}{unit} "
             f"({abs(worst.z):.1f} of its standard deviations, of which each moves {worst.coefficient} by "
             f"{worst.susceptibility:.2g} of its own)",
-            REMEDIES.get(worst.fault, ""),
+            f"{REMEDIES.get(worst.fault, '')}{_LASTING if _is_from_ahrs(reference) else ''}",
         )
     for sensor, innovations in reference.innovations.items():
         if sensor == "attitude" and _is_from_ahrs(reference):

@@ -9,7 +9,7 @@ from auvid_cli.config.campaign import load_campaign
 
 SHORT = """\
 name: short
-settings: {manoeuvre.duration: 5 s}
+settings: {manoeuvre.duration: 5 s, identification.judge: false}
 seeds: 2
 filters: [ckf, tukf]
 """

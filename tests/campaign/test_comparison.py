@@ -19,10 +19,22 @@ def rows_of(filter_name, errors, lost=()):
         status = "diverged at t = 1 s: why" if seed in lost else "completed"
         known = None if seed in lost else float(error)
         name = f"{filter_name}-{seed}"
-        rows.append(Measure(name, filter_name, seed, "run", "", "", status, steady_state_error_percent=known))
+        rows.append(
+            Measure(name, filter_name, seed, "run", "", "", status, "sound", "", steady_state_error_percent=known)
+        )
         rows.append(
             Measure(
-                name, filter_name, seed, "coefficient", "X_u|u|", "", status, true=-2.0, rmse=known and 0.02 * known
+                name,
+                filter_name,
+                seed,
+                "coefficient",
+                "X_u|u|",
+                "",
+                status,
+                "sound",
+                "",
+                true=-2.0,
+                rmse=known and 0.02 * known,
             )
         )
     return rows

@@ -29,6 +29,8 @@ def rows_of(filter_name, n_runs, factor, overconfidence=1.0, lost=0):
                 "",
                 "",
                 status,
+                "sound",
+                "",
                 squares=nees,
                 components=len(SYMBOLS),
                 steady_state_error_percent=None if seed < lost else float(seed),
@@ -44,6 +46,8 @@ def rows_of(filter_name, n_runs, factor, overconfidence=1.0, lost=0):
                 symbol,
                 "kg/m",
                 status,
+                "sound",
+                "",
                 true=-10.0,
                 estimate=-10.0 + error,
                 standard_deviation=1.0 / overconfidence,
@@ -54,7 +58,9 @@ def rows_of(filter_name, n_runs, factor, overconfidence=1.0, lost=0):
             )
             for symbol, error in zip(SYMBOLS, errors, strict=True)
         ]
-        rows.append(Measure(run, filter_name, seed, "sensor", "dvl", "", status, squares=330.0, components=300))
+        rows.append(
+            Measure(run, filter_name, seed, "sensor", "dvl", "", status, "sound", "", squares=330.0, components=300)
+        )
     return pd.DataFrame(rows).assign(factor=factor)
 
 

@@ -19,8 +19,10 @@ COLUMNS = {"factor": True, "rate": False}
 
 def finished(name, factor=1.0, rate="slow", error=2.5):
     run = Run(name, {"factor": factor, "rate": rate}, "ckf", 1)
-    whole = Measure(name, "ckf", 1, "run", "", "", "completed", steady_state_error_percent=error, components=22)
-    part = Measure(name, "ckf", 1, "coefficient", "X_u|u|", "kg/m", "completed", true=-3.0, estimate=-3.1)
+    whole = Measure(
+        name, "ckf", 1, "run", "", "", "completed", "sound", "", steady_state_error_percent=error, components=22
+    )
+    part = Measure(name, "ckf", 1, "coefficient", "X_u|u|", "kg/m", "completed", "sound", "", true=-3.0, estimate=-3.1)
     return Performed(run, [whole, part], "", None)
 
 

@@ -18,7 +18,7 @@ from .conftest import assert_one_clear_complaint, auvid
 
 CAMPAIGN = """\
 name: small
-settings: {manoeuvre.duration: 10 s, sensors.attitude.source: direct}
+settings: {manoeuvre.duration: 10 s, sensors.attitude.source: direct, identification.judge: false}
 seeds: 6
 filters: [ckf, tukf]
 vary: [{setting: identification.prior.factor, values: [1, 3]}]
@@ -218,4 +218,4 @@ def test_a_mistake_ends_before_anything_is_made(tmp_path, text, words):
 def test_a_name_that_is_none_lists_the_campaigns_that_ship(tmp_path):
     result = campaign("nothing", cwd=tmp_path)
     assert result.exit_code == 2
-    assert "neither a file nor a campaign that ships with auvid: regimes" in result.stderr
+    assert "neither a file nor a campaign that ships with auvid: judgement, regimes" in result.stderr

@@ -16,7 +16,7 @@ from auvid_cli.vehicle.parameters import N_MOTION
 
 from .conftest import assert_one_clear_complaint, auvid
 
-SHORT = ["--set", "manoeuvre.duration=12 s"]
+SHORT = ["--set", "manoeuvre.duration=12 s", "--set", "identification.judge=false"]
 
 
 @pytest.fixture(autouse=True)
@@ -36,6 +36,34 @@ def results(tmp_path_factory):
     result = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
     assert result.returncode == 0, result.stderr
     return folder, result
+
+
+JUDGED = ["--set", "manoeuvre.duration=20 s", "--set", "sensors.attitude.source=direct"]
+
+
+def table(folder, name):
+    lines = (folder / f"results/spiral/tables/{name}.csv").read_text(encoding="utf-8").splitlines()
+    return list(csv.DictReader(lines))
+
+
+def test_a_smoother_that_nobody_asked_for_judges_the_filters(tmp_path):
+    result = auvid("run", *JUDGED, "--filter", "ckf", cwd=tmp_path)
+    rows = table(tmp_path, "summary")
+    assert [row["filter"] for row in rows] == ["ckf", "smoother"]
+    assert rows[1]["grade"] == "sound"
+    assert result.exit_code == (rows[0]["grade"] != "sound")
+    again = auvid("check", "results/spiral", cwd=tmp_path)
+    assert ("sound" in again.stdout) and again.exit_code in (result.exit_code, 1)
+
+
+def test_a_fault_is_named_with_what_to_do_and_the_exit_code_says_so(tmp_path):
+    result = auvid("run", *JUDGED, "--set", "sensors.gyroscope.bias=0.2 deg/s", "--filter", "smoother", cwd=tmp_path)
+    assert result.exit_code == 1
+    said = " ".join(result.stdout.split())
+    assert re.search(r"IEKS (doubtful: the data look like a fault: bias of [pqr]|inconsistent)", said)
+    worst = max(table(tmp_path, "faults"), key=lambda row: abs(float(row["z"])))
+    assert worst["fault"] in ("bias of p", "bias of q", "bias of r")
+    assert abs(float(worst["size"])) == pytest.approx(0.0035, rel=0.3)
 
 
 def test_run_writes_dataset_estimates_tables_and_figures(results):
@@ -128,7 +156,7 @@ def test_the_output_error_method_stands_beside_the_filters(results, tmp_path):
             assert {"time", "innovation", "variance", "nis"} <= set(file[f"innovations/{sensor}"])
     report = auvid("report", "results/mission", cwd=tmp_path)
     assert report.exit_code == 0, report.stderr
-    assert re.search(r"^ OE .* completed", report.stdout, re.MULTILINE)
+    assert re.search(r"^ OE .* unjudged", report.stdout, re.MULTILINE)
     made = tmp_path / "results/mission"
     assert "| OE | " in (made / "tables/tables.md").read_text(encoding="utf-8")
     assert "output_error,X_u|u|," in (made / "tables/coefficients.csv").read_text(encoding="utf-8")
