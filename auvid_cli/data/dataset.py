@@ -27,11 +27,15 @@ class SensorRecord:
         SI; NaN where a component is missing or not valid.
     standard_deviation : ndarray, shape (c,)
         Stated measurement noise, SI.
+    position : tuple of float
+        Where the sensor sits, forward, starboard and down of the origin of the vehicle, m. That of the origin where
+        the samples are as if taken there, and where it does not matter.
     """
 
     time: Array
     values: Array
     standard_deviation: Array
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def between(self, begin: float, end: float) -> "SensorRecord":
         """Return the samples from one time to another, s, both included."""

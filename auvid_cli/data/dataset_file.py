@@ -1,6 +1,7 @@
 """dataset.h5: measurement and writing a Dataset."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -61,6 +62,10 @@ def _write_sensor(group: h5py.Group, name: str, record: SensorRecord) -> None:
         write_variable(group, quantity.symbol, values, ("time",), quantity.meaning, quantity.unit)
     meaning = "stated standard deviation of the noise"
     write_variable(group, "standard_deviation", record.standard_deviation, ("component",), meaning, quantities[0].unit)
+    if any(record.position):
+        axes = np.array(["forward", "starboard", "down"])
+        write_dimension(group, "axis", axes, "from the origin of the vehicle")
+        write_variable(group, "position", np.array(record.position), ("axis",), "where the sensor sits", "m")
     valid = np.isfinite(record.values).astype(np.int8)
     write_variable(group, "valid", valid, ("time", "component"), "1 where the component was measured")
 
@@ -117,7 +122,8 @@ def _read_sensor(group: h5py.Group, name: str) -> SensorRecord:
     mark_missing(group, "valid", values)
     check_units(group, SENSORS[name])
     values[~np.isfinite(values)] = np.nan
-    return SensorRecord(read_array(group, "time"), values, read_array(group, "standard_deviation"))
+    record = SensorRecord(read_array(group, "time"), values, read_array(group, "standard_deviation"))
+    return replace(record, position=tuple(read_array(group, "position"))) if "position" in group else record
 
 
 def _read_truth(group: h5py.Group) -> TruthRecord:

@@ -95,6 +95,9 @@ def dataset_tree(dataset: Dataset) -> "xr.DataTree":
             .assign_coords(component=_components(name))
             .assign(standard_deviation=("component", record.standard_deviation, attributes))
         )
+        if any(record.position):
+            place = "axis", list(record.position), {"long_name": "where the sensor sits", "units": "m"}
+            groups[f"sensors/{name}"] = groups[f"sensors/{name}"].assign(position=place)
     if dataset.truth is not None:
         true, units = [dataset.truth.coefficients[symbol] for symbol in SYMBOLS], [c.unit for c in COEFFICIENTS]
         named = "coefficient", list(SYMBOLS), {"long_name": "hydrodynamic coefficient"}
