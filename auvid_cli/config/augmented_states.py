@@ -170,7 +170,10 @@ class AugmentedStates(Settings):
 
     biases: Annotated[
         tuple[BiasName, ...],
-        Field(description="blocks of further states: `gyro`, `attitude`, `accelerometer`, `magnetometer`, `dvl`, `current`, `thrust`"),
+        Field(
+            description="blocks of further states: `gyro`, `attitude`, `accelerometer`, `magnetometer`, `dvl`, "
+            "`current`, `thrust`"
+        ),
     ] = ()
     gyro: GyroBias = GyroBias()
     attitude: AttitudeBias = AttitudeBias()

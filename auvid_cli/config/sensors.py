@@ -108,7 +108,8 @@ class Accelerometer(SensorSettings):
     sensor = "accelerometer"
 
     position: Annotated[
-        Lever, Field(description="[forward, starboard, down] from the vehicle's origin; estimators are told, an AHRS not")
+        Lever,
+        Field(description="[forward, starboard, down] from the vehicle's origin; estimators are told, an AHRS not"),
     ] = (0.0, 0.0, 0.0)
 
 

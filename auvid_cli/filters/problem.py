@@ -31,9 +31,7 @@ OBSERVATION_SIGNATURE = types.void(
     *(_vector, _vector, types.int64, _vector, _vector, _indices, types.uint64, _vector, _vector)
 )
 # linearise(mean, sensor, inputs, constants, selection, seen, matrix, scratch): one state; the rows of both are filled.
-LINEARISATION_SIGNATURE = types.void(
-    *(_vector, types.int64, _vector, _vector, _indices, _vector, _matrix, _vector)
-)
+LINEARISATION_SIGNATURE = types.void(*(_vector, types.int64, _vector, _vector, _indices, _vector, _matrix, _vector))
 
 
 @compiled(OBSERVATION_SIGNATURE)

@@ -33,7 +33,7 @@ _ACCELEROMETER = 1 + _N_ROWS + 4
 
 
 class Accelerometer(NamedTuple):
-    """The accelerometer that is heard, if any.
+    """The accelerometer that is heard.
 
     Attributes
     ----------
@@ -43,8 +43,11 @@ class Accelerometer(NamedTuple):
         Forward, starboard and down of the origin, m.
     """
 
-    sensor: int = _NOWHERE
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sensor: int
+    position: tuple[float, float, float]
+
+
+NO_ACCELEROMETER = Accelerometer(_NOWHERE, (0.0, 0.0, 0.0))
 
 
 def model_constants(vehicle: Array, held: Array, layout: StateLayout, accelerometer: Accelerometer) -> Array:

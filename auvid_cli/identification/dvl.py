@@ -67,7 +67,11 @@ def _put(matrix, column, gain, yaw, vector):
 @compiled(types.void(_vector, _vector, _vector, _matrix), internal=True)
 def linearise_velocity(mean, constants, seen, matrix):
     """Predict what it sees of one state, shape (3,), and the derivative by the state, whose other columns stay."""
-    first, scale_row, yaw_row = first_moving_row(constants), row_of(constants, ROW_DVL_SCALE), row_of(constants, ROW_DVL_YAW)
+    first, scale_row, yaw_row = (
+        first_moving_row(constants),
+        row_of(constants, ROW_DVL_SCALE),
+        row_of(constants, ROW_DVL_YAW),
+    )
     gain, yaw = 1.0 + _value(constants, mean, ROW_DVL_SCALE), _value(constants, mean, ROW_DVL_YAW)
     north, east = _value(constants, mean, ROW_CURRENT_NORTH), _value(constants, mean, ROW_CURRENT_EAST)
     sin_phi, cos_phi = sine_cosine(mean[first + 6])

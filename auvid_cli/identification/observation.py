@@ -6,6 +6,7 @@ from auvid_cli.identification.accelerometer import feel_forces, linearise_force
 from auvid_cli.identification.compiled_layout import accelerometer_sensor
 from auvid_cli.identification.dvl import linearise_velocity, see_velocities
 
+
 @compiled(OBSERVATION_SIGNATURE)
 def observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, seen, scratch):
     """Predict what a sensor sees of a block of states."""

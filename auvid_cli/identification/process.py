@@ -13,6 +13,7 @@ from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, P
 from auvid_cli.identification.accelerometer import N_ACCELEROMETER_WORK
 from auvid_cli.identification.compiled_coefficients import fill_in_all, fill_in_lanes, fill_in_row
 from auvid_cli.identification.compiled_layout import (
+    NO_ACCELEROMETER,
     ROW_DEPTH,
     Accelerometer,
     depth_is_state,
@@ -204,7 +205,7 @@ def first_order_transition(mean, inputs, substep_input, substep_duration, consta
 
 
 def vehicle_process(
-    vehicle: Array, held: Mapping[str, float], layout: StateLayout, accelerometer: Accelerometer = Accelerometer()
+    vehicle: Array, held: Mapping[str, float], layout: StateLayout, accelerometer: Accelerometer = NO_ACCELEROMETER
 ) -> Process:
     """Make the augmented model of Sabet et al. 2018, eq. (10), with coefficients in units of their scales, and errors.
 

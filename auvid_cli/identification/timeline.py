@@ -53,8 +53,8 @@ def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
     for name in INERTIAL:
         if is_inertial and name not in measuring:
             raise DataError(
-                f"identification.attitude_from: inertial needs an accelerometer and a magnetometer, and the dataset has "
-                f"no valid sample of {name}"
+                "identification.attitude_from: inertial needs an accelerometer and a magnetometer, and the dataset "
+                f"has no valid sample of {name}"
             )
     if not measuring:
         raise DataError("the dataset has no valid sample of a sensor that measures motion (dvl, gyroscope, attitude)")

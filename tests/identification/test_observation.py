@@ -46,7 +46,9 @@ def assert_seen_alike(process, state, n_parameters, expected, sensor=DVL):
     for j in range(state.size):
         step = np.zeros(state.size)
         step[j] = 1e-6
-        difference = (linearised(process, state + step, sensor)[0] - linearised(process, state - step, sensor)[0]) / 2e-6
+        difference = (
+            linearised(process, state + step, sensor)[0] - linearised(process, state - step, sensor)[0]
+        ) / 2e-6
         assert_allclose(matrix[:, j], difference, rtol=1e-7, atol=1e-7)
 
     block = np.repeat(state[:, None], LANES, axis=1)
@@ -125,5 +127,5 @@ def test_an_accelerometer_feels_what_a_passenger_at_its_place_does(coefficients,
     state = np.array([values.get(symbol, 0.7) for symbol in layout.symbols]) / layout.scale
     felt = felt_by_a_passenger(experiment, {symbol: values.get(symbol, true[symbol]) for symbol in SYMBOLS}, 1.2)
     seen, _ = linearised(process, state, ACCELEROMETER)
-    assert_allclose(seen, felt + [0.03, -0.02, 0.01], rtol=1e-7, atol=1e-7)
+    assert_allclose(seen, felt + np.array([0.03, -0.02, 0.01]), rtol=1e-7, atol=1e-7)
     assert_seen_alike(process, state, layout.n_parameters, seen, ACCELEROMETER)
