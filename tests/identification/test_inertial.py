@@ -128,3 +128,35 @@ def test_a_raw_sensor_says_more_than_an_ahrs(raw_run, with_settings):
         information = information_at(prepared, raw_run.truth.coefficients, true_initial_motions(prepared))
         bounds.append([information.bound()[symbol] for symbol in information.state[:3]])
     assert (np.array(bounds[1]) < np.array(bounds[0])).all()
+
+
+def without_its_place(dataset):
+    accelerometer = replace(dataset.sensors["accelerometer"], position=(0.0, -0.2, 0.1))
+    return replace(dataset, sensors=dataset.sensors | {"accelerometer": accelerometer})
+
+
+def biased(dataset):
+    accelerometer = dataset.sensors["accelerometer"]
+    felt = replace(accelerometer, values=accelerometer.values + np.array([0.0, 0.01, 0.0]))
+    return replace(dataset, sensors=dataset.sensors | {"accelerometer": felt})
+
+
+def trimmed(dataset):
+    values = dataset.inputs.values.copy()
+    values[:, 1] -= 0.002
+    return replace(dataset, inputs=replace(dataset.inputs, values=values))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "fault", "size"),
+    [
+        (without_its_place, "position of the accelerometer, x", 0.4),
+        (biased, "bias of fy", 0.01),
+        (trimmed, "trim of the elevator", 0.002),
+    ],
+)
+def test_a_fault_that_an_accelerometer_feels_is_found_with_its_size(spoil, fault, size, raw_run):
+    tests = identify(spoil(raw_run), FilterName("smoother")).faults
+    found = max(tests, key=lambda test: abs(test.z))
+    assert found.fault == fault
+    assert found.size == pytest.approx(size, abs=0.02 * size + 4.0 * found.standard_deviation)
