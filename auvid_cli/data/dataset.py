@@ -15,6 +15,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+# Of `SensorRecord.position`, where it is written.
+AXES, AXES_MEANING = ("forward", "starboard", "down"), "from the origin of the vehicle"
+POSITION_MEANING = "where the sensor sits"
+
+
 @dataclass(frozen=True)
 class SensorRecord:
     """One sensor's samples.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.load import dump_experiment, parse_run
-from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthRecord
+from auvid_cli.data.dataset import AXES, AXES_MEANING, POSITION_MEANING, Dataset, InputRecord, SensorRecord, TruthRecord
 from auvid_cli.data.netcdf import digest, new_file, write_dimension, write_variable
 from auvid_cli.data.netcdf_reading import (
     FileAttributes,
@@ -63,9 +63,8 @@ def _write_sensor(group: h5py.Group, name: str, record: SensorRecord) -> None:
     meaning = "stated standard deviation of the noise"
     write_variable(group, "standard_deviation", record.standard_deviation, ("component",), meaning, quantities[0].unit)
     if any(record.position):
-        axes = np.array(["forward", "starboard", "down"])
-        write_dimension(group, "axis", axes, "from the origin of the vehicle")
-        write_variable(group, "position", np.array(record.position), ("axis",), "where the sensor sits", "m")
+        write_dimension(group, "axis", np.array(AXES), AXES_MEANING)
+        write_variable(group, "position", np.array(record.position), ("axis",), POSITION_MEANING, "m")
     valid = np.isfinite(record.values).astype(np.int8)
     write_variable(group, "valid", valid, ("time", "component"), "1 where the component was measured")
 
