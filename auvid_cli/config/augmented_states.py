@@ -28,6 +28,8 @@ class BiasName(StrEnum):
 
     GYRO = "gyro"
     ATTITUDE = "attitude"
+    ACCELEROMETER = "accelerometer"
+    MAGNETOMETER = "magnetometer"
     DVL = "dvl"
     CURRENT = "current"
     THRUST = "thrust"
@@ -47,7 +49,7 @@ class ErrorBlock(NamedTuple):
     sensor : str or None
         Whose error it is; None for one of the actuators, which the process knows.
     additive : bool
-        Whether component by component it adds to what the sensor measures; otherwise
+        Whether component by component it adds to states that the sensor measures as they are; otherwise
         `auvid_cli.identification.observation` knows it by its symbols.
     """
 
@@ -59,10 +61,11 @@ class ErrorBlock(NamedTuple):
     additive: bool = False
 
 
-class _AdditiveBias(Settings):
-    """One bias of each component of a sensor."""
+class _Bias(Settings):
+    """One bias of each component of a sensor, which adds to what it measures."""
 
     sensor: ClassVar[str]
+    is_linear: ClassVar[bool] = True
     spread: float
     walk: float
 
@@ -74,10 +77,10 @@ class _AdditiveBias(Settings):
             )
             for measured in SENSORS[self.sensor]
         )
-        return (ErrorBlock(f"{self.sensor}_bias", biases, self.spread, self.walk, self.sensor, additive=True),)
+        return (ErrorBlock(f"{self.sensor}_bias", biases, self.spread, self.walk, self.sensor, self.is_linear),)
 
 
-class GyroBias(_AdditiveBias):
+class GyroBias(_Bias):
     """Bias of the gyroscope, three components."""
 
     sensor = "gyroscope"
@@ -88,10 +91,33 @@ class GyroBias(_AdditiveBias):
     ] = 0.0
 
 
-class AttitudeBias(_AdditiveBias):
+class AttitudeBias(_Bias):
     """Offsets of roll, pitch and heading."""
 
     sensor = "attitude"
+
+    spread: Annotated[float, Amount("rad"), Field(gt=0, description="standard deviation before any data")] = 0.05
+    walk: Annotated[
+        float, Amount("rad/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
+    ] = 0.0
+
+
+class AccelerometerBias(_Bias):
+    """Bias of the accelerometer, three components."""
+
+    sensor = "accelerometer"
+    is_linear = False
+
+    spread: Annotated[float, Amount("m/s^2"), Field(gt=0, description="standard deviation before any data")] = 0.05
+    walk: Annotated[
+        float, Amount("m/s^2/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
+    ] = 0.0
+
+
+class MagnetometerBias(_Bias):
+    """Offset of the compass."""
+
+    sensor = "magnetometer"
 
     spread: Annotated[float, Amount("rad"), Field(gt=0, description="standard deviation before any data")] = 0.05
     walk: Annotated[
@@ -144,10 +170,15 @@ class AugmentedStates(Settings):
 
     biases: Annotated[
         tuple[BiasName, ...],
-        Field(description="blocks of further states: `gyro`, `attitude`, `dvl`, `current`, `thrust`"),
+        Field(
+            description="blocks of further states: `gyro`, `attitude`, `accelerometer`, `magnetometer`, `dvl`, "
+            "`current`, `thrust`"
+        ),
     ] = ()
     gyro: GyroBias = GyroBias()
     attitude: AttitudeBias = AttitudeBias()
+    accelerometer: AccelerometerBias = AccelerometerBias()
+    magnetometer: MagnetometerBias = MagnetometerBias()
     dvl: DvlError = DvlError()
     current: Current = Current()
     thrust: ThrustScale = ThrustScale()

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from auvid_cli.config.augmented_states import AugmentedStates
+from auvid_cli.config.augmented_states import AugmentedStates, BiasName
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.magnitudes import check_amount, check_size
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
@@ -156,6 +156,10 @@ class Identification(Settings):
         Literal["all"] | tuple[str, ...],
         Field(description="'all', or a list; the others are held at the vehicle file's values"),
     ] = "all"
+    attitude_from: Annotated[
+        Literal["ahrs", "inertial"],
+        Field(description="the attitude record, or instead of it those of accelerometer and magnetometer themselves"),
+    ] = "ahrs"
     use: Use = Use()
     fin_time_constant: Annotated[
         float,
@@ -203,6 +207,17 @@ class Identification(Settings):
         for symbol in self.output_error.bounds:
             if symbol not in self.estimated():
                 raise ValueError(f"output_error.bounds names {symbol}, which is not among the coefficients to estimate")
+        return self
+
+    @model_validator(mode="after")
+    def _biases_of_what_is_heard(self) -> "Identification":
+        inertial = self.attitude_from == "inertial"
+        for name in self.estimate.biases:
+            if name in ((BiasName.ATTITUDE,) if inertial else (BiasName.ACCELEROMETER, BiasName.MAGNETOMETER)):
+                raise ValueError(
+                    f"estimate.biases has {name}, which is not heard with attitude_from: {self.attitude_from}; leave "
+                    f"it out, or set attitude_from: {'ahrs' if inertial else 'inertial'}"
+                )
         return self
 
     def estimated(self) -> tuple[str, ...]:

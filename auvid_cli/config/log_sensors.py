@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, create_model, field_validator, model_validator
 
+from auvid_cli.config.lever import Lever
 from auvid_cli.config.log_columns import SIGNALS, Number, Rows, Signal, Validity, check_unit
 from auvid_cli.config.magnitudes import check_amount
 from auvid_cli.config.quantity import Unit, parse_components
@@ -27,13 +28,6 @@ EarthAxes = Annotated[Literal["NED", "ENU"], BeforeValidator(_axes)]
 AnyAxes = Annotated[Literal["FRD", "FLU", "NED", "ENU"], BeforeValidator(_axes)]
 
 
-def _three_lengths(value: Any) -> Any:
-    if value is None or (isinstance(value, list | tuple) and len(value) == 3):
-        return value if value is None else parse_components(value, "m", 3)
-    raise ValueError("expected [forward, starboard, down], such as [0.4 m, 0 m, 0.1 m]")
-
-
-Lever = Annotated[tuple[float, float, float] | None, BeforeValidator(_three_lengths)]
 MOUNTS = {"upside down": {"roll": "180 deg"}, "backward": {"yaw": "180 deg"}}
 
 
@@ -157,6 +151,9 @@ class AccelerometerMap(InBody):
 
     sensor = "accelerometer"
     columns: SpecificForces
+    position: Annotated[
+        Lever, Field(description="[forward, starboard, down] from the vehicle's origin, which estimators are told")
+    ] = (0.0, 0.0, 0.0)
 
 
 class MagnetometerMap(SensorMap):
@@ -175,7 +172,8 @@ class DvlMap(SensorMap):
     frame: Annotated[AnyAxes, Field(description="NED and ENU: turned into the body by the attitude")] = "FRD"
     mount: Annotated[Mount | None, Field(description="if its axes are not the body's")] = None
     position: Annotated[
-        Lever, Field(description="[forward, starboard, down] from the vehicle's origin: its own motion is taken off")
+        Lever | None,
+        Field(description="[forward, starboard, down] from the vehicle's origin: its own motion is taken off"),
     ] = None
 
     @model_validator(mode="after")
@@ -228,7 +226,8 @@ class DepthMap(SensorMap):
     sensor = "depth"
     columns: Down
     position: Annotated[
-        Lever, Field(description="[forward, starboard, down] from the vehicle's origin: its depth by the attitude")
+        Lever | None,
+        Field(description="[forward, starboard, down] from the vehicle's origin: its depth by the attitude"),
     ] = None
 
 

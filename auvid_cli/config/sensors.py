@@ -4,6 +4,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from auvid_cli.config.lever import Lever
 from auvid_cli.config.magnitudes import check_amount
 from auvid_cli.config.quantity import Amount, Unit, parse_components
 from auvid_cli.config.settings import Settings
@@ -102,9 +103,14 @@ class Gyroscope(SensorSettings):
 
 
 class Accelerometer(SensorSettings):
-    """Specific force at the body origin."""
+    """Specific force where it sits."""
 
     sensor = "accelerometer"
+
+    position: Annotated[
+        Lever,
+        Field(description="[forward, starboard, down] from the vehicle's origin; estimators are told, an AHRS not"),
+    ] = (0.0, 0.0, 0.0)
 
 
 class Magnetometer(SensorSettings):

@@ -15,6 +15,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+# Of `SensorRecord.position`, where it is written.
+AXES, AXES_MEANING = ("forward", "starboard", "down"), "from the origin of the vehicle"
+POSITION_MEANING = "where the sensor sits"
+
+
 @dataclass(frozen=True)
 class SensorRecord:
     """One sensor's samples.
@@ -27,11 +32,15 @@ class SensorRecord:
         SI; NaN where a component is missing or not valid.
     standard_deviation : ndarray, shape (c,)
         Stated measurement noise, SI.
+    position : tuple of float
+        Where the sensor sits, forward, starboard and down of the origin of the vehicle, m. That of the origin where
+        the samples are as if taken there, and where it does not matter.
     """
 
     time: Array
     values: Array
     standard_deviation: Array
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def between(self, begin: float, end: float) -> "SensorRecord":
         """Return the samples from one time to another, s, both included."""

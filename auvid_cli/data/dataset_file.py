@@ -1,6 +1,7 @@
 """dataset.h5: measurement and writing a Dataset."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.load import dump_experiment, parse_run
-from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthRecord
+from auvid_cli.data.dataset import AXES, AXES_MEANING, POSITION_MEANING, Dataset, InputRecord, SensorRecord, TruthRecord
 from auvid_cli.data.netcdf import digest, new_file, write_dimension, write_variable
 from auvid_cli.data.netcdf_reading import (
     FileAttributes,
@@ -61,6 +62,9 @@ def _write_sensor(group: h5py.Group, name: str, record: SensorRecord) -> None:
         write_variable(group, quantity.symbol, values, ("time",), quantity.meaning, quantity.unit)
     meaning = "stated standard deviation of the noise"
     write_variable(group, "standard_deviation", record.standard_deviation, ("component",), meaning, quantities[0].unit)
+    if any(record.position):
+        write_dimension(group, "axis", np.array(AXES), AXES_MEANING)
+        write_variable(group, "position", np.array(record.position), ("axis",), POSITION_MEANING, "m")
     valid = np.isfinite(record.values).astype(np.int8)
     write_variable(group, "valid", valid, ("time", "component"), "1 where the component was measured")
 
@@ -117,7 +121,8 @@ def _read_sensor(group: h5py.Group, name: str) -> SensorRecord:
     mark_missing(group, "valid", values)
     check_units(group, SENSORS[name])
     values[~np.isfinite(values)] = np.nan
-    return SensorRecord(read_array(group, "time"), values, read_array(group, "standard_deviation"))
+    record = SensorRecord(read_array(group, "time"), values, read_array(group, "standard_deviation"))
+    return replace(record, position=tuple(read_array(group, "position"))) if "position" in group else record
 
 
 def _read_truth(group: h5py.Group) -> TruthRecord:

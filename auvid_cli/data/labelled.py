@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.dataset import AXES, AXES_MEANING, POSITION_MEANING, Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError
@@ -95,6 +95,10 @@ def dataset_tree(dataset: Dataset) -> "xr.DataTree":
             .assign_coords(component=_components(name))
             .assign(standard_deviation=("component", record.standard_deviation, attributes))
         )
+        if any(record.position):
+            axes = "axis", list(AXES), {"long_name": AXES_MEANING}
+            place = "axis", list(record.position), {"long_name": POSITION_MEANING, "units": "m"}
+            groups[f"sensors/{name}"] = groups[f"sensors/{name}"].assign_coords(axis=axes).assign(position=place)
     if dataset.truth is not None:
         true, units = [dataset.truth.coefficients[symbol] for symbol in SYMBOLS], [c.unit for c in COEFFICIENTS]
         named = "coefficient", list(SYMBOLS), {"long_name": "hydrodynamic coefficient"}

@@ -47,6 +47,10 @@ def _check_sensor(name: str, record: SensorRecord) -> None:
     _check_times(where, record.time, increasing=True)
     _check_shapes(where, (record.values, (n, width)), (record.standard_deviation, (width,)))
     _check_deviations(where, record.standard_deviation)
+    position = np.array(record.position)
+    _check_shapes(f"{where}/position", (position, (3,)))
+    _check_finite(f"{where}/position", position)
+    _check_sizes(f"{where}/position", position, "m")
     for column, quantity in enumerate(SENSORS[name]):
         _check_sizes(f"{where}/{quantity.symbol}", record.values[:, column], quantity.unit)
 

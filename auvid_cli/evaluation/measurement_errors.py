@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.augmented_states import CURRENT, DVL_SCALE, DVL_YAW
-from auvid_cli.identification.observation import current_in_body_axes, dvl_axes
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
+from auvid_cli.identification.dvl import current_in_body_axes, dvl_axes
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, state_of
 
 Array = NDArray[np.float64]
 
@@ -31,8 +31,10 @@ class MeasurementErrors(NamedTuple):
 def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
     """Pick them from the components of a state, shape (len(state),)."""
     by_symbol = dict(zip(state, values, strict=True))
+    biases = {f"bias_{quantity.symbol}": state_of(quantity) for measured in SENSORS.values() for quantity in measured}
+    offset = {biases[symbol]: value for symbol, value in by_symbol.items() if symbol in biases}
     return MeasurementErrors(
-        np.array([by_symbol.get(f"bias_{symbol}", 0.0) for symbol in MOTION_SYMBOLS]),
+        np.array([offset.get(symbol, 0.0) for symbol in MOTION_SYMBOLS]),
         np.array([by_symbol.get(quantity.symbol, 0.0) for quantity in (DVL_SCALE, DVL_YAW, *CURRENT)]),
     )
 
@@ -40,7 +42,7 @@ def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
 def as_read(motion: Array, errors: MeasurementErrors) -> Array:
     """Return what noiseless sensors would say of a motion.
 
-    Of the velocity a DVL, see `auvid_cli.identification.observation`.
+    Of the velocity a DVL, see `auvid_cli.identification.dvl`.
 
     Parameters
     ----------

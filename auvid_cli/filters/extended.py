@@ -50,12 +50,17 @@ class _ProcessEkf(ExtendedKalmanFilter):
         self._noise = self.Q.reshape(-1)[-1 - (process.noise_density.size - 1) * (n + 1) :: n + 1]
         self._density = process.noise_density**2
         self._scratch = np.zeros(process.scratch_size)
+        self._inputs = np.zeros(0)
 
     def move(self, inputs: Array, substep_input: NDArray[np.int64], substep_duration: Array) -> None:
         """Predict over consecutive substeps of constant input."""
         self._substeps = inputs, substep_input, substep_duration
         self._noise[:] = self._density * substep_duration.sum()
         self.predict()
+
+    def hold(self, inputs: Array) -> None:
+        """Take the inputs that hold from now on, which nonlinear sensors may feel."""
+        self._inputs = inputs
 
     def outside_gate(self, gate: float, stack: Stack, measurement: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Return the innovation of each present component, and whether it lies outside the gate."""
@@ -74,8 +79,10 @@ class _ProcessEkf(ExtendedKalmanFilter):
     def _predicted_measurement(self, stack: Stack) -> tuple[Array, Array]:
         """Predict a measurement, and its derivative by the state."""
         if stack.nonlinear:
-            assert self._process.linearise is not None, "a nonlinear sensor needs `Process.linearise`"
-            predicted, matrix = self._process.linearise(self.x, stack.sensors[0])
+            process, width = self._process, stack.width
+            predicted, matrix = np.zeros(width), np.zeros((width, self.x.size))
+            model = process.constants, process.selection
+            process.linearise(self.x, stack.sensors[0], self._inputs, *model, predicted, matrix, self._scratch)
             return predicted[stack.places], matrix[stack.places]
         return stack.matrix @ self.x, stack.matrix
 
@@ -205,6 +212,7 @@ def _step(ekf: _ProcessEkf, listener: _Listener, timeline: Timeline, event: int)
     first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
     if last > first:
         ekf.move(timeline.inputs, timeline.substep_input[first:last], timeline.substep_duration[first:last])
+    ekf.hold(timeline.inputs[timeline.event_input[event]])
     try:
         last_sensor = listener.update_with(timeline.measurement_offset[event], timeline.measurement_offset[event + 1])
     except _BrokenError as broken:

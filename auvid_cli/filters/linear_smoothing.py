@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from auvid_cli.filters.nonlinear_sensors import linearised_measurements
 from auvid_cli.filters.problem import Gaussian, Process, Sensors, Timeline
 from auvid_cli.filters.segments import of_segment, places, with_parameters
 from auvid_cli.filters.smoothing_backward import backward
@@ -202,14 +201,9 @@ class LinearSmoothing:
         before = chunks[chunk - 1][-1] if chunk else trajectory.initial[segment]
         residual, rows = np.full(shape, np.nan), np.zeros((*shape, self._n))
         about = Linearised(trajectory.parameters, before, chunks[chunk], residual, rows)
-        linearise_measurements(self._sensors, timeline, about)
-
-        def state_at(event: int) -> Array:
-            return np.concatenate([trajectory.parameters, about.moving[event]])
-
-        for seen in linearised_measurements(self._process, self._sensors, timeline, timeline.time.size, state_at):
-            about.residual[seen.k, : seen.residual.size] = seen.residual
-            about.rows[seen.k, : seen.residual.size] = seen.derivative
+        p = self._process
+        observation = p.linearise, p.constants, p.selection, self._sensors
+        linearise_measurements(*observation, timeline, about, np.zeros(shape[1]), self._work)
         return about
 
     def _beginning(self, trajectory: Trajectory, segment: int, state: State | None) -> tuple[Gaussian, Array, float]:

@@ -52,8 +52,8 @@ def predict_linearly(row, state, place):
     mean[place] = predicted
 
 
-@compiled(types.void(MODEL, STATE, types.int64, types.int64, WORKSPACE), reassociate=True, inline=True)
-def predict_nonlinearly(model, state, sensor, n_components, work):
+@compiled(types.void(MODEL, STATE, types.int64, _vector, types.int64, WORKSPACE), reassociate=True, inline=True)
+def predict_nonlinearly(model, state, sensor, inputs, n_components, work):
     """Put a sensor's components behind the n-th place of mean and factor, and the even part in ``work.spread``."""
     n, mean, columns, n_moving = state.n, state.mean, state.columns, model.noise_density.size
     draw_points(model.basis, mean, columns, n, n_moving, work.product, work.points)
@@ -61,7 +61,11 @@ def predict_nonlinearly(model, state, sensor, n_components, work):
     for b in range(n_blocks):
         moving, parameters = work.points[b, : n_moving * LANES], work.points[b, n_moving * LANES :]
         n_lanes = np.uint64(last_lanes if b == n_blocks - 1 else LANES)
-        model.observe(moving, parameters, sensor, model.constants, model.selection, n_lanes, work.images[b])
+        model.observe(
+            *(moving, parameters, sensor, inputs, model.constants, model.selection, n_lanes),
+            work.images[b],
+            work.process,
+        )
     for i in range(work.spread.shape[0]):
         for k in range(work.spread.shape[1]):
             work.spread[i, k] = 0.0
@@ -82,11 +86,11 @@ def predict_nonlinearly(model, state, sensor, n_components, work):
 
 
 @compiled(
-    types.int64(MODEL, STATE, SENSORS, types.int64, _vector, _vector, _vector, WORKSPACE),
+    types.int64(MODEL, STATE, SENSORS, types.int64, _vector, _vector, _vector, _vector, WORKSPACE),
     reassociate=True,
     inline=True,
 )
-def select(model, state, sensors, sensor, measurement, innovation, variance, work):
+def select(model, state, sensors, sensor, inputs, measurement, innovation, variance, work):
     """Predict the components of a measurement that are present and within the gate, one behind the other.
 
     ``work.error`` and ``work.noise`` get their innovations and the variances of their noise; returns how many they
@@ -95,7 +99,7 @@ def select(model, state, sensors, sensor, measurement, innovation, variance, wor
     n, mean, columns, m = state.n, state.mean, state.columns, model.basis.present.size
     nonlinear = sensors.nonlinear[sensor]
     if nonlinear:
-        predict_nonlinearly(model, state, sensor, measurement.size, work)
+        predict_nonlinearly(model, state, sensor, inputs, measurement.size, work)
     n_present = 0
     for c in range(measurement.size):
         innovation[c] = np.nan
@@ -168,11 +172,11 @@ def condition(state, n_present, work):
 
 
 @compiled(
-    types.float64(MODEL, STATE, SENSORS, types.int64, _vector, _vector, _vector, WORKSPACE),
+    types.float64(MODEL, STATE, SENSORS, types.int64, _vector, _vector, _vector, _vector, WORKSPACE),
     reassociate=True,
     inline=True,
 )
-def update(model, state, sensors, sensor, measurement, innovation, variance, work):
+def update(model, state, sensors, sensor, inputs, measurement, innovation, variance, work):
     """Condition on one measurement; components that are missing or outside the gate are left out.
 
     Parameters
@@ -183,6 +187,8 @@ def update(model, state, sensors, sensor, measurement, innovation, variance, wor
     sensors : Sensors
     sensor : int
         Its row there.
+    inputs : ndarray, shape (n_inputs,)
+        That hold from then on.
     measurement : ndarray, shape (c,)
         NaN where a component is missing.
     innovation, variance : ndarray, shape (c,)
@@ -196,7 +202,7 @@ def update(model, state, sensors, sensor, measurement, innovation, variance, wor
     float
         Normalised innovation squared of the whole measurement; NaN or negative where the update failed.
     """
-    n_present = select(model, state, sensors, sensor, measurement, innovation, variance, work)
+    n_present = select(model, state, sensors, sensor, inputs, measurement, innovation, variance, work)
     if sensors.nonlinear[sensor] and not decorrelate(state, n_present, work):
         return np.nan
     return condition(state, n_present, work)

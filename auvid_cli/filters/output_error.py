@@ -196,6 +196,7 @@ def _cut(timeline: Timeline, n_events: int) -> Timeline:
         timeline.substep_duration[:substeps],
         timeline.substep_input[:substeps],
         timeline.inputs,
+        timeline.event_input[:n_events],
         timeline.measurement_offset[: n_events + 1],
         timeline.measurement_sensor[:measurements],
         timeline.measurement[:measurements],

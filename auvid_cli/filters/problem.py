@@ -26,13 +26,22 @@ _indices = types.int64[::1]
 PROCESS_SIGNATURE = types.void(_vector, _vector, _vector, _vector, _indices, types.uint64, types.float64, _vector)
 # transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch): one state, in place.
 TRANSITION_SIGNATURE = types.void(_vector, _matrix, _indices, _vector, _vector, _indices, _matrix, _vector)
-# observe(moving, parameters, sensor, constants, selection, n_lanes, seen): rows of `seen` are filled.
-OBSERVATION_SIGNATURE = types.void(_vector, _vector, types.int64, _vector, types.int64[::1], types.uint64, _vector)
+# observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, seen, scratch): rows of `seen` are filled.
+OBSERVATION_SIGNATURE = types.void(
+    *(_vector, _vector, types.int64, _vector, _vector, _indices, types.uint64, _vector, _vector)
+)
+# linearise(mean, sensor, inputs, constants, selection, seen, matrix, scratch): one state; the rows of both are filled.
+LINEARISATION_SIGNATURE = types.void(*(_vector, types.int64, _vector, _vector, _indices, _vector, _matrix, _vector))
 
 
 @compiled(OBSERVATION_SIGNATURE)
-def nothing_nonlinear(moving, parameters, sensor, constants, selection, n_lanes, seen):
+def nothing_nonlinear(moving, parameters, sensor, inputs, constants, selection, n_lanes, seen, scratch):
     """Stand in for the observation of a problem without nonlinear sensors; never called."""
+
+
+@compiled(LINEARISATION_SIGNATURE)
+def nothing_to_linearise(mean, sensor, inputs, constants, selection, seen, matrix, scratch):
+    """Stand in for the derivative of that observation; never called."""
 
 
 class Process(NamedTuple):
@@ -47,14 +56,13 @@ class Process(NamedTuple):
     constants, selection : ndarray
         Handed to these functions as they are.
     scratch_size : int
-        How many doubles `advance` and `transition` want to work with.
+        How many doubles these functions want to work with.
     noise_density : ndarray, shape (n_moving,)
         Square root of the power spectral density that drives each moving state.
     observe : compiled function of `OBSERVATION_SIGNATURE`
-        What a nonlinear sensor sees of a block of states.
-    linearise : callable
-        ``linearise(mean, sensor)`` for a nonlinear sensor: what it sees, shape (c,), and the derivative,
-        shape (c, n).
+        What a nonlinear sensor sees of a block of states, under the inputs that hold from then on.
+    linearise : compiled function of `LINEARISATION_SIGNATURE`
+        What it sees of one state, shape (c,), and the derivative of that, shape (c, n).
     """
 
     advance: Any
@@ -64,7 +72,7 @@ class Process(NamedTuple):
     noise_density: Array
     scratch_size: int = 0
     observe: Any = nothing_nonlinear
-    linearise: Callable[[Array, int], tuple[Array, Array]] | None = None
+    linearise: Any = nothing_to_linearise
 
 
 class Sensors(NamedTuple):
@@ -106,6 +114,8 @@ class Timeline(NamedTuple):
     substep_input : ndarray of int, shape (n_substeps,)
         Row of `inputs` that holds during a substep.
     inputs : ndarray, shape (n, n_inputs)
+    event_input : ndarray of int, shape (n_events,)
+        Row of `inputs` that holds from an event on.
     measurement_offset : ndarray of int, shape (n_events + 1,)
         Measurements ``measurement_offset[k] : measurement_offset[k + 1]`` were taken at event k.
     measurement_sensor : ndarray of int8, shape (n_measurements,)
@@ -119,13 +129,14 @@ class Timeline(NamedTuple):
     substep_duration: Array
     substep_input: Indices
     inputs: Array
+    event_input: Indices
     measurement_offset: Indices
     measurement_sensor: NDArray[np.int8]
     measurement: Array
 
 
 TIMELINE = types.NamedTuple(
-    (_vector, _indices, _vector, _indices, _matrix, _indices, types.int8[::1], _matrix), Timeline
+    (_vector, _indices, _vector, _indices, _matrix, _indices, _indices, types.int8[::1], _matrix), Timeline
 )
 
 

@@ -12,8 +12,14 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.measurement import SENSORS, wrapped
-from auvid_cli.filters.nonlinear_sensors import linearised_measurements
-from auvid_cli.filters.problem import TIMELINE, TRANSITION_SIGNATURE, Process, Sensors, Timeline
+from auvid_cli.filters.problem import (
+    LINEARISATION_SIGNATURE,
+    TIMELINE,
+    TRANSITION_SIGNATURE,
+    Process,
+    Sensors,
+    Timeline,
+)
 
 Array = NDArray[np.float64]
 
@@ -79,9 +85,9 @@ def responses(process: Process, sensors: Sensors, timelines: Iterable[Timeline],
         model = process.transition, process.constants, process.selection
         good = _move(*model, timeline, mean, sensitivity, matrix, moved, scratch, means, sensitivities)
         n_measured = timeline.measurement_offset[good]
-        _predict_measurements(sensors, timeline, good, means, sensitivities, innovation, whitened)
-        if sensors.nonlinear.any():
-            _predict_nonlinear(process, sensors, timeline, good, means, sensitivities, innovation, whitened)
+        observation = process.linearise, process.constants, process.selection, sensors
+        work = np.empty(n_components), np.empty((n_components, n)), scratch
+        _predict_measurements(*observation, timeline, good, means, sensitivities, innovation, whitened, *work)
         yield Response(timeline, means[:good], sensitivities[:good], innovation[:n_measured], whitened[:n_measured])
         if good < n_events:
             return
@@ -128,23 +134,48 @@ def _move(transition, constants, selection, timeline, mean, sensitivity, matrix,
     return timeline.time.size
 
 
-@compiled(types.void(SENSORS, TIMELINE, types.int64, _matrix, _stack, _matrix, _stack))
-def _predict_measurements(sensors, timeline, n_events, means, sensitivities, innovation, whitened):
-    """Fill in what the linear sensors say at the first events."""
+@compiled(
+    types.void(
+        types.FunctionType(LINEARISATION_SIGNATURE),
+        *(_vector, _indices, SENSORS, TIMELINE, types.int64, _matrix, _stack, _matrix, _stack),
+        *(_vector, _matrix, _vector),
+    ),
+)
+def _predict_measurements(
+    linearise,
+    constants,
+    selection,
+    sensors,
+    timeline,
+    n_events,
+    means,
+    sensitivities,
+    innovation,
+    whitened,
+    seen,
+    derivative,
+    scratch,
+):
+    """Fill in what the sensors say at the first events."""
     n = means.shape[1]
     n_parameters = n - sensitivities.shape[1]
     for event in range(n_events):
         for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
             sensor = timeline.measurement_sensor[k]
+            nonlinear, rows = sensors.nonlinear[sensor], sensors.matrix[sensor]
+            if nonlinear:
+                inputs = timeline.inputs[timeline.event_input[event]]
+                linearise(means[event], sensor, inputs, constants, selection, seen, derivative, scratch)
+                rows = derivative
             for c in range(innovation.shape[1]):
                 measured = timeline.measurement[k, c]
                 innovation[k, c] = np.nan
-                if np.isnan(measured) or sensors.nonlinear[sensor]:
+                if np.isnan(measured):
                     continue
                 weight, row = 1.0 / np.sqrt(sensors.variance[sensor, c]), whitened[k, c]
                 predicted = 0.0
                 for i in range(n):
-                    h = sensors.matrix[sensor, c, i]
+                    h = rows[c, i]
                     if h != 0.0:
                         predicted += h * means[event, i]
                         if i < n_parameters:
@@ -153,28 +184,7 @@ def _predict_measurements(sensors, timeline, n_events, means, sensitivities, inn
                             of_state = sensitivities[event, i - n_parameters]
                             for j in range(n):
                                 row[j] += weight * h * of_state[j]
+                if nonlinear:
+                    predicted = seen[c]
                 innovation[k, c] = wrapped(measured - predicted, sensors.angular[sensor, c])
                 row[n] = weight * innovation[k, c]
-
-
-def _predict_nonlinear(
-    process: Process,
-    sensors: Sensors,
-    timeline: Timeline,
-    n_events: int,
-    means: Array,
-    sensitivities: Array,
-    innovation: Array,
-    whitened: Array,
-) -> None:
-    """Do the same for the nonlinear sensors."""
-    n_parameters = means.shape[1] - sensitivities.shape[1]
-    for k, event, residual, derivative in linearised_measurements(
-        process, sensors, timeline, n_events, means.__getitem__
-    ):
-        by_start = derivative[:, n_parameters:] @ sensitivities[event]
-        by_start[:, :n_parameters] += derivative[:, :n_parameters]
-        variance = sensors.variance[timeline.measurement_sensor[k]]
-        for c in np.flatnonzero(~np.isnan(residual)):
-            innovation[k, c] = residual[c]
-            whitened[k, c] = np.append(by_start[c], residual[c]) / np.sqrt(variance[c])

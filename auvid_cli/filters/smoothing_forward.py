@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import TILE, carlson_update, triangularise
 from auvid_cli.filters.measurement import SENSORS, predict_linearly, wrapped
-from auvid_cli.filters.problem import TIMELINE, TRANSITION_SIGNATURE
+from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, TIMELINE, TRANSITION_SIGNATURE
 from auvid_cli.filters.square_root_state import STATE
 
 Array = NDArray[np.float64]
@@ -110,23 +110,30 @@ TRACE = types.NamedTuple((_stack, _matrix, _stack, _stack, *[_matrix] * 4), Trac
 WORK = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 4), Work)
 
 
-@compiled(types.void(SENSORS, TIMELINE, LINEARISED))
-def linearise_measurements(sensors, timeline, about):
-    """Fill in residuals and derivatives of the linear sensors."""
+@compiled(
+    types.void(
+        types.FunctionType(LINEARISATION_SIGNATURE), *(_vector, _indices, SENSORS, TIMELINE, LINEARISED, _vector, WORK)
+    )
+)
+def linearise_measurements(linearise, constants, selection, sensors, timeline, about, seen, work):
+    """Fill in residuals and derivatives; `seen` is overwritten."""
     n, n_parameters = about.rows.shape[2], about.parameters.size
     for event in range(timeline.time.size):
+        for i in range(n):
+            work.point[i] = about.parameters[i] if i < n_parameters else about.moving[event, i - n_parameters]
+        inputs = timeline.inputs[timeline.event_input[event]]
         for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
             sensor = timeline.measurement_sensor[k]
-            if sensors.nonlinear[sensor]:
-                continue
+            nonlinear = sensors.nonlinear[sensor]
+            if nonlinear:
+                linearise(work.point, sensor, inputs, constants, selection, seen, about.rows[k], work.process)
             for c in range(about.residual.shape[1]):
-                predicted = 0.0
-                for i in range(n):
+                predicted = seen[c] if nonlinear else 0.0
+                for i in range(0 if nonlinear else n):
                     h = sensors.matrix[sensor, c, i]
                     about.rows[k, c, i] = h
                     if h != 0.0:
-                        state = about.parameters[i] if i < n_parameters else about.moving[event, i - n_parameters]
-                        predicted += h * state
+                        predicted += h * work.point[i]
                 difference = timeline.measurement[k, c] - predicted
                 about.residual[k, c] = wrapped(difference, sensors.angular[sensor, c])
 

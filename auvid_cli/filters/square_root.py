@@ -81,10 +81,11 @@ def _run(
         substeps = timeline.substep_input[first:last], timeline.substep_duration[first:last]
         if last > first and not predict(model, state, timeline.inputs, substeps[0], substeps[1], work):
             return event, PREDICTION
+        inputs = timeline.inputs[timeline.event_input[event]]
         for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
             sensor = timeline.measurement_sensor[k]
             innovation, variance = records.innovation[k], records.innovation_variance[k]
-            nis = update(model, state, sensors, sensor, timeline.measurement[k], innovation, variance, work)
+            nis = update(model, state, sensors, sensor, inputs, timeline.measurement[k], innovation, variance, work)
             records.nis[k] = nis
             if not (all_finite(n, mean) and nis >= 0.0):
                 return event, sensor

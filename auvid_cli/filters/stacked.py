@@ -24,6 +24,8 @@ class Stack:
 
     Attributes
     ----------
+    width : int
+        Most components of a sensor.
     sensors, measurements : list of int
         Sensors that say anything, and the places of their measurements in the stack.
     begins : ndarray of int
@@ -36,7 +38,7 @@ class Stack:
     """
 
     def __init__(self, sensors: Sensors, kinds: tuple[Kind, ...]) -> None:
-        width = sensors.variance.shape[1]
+        self.width = width = sensors.variance.shape[1]
         present = [(k, c) for k, (_, missing) in enumerate(kinds) for c in range(width) if not missing >> c & 1]
         of_measurement = np.array([k for k, _ in present], dtype=np.int64)
         self.measurements = np.unique(of_measurement).tolist()

@@ -10,6 +10,7 @@ from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import ConfigError
 from auvid_cli.filters.problem import Gaussian, Indices, Process, Sensors
 from auvid_cli.filters.segments import joint_gaussian, places
+from auvid_cli.identification.compiled_layout import NO_ACCELEROMETER, Accelerometer
 from auvid_cli.identification.initial_state import initial_gaussian
 from auvid_cli.identification.prepared_data import PreparedData, Segment
 from auvid_cli.identification.prior import earlier_gaussian
@@ -83,7 +84,7 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     held = held_coefficients(experiment)
     layout = state_layout(settings, experiment.vehicle.size, "depth" in measuring)
     known = experiment.vehicle.known_parameters()
-    process = vehicle_process(vehicle_constants(known), held, layout)
+    process = vehicle_process(vehicle_constants(known), held, layout, _accelerometer(measuring))
     parameters = _prior_of_parameters(layout, prepared.dataset)
     gaussians = [initial_gaussian(layout, parameters, segment.measured) for segment in prepared.segments]
     return AugmentedProblem(
@@ -96,6 +97,12 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
         segments=prepared.segments,
         prior=joint_gaussian(gaussians, process.noise_density.size),
     )
+
+
+def _accelerometer(measuring: dict[str, SensorRecord]) -> Accelerometer:
+    if "accelerometer" not in measuring:
+        return NO_ACCELEROMETER
+    return Accelerometer(list(measuring).index("accelerometer"), measuring["accelerometer"].position)
 
 
 def _prior_of_parameters(layout: StateLayout, dataset: Dataset) -> Gaussian:

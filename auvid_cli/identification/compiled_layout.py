@@ -1,5 +1,7 @@
 """The state layout and the constants as the compiled vehicle model is handed them: one vector, read by name."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import types
 from numpy.typing import NDArray
@@ -15,16 +17,40 @@ Array = NDArray[np.float64]
 _vector = types.float64[::1]
 
 # States that compiled code looks for by name. Their rows stand at the end of the constants, behind the vehicle, the 22
-# held values and one scale for each estimated coefficient, and before the number of parameters.
-ROWS = ("down", "dvl_scale", "dvl_yaw", "current_north", "current_east", "thrust_scale")
-ROW_DEPTH, ROW_DVL_SCALE, ROW_DVL_YAW, ROW_CURRENT_NORTH, ROW_CURRENT_EAST, ROW_THRUST = range(len(ROWS))
+# held values, one scale for each estimated coefficient and the accelerometer, and before the number of parameters.
+ROWS = (
+    *("down", "dvl_scale", "dvl_yaw", "current_north", "current_east", "thrust_scale"),
+    *("bias_fx", "bias_fy", "bias_fz"),
+)
+ROW_DEPTH, ROW_DVL_SCALE, ROW_DVL_YAW, ROW_CURRENT_NORTH, ROW_CURRENT_EAST, ROW_THRUST = range(6)
+# Of the first axis; those of the others follow.
+ROW_BIAS_F = 6
 HELD = N_CONSTANTS
 SCALE = N_CONSTANTS + N_COEFFICIENTS
 _NOWHERE = -1
 _N_ROWS = len(ROWS)
+_ACCELEROMETER = 1 + _N_ROWS + 4
 
 
-def model_constants(vehicle: Array, held: Array, layout: StateLayout) -> Array:
+class Accelerometer(NamedTuple):
+    """The accelerometer that is heard.
+
+    Attributes
+    ----------
+    sensor : int
+        Its row in `auvid_cli.filters.problem.Sensors`; negative if none is heard.
+    position : tuple of float
+        Forward, starboard and down of the origin, m.
+    """
+
+    sensor: int
+    position: tuple[float, float, float]
+
+
+NO_ACCELEROMETER = Accelerometer(_NOWHERE, (0.0, 0.0, 0.0))
+
+
+def model_constants(vehicle: Array, held: Array, layout: StateLayout, accelerometer: Accelerometer) -> Array:
     """Lay out the constants of an augmented model; see `auvid_cli.identification.process.vehicle_process`."""
     compiled_in = {
         quantity.symbol
@@ -34,7 +60,9 @@ def model_constants(vehicle: Array, held: Array, layout: StateLayout) -> Array:
     }
     assert compiled_in <= set(ROWS), f"no compiled code knows of {', '.join(sorted(compiled_in - set(ROWS)))}"
     rows = [row if (row := layout.row(symbol)) is not None else _NOWHERE for symbol in ROWS]
-    return np.concatenate([vehicle, held, layout.scale[layout.rows_of("coefficients")], rows, [layout.n_parameters]])
+    scale = layout.scale[layout.rows_of("coefficients")]
+    felt = accelerometer.sensor, *accelerometer.position
+    return np.concatenate([vehicle, held, scale, felt, rows, [layout.n_parameters]])
 
 
 @compiled(types.int64(_vector))
@@ -47,6 +75,19 @@ def first_moving_row(constants):
 def row_of(constants, which):
     """Return the row of the state at which one of `ROWS` stands; negative if nowhere."""
     return int(constants[constants.size - 1 - _N_ROWS + which])
+
+
+@compiled(types.int64(_vector))
+def accelerometer_sensor(constants):
+    """Return which sensor the accelerometer is; negative if none."""
+    return int(constants[constants.size - _ACCELEROMETER])
+
+
+@compiled(types.UniTuple(types.float64, 3)(_vector))
+def accelerometer_position(constants):
+    """Return where it sits, forward, starboard and down of the origin, m."""
+    place = constants.size - _ACCELEROMETER + 1
+    return constants[place], constants[place + 1], constants[place + 2]
 
 
 @compiled(types.boolean(_vector), internal=True)

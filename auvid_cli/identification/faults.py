@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.fault_scores import FaultEffects
-from auvid_cli.filters.problem import Timeline
+from auvid_cli.filters.problem import Indices, Timeline
 from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import AugmentedProblem
-from auvid_cli.identification.observation import current_in_body_axes
+from auvid_cli.identification.dvl import current_in_body_axes
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import N_BLOCK, factors, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.parameters import N_MOTION, SENSORS
@@ -123,6 +123,15 @@ def _lever(axis: int) -> Callable[[Model, Motion], Array]:
     return lambda model, at: np.asarray(np.cross(at.motion[:, 3:6], np.eye(3)[axis]), dtype=np.float64)
 
 
+def _felt_at(axis: int) -> Callable[[Model, Motion], Array]:
+    def effect(model: Model, at: Motion) -> Array:
+        arm, turning = np.eye(3)[axis], at.motion[:, 3:6]
+        carried = np.cross(turning, np.cross(turning, arm))
+        return np.asarray(np.cross(model.rates(at.motion, at.inputs)[:, 3:6], arm) + carried, dtype=np.float64)
+
+    return effect
+
+
 def _current(north: float, east: float) -> Callable[[Model, Motion], Array]:
     return lambda model, at: current_in_body_axes(at.motion[:, 6:9], north, east)
 
@@ -136,6 +145,8 @@ def _cross_flow(row: int) -> Callable[[Model, Motion], Array]:
 
 
 _GYRO = "estimate it (identification.estimate.biases: [gyro])"
+_FORCE = "estimate it (identification.estimate.biases: [accelerometer])"
+_PLACE = "state where it sits (`position` in the sensor's settings or map)"
 _DVL = "estimate scale and mounting of the DVL (identification.estimate.biases: [dvl])"
 _CURRENT = "estimate the current (identification.estimate.biases: [current])"
 _CLOCK = "shift the time of {} by that where it is recorded or imported"
@@ -148,6 +159,14 @@ FAULTS: tuple[Fault, ...] = (
     *(
         Fault(f"bias of {quantity.symbol}", "rad/s", _GYRO, f"bias_{quantity.symbol}", "gyroscope", _constant(i))
         for i, quantity in enumerate(SENSORS["gyroscope"])
+    ),
+    *(
+        Fault(f"bias of {quantity.symbol}", "m/s^2", _FORCE, f"bias_{quantity.symbol}", "accelerometer", _constant(i))
+        for i, quantity in enumerate(SENSORS["accelerometer"])
+    ),
+    *(
+        Fault(f"position of the accelerometer, {axis}", "m", _PLACE, "", "accelerometer", _felt_at(i))
+        for i, axis in enumerate("xyz")
     ),
     Fault("delay of the gyroscope", "s", _CLOCK.format("the gyroscope"), "", "gyroscope", _late(slice(3, 6))),
     Fault("delay of the DVL", "s", _CLOCK.format("the DVL"), "", "dvl", _late(slice(0, 3))),
@@ -236,15 +255,26 @@ class VehicleFaults:
         event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
         last = held[np.maximum(timeline.substep_offset[1:] - 1, 0)][event]
         sensors = [*self._problem.measuring]
+
+        def measured_by(sensor: str) -> tuple[Indices, Motion]:
+            inputs = timeline.event_input[event] if sensor == "accelerometer" else last
+            rows = np.flatnonzero(timeline.measurement_sensor == sensors.index(sensor))
+            return rows, Motion(states[1:][event[rows]], timeline.inputs[inputs[rows]], rate[inputs[rows]])
+
         pushed, added = (np.zeros((*a.shape, len(self._faults))) for a in (about.moving, timeline.measurement))
         for f, fault in enumerate(self._faults):
             if fault.sensor:
-                rows = np.flatnonzero(timeline.measurement_sensor == sensors.index(fault.sensor))
-                at = Motion(states[1:][event[rows]], timeline.inputs[last[rows]], rate[last[rows]])
+                rows, at = measured_by(fault.sensor)
                 added[rows, :3, f] = fault.effect(model, at)
             else:
                 shares = fault.effect(model, on_the_way) * timeline.substep_duration[:, None]
                 np.add.at(pushed[:, self._motion, f], np.repeat(np.arange(timeline.time.size), n_substeps), shares)
+                if "accelerometer" in sensors:
+                    # What changes the motion is felt besides.
+                    rows, at = measured_by("accelerometer")
+                    pull = fault.effect(model, at)
+                    arm = np.array(self._problem.measuring["accelerometer"].position)
+                    added[rows, :3, f] = pull[:, :3] + np.cross(pull[:, 3:6], arm)
         return FaultEffects(pushed, added)
 
     def _factors(self, parameters: Array) -> Array:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from auvid_cli.filters.problem import Gaussian
-from auvid_cli.identification.observation import earth_in_body_axes
+from auvid_cli.identification.dvl import earth_in_body_axes
 from auvid_cli.identification.state_layout import StateLayout
 
 

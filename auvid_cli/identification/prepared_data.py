@@ -24,7 +24,7 @@ class Segment(NamedTuple):
     dataset : Dataset
         With the samples of all sensors within the segment.
     timelines : Timelines
-        Of the sensors that measure motion or depth, with the fins where they were.
+        Of the sensors that are listened to, with the fins where they were.
     measured : dict of float
         Motion and, where a sensor measures it, depth as measured by the start, by symbol, SI.
     """
@@ -47,7 +47,7 @@ class PreparedData:
     ----------
     dataset : Dataset
     measuring : dict of SensorRecord
-        The sensors that measure motion states or depth, by name, with all of their samples.
+        The sensors that estimators listen to, by name, with all of their samples.
     segments : tuple of Segment
         At least one, in time order.
     """
@@ -93,4 +93,4 @@ def prepare(dataset: Dataset) -> PreparedData:
 
 def _what_prepares(experiment: RunSettings) -> tuple[object, ...]:
     settings = experiment.identification
-    return settings.use, settings.fin_time_constant, settings.integration_step
+    return settings.attitude_from, settings.use, settings.fin_time_constant, settings.integration_step

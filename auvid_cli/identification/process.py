@@ -1,7 +1,6 @@
 """The vehicle as a filter's process: coefficients as parameters, motion as moving states."""
 
 from collections.abc import Mapping
-from functools import partial
 from itertools import accumulate
 from typing import NamedTuple
 
@@ -11,21 +10,21 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Process
+from auvid_cli.identification.accelerometer import N_ACCELEROMETER_WORK
+from auvid_cli.identification.compiled_coefficients import fill_in_all, fill_in_lanes, fill_in_row
 from auvid_cli.identification.compiled_layout import (
-    HELD,
+    NO_ACCELEROMETER,
     ROW_DEPTH,
-    ROW_THRUST,
-    SCALE,
+    Accelerometer,
     depth_is_state,
     first_moving_row,
     model_constants,
     row_of,
-    value_of,
 )
-from auvid_cli.identification.observation import linearised, observe
+from auvid_cli.identification.observation import linearise, observe
 from auvid_cli.identification.state_layout import StateLayout
 from auvid_cli.lanes import LANES
-from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
     N_COEFFICIENT_BLOCK,
@@ -75,7 +74,7 @@ class _Workspace(NamedTuple):
 _COEFFICIENTS, _SENSITIVITY, _SINKING, _BLOCK, _COEFFICIENT_BLOCK, _N_SCRATCH = accumulate(
     (
         *(N_FACTORS, N_MOTION * N_COLUMNS, N_COLUMNS + 1, N_BLOCK + LANES, N_COEFFICIENT_BLOCK),
-        max(N_TRANSITION_WORK, N_WORK),
+        max(N_TRANSITION_WORK, N_WORK, N_ACCELEROMETER_WORK),
     )
 )
 
@@ -109,23 +108,7 @@ def _sink(moving, place, n_lanes, duration):
 def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration, scratch):
     # Not from `_workspace`: with slices that begin at an offset a step of the sigma-point filters is 2 to 4 % longer.
     coefficients, work = scratch[:N_COEFFICIENT_BLOCK], scratch[N_COEFFICIENT_BLOCK:]
-    j = 0
-    for m in range(N_COEFFICIENTS):
-        row = coefficients[m * LANES : (m + 1) * LANES]
-        if j < selection.size and selection[j] == m:
-            scale, scaled = constants[SCALE + j], parameters[j * LANES : (j + 1) * LANES]
-            for k in range(LANES):
-                row[k] = scale * scaled[k]
-            j += 1
-        else:
-            for k in range(LANES):
-                row[k] = constants[HELD + m]
-    thrust = coefficients[N_COEFFICIENTS * LANES :]
-    for k in range(LANES):
-        thrust[k] = 1.0
-    if row_of(constants, ROW_THRUST) >= 0:
-        for k in range(n_lanes):
-            thrust[k] += value_of(constants, ROW_THRUST, parameters, motion, k)
+    fill_in_lanes(motion, parameters, constants, selection, n_lanes, coefficients)
     depth = row_of(constants, ROW_DEPTH) - first_moving_row(constants)
     if depth_is_state(constants):
         _sink(motion, depth, n_lanes, 0.5 * duration)
@@ -134,33 +117,11 @@ def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration
         _sink(motion, depth, n_lanes, 0.5 * duration)
 
 
-@compiled(types.void(_vector, _vector, _indices, _vector), internal=True)
-def _all_coefficients(mean, constants, selection, coefficients):
-    for m in range(N_COEFFICIENTS):
-        coefficients[m] = constants[HELD + m]
-    for j in range(selection.size):
-        coefficients[selection[j]] = constants[SCALE + j] * mean[j]
-    row = row_of(constants, ROW_THRUST)
-    coefficients[N_COEFFICIENTS] = 1.0 + mean[row] if row >= 0 else 1.0
-
-
-@compiled(types.void(_vector, _vector, _indices, _vector), internal=True)
-def _fill_in_row(sensitivity, constants, selection, row):
-    n_coefficients, n_parameters = selection.size, first_moving_row(constants)
-    for j in range(n_coefficients):
-        row[j] = sensitivity[N_MOTION + selection[j]] * constants[SCALE + j]
-    for j in range(N_MOTION):
-        row[n_parameters + j] = sensitivity[j]
-    thrust = row_of(constants, ROW_THRUST)
-    if thrust >= 0:
-        row[thrust] = sensitivity[N_MOTION + N_COEFFICIENTS]
-
-
 @compiled(types.void(_matrix, _vector, _indices, _matrix), internal=True)
 def _fill_in(sensitivity, constants, selection, matrix):
     """Copy sensitivities to motion and to all factors to the moving rows of a transition matrix."""
     for i in range(N_MOTION):
-        _fill_in_row(sensitivity[i], constants, selection, matrix[first_moving_row(constants) + i])
+        fill_in_row(sensitivity[i], constants, selection, matrix[first_moving_row(constants) + i])
 
 
 @compiled(types.void(_matrix, _vector), internal=True)
@@ -192,7 +153,7 @@ def _exact_transition(mean, inputs, substep_input, substep_duration, constants, 
     """Integrate the variational equation along the motion."""
     work, vehicle = _workspace(scratch), constants[:N_CONSTANTS]
     depth, motion = row_of(constants, ROW_DEPTH), mean[first_moving_row(constants) :][:N_MOTION]
-    _all_coefficients(mean, constants, selection, work.coefficients)
+    fill_in_all(mean, constants, selection, work.coefficients)
     _before_moving(work.sensitivity, work.sinking)
     for substep in range(substep_duration.size):
         held, duration = inputs[substep_input[substep]], substep_duration[substep]
@@ -204,7 +165,7 @@ def _exact_transition(mean, inputs, substep_input, substep_duration, constants, 
     _fill_in(work.sensitivity, constants, selection, matrix)
     if depth_is_state(constants):
         mean[depth] += work.sinking[N_COLUMNS]
-        _fill_in_row(work.sinking, constants, selection, matrix[depth])
+        fill_in_row(work.sinking, constants, selection, matrix[depth])
 
 
 @compiled(TRANSITION_SIGNATURE)
@@ -213,13 +174,13 @@ def first_order_transition(mean, inputs, substep_input, substep_duration, consta
     work, vehicle = _workspace(scratch), constants[:N_CONSTANTS]
     depth, motion = row_of(constants, ROW_DEPTH), mean[first_moving_row(constants) :][:N_MOTION]
     sensitivity, block, elapsed = work.sensitivity, work.block, 0.0
-    _all_coefficients(mean, constants, selection, work.coefficients)
+    fill_in_all(mean, constants, selection, work.coefficients)
     for substep in range(substep_duration.size):
         elapsed += substep_duration[substep]
     if depth_is_state(constants):
         _before_moving(sensitivity, work.sinking)
         _sink_rate(motion, sensitivity, elapsed, work.sinking)
-        _fill_in_row(work.sinking, constants, selection, matrix[depth])
+        fill_in_row(work.sinking, constants, selection, matrix[depth])
     motion_jacobian(motion, work.coefficients, inputs[substep_input[0]], vehicle, sensitivity, work.step)
     for i in range(N_MOTION):
         for j in range(N_COLUMNS):
@@ -243,7 +204,9 @@ def first_order_transition(mean, inputs, substep_input, substep_duration, consta
         mean[depth] += block[N_MOTION * LANES]
 
 
-def vehicle_process(vehicle: Array, held: Mapping[str, float], layout: StateLayout) -> Process:
+def vehicle_process(
+    vehicle: Array, held: Mapping[str, float], layout: StateLayout, accelerometer: Accelerometer = NO_ACCELEROMETER
+) -> Process:
     """Make the augmented model of Sabet et al. 2018, eq. (10), with coefficients in units of their scales, and errors.
 
     Parameters
@@ -253,20 +216,22 @@ def vehicle_process(vehicle: Array, held: Mapping[str, float], layout: StateLayo
     held : mapping
         Values, SI, of the coefficients that are not states.
     layout : StateLayout
+    accelerometer : Accelerometer
+        By default none.
 
     Notes
     -----
     Its transition is exact; `first_order_transition` may take its place.
     """
-    constants = model_constants(vehicle, np.array([held.get(symbol, 0.0) for symbol in SYMBOLS]), layout)
+    of_symbols = np.array([held.get(symbol, 0.0) for symbol in SYMBOLS])
     estimated = layout.symbols[layout.rows_of("coefficients")]
     return Process(
         advance=_advance,
         transition=_exact_transition,
-        constants=constants,
+        constants=model_constants(vehicle, of_symbols, layout, accelerometer),
         selection=np.array([SYMBOLS.index(symbol) for symbol in estimated], dtype=np.int64),
         noise_density=layout.noise_density,
         scratch_size=_N_SCRATCH,
         observe=observe,
-        linearise=partial(linearised, constants),
+        linearise=linearise,
     )

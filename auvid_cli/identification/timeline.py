@@ -11,12 +11,16 @@ from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
 from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Indices, Sensors, Timeline
 from auvid_cli.identification.state_layout import StateLayout
-from auvid_cli.vehicle.parameters import DEPTH, MOTION_SYMBOLS, N_MOTION, SENSORS
+from auvid_cli.vehicle.kinematics import GRAVITY
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, state_of
 
 Array = NDArray[np.float64]
 # Times in whole nanoseconds.
 Ticks = NDArray[np.int64]
 
+# In place of an attitude, if settings say so.
+INERTIAL = ("accelerometer", "magnetometer")
+_FORCES = tuple(quantity.symbol for quantity in SENSORS["accelerometer"])
 # Heading is known modulo a turn; roll and pitch are treated alike, which costs nothing.
 _ANGULAR = ("phi", "theta", "psi")
 _NANOSECOND = 1e-9
@@ -28,20 +32,30 @@ CHUNK = 8000
 
 
 def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
-    """Return the sensors that measure motion states or the depth and have at least one valid sample.
+    """Return the sensors that estimators listen to and that have at least one valid sample.
+
+    These are the sensors of motion states and of the depth; with ``attitude_from: inertial`` accelerometer and
+    magnetometer in place of an attitude, whatever that comes from.
 
     Raises
     ------
     DataError
-        If there is none, or one states no positive noise.
+        If there is none, an inertial one is missing, or one states no positive noise.
     """
+    is_inertial = dataset.experiment.identification.attitude_from == "inertial"
+    unheard = ("attitude",) if is_inertial else INERTIAL
     measuring = {}
     for name, record in dataset.sensors.items():
-        symbols = {quantity.symbol for quantity in SENSORS[name]}
-        if symbols <= {*MOTION_SYMBOLS, DEPTH.symbol} and np.isfinite(record.values).any():
+        if name not in unheard and np.isfinite(record.values).any():
             if not (record.standard_deviation > 0.0).all():
                 raise DataError(f"sensor {name}: its standard deviation must be greater than 0 for a filter")
             measuring[name] = record
+    for name in INERTIAL:
+        if is_inertial and name not in measuring:
+            raise DataError(
+                "identification.attitude_from: inertial needs an accelerometer and a magnetometer, and the dataset "
+                f"has no valid sample of {name}"
+            )
     if not measuring:
         raise DataError("the dataset has no valid sample of a sensor that measures motion (dvl, gyroscope, attitude)")
     return measuring
@@ -54,7 +68,8 @@ def measurement_model(measuring: dict[str, SensorRecord], layout: StateLayout, g
     ----------
     measuring : dict of SensorRecord
     layout : StateLayout
-        An error that does not just add to what a sensor measures makes it nonlinear.
+        An error that does not just add to what a sensor measures makes it nonlinear; so does a component that is no
+        state.
     gate : float
         Largest innovation that is used, standard deviations.
 
@@ -70,9 +85,14 @@ def measurement_model(measuring: dict[str, SensorRecord], layout: StateLayout, g
     nonlinear = np.zeros(len(measuring), dtype=np.bool_)
     for sensor, (name, record) in enumerate(measuring.items()):
         for component, quantity in enumerate(SENSORS[name]):
-            matrix[sensor, component, layout.row(quantity.symbol)] = 1.0
+            symbol = state_of(quantity)
+            row = layout.row(symbol)
+            if row is None:
+                nonlinear[sensor] = True
+            else:
+                matrix[sensor, component, row] = 1.0
             variance[sensor, component] = record.standard_deviation[component] ** 2
-            angular[sensor, component] = quantity.symbol in _ANGULAR
+            angular[sensor, component] = symbol in _ANGULAR
     for block in layout.blocks:
         if block.error is None or block.error.sensor is None:
             continue
@@ -98,20 +118,30 @@ def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tupl
     time : float
         s, not before the first input.
     motion : ndarray, shape (9,)
-        Zero for what no sensor measures.
+        Zero for what no sensor measures. Where an accelerometer is heard, roll and pitch are those by which it feels
+        gravity.
     """
     known = [np.isfinite(record.values) for record in measuring.values()]
     # A component that its sensor never gives is not waited for.
     whole = [rows[:, rows.any(axis=0)].all(axis=1) & rows.any(axis=1) for rows in known]
     firsts = [record.time[rows] for record, rows in zip(measuring.values(), whole, strict=True)]
     start = max([float(dataset.inputs.time[0]), *(float(times[0]) for times in firsts if times.size)])
-    motion = np.zeros(N_MOTION)
+    motion = dict.fromkeys((*MOTION_SYMBOLS, *_FORCES), 0.0) | {_FORCES[2]: -GRAVITY}
     for name, record in measuring.items():
         for component, quantity in enumerate(SENSORS[name]):
-            measured = np.isfinite(record.values[:, component]) & (record.time <= start)
-            if measured.any() and quantity != DEPTH:
-                motion[MOTION_SYMBOLS.index(quantity.symbol)] = record.values[measured, component][-1]
-    return start, motion
+            symbol, measured = state_of(quantity), np.isfinite(record.values[:, component]) & (record.time <= start)
+            if measured.any() and symbol in motion:
+                motion[symbol] = float(record.values[measured, component][-1])
+    values = np.array([motion[symbol] for symbol in MOTION_SYMBOLS])
+    if "accelerometer" in measuring:
+        values[6:8] = _levelled(np.array([motion[symbol] for symbol in _FORCES]), values)
+    return start, values
+
+
+def _levelled(force: Array, motion: Array) -> tuple[float, float]:
+    """Return roll and pitch by which gravity is all that is felt, but for the turning of the velocity, rad."""
+    x, y, z = np.cross(motion[3:6], motion[:3]) - force
+    return float(np.arctan2(y, z)), float(np.arctan2(-x, np.hypot(y, z)))
 
 
 def initial_depth(record: SensorRecord, start: float) -> float:
@@ -185,7 +215,8 @@ class Timelines:
             if events.size:
                 substeps = _substeps(self._changes, before, events, self._step)
                 time = events.astype(np.float64) * _NANOSECOND
-                yield Timeline(time, *substeps, self._inputs, measurement_offset, measurement_sensor, measurement)
+                held = _held(self._changes, events)
+                yield Timeline(time, *substeps, self._inputs, held, measurement_offset, measurement_sensor, measurement)
                 before = events[-1]
 
 
@@ -222,10 +253,15 @@ def _substeps(changes: Ticks, before: np.int64, events: Ticks, step: float) -> t
             "to go on without a measurement: end a segment there (identification.use.longest_gap), or use a part of it"
         )
     n_substeps = np.maximum(np.ceil(gaps * _NANOSECOND / step - 1e-6).astype(np.int64), 1)
-    held = np.maximum(np.searchsorted(changes, cuts[:-1], side="right") - 1, 0)
+    held = _held(changes, cuts[:-1])
     substeps_before_cut = np.append(0, np.cumsum(n_substeps))
     offset = np.append(0, substeps_before_cut[np.searchsorted(cuts, events)])
     return offset, np.repeat(gaps * _NANOSECOND / n_substeps, n_substeps), np.repeat(held, n_substeps)
+
+
+def _held(changes: Ticks, times: Ticks) -> Indices:
+    """Return the row of the inputs that holds from each time on; before the first that one."""
+    return np.maximum(np.searchsorted(changes, times, side="right") - 1, 0)
 
 
 def _last_measurement(record: SensorRecord) -> float:

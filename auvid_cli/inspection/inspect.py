@@ -72,7 +72,9 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     in_place = aligned(signals, alignment)
     checks += force_checks(signals, dataset.experiment.vehicle)
     rotations = rotation_checks(in_place, time_constant)
-    checks += [*rotations, *velocity_checks(in_place, time_constant), *_stability(signals)]
+    accelerometer = dataset.sensors.get("accelerometer")
+    ahead = 0.0 if accelerometer is None else accelerometer.position[0]
+    checks += [*rotations, *velocity_checks(in_place, time_constant, ahead), *_stability(signals)]
     # Of sensors that contradict each other none is a witness.
     if not any(check.passed is False and check.subject in sound for check in rotations):
         swings, away = excursion_checks(signals, stepped)

@@ -13,7 +13,7 @@ _SIGMAS = 3.0
 _SOURCES = (("v", "fy", "r"), ("w", "fz", "q"))
 
 
-def lever_arm_checks(signals: Signals, forces: dict[str, Tie]) -> list[Check]:
+def lever_arm_checks(signals: Signals, forces: dict[str, Tie], accelerometer_ahead: float = 0.0) -> list[Check]:
     """Judge the distance along the hull by v in yaw and by w in pitch, where either tells.
 
     A DVL that sits ahead by x measures ``v + x r`` and ``w - x q``, whose change contains what the accelerometer does
@@ -25,6 +25,8 @@ def lever_arm_checks(signals: Signals, forces: dict[str, Tie]) -> list[Check]:
     signals : Signals
     forces : dict of Tie
         Of `kinematics.felt_accelerations`.
+    accelerometer_ahead : float
+        m, by which the accelerometer is stated to sit ahead of the origin.
     """
     arms = {}
     for symbol, force, rate in _SOURCES:
@@ -37,7 +39,7 @@ def lever_arm_checks(signals: Signals, forces: dict[str, Tie]) -> list[Check]:
         )
         arm = fit(lacking, swing, [carried], window)
         if arm is not None and arm.error < _USUAL / _SIGMAS:
-            is_far = known_sign(arm) != 0 and abs(arm.gain) > _USUAL + _SIGMAS * arm.error
+            is_far = known_sign(arm) != 0 and abs(arm.gain + accelerometer_ahead) > _USUAL + _SIGMAS * arm.error
             arms[f"{arm.gain:+.2f} +- {arm.error:.2g} m by {symbol} and {rate}"] = not is_far
     if not arms:
         return []

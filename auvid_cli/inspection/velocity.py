@@ -30,7 +30,7 @@ _USUAL_OFFSET = np.deg2rad(2.0)
 _UNDER_WAY = 0.2
 
 
-def velocity_checks(signals: Signals, time_constant: float | None) -> list[Check]:
+def velocity_checks(signals: Signals, time_constant: float | None, accelerometer_ahead: float = 0.0) -> list[Check]:
     """Judge the DVL and what depends on it; where its axes are not even plausible nothing more is said.
 
     Parameters
@@ -38,6 +38,8 @@ def velocity_checks(signals: Signals, time_constant: float | None) -> list[Check
     signals : Signals
     time_constant : float or None
         s, of the vehicle, if it is known.
+    accelerometer_ahead : float
+        m, by which the accelerometer is stated to sit ahead of the origin.
     """
     if not signals.has("u", "v", "w"):
         return []
@@ -64,7 +66,7 @@ def velocity_checks(signals: Signals, time_constant: float | None) -> list[Check
         checks.append(_heading_offset(signals))
     # A turned sign looks like an arm.
     if forces and all(direction.passed is not False for direction in directions):
-        checks += lever_arm_checks(signals, forces)
+        checks += lever_arm_checks(signals, forces, accelerometer_ahead)
     return [*checks, thrust_check(signals, time_constant)]
 
 

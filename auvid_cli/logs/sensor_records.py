@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.log_map import LogMap
-from auvid_cli.config.log_sensors import DepthMap, DvlMap, SensorMap
+from auvid_cli.config.log_sensors import AccelerometerMap, DepthMap, DvlMap, SensorMap
 from auvid_cli.config.position import Path
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.noise import Noise, estimate_noise
@@ -123,15 +123,16 @@ def _depth_of_origin(depth: SensorRecord, attitude: SensorRecord | None, positio
 def _finished(name: str, sensor: SensorMap, record: SensorRecord, use: Spans) -> tuple[SensorRecord, tuple[Noise, ...]]:
     """Return what is used of a record, with its noise, and where that was estimated from each component."""
     time, values = record.time, record.values
+    place = {"position": sensor.position} if isinstance(sensor, AccelerometerMap) else {}
     if use:
         used = _within(time, use)
         time, values = time[used], values[used]
     if not np.isfinite(values).any():
         raise RefusedError(("sensors", name), "no valid sample is left: look at use, exclude, valid and limits")
     if sensor.standard_deviation != "estimate":
-        return SensorRecord(time, values, np.array(sensor.standard_deviation, np.float64)), ()
+        return SensorRecord(time, values, np.array(sensor.standard_deviation, np.float64), **place), ()
     noise = tuple(estimate_noise(column, is_angle=SENSORS[name][0].unit == "rad") for column in values.T)
-    return SensorRecord(time, values, _standard_deviation(name, values, noise)), noise
+    return SensorRecord(time, values, _standard_deviation(name, values, noise), **place), noise
 
 
 def _standard_deviation(name: str, values: Array, noise: tuple[Noise, ...]) -> Array:

@@ -1,6 +1,7 @@
 """Raw sensors: what each of them reports of the true motion, at its own times."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from zlib import crc32
 
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
-from auvid_cli.config.sensors import Attitude, Dvl, SensorSettings, SensorSuite
+from auvid_cli.config.sensors import Accelerometer, Attitude, Dvl, SensorSettings, SensorSuite
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.simulation.motion import Truth, sample_motion
 from auvid_cli.vehicle.kinematics import GRAVITY, earth_to_body
@@ -82,7 +83,8 @@ def corrupt(times: Array, true: Array, settings: SensorSettings, name: str, seed
     for component in np.flatnonzero(step > 0.0):
         values[:, component] = step[component] * np.round(values[:, component] / step[component])
     values[stream("dropouts").random(n) < settings.dropout_probability] = np.nan
-    return SensorRecord(times, values, np.array(settings.stated_standard_deviation()))
+    record = SensorRecord(times, values, np.array(settings.stated_standard_deviation()))
+    return replace(record, position=settings.position) if isinstance(settings, Accelerometer) else record
 
 
 def _motion_states(quantities: Sequence[Quantity], sampled: _Sampled) -> Array:
@@ -114,10 +116,14 @@ def _depth(sampled: _Sampled) -> Array:
 
 
 def _specific_force(sampled: _Sampled) -> Array:
-    """Return the acceleration of the body origin less gravity, in body axes: what an accelerometer feels."""
-    motion, rate = sampled.motion, sampled.rate
+    """Return the acceleration of where it sits less gravity, in body axes: what an accelerometer feels."""
+    motion, rate, accelerometer = sampled.motion, sampled.rate, sampled.settings
+    assert isinstance(accelerometer, Accelerometer)
     down = earth_to_body(motion[:, 6:], np.broadcast_to([0.0, 0.0, 1.0], (len(motion), 3)))
-    return rate[:, :3] + np.cross(motion[:, 3:6], motion[:, :3]) - GRAVITY * down
+    at_origin = rate[:, :3] + np.cross(motion[:, 3:6], motion[:, :3]) - GRAVITY * down
+    arm = np.array(accelerometer.position)
+    carried = np.cross(motion[:, 3:6], arm)
+    return at_origin + np.cross(rate[:, 3:6], arm) + np.cross(motion[:, 3:6], carried) if arm.any() else at_origin
 
 
 # Sensors that measure something else than motion states as they are.

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, state_of
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,8 @@ def measured_signals(measuring: Mapping[str, SensorRecord]) -> dict[str, Signal]
             values = record.values[:, component]
             finite = np.isfinite(values)
             if finite.any():
-                continuous = np.unwrap(values[finite]) if is_angle(quantity.symbol) else values[finite]
+                symbol = state_of(quantity)
+                continuous = np.unwrap(values[finite]) if is_angle(symbol) else values[finite]
                 deviation = float(record.standard_deviation[component])
-                signals[quantity.symbol] = Signal(record.time[finite], continuous, deviation)
+                signals[symbol] = Signal(record.time[finite], continuous, deviation)
     return {symbol: signals[symbol] for symbol in MOTION_SYMBOLS if symbol in signals}

@@ -81,6 +81,8 @@ INPUTS: tuple[Quantity, ...] = (
 )
 INPUT_SYMBOLS: tuple[str, ...] = tuple(q.symbol for q in INPUTS)
 
+HEADING = Quantity("heading", "rad", "heading", "AHRS")
+
 _MOTION = {quantity.symbol: quantity for quantity in MOTION}
 
 # Components of every sensor that auvid knows. A filter measures those that are motion states.
@@ -91,8 +93,13 @@ SENSORS: dict[str, tuple[Quantity, ...]] = {
         Quantity("fy", "m/s^2", "specific force, starboard", "AHRS"),
         Quantity("fz", "m/s^2", "specific force, down", "AHRS"),
     ),
-    "magnetometer": (Quantity("heading", "rad", "heading", "AHRS"),),
+    "magnetometer": (HEADING,),
     "dvl": (_MOTION["u"], _MOTION["v"], _MOTION["w"]),
     "attitude": (_MOTION["phi"], _MOTION["theta"], _MOTION["psi"]),
     "depth": (DEPTH,),
 }
+
+
+def state_of(measured: Quantity) -> str:
+    """Return the symbol of the state that a component of a sensor measures: of a heading the yaw."""
+    return "psi" if measured == HEADING else measured.symbol

@@ -176,6 +176,7 @@ def _first(timeline: Timeline, n_events: int) -> Timeline:
         timeline.substep_duration[:n_substeps],
         timeline.substep_input[:n_substeps],
         timeline.inputs,
+        timeline.event_input[:n_events],
         timeline.measurement_offset[: n_events + 1],
         timeline.measurement_sensor[:n_measurements],
         timeline.measurement[:n_measurements],

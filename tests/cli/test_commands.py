@@ -53,7 +53,8 @@ def test_a_smoother_that_nobody_asked_for_judges_the_filters(tmp_path):
     assert rows[1]["grade"] == "sound"
     assert result.exit_code == (rows[0]["grade"] != "sound")
     again = auvid("check", "results/spiral", cwd=tmp_path)
-    assert ("sound" in again.stdout) and again.exit_code in (result.exit_code, 1)
+    assert "sound" in again.stdout
+    assert again.exit_code in (result.exit_code, 1)
 
 
 def test_a_fault_is_named_with_what_to_do_and_the_exit_code_says_so(tmp_path):

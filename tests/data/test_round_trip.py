@@ -40,6 +40,16 @@ def test_a_dataset_comes_back_as_it_was(dataset, written):
     assert np.isnan(back.sensors["dvl"].values).any()
 
 
+def test_where_an_accelerometer_sits_comes_back_and_is_what_xarray_opens(dataset, tmp_path):
+    accelerometer = replace(dataset.sensors["accelerometer"], position=(0.4, -0.2, 0.1))
+    moved = replace(dataset, sensors=dataset.sensors | {"accelerometer": accelerometer})
+    write_dataset(tmp_path / "moved.h5", moved)
+    assert_equal(moved, read_dataset(tmp_path / "moved.h5"))
+    with xarray.open_dataset(tmp_path / "moved.h5", group="sensors/accelerometer", engine="h5netcdf") as opened:
+        own = moved.to_xarray()["sensors/accelerometer"].to_dataset()
+        xarray.testing.assert_identical(own["position"], opened["position"])
+
+
 def test_a_dataset_without_truth_comes_back_without(dataset, tmp_path):
     write_dataset(tmp_path / "logged.h5", dataset.without_truth())
     back = read_dataset(tmp_path / "logged.h5")

@@ -139,6 +139,14 @@ def test_arrays_of_a_dataset_are_as_they_must_be(name, change, written, tmp_path
     refused(read_dataset, path)
 
 
+@pytest.mark.parametrize("position", [[0.4], [0.4, 0.0, np.nan], [0.4, 0.0, 1e9]])
+def test_a_sensor_sits_somewhere_in_the_vehicle(position, written, tmp_path):
+    path = shutil.copy(written["dataset"], tmp_path / "dataset.h5")
+    with h5py.File(path, "a") as file:
+        file["sensors/accelerometer/position"] = position
+    refused(read_dataset, path)
+
+
 def test_an_infinite_measurement_is_missing(written, tmp_path):
     path = shutil.copy(written["dataset"], tmp_path / "dataset.h5")
     with h5py.File(path, "a") as file:

@@ -7,6 +7,7 @@ import pytest
 from numba import njit
 
 from auvid_cli.filters.problem import (
+    LINEARISATION_SIGNATURE,
     OBSERVATION_SIGNATURE,
     PROCESS_SIGNATURE,
     TRANSITION_SIGNATURE,
@@ -96,6 +97,7 @@ def events_of():
             t.substep_duration[of_pieces],
             t.substep_input[of_pieces],
             t.inputs,
+            t.event_input[first:last],
             measurements - measurements[0],
             t.measurement_sensor[of_readings],
             t.measurement[of_readings],
@@ -153,6 +155,7 @@ def linear_problem(request):
         substep_duration=durations,
         substep_input=rng.integers(0, 5, durations.size),
         inputs=rng.standard_normal((5, N_AXES)),
+        event_input=np.arange(offset.size - 1) % 5,
         measurement_offset=np.concatenate([[0], np.cumsum(readings_at)]),
         measurement_sensor=rng.integers(0, 2, n_measurements, dtype=np.int8),
         measurement=measurement,
@@ -169,18 +172,19 @@ def linear_problem(request):
 
 
 @njit(OBSERVATION_SIGNATURE)
-def _observe(moving, parameters, sensor, constants, selection, n_lanes, seen):
-    """A distance, a rate with an unknown scale, and a product of states; of sensor 0."""
+def _observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, seen, scratch):
+    """A distance, a rate with an unknown scale under an input, and a product of states; of sensor 0."""
     for k in range(n_lanes):
         x, y, u, v = moving[k], moving[LANES + k], moving[2 * LANES + k], moving[3 * LANES + k]
         seen[k] = np.sqrt(4.0 + x * x + y * y)
-        seen[LANES + k] = (1.0 + 0.3 * parameters[k]) * u + sensor
+        seen[LANES + k] = (1.0 + 0.3 * parameters[k]) * u + 0.2 * inputs[0] + sensor
         seen[2 * LANES + k] = np.sin(y) + 0.2 * u * v
 
 
-def _plain_observe(state):
+def _plain_observe(state, inputs):
     parameter, (x, y, u, v) = state[0], state[-2 * N_AXES :]
-    return np.array([np.sqrt(4.0 + x * x + y * y), (1.0 + 0.3 * parameter) * u, np.sin(y) + 0.2 * u * v])
+    rate = (1.0 + 0.3 * parameter) * u + 0.2 * inputs[0]
+    return np.array([np.sqrt(4.0 + x * x + y * y), rate, np.sin(y) + 0.2 * u * v])
 
 
 def _jacobian(state):
@@ -193,13 +197,25 @@ def _jacobian(state):
     return matrix
 
 
+@njit(LINEARISATION_SIGNATURE)
+def _linearise(mean, sensor, inputs, constants, selection, seen, matrix, scratch):
+    first = mean.size - 4
+    x, y, u, v = mean[first], mean[first + 1], mean[first + 2], mean[first + 3]
+    distance = np.sqrt(4.0 + x * x + y * y)
+    seen[0], seen[1], seen[2] = distance, (1.0 + 0.3 * mean[0]) * u + 0.2 * inputs[0], np.sin(y) + 0.2 * u * v
+    for i in range(matrix.shape[0]):
+        for j in range(mean.size):
+            matrix[i, j] = 0.0
+    matrix[0, first], matrix[0, first + 1] = x / distance, y / distance
+    matrix[1, 0], matrix[1, first + 2] = 0.3 * u, 1.0 + 0.3 * mean[0]
+    matrix[2, first + 1], matrix[2, first + 2], matrix[2, first + 3] = np.cos(y), 0.2 * v, 0.2 * u
+
+
 @pytest.fixture
 def nonlinear_problem(linear_problem):
     """The carts, seen by a nonlinear sensor and a linear one."""
     p = linear_problem
-    p.process = p.process._replace(
-        observe=_observe, linearise=lambda mean, sensor: (_plain_observe(mean), _jacobian(mean))
-    )
+    p.process = p.process._replace(observe=_observe, linearise=_linearise)
     p.sensors = p.sensors._replace(nonlinear=np.array([True, False]))
     p.prior = Gaussian(0.2 * p.prior.mean, 0.2 * p.prior.factor)
     p.plain_observe, p.jacobian = _plain_observe, _jacobian

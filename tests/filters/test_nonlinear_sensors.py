@@ -54,7 +54,7 @@ def covariance_filter(problem, predict, see):
         covariance = covariance + noise * t.substep_duration[substeps].sum()
         for k in range(t.measurement_offset[event], t.measurement_offset[event + 1]):
             sensor, present = t.measurement_sensor[k], ~np.isnan(t.measurement[k])
-            predicted, seen_covariance, cross = see(mean, covariance, sensor)
+            predicted, seen_covariance, cross = see(mean, covariance, sensor, t.inputs[t.event_input[event]])
             innovation = (t.measurement[k] - predicted)[present]
             s = (seen_covariance + np.diag(problem.sensors.variance[sensor]))[np.ix_(present, present)]
             gain = cross[:, present] @ inverse(s)
@@ -88,10 +88,11 @@ def linear_predict(problem):
 
 
 def sigma_view(problem, directions, for_mean, for_covariance):
-    def see(mean, covariance, sensor):
+    def see(mean, covariance, sensor, inputs):
         points = mean + directions @ triangle(covariance).T
-        view = problem.plain_observe if sensor == 0 else lambda x: problem.sensors.matrix[sensor] @ x
-        seen = np.array([view(point) for point in points])
+        seen = np.array(
+            [problem.plain_observe(x, inputs) if sensor == 0 else problem.sensors.matrix[sensor] @ x for x in points]
+        )
         predicted = for_mean @ seen
         centre = for_mean @ points
         weighted = ((seen - predicted).T * for_covariance) @ (seen - predicted)
@@ -148,9 +149,9 @@ def test_sigma_point_filters_are_the_covariance_form(which, problem, run_whole, 
 
 
 def test_the_extended_filter_is_the_textbooks(problem, run_whole, share_of_largest):
-    def see(mean, covariance, sensor):
+    def see(mean, covariance, sensor, inputs):
         matrix = problem.jacobian(mean) if sensor == 0 else problem.sensors.matrix[sensor]
-        predicted = problem.plain_observe(mean) if sensor == 0 else matrix @ mean
+        predicted = problem.plain_observe(mean, inputs) if sensor == 0 else matrix @ mean
         return predicted, matrix @ covariance @ matrix.T, covariance @ matrix.T
 
     history = run_whole(run_extended_filter, problem)

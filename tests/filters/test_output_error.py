@@ -143,7 +143,7 @@ def test_a_nonlinear_sensor_is_fitted_as_by_all_rows_at_once(nonlinear_problem, 
         states = by_hand.offset + by_hand.transition @ x
         seen = np.array(
             [
-                p.plain_observe(states[e]) if s == 0 else p.sensors.matrix[s] @ states[e]
+                p.plain_observe(states[e], t.inputs[t.event_input[e]]) if s == 0 else p.sensors.matrix[s] @ states[e]
                 for e, s in zip(event, t.measurement_sensor, strict=True)
             ]
         )

@@ -100,7 +100,8 @@ def nonlinear_cost(nonlinear_problem):
             state = np.append(parameters, moving[event])
             for k in range(*t.measurement_offset[event : event + 2]):
                 sensor, present = t.measurement_sensor[k], ~np.isnan(t.measurement[k])
-                predicted = p.plain_observe(state) if sensor == 0 else p.sensors.matrix[sensor] @ state
+                inputs = t.inputs[t.event_input[event]]
+                predicted = p.plain_observe(state, inputs) if sensor == 0 else p.sensors.matrix[sensor] @ state
                 difference = (t.measurement[k] - predicted) / np.sqrt(p.sensors.variance[sensor])
                 parts.append(difference[present])
         return np.concatenate(parts)

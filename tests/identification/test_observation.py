@@ -1,42 +1,61 @@
-"""What a DVL sees, by sigma points and linearised, against rotations of another library and differences."""
+"""What DVL and accelerometer see, by sigma points and linearised, against other libraries and differences."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from auvid_cli.config.augmented_states import AugmentedStates, Current, DvlError
+from auvid_cli.config.augmented_states import AccelerometerBias, AugmentedStates, Current, DvlError, ThrustScale
 from auvid_cli.config.experiment import Identification
+from auvid_cli.identification.compiled_layout import Accelerometer
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.state_layout import state_layout
 from auvid_cli.lanes import LANES
-from auvid_cli.vehicle.dynamics import vehicle_constants
+from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.vehicle.dynamics import factors, motion_derivative, vehicle_constants
+from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
+DVL, ACCELEROMETER, POSITION = 0, 1, (0.4, -0.2, 0.1)
 MOTION = np.array([2.0, 0.1, -0.1, 0.02, 0.03, -0.05, 0.1, -0.2, 0.3])
 
 
-def process_and_layout(asked, has_depth, experiment):
-    """With two coefficients."""
-    settings = Identification(coefficients=("X_u|u|", "N_uvl"), estimate=asked)
+INPUTS = np.array([0.1, -0.15, 40.0, 0.5])
+
+
+def process_and_layout(asked, has_depth, experiment, **given):
+    """With two coefficients, unless others are given."""
+    settings = Identification(**{"coefficients": ("X_u|u|", "N_uvl"), "estimate": asked} | given)
     layout = state_layout(settings, experiment.vehicle.size, has_depth)
-    return vehicle_process(vehicle_constants(experiment.vehicle.known_parameters()), {}, layout), layout
+    held = experiment.vehicle.coefficients.by_symbol()
+    position = Accelerometer(ACCELEROMETER, POSITION)
+    return vehicle_process(vehicle_constants(experiment.vehicle.known_parameters()), held, layout, position), layout
 
 
-def assert_seen_alike(process, state, n_parameters, expected):
+def linearised(process, state, sensor):
+    seen, matrix = np.full(3, np.nan), np.full((3, state.size), np.nan)
+    model = process.constants, process.selection
+    process.linearise(state, sensor, INPUTS, *model, seen, matrix, np.zeros(process.scratch_size))
+    return seen, matrix
+
+
+def assert_seen_alike(process, state, n_parameters, expected, sensor=DVL):
     """By both kinds of filter, and the derivative is that of what is seen."""
-    seen, matrix = process.linearise(state, 0)
+    seen, matrix = linearised(process, state, sensor)
     assert_allclose(seen, expected, rtol=1e-12)
     for j in range(state.size):
         step = np.zeros(state.size)
         step[j] = 1e-6
-        difference = (process.linearise(state + step, 0)[0] - process.linearise(state - step, 0)[0]) / 2e-6
-        assert_allclose(matrix[:, j], difference, atol=1e-8)
+        difference = (
+            linearised(process, state + step, sensor)[0] - linearised(process, state - step, sensor)[0]
+        ) / 2e-6
+        assert_allclose(matrix[:, j], difference, rtol=1e-7, atol=1e-7)
 
     block = np.repeat(state[:, None], LANES, axis=1)
     moving, parameters = block[n_parameters:].ravel(), block[:n_parameters].ravel()
     by_points = np.zeros(3 * LANES)
-    process.observe(moving, parameters, 0, process.constants, process.selection, 5, by_points)
+    model = process.constants, process.selection
+    process.observe(moving, parameters, sensor, INPUTS, *model, 5, by_points, np.zeros(process.scratch_size))
     assert_allclose(by_points.reshape(3, LANES)[:, :5], np.repeat(expected[:, None], 5, axis=1), rtol=1e-9)
 
 
@@ -71,3 +90,42 @@ def test_a_dvl_over_ground_sees_the_current(blocks, walk, has_depth, experiment_
     turn = Rotation.from_euler("ZYX", [0.3, -0.2, 0.1])
     expected = MOTION[:3] + turn.apply([0.3, -0.4, 0.0], inverse=True)
     assert_seen_alike(process, state, n_parameters, expected)
+
+
+def felt_by_a_passenger(experiment, coefficients, thrust):
+    """The second derivative of its place in the earth, by differences along the motion of the model, less gravity."""
+    constants = vehicle_constants(experiment.vehicle.known_parameters())
+    row, slope = np.repeat(factors(coefficients, thrust), LANES), np.zeros(9 * LANES)
+    motion_derivative(np.repeat(MOTION, LANES), row, INPUTS, constants, 1, slope)
+    rate = slope.reshape(9, LANES)[:, 0]
+
+    def velocity(motion):
+        turn = Rotation.from_euler("ZYX", motion[:5:-1])
+        return turn.apply(motion[:3] + np.cross(motion[3:6], POSITION))
+
+    in_earth = (velocity(MOTION + 1e-6 * rate) - velocity(MOTION - 1e-6 * rate)) / 2e-6
+    return Rotation.from_euler("ZYX", MOTION[:5:-1]).apply(in_earth - [0.0, 0.0, GRAVITY], inverse=True)
+
+
+@pytest.mark.parametrize("coefficients", ["all", ("X_u|u|", "M_uude")])
+@pytest.mark.parametrize("walk", [0.0, 1e-3])
+@pytest.mark.parametrize("has_depth", [False, True])
+def test_an_accelerometer_feels_what_a_passenger_at_its_place_does(coefficients, walk, has_depth, experiment_with):
+    experiment = experiment_with()
+    asked = AugmentedStates(
+        biases=("thrust", "accelerometer", "gyro"),
+        accelerometer=AccelerometerBias(walk=walk),
+        thrust=ThrustScale(walk=walk),
+    )
+    process, layout = process_and_layout(
+        asked, has_depth, experiment, coefficients=coefficients, attitude_from="inertial"
+    )
+    true = experiment.vehicle.coefficients.by_symbol()
+    errors = {"thrust_scale": 0.2, "bias_fx": 0.03, "bias_fy": -0.02, "bias_fz": 0.01}
+    values = dict(zip(MOTION_SYMBOLS, MOTION, strict=True)) | errors
+    values |= {symbol: 1.3 * true[symbol] for symbol in layout.symbols if symbol in SYMBOLS}
+    state = np.array([values.get(symbol, 0.7) for symbol in layout.symbols]) / layout.scale
+    felt = felt_by_a_passenger(experiment, {symbol: values.get(symbol, true[symbol]) for symbol in SYMBOLS}, 1.2)
+    seen, _ = linearised(process, state, ACCELEROMETER)
+    assert_allclose(seen, felt + np.array([0.03, -0.02, 0.01]), rtol=1e-7, atol=1e-7)
+    assert_seen_alike(process, state, layout.n_parameters, seen, ACCELEROMETER)

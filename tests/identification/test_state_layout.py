@@ -5,7 +5,7 @@ import pytest
 
 from auvid_cli.config.augmented_states import ERROR_STATES, ErrorBlock
 from auvid_cli.config.experiment import Identification
-from auvid_cli.identification.compiled_layout import ROWS, model_constants
+from auvid_cli.identification.compiled_layout import NO_ACCELEROMETER, ROWS, model_constants
 from auvid_cli.identification.state_layout import StateBlock, StateLayout, state_layout
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import N_CONSTANTS
@@ -52,4 +52,6 @@ def test_an_error_that_no_compiled_code_knows_is_never_left_out_silently(layout)
     quantity = Quantity("dvl_pitch", "rad", "", "")
     new = StateBlock("new", (quantity,), (0.1,), error=ErrorBlock("new", (quantity,), 0.1, 0.0, "dvl"))
     with pytest.raises(AssertionError, match="dvl_pitch"):
-        model_constants(np.zeros(N_CONSTANTS), np.zeros(N_COEFFICIENTS), StateLayout([*layout.blocks, new]))
+        model_constants(
+            np.zeros(N_CONSTANTS), np.zeros(N_COEFFICIENTS), StateLayout([*layout.blocks, new]), NO_ACCELEROMETER
+        )

@@ -48,6 +48,7 @@ def joined(chunks):
 
     return Timeline(
         rows("time"), offsets("substep_offset"), rows("substep_duration"), rows("substep_input"), chunks[0].inputs,
+        rows("event_input"),
         offsets("measurement_offset"), rows("measurement_sensor"), rows("measurement"),
     )  # fmt: skip
 

@@ -43,6 +43,14 @@ def test_a_dvl_ahead_of_the_accelerometer_is_noted_with_its_distance(metres, dat
     assert "position" in check.advice
 
 
+def test_an_accelerometer_that_is_said_to_sit_elsewhere_explains_it(dataset):
+    accelerometer = replace(dataset.sensors["accelerometer"], position=(-0.5, 0.0, 0.0))
+    stated = replace(dataset, sensors=dataset.sensors | {"accelerometer": accelerometer})
+    check, _ = lever_arm(moved_ahead(stated, 0.5))
+    assert check.passed is True
+    assert lever_arm(stated)[0].passed is None
+
+
 def test_a_turned_sway_is_no_lever_arm(dataset, changed):
     def turn(time, values):
         values[:, 1] *= -1.0

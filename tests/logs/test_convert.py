@@ -229,6 +229,19 @@ def test_lever_arm_is_taken_off_by_the_gyroscope(converted):
     assert found.sensors["dvl"].values == pytest.approx(velocity, abs=1e-12)
 
 
+def test_where_an_accelerometer_sits_is_kept_for_estimators(converted):
+    felt, rates, angles = motion()
+    named = dict(zip(("t", "x", "y", "z"), (TIME, *felt.T), strict=True))
+    log = MemoryLog(**{"imu": imu(rates, angles), "felt": named, "in": INPUTS})
+    accelerometer = "accelerometer: {table: felt, columns: {fx: x, fy: y, fz: z}, standard_deviation: 0.01%s}"
+    compass = "magnetometer: {table: imu, columns: {heading: yaw}, standard_deviation: 1 deg}"
+    found = converted(log, accelerometer % ", position: [40 cm, 0, -10 cm]", compass).sensors
+    assert found["accelerometer"].position == (0.4, 0.0, -0.1)
+    assert np.array_equal(found["accelerometer"].values, felt)
+    assert np.array_equal(found["magnetometer"].values[:, 0], angles[:, 2])
+    assert converted(log, accelerometer % "", compass).sensors["accelerometer"].position == (0.0, 0.0, 0.0)
+
+
 def test_lever_arm_without_gyroscope_follows_the_attitude(converted):
     angles = np.column_stack((0.0 * TIME, 0.0 * TIME, 0.4 * TIME))
     velocity = np.tile([2.0, 0.4 * 0.6, 0.0], (TIME.size, 1))

@@ -198,6 +198,19 @@ def test_specific_force_of_a_steady_turn_is_omega_cross_v_and_gravity(fly, exper
     assert_allclose(felt, centripetal - rotation(motion[6:]).T @ [0.0, 0.0, GRAVITY], atol=1e-3)
 
 
+def test_specific_force_ahead_of_the_origin_is_that_of_a_passenger_there(fly, experiment_with):
+    truth, arm = fly(None, "manoeuvre.duration=40 s"), np.array([0.5, -0.3, 0.2])
+    stated = "sensors.accelerometer={rate: 100 Hz, noise: 0, start: 0.005 s, position: [50 cm, -30 cm, 20 cm]}"
+    record = measure(truth, experiment_with(stated).sensors, STILL_WATER, 1)["accelerometer"]
+    over_ground = np.array([rotation(m[6:]) @ (m[:3] + np.cross(m[3:6], arm)) for m in truth.motion])
+    acceleration = np.diff(over_ground, axis=0) / truth.time[1]
+    middle = 0.5 * (truth.motion[1:, 6:] + truth.motion[:-1, 6:])
+    down = np.array([0.0, 0.0, GRAVITY])
+    expected = [rotation(attitude).T @ (a - down) for attitude, a in zip(middle, acceleration, strict=True)]
+    assert_allclose(record.values[: len(expected)], expected, atol=2e-3)
+    assert record.position == tuple(arm)
+
+
 def test_the_other_sensors_read_the_motion_itself(fly, experiment_with):
     truth = fly(None, "manoeuvre.duration=60 s")
     direct = "sensors.attitude={source: direct, rate: 50 Hz, noise: 0}"

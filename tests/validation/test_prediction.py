@@ -22,9 +22,10 @@ def coasting(first, last, before):
     events = np.arange(first, last)
     substeps = 5 * (events.size if before else events.size - 1)
     offset = 5 * np.arange(events.size + 1) if before else np.append(0, 5 * np.arange(events.size))
+    still = np.zeros(events.size, dtype=np.int64)
     nothing = np.zeros(events.size + 1, dtype=np.int64), np.zeros(0, dtype=np.int8), np.zeros((0, 3))
     durations, held = np.full(substeps, 0.02), np.zeros(substeps, dtype=np.int64)
-    return Timeline(0.1 * events, offset, durations, held, np.zeros((1, 4)), *nothing)
+    return Timeline(0.1 * events, offset, durations, held, np.zeros((1, 4)), still, *nothing)
 
 
 def with_drag(*drags):

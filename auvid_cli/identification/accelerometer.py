@@ -1,0 +1,162 @@
+"""What an accelerometer feels: the acceleration of where it sits, less gravity, in the axes of the vehicle.
+
+``nu1' + omega x nu1 + omega' x l + omega x (omega x l) - R(phi, theta, psi)' g + bias`` with the lever arm l. The
+accelerations are those of the model, so that the forces on the hull are measured, and through them the coefficients.
+"""
+
+from itertools import accumulate
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.compilation import compiled
+from auvid_cli.identification.compiled_coefficients import fill_in_all, fill_in_lanes, fill_in_row
+from auvid_cli.identification.compiled_layout import (
+    ROW_BIAS_F,
+    accelerometer_position,
+    first_moving_row,
+    row_of,
+    value_of,
+)
+from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.dynamics import (
+    N_BLOCK,
+    N_COEFFICIENT_BLOCK,
+    N_CONSTANTS,
+    N_FACTORS,
+    motion_derivative,
+    sine_cosine,
+)
+from auvid_cli.vehicle.kinematics import GRAVITY
+from auvid_cli.vehicle.parameters import N_MOTION
+from auvid_cli.vehicle.sensitivity import N_COLUMNS, N_JACOBIAN_WORK, motion_jacobian
+
+Array = NDArray[np.float64]
+
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+_indices = types.int64[::1]
+
+
+class _Workspace(NamedTuple):
+    """Arrays that hold nothing from one use to the next.
+
+    Attributes
+    ----------
+    slope : ndarray, shape (N_BLOCK,)
+        Time derivative of the motion.
+    coefficient_block : ndarray, shape (N_COEFFICIENT_BLOCK,)
+    block : ndarray, shape (N_BLOCK,)
+        One state in the first lane.
+    coefficients : ndarray, shape (N_FACTORS,)
+    jacobian : ndarray, shape (9, N_COLUMNS)
+        See `motion_jacobian`.
+    for_jacobian : ndarray, shape (N_JACOBIAN_WORK,)
+    felt : ndarray, shape (3 * LANES,)
+        What is felt of it.
+    """
+
+    slope: Array
+    coefficient_block: Array
+    block: Array
+    coefficients: Array
+    jacobian: Array
+    for_jacobian: Array
+    felt: Array
+
+
+# Where each of them ends in the scratch that a filter hands over.
+_SLOPE, _COEFFICIENT_BLOCK, _BLOCK, _COEFFICIENTS, _JACOBIAN, _FOR_JACOBIAN, N_ACCELEROMETER_WORK = accumulate(
+    (N_BLOCK, N_COEFFICIENT_BLOCK, N_BLOCK, N_FACTORS, N_MOTION * N_COLUMNS, N_JACOBIAN_WORK, 3 * LANES)
+)
+
+
+@compiled(types.NamedTuple((*[_vector] * 4, _matrix, *[_vector] * 2), _Workspace)(_vector), inline=True)
+def _workspace(scratch):
+    return _Workspace(
+        slope=scratch[:_SLOPE],
+        coefficient_block=scratch[_SLOPE:_COEFFICIENT_BLOCK],
+        block=scratch[_COEFFICIENT_BLOCK:_BLOCK],
+        coefficients=scratch[_BLOCK:_COEFFICIENTS],
+        jacobian=scratch[_COEFFICIENTS:_JACOBIAN].reshape(N_MOTION, N_COLUMNS),
+        for_jacobian=scratch[_JACOBIAN:_FOR_JACOBIAN],
+        felt=scratch[_FOR_JACOBIAN:N_ACCELEROMETER_WORK],
+    )
+
+
+@compiled(types.void(_vector, _vector, _vector, types.uint64, _vector), internal=True)
+def _felt(motion, slope, constants, n_lanes, felt):
+    """Fill in the specific force of a block of motions, without bias."""
+    x, y, z = accelerometer_position(constants)
+    for k in range(n_lanes):
+        u, v, w = motion[k], motion[LANES + k], motion[2 * LANES + k]
+        p, q, r = motion[3 * LANES + k], motion[4 * LANES + k], motion[5 * LANES + k]
+        p_dot, q_dot, r_dot = slope[3 * LANES + k], slope[4 * LANES + k], slope[5 * LANES + k]
+        sin_phi, cos_phi = sine_cosine(motion[6 * LANES + k])
+        sin_theta, cos_theta = sine_cosine(motion[7 * LANES + k])
+        along, square = p * x + q * y + r * z, p * p + q * q + r * r
+        at_x = slope[k] + q * w - r * v + q_dot * z - r_dot * y + p * along - x * square
+        at_y = slope[LANES + k] + r * u - p * w + r_dot * x - p_dot * z + q * along - y * square
+        at_z = slope[2 * LANES + k] + p * v - q * u + p_dot * y - q_dot * x + r * along - z * square
+        felt[k] = at_x + GRAVITY * sin_theta
+        felt[LANES + k] = at_y - GRAVITY * cos_theta * sin_phi
+        felt[2 * LANES + k] = at_z - GRAVITY * cos_theta * cos_phi
+
+
+@compiled(types.void(*[_vector] * 4, _indices, types.uint64, _vector, _vector), internal=True)
+def feel_forces(moving, parameters, inputs, constants, selection, n_lanes, seen, scratch):
+    """Predict what it says of a block of states under inputs; `scratch` has `N_ACCELEROMETER_WORK`."""
+    work = _workspace(scratch)
+    fill_in_lanes(moving, parameters, constants, selection, n_lanes, work.coefficient_block)
+    motion_derivative(moving, work.coefficient_block, inputs, constants[:N_CONSTANTS], n_lanes, work.slope)
+    _felt(moving, work.slope, constants, n_lanes, seen)
+    for axis in range(3):
+        if row_of(constants, ROW_BIAS_F + axis) >= 0:
+            for k in range(n_lanes):
+                seen[axis * LANES + k] += value_of(constants, ROW_BIAS_F + axis, parameters, moving, k)
+
+
+@compiled(types.void(_vector, _vector, _vector, _indices, _vector, _matrix, _vector), internal=True)
+def linearise_force(mean, inputs, constants, selection, seen, matrix, scratch):
+    """Predict what it says of one state, shape (3,), and the derivative by the state, whose other columns stay."""
+    work, first, vehicle = _workspace(scratch), first_moving_row(constants), constants[:N_CONSTANTS]
+    motion, jacobian = mean[first : first + N_MOTION], work.jacobian
+    fill_in_all(mean, constants, selection, work.coefficients)
+    for m in range(N_FACTORS):
+        work.coefficient_block[m * LANES] = work.coefficients[m]
+    for i in range(N_MOTION):
+        work.block[i * LANES] = motion[i]
+    motion_derivative(work.block, work.coefficient_block, inputs, vehicle, 1, work.slope)
+    _felt(work.block, work.slope, constants, 1, work.felt)
+    motion_jacobian(motion, work.coefficients, inputs, vehicle, jacobian, work.for_jacobian)
+
+    arm = accelerometer_position(constants)
+    sin_phi, cos_phi = sine_cosine(motion[6])
+    sin_theta, cos_theta = sine_cosine(motion[7])
+    up = (sin_theta, -cos_theta * sin_phi, -cos_theta * cos_phi)
+    by_roll = (0.0, up[2], -up[1])
+    by_pitch = (cos_theta, sin_theta * sin_phi, sin_theta * cos_phi)
+    along = motion[3] * arm[0] + motion[4] * arm[1] + motion[5] * arm[2]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        row = jacobian[i]
+        for column in range(N_COLUMNS):
+            row[column] += jacobian[3 + j, column] * arm[k] - jacobian[3 + k, column] * arm[j]
+        # The products omega x nu1 and omega (omega . l) - l omega^2.
+        row[k] += motion[3 + j]
+        row[j] -= motion[3 + k]
+        row[3 + j] += motion[k]
+        row[3 + k] -= motion[j]
+        row[3 + i] += along
+        for axis in range(3):
+            row[3 + axis] += motion[3 + i] * arm[axis] - 2.0 * arm[i] * motion[3 + axis]
+        row[6] += GRAVITY * by_roll[i]
+        row[7] += GRAVITY * by_pitch[i]
+        fill_in_row(row, constants, selection, matrix[i])
+        seen[i] = work.felt[i * LANES]
+        bias = row_of(constants, ROW_BIAS_F + i)
+        if bias >= 0:
+            matrix[i, bias] = 1.0
+            seen[i] += mean[bias]

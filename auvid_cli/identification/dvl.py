@@ -1,0 +1,120 @@
+"""What a DVL sees of a motion through the water: over ground, with a scale error, mounted at a small yaw.
+
+``(1 + scale) Rz(yaw)' ([u v w] + R(phi, theta, psi)' [current_north current_east 0])``.
+"""
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.compilation import compiled
+from auvid_cli.identification.compiled_layout import (
+    ROW_CURRENT_EAST,
+    ROW_CURRENT_NORTH,
+    ROW_DVL_SCALE,
+    ROW_DVL_YAW,
+    first_moving_row,
+    row_of,
+    value_of,
+)
+from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.dynamics import sine_cosine
+from auvid_cli.vehicle.kinematics import earth_to_body, rotation_matrix
+
+Array = NDArray[np.float64]
+
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+_three = types.UniTuple(types.float64, 3)
+
+
+@compiled(types.void(_vector, _vector, _vector, types.uint64, _vector), internal=True)
+def see_velocities(moving, parameters, constants, n_lanes, seen):
+    """Predict what it sees of a block of states."""
+    for k in range(n_lanes):
+        north = value_of(constants, ROW_CURRENT_NORTH, parameters, moving, k)
+        east = value_of(constants, ROW_CURRENT_EAST, parameters, moving, k)
+        sin_phi, cos_phi = sine_cosine(moving[6 * LANES + k])
+        sin_theta, cos_theta = sine_cosine(moving[7 * LANES + k])
+        sin_psi, cos_psi = sine_cosine(moving[8 * LANES + k])
+        ahead, aside = cos_psi * north + sin_psi * east, cos_psi * east - sin_psi * north
+        u = moving[k] + cos_theta * ahead
+        v = moving[LANES + k] + sin_phi * sin_theta * ahead + cos_phi * aside
+        w = moving[2 * LANES + k] + cos_phi * sin_theta * ahead - sin_phi * aside
+        sin_yaw, cos_yaw = sine_cosine(value_of(constants, ROW_DVL_YAW, parameters, moving, k))
+        gain = 1.0 + value_of(constants, ROW_DVL_SCALE, parameters, moving, k)
+        seen[k] = gain * (cos_yaw * u + sin_yaw * v)
+        seen[LANES + k] = gain * (cos_yaw * v - sin_yaw * u)
+        seen[2 * LANES + k] = gain * w
+
+
+@compiled(types.float64(_vector, _vector, types.int64), internal=True)
+def _value(constants, mean, which):
+    row = row_of(constants, which)
+    return mean[row] if row >= 0 else 0.0
+
+
+@compiled(types.void(_matrix, types.int64, types.float64, types.float64, _three), internal=True)
+def _put(matrix, column, gain, yaw, vector):
+    """Turn a vector of the vehicle's axes to those of the DVL, times its gain; as a column, if there is one."""
+    if column >= 0:
+        sine, cosine = sine_cosine(yaw)
+        matrix[0, column] = gain * (cosine * vector[0] + sine * vector[1])
+        matrix[1, column] = gain * (cosine * vector[1] - sine * vector[0])
+        matrix[2, column] = gain * vector[2]
+
+
+@compiled(types.void(_vector, _vector, _vector, _matrix), internal=True)
+def linearise_velocity(mean, constants, seen, matrix):
+    """Predict what it sees of one state, shape (3,), and the derivative by the state, whose other columns stay."""
+    first, scale_row, yaw_row = (
+        first_moving_row(constants),
+        row_of(constants, ROW_DVL_SCALE),
+        row_of(constants, ROW_DVL_YAW),
+    )
+    gain, yaw = 1.0 + _value(constants, mean, ROW_DVL_SCALE), _value(constants, mean, ROW_DVL_YAW)
+    north, east = _value(constants, mean, ROW_CURRENT_NORTH), _value(constants, mean, ROW_CURRENT_EAST)
+    sin_phi, cos_phi = sine_cosine(mean[first + 6])
+    sin_theta, cos_theta = sine_cosine(mean[first + 7])
+    sin_psi, cos_psi = sine_cosine(mean[first + 8])
+    ahead, aside = cos_psi * north + sin_psi * east, cos_psi * east - sin_psi * north
+    drift_v = sin_phi * sin_theta * ahead + cos_phi * aside
+    drift_w = cos_phi * sin_theta * ahead - sin_phi * aside
+    u, v, w = mean[first] + cos_theta * ahead, mean[first + 1] + drift_v, mean[first + 2] + drift_w
+
+    # Along a horizontal direction with so much ahead and aside of the heading, in the vehicle's axes.
+    for column, f, s in (
+        (row_of(constants, ROW_CURRENT_NORTH), cos_psi, -sin_psi),
+        (row_of(constants, ROW_CURRENT_EAST), sin_psi, cos_psi),
+        (first + 8, aside, -ahead),
+    ):
+        along = cos_theta * f, sin_phi * sin_theta * f + cos_phi * s, cos_phi * sin_theta * f - sin_phi * s
+        _put(matrix, column, gain, yaw, along)
+    down = -sin_theta * ahead, sin_phi * cos_theta * ahead, cos_phi * cos_theta * ahead
+    _put(matrix, first + 7, gain, yaw, down)
+    _put(matrix, first + 6, gain, yaw, (0.0, drift_w, -drift_v))
+    for axis in range(3):
+        unit = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0, 1.0 if axis == 2 else 0.0)
+        _put(matrix, first + axis, gain, yaw, unit)
+    # A quarter of a turn further is the derivative by the mounting.
+    _put(matrix, yaw_row, gain, yaw, (v, -u, 0.0))
+    _put(matrix, scale_row, 1.0, yaw, (u, v, w))
+    sine, cosine = sine_cosine(yaw)
+    seen[0], seen[1], seen[2] = gain * (cosine * u + sine * v), gain * (cosine * v - sine * u), gain * w
+
+
+def dvl_axes(scale: float, yaw: float) -> Array:
+    """Return the matrix from the velocity over ground to what is seen of it, ``(1 + scale) Rz(yaw)'``."""
+    sine, cosine = np.sin(yaw), np.cos(yaw)
+    return (1.0 + scale) * np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+def current_in_body_axes(attitude: Array, north: float, east: float) -> Array:
+    """Turn a current to x, y, z of the vehicle, shape (..., 3), at as many attitudes."""
+    rows = attitude.reshape(-1, 3)
+    return earth_to_body(rows, np.broadcast_to([north, east, 0.0], rows.shape)).reshape(attitude.shape)
+
+
+def earth_in_body_axes(attitude: Array) -> Array:
+    """Return north, east and down along x, y, z of the vehicle: the columns of ``R(phi, theta, psi)'``."""
+    return rotation_matrix(attitude).T

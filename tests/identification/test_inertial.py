@@ -1,0 +1,162 @@
+"""Raw inertial sensors in place of an AHRS: what is heard, where it starts, and what estimators make of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.errors import ConfigError, DataError
+from auvid_cli.evaluation.bounds import true_initial_motions
+from auvid_cli.filters.sensitivities import responses
+from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.identification.fisher import information_at
+from auvid_cli.identification.identify import identify
+from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.timeline import initial_motion, measuring_sensors
+from auvid_cli.vehicle.kinematics import GRAVITY
+
+INERTIAL = "identification.attitude_from=inertial"
+LEVER = "sensors.accelerometer.position=[0.4 m, -0.2 m, 0.1 m]"
+FEW = "identification.coefficients=[X_u|u|, N_url, N_uudr]"
+
+
+@pytest.fixture(scope="module")
+def raw_run(simulated_with):
+    """20 s of the spiral, with an accelerometer off the origin."""
+    return simulated_with("manoeuvre.duration=20 s", LEVER, INERTIAL, FEW)
+
+
+def test_the_attitude_is_left_out_and_the_raw_sensors_are_heard(short_run, with_settings):
+    assert set(measuring_sensors(short_run)) == {"attitude", "dvl", "gyroscope"}
+    inertial = with_settings(short_run, INERTIAL)
+    assert set(measuring_sensors(inertial)) == {"accelerometer", "dvl", "gyroscope", "magnetometer"}
+
+
+@pytest.mark.parametrize("missing", ["accelerometer", "magnetometer"])
+def test_a_raw_sensor_that_is_missing_is_named(missing, raw_run):
+    sensors = {name: record for name, record in raw_run.sensors.items() if name != missing}
+    with pytest.raises(DataError, match=rf"attitude_from: inertial needs .* no valid sample of {missing}$"):
+        prepare(replace(raw_run, sensors=sensors))
+
+
+@pytest.mark.parametrize(
+    ("source", "bias"), [("ahrs", "accelerometer"), ("ahrs", "magnetometer"), ("inertial", "attitude")]
+)
+def test_a_bias_of_what_is_not_heard_is_refused(source, bias, experiment_with):
+    with pytest.raises(ConfigError, match=rf"{bias}, which is not heard with attitude_from: {source}"):
+        experiment_with(f"identification.attitude_from={source}", f"identification.estimate.biases=[{bias}]")
+
+
+@pytest.mark.parametrize("roll", [-0.4, 0.0, 0.3])
+@pytest.mark.parametrize("pitch", [-0.5, 0.2])
+def test_roll_and_pitch_start_where_gravity_is_all_that_is_felt(roll, pitch, raw_run):
+    """But for the turning of the velocity."""
+    up = np.array([np.sin(pitch), -np.cos(pitch) * np.sin(roll), -np.cos(pitch) * np.cos(roll)])
+    velocity, rate = np.array([3.0, 0.2, -0.1]), np.array([0.01, 0.02, 0.3])
+    said = {
+        "dvl": velocity,
+        "gyroscope": rate,
+        "magnetometer": np.array([2.5]),
+        "accelerometer": GRAVITY * up + np.cross(rate, velocity),
+    }
+    records = {name: SensorRecord(np.zeros(1), values[None], np.ones(values.size)) for name, values in said.items()}
+    start, motion = initial_motion(raw_run, records)
+    assert start == 0.0
+    assert_allclose(motion, [*velocity, *rate, roll, pitch, 2.5], atol=1e-12)
+
+
+def test_an_accelerometer_that_never_says_one_axis_starts_level_about_it(raw_run):
+    felt = np.array([[0.5, np.nan, np.nan]])
+    _, motion = initial_motion(raw_run, {"accelerometer": SensorRecord(np.zeros(1), felt, np.ones(3))})
+    assert_allclose(motion[6:8], [0.0, np.arctan2(0.5, GRAVITY)])
+
+
+@pytest.mark.parametrize("manoeuvre", ["spiral", "doublets"])
+def test_of_the_true_motion_the_accelerometer_is_predicted_at_every_instant(manoeuvre, simulated_with):
+    """As it feels the inputs that hold from then on, off the origin too: doublets switch while it samples."""
+    dataset = simulated_with(
+        f"manoeuvre=manoeuvres/{manoeuvre}.yaml", "manoeuvre.duration=30 s", LEVER, INERTIAL, FEW,
+        "sensors.accelerometer.range=3e-6 m/s^2", "identification.integration_step=2.5 ms",
+    )  # fmt: skip
+    prepared = prepare(dataset)
+    assert dataset.truth is not None
+    problem = augmented_problem(prepared)
+    (motion,), start = true_initial_motions(prepared), problem.prior.mean.copy()
+    symbols = problem.layout.symbols
+    true = dataset.truth.coefficients
+    start[:3] = [true[symbol] for symbol in symbols[:3]] / problem.layout.scale[:3]
+    start[3:] = motion
+    sensor = list(problem.measuring).index("accelerometer")
+    normal = []
+    for response in responses(problem.process, problem.sensors, prepared.segments[0].timelines, start):
+        mine = response.timeline.measurement_sensor == sensor
+        normal.append(response.innovation[mine] / np.sqrt(problem.sensors.variance[sensor]))
+    assert np.abs(np.concatenate(normal)).max() < 6.0
+
+
+@pytest.mark.parametrize("name", ["ekf", "ckf", "ukf", "tukf", "smoother", "output_error"])
+def test_every_estimator_finds_coefficients_and_biases(name, raw_run, with_settings):
+    biases = "identification.estimate.biases=[gyro, accelerometer, magnetometer]"
+    dataset = with_settings(raw_run, biases, "identification.ekf.transition=exact", "identification.prior.factor=1")
+    shifted = {name: dataset.sensors[name].values.copy() for name in ("accelerometer", "magnetometer")}
+    shifted["accelerometer"] += [0.02, -0.03, 0.01]
+    shifted["magnetometer"] += 0.02
+    records = {name: replace(dataset.sensors[name], values=values) for name, values in shifted.items()}
+    estimate = identify(replace(dataset, sensors=dataset.sensors | records), FilterName(name))
+    assert estimate.completed
+    assert dataset.truth is not None
+    expected = {"bias_fx": 0.02, "bias_fy": -0.03, "bias_fz": 0.01} | {
+        symbol: dataset.truth.coefficients[symbol] for symbol in estimate.state[:3]
+    }
+    for symbol, value in expected.items():
+        i = estimate.state.index(symbol)
+        assert abs(estimate.mean[-1, i] - value) < 4.0 * estimate.standard_deviation[-1, i], symbol
+    for innovations in estimate.innovations.values():
+        tally = innovations.tally()
+        assert 0.8 < tally.squares.sum() / tally.components.sum() < 1.2
+
+
+def test_a_raw_sensor_says_more_than_an_ahrs(raw_run, with_settings):
+    assert raw_run.truth is not None
+    bounds = []
+    for source in ("ahrs", "inertial"):
+        dataset = with_settings(raw_run, f"identification.attitude_from={source}")
+        prepared = prepare(dataset)
+        information = information_at(prepared, raw_run.truth.coefficients, true_initial_motions(prepared))
+        bounds.append([information.bound()[symbol] for symbol in information.state[:3]])
+    assert (np.array(bounds[1]) < np.array(bounds[0])).all()
+
+
+def without_its_place(dataset):
+    accelerometer = replace(dataset.sensors["accelerometer"], position=(0.0, -0.2, 0.1))
+    return replace(dataset, sensors=dataset.sensors | {"accelerometer": accelerometer})
+
+
+def biased(dataset):
+    accelerometer = dataset.sensors["accelerometer"]
+    felt = replace(accelerometer, values=accelerometer.values + np.array([0.0, 0.01, 0.0]))
+    return replace(dataset, sensors=dataset.sensors | {"accelerometer": felt})
+
+
+def trimmed(dataset):
+    values = dataset.inputs.values.copy()
+    values[:, 1] -= 0.002
+    return replace(dataset, inputs=replace(dataset.inputs, values=values))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "fault", "size"),
+    [
+        (without_its_place, "position of the accelerometer, x", 0.4),
+        (biased, "bias of fy", 0.01),
+        (trimmed, "trim of the elevator", 0.002),
+    ],
+)
+def test_a_fault_that_an_accelerometer_feels_is_found_with_its_size(spoil, fault, size, raw_run):
+    tests = identify(spoil(raw_run), FilterName("smoother")).faults
+    found = max(tests, key=lambda test: abs(test.z))
+    assert found.fault == fault
+    assert found.size == pytest.approx(size, abs=0.02 * size + 4.0 * found.standard_deviation)
