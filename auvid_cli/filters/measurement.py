@@ -52,7 +52,7 @@ def predict_linearly(row, state, place):
     mean[place] = predicted
 
 
-@compiled(types.void(MODEL, STATE, types.int64, _vector, types.int64, WORKSPACE), reassociate=True, inline=True)
+@compiled(types.void(MODEL, STATE, types.int64, _vector, types.int64, WORKSPACE), reassociate=True, internal=True)
 def predict_nonlinearly(model, state, sensor, inputs, n_components, work):
     """Put a sensor's components behind the n-th place of mean and factor, and the even part in ``work.spread``."""
     n, mean, columns, n_moving = state.n, state.mean, state.columns, model.noise_density.size
