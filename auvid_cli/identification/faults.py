@@ -36,11 +36,14 @@ class Motion(NamedTuple):
     motion : ndarray, shape (n, 9)
     inputs, input_rate : ndarray, shape (n, 4)
         And how fast they change, per second.
+    rates : ndarray, shape (n, 9)
+        How fast the states change.
     """
 
     motion: Array
     inputs: Array
     input_rate: Array
+    rates: Array
 
 
 class Model:
@@ -65,11 +68,11 @@ class Model:
     def by_parameter(self, at: Motion, **steps: float) -> Array:
         """Return by how much more they change if known parameters are so much greater."""
         other = vehicle_constants({**self._parameters, **{s: self._parameters[s] + by for s, by in steps.items()}})
-        return self._rates(at.motion, at.inputs, other) - self.rates(at.motion, at.inputs)
+        return self._rates(at.motion, at.inputs, other) - at.rates
 
     def by_inputs(self, at: Motion, change: Array) -> Array:
         """Return by how much more they change if the inputs are so much greater; the rates are linear in them."""
-        return self.rates(at.motion, at.inputs + change) - self.rates(at.motion, at.inputs)
+        return self.rates(at.motion, at.inputs + change) - at.rates
 
     def by_force(self, at: Motion, row: int, force: Array) -> Array:
         """Return by how much more they change under a force, N, or moment, N m: the row-th of X Y Z K M N."""
@@ -116,7 +119,7 @@ def _constant(component: int) -> Callable[[Model, Motion], Array]:
 
 
 def _late(columns: slice) -> Callable[[Model, Motion], Array]:
-    return lambda model, at: -model.rates(at.motion, at.inputs)[:, columns]
+    return lambda model, at: -at.rates[:, columns]
 
 
 def _lever(axis: int) -> Callable[[Model, Motion], Array]:
@@ -229,22 +232,32 @@ class VehicleFaults:
         model = Model(self._problem.known, self._factors(about.parameters))
         rate = self._problem.segments[segment].timelines.input_rate
         states = np.vstack([about.before, about.moving])[:, self._motion]
+
+        def under(motion: Array, given: NDArray[np.int64]) -> Motion:
+            inputs = timeline.inputs[given]
+            return Motion(motion, inputs, rate[given], model.rates(motion, inputs))
+
         # Over a substep the motion is taken for that at the event before: faults are small, and substeps short.
-        n_substeps = np.diff(timeline.substep_offset)
-        held = timeline.substep_input
-        on_the_way = Motion(np.repeat(states[:-1], n_substeps, axis=0), timeline.inputs[held], rate[held])
+        n_substeps, held = np.diff(timeline.substep_offset), timeline.substep_input
+        on_the_way = under(np.repeat(states[:-1], n_substeps, axis=0), held)
+        led, duration = n_substeps > 0, timeline.substep_duration[:, None]
+        first = timeline.substep_offset[:-1][led]
         event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
-        last = held[np.maximum(timeline.substep_offset[1:] - 1, 0)][event]
-        sensors = [*self._problem.measuring]
+        last = held[np.maximum(timeline.substep_offset[1:] - 1, 0)]
+        measured = {
+            sensor: np.flatnonzero(timeline.measurement_sensor == number)
+            for number, sensor in enumerate(self._problem.measuring)
+        }
+        seen = {
+            sensor: under(states[1:][event[measured[sensor]]], last[event[measured[sensor]]])
+            for sensor in {fault.sensor for fault in self._faults if fault.sensor}
+        }
         pushed, added = (np.zeros((*a.shape, len(self._faults))) for a in (about.moving, timeline.measurement))
         for f, fault in enumerate(self._faults):
             if fault.sensor:
-                rows = np.flatnonzero(timeline.measurement_sensor == sensors.index(fault.sensor))
-                at = Motion(states[1:][event[rows]], timeline.inputs[last[rows]], rate[last[rows]])
-                added[rows, :3, f] = fault.effect(model, at)
+                added[measured[fault.sensor], :3, f] = fault.effect(model, seen[fault.sensor])
             else:
-                shares = fault.effect(model, on_the_way) * timeline.substep_duration[:, None]
-                np.add.at(pushed[:, self._motion, f], np.repeat(np.arange(timeline.time.size), n_substeps), shares)
+                pushed[led, self._motion, f] = np.add.reduceat(fault.effect(model, on_the_way) * duration, first)
         return FaultEffects(pushed, added)
 
     def _factors(self, parameters: Array) -> Array:
