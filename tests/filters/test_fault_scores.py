@@ -1,5 +1,6 @@
 """Score tests of faults against one Gaussian about all measurements, in which a fault is one more known column."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -45,10 +46,7 @@ def dense(request, linear_problem, events_of):
         factor[n_parameters:] = np.tril(rng.standard_normal((n, n)))[n_parameters:] + 2.0 * np.eye(n)[n_parameters:]
         second = Gaussian(np.append(p.prior.mean[:n_parameters], rng.standard_normal(N_MOVING)), factor)
         cuts, p.joint = [0, 13, 30], joint_gaussian([p.prior, second], N_MOVING)
-    p.segments = [
-        [events_of(t, k, min(k + 6, last)) for k in range(first, last, 6)]
-        for first, last in zip(cuts, cuts[1:], strict=False)
-    ]
+    p.segments = [[events_of(t, k, min(k + 6, last)) for k in range(first, last, 6)] for first, last in pairwise(cuts)]
     n_joint = p.joint.mean.size
     of_faults, of_noise = slice(n_joint, n_joint + N_FAULTS), n_joint + N_FAULTS
     columns, variances = of_noise + 30 * N_MOVING, np.zeros(30 * N_MOVING)
