@@ -13,6 +13,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
+from auvid_cli.config.augmented_states import THRUST_SCALE
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.filters.smoothing_forward import Linearised
@@ -262,7 +263,6 @@ class VehicleFaults:
 
     def _factors(self, parameters: Array) -> Array:
         """Return what the regressors are multiplied by, from parameters as filters see them."""
-        layout = self._problem.layout
-        rows = layout.rows_of("coefficients")
-        found = dict(zip(layout.symbols[rows], parameters[rows] * layout.scale[rows], strict=True))
-        return factors(self._problem.held | found)
+        layout, n = self._problem.layout, parameters.size
+        found = dict(zip(layout.symbols[:n], parameters * layout.scale[:n], strict=True))
+        return factors(self._problem.held | found, 1.0 + found.get(THRUST_SCALE.symbol, 0.0))

@@ -128,7 +128,8 @@ def along(simulated_with, rng):
     symbols, scale = problem.layout.symbols, problem.layout.scale
     n = problem.layout.n_parameters
     parameters = np.array([dataset.truth.coefficients[symbol] for symbol in symbols[:n]]) / scale[:n]
-    states = np.cumsum(0.002 * rng.standard_normal((timeline.time.size + 1, 9)), axis=0) + [2.0, *np.zeros(8)]
+    states = np.cumsum(0.002 * rng.standard_normal((timeline.time.size + 1, 9)), axis=0)
+    states[:, 0] += 2.0
     shape = timeline.measurement.shape
     rows = np.zeros((*shape, len(symbols)))
     return problem, timeline, Linearised(parameters, states[0], states[1:].copy(), np.zeros(shape), rows)
@@ -181,6 +182,27 @@ def test_what_is_added_is_added_to_its_sensor_at_its_events(along):
         assert_allclose(added[own, :columns, f], BY_NAME[name].effect(None, at), atol=1e-15)
         assert not added[~own, :, f].any()
         assert not pushed[..., f].any()
+
+
+def test_a_propeller_drives_by_the_thrust_that_was_found(simulated_with, along):
+    _, _, before = along
+    dataset = simulated_with("manoeuvre.duration=1 s", "identification.estimate.biases=[thrust]")
+    problem = augmented_problem(prepare(dataset))
+    timeline, n = next(iter(problem.segments[0].timelines)), problem.layout.n_parameters
+    values = {symbol: dataset.truth.coefficients.get(symbol, 0.2) for symbol in problem.layout.symbols[:n]}
+    assert values["thrust_scale"] == 0.2
+    states = np.tile(before.before, (timeline.time.size, 1))
+    shape = timeline.measurement.shape
+    rows = np.zeros((*shape, problem.layout.scale.size))
+    parameters = np.array([*values.values()]) / problem.layout.scale[:n]
+    about = Linearised(parameters, before.before, states, np.zeros(shape), rows)
+    faults = VehicleFaults(problem)
+    late = faults.effects(0, timeline, about).added[..., faults.names.index("delay of the DVL")]
+    (last,) = np.flatnonzero(timeline.measurement_sensor == [*problem.measuring].index("dvl"))[-1:]
+    event = np.searchsorted(timeline.measurement_offset, last, side="right") - 1
+    inputs = timeline.inputs[timeline.substep_input[timeline.substep_offset[event + 1] - 1]]
+    model = Model(problem.known, factors(values, 1.2))
+    assert_allclose(late[last], -model.rates(states[:1], inputs[None])[0, :3], rtol=1e-12)
 
 
 def names_with(dataset):
