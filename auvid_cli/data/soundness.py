@@ -7,7 +7,7 @@ import numpy as np
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.magnitudes import magnitude_of
 from auvid_cli.data.dataset import Array, Dataset, SensorRecord, TruthRecord
-from auvid_cli.data.estimate import STATES, Estimate
+from auvid_cli.data.estimate import STATES, Estimate, FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import INPUTS, MOTION_SYMBOLS, SENSORS
@@ -73,7 +73,7 @@ def _check_truth(truth: TruthRecord) -> None:
 
 
 def check_estimate(estimate: Estimate) -> None:
-    """Look at the augmented state over time, its covariance and what was held; not at innovations.
+    """Look at the augmented state over time, its covariance, what was held and faults; not at innovations.
 
     Raises
     ------
@@ -93,6 +93,8 @@ def check_estimate(estimate: Estimate) -> None:
     blind = _may_be_infinite(estimate.filter)
     _check_deviations("/standard_deviation", estimate.standard_deviation, blind)
     _check_covariance(estimate.covariance, blind)
+    for test in estimate.faults:
+        _check_fault(test)
 
 
 def check_innovations(sensor: str, innovations: Innovations, filter_name: str) -> None:
@@ -143,6 +145,15 @@ def _check_state(state: Sequence[str], unit: Sequence[str], held: dict[str, floa
         raise ValueError("the state does not have each component once")
     if sorted([*held, *(symbol for symbol in state if symbol in SYMBOLS)]) != sorted(SYMBOLS):
         raise ValueError("each of the 22 coefficients must be either estimated or held")
+
+
+def _check_fault(test: FaultTest) -> None:
+    where = f"/faults, {test.fault},"
+    _check_finite(where, np.array([test.size, test.standard_deviation, test.susceptibility]))
+    if test.standard_deviation <= 0.0 or test.susceptibility < 0.0:
+        raise ValueError(f"{where} has a standard deviation that is not positive, or a negative susceptibility")
+    if test.coefficient not in SYMBOLS:
+        raise ValueError(f"{where} moves {test.coefficient!r}, which is no coefficient")
 
 
 def _check_times(where: str, time: Array, increasing: bool = False) -> None:

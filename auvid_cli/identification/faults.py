@@ -13,8 +13,9 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
+from auvid_cli.config.augmented_states import THRUST_SCALE
 from auvid_cli.filters.fault_scores import FaultEffects
-from auvid_cli.filters.problem import Indices, Timeline
+from auvid_cli.filters.problem import Timeline
 from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import AugmentedProblem
 from auvid_cli.identification.dvl import current_in_body_axes
@@ -36,11 +37,14 @@ class Motion(NamedTuple):
     motion : ndarray, shape (n, 9)
     inputs, input_rate : ndarray, shape (n, 4)
         And how fast they change, per second.
+    rates : ndarray, shape (n, 9)
+        How fast the states change.
     """
 
     motion: Array
     inputs: Array
     input_rate: Array
+    rates: Array
 
 
 class Model:
@@ -65,11 +69,11 @@ class Model:
     def by_parameter(self, at: Motion, **steps: float) -> Array:
         """Return by how much more they change if known parameters are so much greater."""
         other = vehicle_constants({**self._parameters, **{s: self._parameters[s] + by for s, by in steps.items()}})
-        return self._rates(at.motion, at.inputs, other) - self.rates(at.motion, at.inputs)
+        return self._rates(at.motion, at.inputs, other) - at.rates
 
     def by_inputs(self, at: Motion, change: Array) -> Array:
         """Return by how much more they change if the inputs are so much greater; the rates are linear in them."""
-        return self.rates(at.motion, at.inputs + change) - self.rates(at.motion, at.inputs)
+        return self.rates(at.motion, at.inputs + change) - at.rates
 
     def by_force(self, at: Motion, row: int, force: Array) -> Array:
         """Return by how much more they change under a force, N, or moment, N m: the row-th of X Y Z K M N."""
@@ -116,7 +120,7 @@ def _constant(component: int) -> Callable[[Model, Motion], Array]:
 
 
 def _late(columns: slice) -> Callable[[Model, Motion], Array]:
-    return lambda model, at: -model.rates(at.motion, at.inputs)[:, columns]
+    return lambda model, at: -at.rates[:, columns]
 
 
 def _lever(axis: int) -> Callable[[Model, Motion], Array]:
@@ -248,38 +252,45 @@ class VehicleFaults:
         model = Model(self._problem.known, self._factors(about.parameters))
         rate = self._problem.segments[segment].timelines.input_rate
         states = np.vstack([about.before, about.moving])[:, self._motion]
+
+        def under(motion: Array, given: NDArray[np.int64]) -> Motion:
+            inputs = timeline.inputs[given]
+            return Motion(motion, inputs, rate[given], model.rates(motion, inputs))
+
         # Over a substep the motion is taken for that at the event before: faults are small, and substeps short.
-        n_substeps = np.diff(timeline.substep_offset)
-        held = timeline.substep_input
-        on_the_way = Motion(np.repeat(states[:-1], n_substeps, axis=0), timeline.inputs[held], rate[held])
+        n_substeps, held = np.diff(timeline.substep_offset), timeline.substep_input
+        on_the_way = under(np.repeat(states[:-1], n_substeps, axis=0), held)
+        led, duration = n_substeps > 0, timeline.substep_duration[:, None]
+        first = timeline.substep_offset[:-1][led]
         event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
-        last = held[np.maximum(timeline.substep_offset[1:] - 1, 0)][event]
-        sensors = [*self._problem.measuring]
-
-        def measured_by(sensor: str) -> tuple[Indices, Motion]:
-            inputs = timeline.event_input[event] if sensor == "accelerometer" else last
-            rows = np.flatnonzero(timeline.measurement_sensor == sensors.index(sensor))
-            return rows, Motion(states[1:][event[rows]], timeline.inputs[inputs[rows]], rate[inputs[rows]])
-
+        last = timeline.event_input.copy()
+        last[led] = held[timeline.substep_offset[1:][led] - 1]
+        measured = {
+            sensor: np.flatnonzero(timeline.measurement_sensor == number)
+            for number, sensor in enumerate(self._problem.measuring)
+        }
+        # An accelerometer feels the inputs that hold from then on.
+        inputs = {sensor: timeline.event_input if sensor == "accelerometer" else last for sensor in measured}
+        seen = {
+            sensor: under(states[1:][event[rows]], inputs[sensor][event[rows]])
+            for sensor, rows in measured.items()
+            if any(fault.sensor == sensor for fault in self._faults)
+        }
         pushed, added = (np.zeros((*a.shape, len(self._faults))) for a in (about.moving, timeline.measurement))
         for f, fault in enumerate(self._faults):
             if fault.sensor:
-                rows, at = measured_by(fault.sensor)
-                added[rows, :3, f] = fault.effect(model, at)
-            else:
-                shares = fault.effect(model, on_the_way) * timeline.substep_duration[:, None]
-                np.add.at(pushed[:, self._motion, f], np.repeat(np.arange(timeline.time.size), n_substeps), shares)
-                if "accelerometer" in sensors:
-                    # What changes the motion is felt besides.
-                    rows, at = measured_by("accelerometer")
-                    pull = fault.effect(model, at)
-                    arm = np.array(self._problem.measuring["accelerometer"].position)
-                    added[rows, :3, f] = pull[:, :3] + np.cross(pull[:, 3:6], arm)
+                added[measured[fault.sensor], :3, f] = fault.effect(model, seen[fault.sensor])
+                continue
+            pushed[led, self._motion, f] = np.add.reduceat(fault.effect(model, on_the_way) * duration, first)
+            if "accelerometer" in seen:
+                # What changes the motion is felt besides.
+                pull = fault.effect(model, seen["accelerometer"])
+                arm = np.array(self._problem.measuring["accelerometer"].position)
+                added[measured["accelerometer"], :3, f] = pull[:, :3] + np.cross(pull[:, 3:6], arm)
         return FaultEffects(pushed, added)
 
     def _factors(self, parameters: Array) -> Array:
         """Return what the regressors are multiplied by, from parameters as filters see them."""
-        layout = self._problem.layout
-        rows = layout.rows_of("coefficients")
-        found = dict(zip(layout.symbols[rows], parameters[rows] * layout.scale[rows], strict=True))
-        return factors(self._problem.held | found)
+        layout, n = self._problem.layout, parameters.size
+        found = dict(zip(layout.symbols[:n], parameters * layout.scale[:n], strict=True))
+        return factors(self._problem.held | found, 1.0 + found.get(THRUST_SCALE.symbol, 0.0))

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from auvid_cli.config import load
+from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import (
     dump_experiment,
     find_experiment,
@@ -161,3 +162,18 @@ def test_configs_inside_the_package_come_first(tmp_path, monkeypatch):
     assert shipped_configs() == tmp_path / "configs"
     (tmp_path / "package" / "configs").mkdir(parents=True)
     assert shipped_configs() == tmp_path / "package" / "configs"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "asked", "chosen"),
+    [
+        ((), ["ckf", "ekf", "ckf"], ("ckf", "ekf", "smoother")),
+        ((), ["smoother", "ekf"], ("smoother", "ekf")),
+        (("identification.judge=false",), ["ckf"], ("ckf",)),
+        # It weighs all measurements.
+        (("identification.gate=6",), ["ckf"], ("ckf",)),
+    ],
+)
+def test_the_smoother_judges_unless_it_cannot_or_is_not_to(overrides, asked, chosen, experiment_with):
+    settings = experiment_with(*overrides).identification
+    assert settings.with_judge([FilterName(name) for name in asked]) == chosen

@@ -11,6 +11,7 @@ from auvid_cli import __version__
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data import estimate_file
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
+from auvid_cli.data.estimate import FaultTest
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.errors import ConfigError
 from auvid_cli.identification.identify import identify
@@ -162,3 +163,18 @@ def test_sums_over_innovations_are_of_all_however_few_are_read(estimate, write_e
         assert (got.measurements, got.rejected, got.start) == (expected.measurements, expected.rejected, expected.start)
         assert np.allclose(got.squares, expected.squares, rtol=1e-12)
         assert np.array_equal(got.components, expected.components)
+
+
+def test_faults_come_back_as_they_were_tested(estimate, write_estimate, tmp_path):
+    faults = (
+        FaultTest("bias of r", "rad/s", 1e-4, 2e-5, "N_url", 0.5),
+        FaultTest("Y_|v|r", "N*s^2/(m*rad)", -3.0, 1.0, "Y_url", 2.25),
+    )
+    write_estimate(tmp_path / "estimate.h5", replace(estimate, faults=faults))
+    back = read_estimate(tmp_path / "estimate.h5")
+    assert back.faults == faults
+    assert [fault.z for fault in back.faults] == pytest.approx([5.0, -3.0])
+
+
+def test_an_estimate_that_tests_for_no_faults_is_read_without(estimate, written):
+    assert estimate.faults == read_estimate(written["estimate"]).faults == ()

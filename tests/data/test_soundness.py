@@ -11,7 +11,7 @@ import pytest
 from auvid_cli.config.augmented_states import AugmentedStates, BiasName
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset_file import read_dataset
-from auvid_cli.data.estimate import STATES
+from auvid_cli.data.estimate import STATES, FaultTest
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.errors import AuvidError, FileError
 from auvid_cli.identification.identify import identify
@@ -210,3 +210,32 @@ def test_units_may_be_written_otherwise_or_left_out(unit, written, tmp_path):
         if unit is not None:
             file["sensors/dvl/u"].attrs["units"] = unit
     assert read_dataset(path).sensors["dvl"].time.size
+
+
+FAULTS = (
+    FaultTest("bias of r", "rad/s", 1e-4, 2e-5, "N_url", 0.5),
+    FaultTest("scale of the DVL", "1", -2e-3, 1e-3, "X_u|u|", 0.0),
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        *((name, lambda column: column[:-1]) for name in ("unit", "size", "standard_deviation", "coefficient")),
+        ("fault", lambda column: column[:-1]),
+        *((name, with_(1, np.nan)) for name in ("size", "standard_deviation", "susceptibility")),
+        *((name, with_(0, np.inf)) for name in ("size", "standard_deviation", "susceptibility")),
+        *(("standard_deviation", with_(0, value)) for value in (-1e-5, 0.0)),
+        ("susceptibility", with_(0, -0.1)),
+        *(("coefficient", with_(0, value)) for value in (b"", b"Y_nothing", b"u")),
+        ("coefficient", lambda column: np.arange(column.size)),
+    ],
+)
+def test_faults_are_as_a_test_can_have_found_them(name, change, estimate, write_estimate, tmp_path):
+    path = tmp_path / "estimate.h5"
+    write_estimate(path, replace(estimate, faults=FAULTS))
+    with h5py.File(path, "a") as file:
+        values = change(file["faults"][name][...])
+        del file["faults"][name]
+        file["faults"][name] = values
+    refused(read_estimate, path)

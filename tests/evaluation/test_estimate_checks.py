@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.estimate import FaultTest
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.estimate_checks import check_estimate, failed
 from auvid_cli.evaluation.judgement import judge_one
@@ -39,23 +40,46 @@ def long_enough(simulated_with):
     return simulated_with("manoeuvre.duration=150 s", "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}")
 
 
-def verdicts(dataset, filter_name=FilterName.TUKF):
+@pytest.fixture(scope="module")
+def smoothed(long_enough):
+    """What judges estimates of these data."""
+    return identify(long_enough, FilterName.SMOOTHER)
+
+
+def verdicts(dataset, filter_name=FilterName.TUKF, reference=None):
     """All, and the names of those that failed, as (subject, check)."""
-    estimate = identify(dataset, filter_name)
-    checks = check_estimate(prepare(dataset), estimate, BoundsOf(prepare(dataset))(estimate), judge_one(estimate, None))
+    estimate, prepared = identify(dataset, filter_name), prepare(dataset)
+    checks = check_estimate(prepared, estimate, BoundsOf(prepared)(estimate), judge_one(estimate, reference))
     return checks, {(check.subject, check.check) for check in failed(checks)}
 
 
-def test_sound_data_pass_everything(long_enough, filter_name):
-    checks, fails = verdicts(long_enough, filter_name)
+def test_sound_data_pass_everything(long_enough, filter_name, smoothed):
+    checks, fails = verdicts(long_enough, filter_name, smoothed)
     assert fails == set()
     assert {check.check for check in checks} >= {
-        "finished", "stuck", "gap", "NIS", "whiteness", "free of inputs", "information", "identified",
+        "finished", "sound", "stuck", "gap", "NIS", "whiteness", "free of inputs", "information", "identified",
         "near the bound", "not below the bound", "sign of drag", "sign of fins", "size",
         "within 3 sigma of truth", "NEES",
     }  # fmt: skip
     assert all(check.passed for check in checks)
     assert all(check.advice == "" for check in checks)
+
+
+def test_that_nobody_has_judged_is_worth_knowing_and_no_failure(long_enough):
+    checks, fails = verdicts(long_enough)
+    assert fails == set()
+    (unjudged,) = [check for check in checks if check.passed is None]
+    assert (unjudged.subject, unjudged.check, unjudged.statistic) == ("coefficients", "sound", "unjudged")
+    assert unjudged.advice == "without the iterated smoother nobody has judged it."
+
+
+def test_an_estimate_that_is_not_sound_fails_and_says_what_would_help(long_enough, smoothed):
+    bias = FaultTest("bias of r", "rad/s", 1e-3, 1e-4, "N_url", 2.0)
+    checks, fails = verdicts(long_enough, reference=replace(smoothed, faults=(bias,)))
+    assert fails == {("coefficients", "sound")}
+    (sound,) = [check for check in checks if check.check == "sound"]
+    assert "bias of r 0.001 +- 0.0001 rad/s" in sound.advice
+    assert sound.advice.endswith("identification.estimate.biases: [gyro]).")
 
 
 @pytest.mark.parametrize("sensor", ["gyroscope", "dvl", "attitude"])
@@ -77,7 +101,8 @@ def test_time_between_two_segments_is_no_gap(long_enough, with_settings):
 
 
 def test_a_gap_is_worth_knowing_but_no_failure(long_enough):
-    checks, fails = verdicts(with_values(long_enough, "dvl", silent))
+    holed = with_values(long_enough, "dvl", silent)
+    checks, fails = verdicts(holed, reference=identify(holed, FilterName.SMOOTHER))
     assert fails == set()
     (gap,) = [check for check in checks if check.passed is None]
     assert (gap.subject, gap.check) == ("dvl", "gap")

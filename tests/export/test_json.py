@@ -27,7 +27,7 @@ def test_everything_is_there(model_with):
     assert (rudder["standard_deviation"], rudder["estimated"], rudder["identified"]) == (None, False, None)
     assert held["coefficients"]["Y_r|r|"]["identified"] is False
     assert "Y_r|r|" in held["doubts"][0]
-    assert (held["filter"], held["status"]) == ("tukf", "completed")
+    assert (held["filter"], held["status"]) == ("tukf", "sound")
 
 
 def test_the_covariance_is_of_the_estimated_in_their_order(model_with):

@@ -141,5 +141,5 @@ def test_an_estimate_that_its_data_belie_is_not_to_be_relied_on(estimate, datase
     model = identified_model(replace(estimate, innovations=belied), dataset, {}, ORIGIN)
     assert model.not_identified() == CHOSEN
     lines = heading_lines(model, Losses((), ()))
-    assert any(line.startswith("Do not rely on these values: the filter is inconsistent") for line in lines)
+    assert any(line.startswith("Do not rely on these values, inconsistent: ") for line in lines)
     assert "Nothing is lost." in lines

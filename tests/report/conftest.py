@@ -10,9 +10,10 @@ from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthReco
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
-from auvid_cli.evaluation.consistency import mean_nis, sensor_consistency
+from auvid_cli.evaluation.consistency import mean_nis, sensor_consistency, verdict
 from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
 from auvid_cli.evaluation.free_run import FreeRun, VelocityError
+from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, SENSORS
 
@@ -101,9 +102,10 @@ def diverged(estimate: Estimate, samples: int) -> Estimate:
 
 def evaluation_of(dataset: Dataset, estimates: list[Estimate], blown_up: tuple[str, ...] = ()) -> Evaluation:
     """What `evaluate` gives, with a free run that needs no vehicle."""
-    evaluation = Evaluation([], [], [], [], [], {}, [])
+    evaluation = Evaluation([], [], [], [], [], [], {}, [])
     for estimate in estimates:
-        results = coefficient_results(estimate, dataset.truth, BOUNDS, True)
+        judgement = Judgement(Grade.SOUND) if verdict(estimate) == "completed" else judge_one(estimate, None)
+        results = coefficient_results(estimate, dataset.truth, BOUNDS, judgement.grade is Grade.SOUND)
         motion = motion_at(TIME) + 0.02
         if estimate.filter in blown_up:
             motion[100:] = np.inf
@@ -132,6 +134,7 @@ def evaluation_of(dataset: Dataset, estimates: list[Estimate], blown_up: tuple[s
                 steps,
                 estimate.cpu_time / steps * 1e6,
                 estimate.status,
+                *judgement,
             )
         )
         evaluation.free_runs[estimate.filter] = run

@@ -20,10 +20,11 @@ COLUMNS = ["rate", "identification.prior.factor"]
 def rows_of(name, factor, rate, error, lost):
     rows = []
     for seed in range(SEEDS):
-        run, status = f"{name}-{factor}-{rate}-{seed}", "diverged at t = 1 s: why" if seed < lost else "completed"
+        run = f"{name}-{factor}-{rate}-{seed}"
+        judged = ("diverged at t = 1 s: why", "diverged", "why") if seed < lost else ("completed", "sound", "")
         known = None if seed < lost else error * (1.0 + 0.01 * seed)
-        of_run = Measure(run, name, seed, "run", "", "", status, steady_state_error_percent=known, components=1)
-        coefficient = Measure(run, name, seed, "coefficient", "X_u|u|", "kg/m", status, true=-2.0)._replace(
+        of_run = Measure(run, name, seed, "run", "", "", *judged, steady_state_error_percent=known, components=1)
+        coefficient = Measure(run, name, seed, "coefficient", "X_u|u|", "kg/m", *judged, true=-2.0)._replace(
             estimate=-2.1, standard_deviation=0.1, cramer_rao_bound=0.05, times_bound=2.0, rmse=known
         )
         rows += [of_run._replace(squares=None if seed < lost else 1.0), coefficient]

@@ -5,6 +5,7 @@ import pytest
 from rich.console import Console
 
 from auvid_cli.report.screen import print_files, print_summary
+from auvid_cli.report.screen_table import printed as printed_number
 
 
 def printed(evaluation, width):
@@ -44,9 +45,9 @@ def test_without_truth_estimates_and_deviations_only(evaluation):
 
 
 def test_the_reason_of_a_divergence_is_printed(evaluation):
-    status = "diverged at t = 0.200 s: [odd] reason"
-    changed = evaluation._replace(summary=[row._replace(status=status) for row in evaluation.summary])
-    assert f"TUKF {status}" in printed(changed, 100)
+    reason = "at t = 0.200 s: [odd] reason"
+    rows = [row._replace(grade="diverged", reason=reason) for row in evaluation.summary]
+    assert f"EKF, CKF, TUKF diverged: {reason}." in printed(evaluation._replace(summary=rows), 100)
 
 
 def test_files_are_counted_by_folder():
@@ -56,12 +57,29 @@ def test_files_are_counted_by_folder():
 
 
 def test_an_inconsistent_filter_is_named_so(evaluation):
-    status = "inconsistent: innovations of dvl are 9 times as large as the filter says"
-    changed = evaluation._replace(summary=[row._replace(status=status) for row in evaluation.summary])
+    judged = {"grade": "inconsistent", "reason": "innovations of dvl are 9 times as large as the filter says"}
+    changed = evaluation._replace(summary=[row._replace(**judged) for row in evaluation.summary])
     text = printed(changed, 100)
-    assert text.count("inconsistent:") == 3
-    # In the table, in the sentences below it, and where the mark is explained.
-    assert text.count("inconsistent") == 3 + 3 + 1
+    assert text.count("inconsistent:") == 1
+    # In the table, and in the sentence below it.
+    assert text.count("inconsistent") == 3 + 1
+
+
+def test_what_differs_is_said_of_each_filter_by_itself(evaluation):
+    ekf, ckf, tukf = evaluation.summary
+    rows = [ekf._replace(grade="doubtful", reason="it is far off", remedy="use another"), ckf]
+    text = printed(evaluation._replace(summary=[*rows, tukf._replace(grade="unjudged", reason="nobody did")]), 100)
+    assert "EKF doubtful: it is far off; use another." in text
+    assert "TUKF unjudged: nobody did." in text
+    assert "CKF sound" not in text
+
+
+def test_each_sensor_stands_beside_what_chance_makes_of_its_innovations(evaluation):
+    lines = printed(evaluation, 100).splitlines()
+    for row in evaluation.consistency:
+        (line,) = (line for line in lines if line.startswith(f" {row.sensor} ") and " - " in line)
+        assert f"{row.expected_low:.3f} - {row.expected_high:.3f}" in line
+        assert printed_number(row.mean_nis, 3) in line
 
 
 def test_an_ascii_terminal_gets_ascii(tmp_path, evaluation):

@@ -133,10 +133,10 @@ def test_latex_escapes_what_it_must():
 
 
 def test_a_diverged_filter_is_said_to_be_and_has_dashes(evaluation):
-    status = "diverged at t = 0.200 s: not finite"
+    judged = {"grade": "diverged", "reason": "at t = 0.200 s: not finite"}
     first = evaluation.summary[0]
     changed = evaluation._replace(
-        summary=[first._replace(status=status, average_steady_state_error_percent=None), *evaluation.summary[1:]],
+        summary=[first._replace(**judged, average_steady_state_error_percent=None), *evaluation.summary[1:]],
         coefficients=[
             row._replace(rmse=None, steady_state_error_percent=None, estimate=float("nan"))
             if row.filter == "ekf"
@@ -145,10 +145,10 @@ def test_a_diverged_filter_is_said_to_be_and_has_dashes(evaluation):
         ],
     )
     markdown = render_markdown(lay_out(changed, with_paper=True))
-    assert f"EKF {status}." in markdown
+    assert "EKF diverged: at t = 0.200 s: not finite." in markdown
     assert markdown_rows(markdown, "Y_url")[0][3] == "—"
     assert "— ± 0.25" in markdown
-    assert f"EKF {status}." in render_latex(lay_out(changed, with_paper=False))
+    assert "EKF diverged: at t = 0.200 s: not finite." in render_latex(lay_out(changed, with_paper=False))
 
 
 def test_without_truth_there_is_no_table_of_accuracy(evaluation):

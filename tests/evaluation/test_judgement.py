@@ -1,0 +1,206 @@
+"""Each thing that stands against an estimate gives its grade, its reason and what to do; else it is sound."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from auvid_cli.data.estimate import FaultTest
+from auvid_cli.data.innovations import Innovations
+from auvid_cli.evaluation.judgement import (
+    FARTHEST,
+    LARGEST_FAULT,
+    LARGEST_NIS,
+    LARGEST_PORTMANTEAU,
+    Grade,
+    distances_to,
+    judge,
+    judge_one,
+    whiteness,
+)
+
+N = 5000
+
+
+def white(rng, scale=1.0, memory=0.0, n=N):
+    """Innovations of three components, said to be of unit variance; each remembers a share of the one before."""
+    noise = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], rng.standard_normal((n, 3)), axis=0)
+    values = scale * noise
+    return Innovations(np.arange(float(n)), values, np.ones((n, 3)), (values**2).sum(axis=1), np.ones(3))
+
+
+def fault(size, name="delay of the gyroscope", unit="s"):
+    return FaultTest(name, unit, size, 1e-3, "N_url", 2.5)
+
+
+@pytest.fixture
+def smoother(hand_made, rng):
+    """A sound one; its attitude is from an AHRS, and coloured."""
+    innovations = {"dvl": white(rng), "gyroscope": white(rng), "attitude": white(rng, 0.3, 0.95)}
+    estimate = hand_made([0, 1], {"Y_url": [0.0, 3.0], "N_url": [0.0, -2.0]}, innovations=innovations)
+    return replace(estimate, filter="smoother", faults=(fault(2e-3), fault(-3.4e-3, "bias of r")))
+
+
+@pytest.fixture
+def ckf(hand_made):
+    return replace(hand_made([0, 1], {"Y_url": [0.0, 3.4], "N_url": [0.0, -2.0]}), filter="ckf")
+
+
+def test_what_nothing_stands_against_is_sound(ckf, smoother):
+    judgements = judge([ckf, smoother])
+    assert list(judgements) == ["ckf", "smoother"]
+    for judgement in judgements.values():
+        assert judgement == (Grade.SOUND, "", "")
+        assert str(judgement) == "sound"
+
+
+def test_one_that_diverged_is_called_so_whoever_judges(ckf, smoother):
+    ended = replace(ckf, status="diverged at t = 3.000 s: why")
+    for reference in (None, smoother):
+        assert str(judge_one(ended, reference)) == "diverged: at t = 3.000 s: why"
+
+
+def test_one_that_its_innovations_belie_is_inconsistent(ckf, smoother, rng):
+    belied = replace(ckf, innovations={"dvl": white(rng, 3.0)})
+    for reference in (None, smoother):
+        judgement = judge_one(belied, reference)
+        assert judgement.grade is Grade.INCONSISTENT
+        assert judgement.reason.startswith("innovations of dvl are")
+
+
+def test_without_a_smoother_nobody_judges(ckf):
+    judgement = judge_one(ckf, None)
+    assert judgement.grade is Grade.UNJUDGED
+    assert "without the iterated smoother" in judgement.reason
+
+
+def test_a_smoother_that_did_not_end_well_judges_nobody(ckf, smoother):
+    lost = replace(smoother, status="unconverged: out of passes")
+    judgements = judge([lost, ckf])
+    assert judgements["smoother"].grade is Grade.DIVERGED
+    assert judgements["ckf"].grade is Grade.UNJUDGED
+    assert judgements["ckf"].reason.endswith("unconverged: out of passes")
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_the_largest_fault_makes_all_doubtful_and_is_named_with_its_remedy(sign, ckf, smoother):
+    late = fault(sign * 1.01e-3 * LARGEST_FAULT)
+    for judgement in judge([ckf, replace(smoother, faults=(*smoother.faults, late))]).values():
+        assert judgement.grade is Grade.DOUBTFUL
+        assert f"delay of the gyroscope {late.size:.3g} +- 0.001 s (3.5 of its" in judgement.reason
+        assert "moves N_url by 2.5 of its own" in judgement.reason
+        assert judgement.remedy.startswith("shift the time of the gyroscope")
+
+
+def test_a_fault_without_a_unit_is_told_without(smoother):
+    scaled = replace(smoother, faults=(fault(0.02, "scale of the DVL", "1"),))
+    assert "scale of the DVL 0.02 +- 0.001 (20.0 of its" in judge_one(scaled, None).reason
+
+
+def test_innovations_of_the_smoother_that_are_too_large_are_told_with_their_sensor(ckf, smoother, rng):
+    large = replace(smoother, innovations=smoother.innovations | {"gyroscope": white(rng, 1.1)})
+    for judgement in judge([ckf, large]).values():
+        assert judgement.grade is Grade.DOUBTFUL
+        assert judgement.reason.startswith("innovations of gyroscope are larger than stated")
+        assert "more noise of gyroscope" in judgement.remedy
+
+
+def test_innovations_that_last_are_told_with_their_sensor(ckf, smoother, rng):
+    coloured = replace(smoother, innovations=smoother.innovations | {"dvl": white(rng, 0.9, 0.3)})
+    for judgement in judge([ckf, coloured]).values():
+        assert judgement.grade is Grade.DOUBTFUL
+        assert judgement.reason.startswith("innovations of dvl last from sample to sample")
+
+
+def test_an_attitude_is_judged_where_it_is_no_ahrs(smoother, experiment_with):
+    direct = replace(smoother, experiment=experiment_with("sensors.attitude.source=direct"))
+    assert judge_one(smoother, None).grade is Grade.SOUND
+    judgement = judge_one(direct, None)
+    assert judgement.grade is Grade.DOUBTFUL
+    assert judgement.reason.startswith("innovations of attitude last")
+
+
+def test_one_far_from_the_smoother_is_doubtful_by_its_worst_coefficient(ckf, smoother):
+    # By its own standard deviation of 0.25.
+    for distance, grade in ((0.99 * FARTHEST, Grade.SOUND), (1.01 * FARTHEST, Grade.DOUBTFUL)):
+        mean = ckf.mean.copy()
+        mean[-1, 1] = -2.0 - 0.25 * distance
+        judgements = judge([replace(ckf, mean=mean), smoother])
+        assert judgements["ckf"].grade is grade
+        assert judgements["smoother"].grade is Grade.SOUND
+    assert judgements["ckf"].reason == "N_url is 2.0 of its standard deviations from what the iterated smoother finds"
+    assert judgements["ckf"].remedy == "use the smoother's estimate"
+
+
+def test_coefficients_that_one_of_both_holds_have_no_distance(hand_made, smoother):
+    other = replace(hand_made([0, 1], {"Y_url": [0.0, 9.0], "X_u|u|": [0.0, 1.0]}), filter="ckf")
+    assert distances_to(other, smoother) == {"Y_url": pytest.approx(24.0)}
+
+
+@given(
+    values=st.lists(st.floats(-1e3, 1e3), min_size=4, max_size=4),
+    deviations=st.lists(st.floats(1e-3, 1e3), min_size=2, max_size=2),
+)
+def test_a_distance_is_the_same_from_both_sides_and_none_to_itself(values, deviations):
+    one, other = (_two_coefficients(values[k::2], deviations[k]) for k in range(2))
+    assert distances_to(one, other) == distances_to(other, one)
+    assert set(distances_to(one, one).values()) == {0.0}
+    assert all(distance >= 0.0 for distance in distances_to(one, other).values())
+
+
+class _two_coefficients:
+    """As much of an estimate as has a distance."""
+
+    state = ("Y_url", "N_url", "u")
+
+    def __init__(self, values, deviation):
+        self.mean = np.array([[*values, 1.0]])
+        self.standard_deviation = np.full((1, 3), deviation)
+
+
+def test_white_innovations_of_the_stated_variance_are_within_chance():
+    found = [whiteness(white(np.random.default_rng(seed))) for seed in range(20)]
+    nis, portmanteau = np.transpose(found)
+    assert np.abs(nis).max() < 3.0
+    # Its own mean and deviation; the larger of three is told.
+    assert abs(nis.mean()) < 0.7
+    assert 0.6 < nis.std() < 1.4
+    assert portmanteau.max() < 5.0
+
+
+def test_larger_ones_are_told_by_nis_alone(rng):
+    large = whiteness(white(rng, 1.1))
+    # 15000 components with 21 % more of squares.
+    assert large.nis == pytest.approx(0.21 * np.sqrt(15000 / 2), rel=0.15)
+    assert large.nis > LARGEST_NIS
+    assert large.portmanteau < LARGEST_PORTMANTEAU / 2
+
+
+def test_coloured_ones_are_told_by_the_portmanteau_and_their_nis_counts_for_less(rng):
+    coloured, noise = whiteness(white(rng, 1.1, 0.8)), whiteness(white(rng, 1.1))
+    assert coloured.portmanteau > 10 * LARGEST_PORTMANTEAU
+    # The squares of an AR(1) sequence remember 0.64 to the power of the lag.
+    assert coloured.nis < 0.8 * noise.nis
+
+
+def test_missing_components_do_not_count(rng):
+    whole = white(rng)
+    innovation, variance = whole.innovation.copy(), whole.variance.copy()
+    hole = rng.random(innovation.shape) < 0.3
+    innovation[hole] = variance[hole] = np.nan
+    holed = replace(whole, innovation=innovation, variance=variance, nis=np.nansum(innovation**2, axis=1))
+    assert abs(whiteness(holed).nis) < 3.0
+    assert whiteness(holed).portmanteau < 5.0
+
+
+def test_of_few_only_their_size_is_judged(rng):
+    few = white(rng, 2.0, 0.9, n=150)
+    assert whiteness(few).portmanteau == 0.0
+    assert whiteness(few).nis > LARGEST_NIS
+
+
+def test_of_none_nothing_is_said(rng):
+    assert whiteness(white(rng, n=0)) == (0.0, 0.0)

@@ -1,0 +1,120 @@
+"""Score tests of faults against one Gaussian about all measurements, in which a fault is one more known column."""
+
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from auvid_cli.filters.fault_scores import FaultEffects
+from auvid_cli.filters.problem import OK, Gaussian
+from auvid_cli.filters.segments import joint_gaussian, places
+from auvid_cli.filters.smoother import run_smoother
+
+N_MOVING, N_FAULTS = 4, 3
+NAMES, UNITS = ("pushed", "measured", "both"), ("N", "1", "m")
+
+
+class SomeFaults:
+    """One that pushes, one that is measured, and one that is both, at random."""
+
+    names, units = NAMES, UNITS
+
+    def __init__(self, timeline):
+        rng = np.random.default_rng(11)
+        self.timeline = timeline
+        self.pushed = rng.standard_normal((timeline.time.size, N_MOVING, N_FAULTS))
+        self.added = rng.standard_normal((*timeline.measurement.shape, N_FAULTS))
+        self.pushed[..., 1], self.added[..., 0] = 0.0, 0.0
+
+    def effects(self, segment, timeline, about):
+        first = int(np.searchsorted(self.timeline.time, timeline.time[0]))
+        k = self.timeline.measurement_offset[first]
+        events, measurements = slice(first, first + timeline.time.size), slice(k, k + len(timeline.measurement))
+        return FaultEffects(self.pushed[events].copy(), self.added[measurements].copy())
+
+
+@pytest.fixture(params=["one segment", "two segments"])
+def dense(request, linear_problem, events_of):
+    """What is known of faults from the covariance of all measurements; segments, and their joint prior."""
+    p, t, n = linear_problem, linear_problem.timeline, linear_problem.prior.mean.size
+    n_parameters, faults = n - N_MOVING, SomeFaults(linear_problem.timeline)
+    cuts, p.joint = [0, 30], p.prior
+    if request.param == "two segments":
+        rng, factor = np.random.default_rng(5), p.prior.factor.copy()
+        factor[n_parameters:] = np.tril(rng.standard_normal((n, n)))[n_parameters:] + 2.0 * np.eye(n)[n_parameters:]
+        second = Gaussian(np.append(p.prior.mean[:n_parameters], rng.standard_normal(N_MOVING)), factor)
+        cuts, p.joint = [0, 13, 30], joint_gaussian([p.prior, second], N_MOVING)
+    p.segments = [[events_of(t, k, min(k + 6, last)) for k in range(first, last, 6)] for first, last in pairwise(cuts)]
+    n_joint = p.joint.mean.size
+    of_faults, of_noise = slice(n_joint, n_joint + N_FAULTS), n_joint + N_FAULTS
+    columns, variances = of_noise + 30 * N_MOVING, np.zeros(30 * N_MOVING)
+    rows, heard, noise = [], [], []
+    starts = dict(zip(cuts, places(n_joint, N_MOVING, len(p.segments)), strict=False))
+    state, mean = np.zeros((n, columns)), np.zeros(n)
+    for event in range(30):
+        if event in starts:
+            state, mean = np.eye(columns)[starts[event]], p.joint.mean[starts[event]].copy()
+        pieces = slice(*t.substep_offset[event : event + 2])
+        if pieces.stop > pieces.start:
+            matrix, given = np.eye(n), (t.substep_input[pieces], t.substep_duration[pieces])
+            p.process.transition(mean, t.inputs, *given, p.process.constants, p.process.selection, matrix, np.zeros(1))
+            own = slice(of_noise + event * N_MOVING, of_noise + (event + 1) * N_MOVING)
+            state = matrix @ state
+            state[n_parameters:, own] += np.eye(N_MOVING)
+            state[n_parameters:, of_faults] += faults.pushed[event]
+            variances[own.start - of_noise : own.stop - of_noise] = p.process.noise_density**2 * given[1].sum()
+        for k in range(*t.measurement_offset[event : event + 2]):
+            sensor, present = t.measurement_sensor[k], ~np.isnan(t.measurement[k])
+            seen = p.sensors.matrix[sensor] @ state
+            seen[:, of_faults] += faults.added[k]
+            rows.append(seen[present])
+            heard.append((t.measurement[k] - p.sensors.matrix[sensor] @ mean)[present])
+            noise.append(p.sensors.variance[sensor, present])
+    design, new = np.vstack(rows), np.concatenate(heard)
+    known, fault, pushed = design[:, :n_joint], design[:, of_faults], design[:, of_noise:]
+    prior = p.joint.factor @ p.joint.factor.T
+    covariance = known @ prior @ known.T + pushed * variances @ pushed.T + np.diag(np.concatenate(noise))
+    weighted = np.linalg.solve(covariance, fault)
+    return SimpleNamespace(
+        problem=p,
+        faults=faults,
+        score=weighted.T @ new,
+        information=np.sum(weighted * fault, axis=0),
+        effect=-(prior @ known.T @ weighted)[:n_parameters],
+        deviation=np.sqrt(np.diagonal(prior))[:n_parameters],
+    )
+
+
+def scores_of(dense, faults):
+    p = dense.problem
+    outcome = run_smoother(p.process, p.sensors, p.segments, p.joint, lambda *chunk: None, faults=faults)
+    assert outcome.failure == OK
+    return outcome.faults
+
+
+def test_scores_are_those_of_generalised_least_squares(dense):
+    found = scores_of(dense, dense.faults)
+    assert (found.names, found.units) == (NAMES, UNITS)
+    assert_allclose(found.information, dense.information, rtol=1e-8)
+    sigma = dense.information**-0.5
+    assert_allclose(found.score * sigma, dense.score * sigma, atol=1e-8)
+    one = sigma / dense.deviation[:, None]
+    assert_allclose(found.effect * one, dense.effect * one, atol=1e-8)
+
+
+@pytest.mark.parametrize("linear_problem", [2], indirect=True)
+def test_a_fault_in_the_data_moves_its_size_by_itself_and_leaves_its_uncertainty(dense):
+    """The score is linear in the data: so much of a fault more in them is so much more found."""
+    before, measured = scores_of(dense, dense.faults), dense.problem.timeline.measurement
+    measured += 0.7 * dense.faults.added[..., 1]
+    after = scores_of(dense, dense.faults)
+    assert_allclose(after.information, before.information, rtol=1e-10)
+    size = [scores.score[1] / scores.information[1] for scores in (before, after)]
+    assert size[1] - size[0] == pytest.approx(0.7, rel=1e-7)
+
+
+@pytest.mark.parametrize("linear_problem", [2], indirect=True)
+def test_without_faults_to_test_for_nothing_is_said(dense):
+    assert scores_of(dense, None) is None

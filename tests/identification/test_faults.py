@@ -1,0 +1,281 @@
+"""What each fault is said to do is what it does; one in the data is found with its size, and named as the worst."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.evaluation.judgement import LARGEST_FAULT
+from auvid_cli.filters.smoothing_forward import Linearised
+from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.identification.faults import FAULTS, Model, Motion, VehicleFaults
+from auvid_cli.identification.identify import identify
+from auvid_cli.identification.observation import dvl_axes
+from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.process import vehicle_process
+from auvid_cli.vehicle.dynamics import factors, vehicle_constants
+from auvid_cli.vehicle.kinematics import rotation_matrix
+from auvid_cli.vehicle.matrices import mass_matrix
+
+BY_NAME = {fault.name: fault for fault in FAULTS}
+N = 20
+DEGREE = np.pi / 180.0
+
+
+@pytest.fixture(scope="module")
+def known(experiment_with):
+    return experiment_with().vehicle.known_parameters()
+
+
+@pytest.fixture(scope="module")
+def model(known, experiment_with):
+    return Model(known, factors(experiment_with().vehicle.all_coefficients()))
+
+
+@pytest.fixture
+def at(model, rng):
+    """Some motions, as different as a vehicle makes."""
+    motion = 0.2 * rng.standard_normal((N, 9)) + [2.0, *np.zeros(8)]
+    inputs = 0.1 * rng.standard_normal((N, 4)) + [0.0, 0.0, 30.0, 0.0]
+    return Motion(motion, inputs, rng.standard_normal((N, 4)), model.rates(motion, inputs))
+
+
+def effect(name, model, at):
+    return BY_NAME[name].effect(model, at)
+
+
+def by_step(function, step):
+    """Its derivative at 0."""
+    return (function(step) - function(-step)) / (2.0 * step)
+
+
+@pytest.mark.parametrize(("name", "columns"), [("gyroscope", slice(3, 6)), ("DVL", slice(0, 3))])
+def test_a_late_sensor_measures_what_was(name, columns, model, at):
+    measured = by_step(lambda delay: (at.motion - delay * at.rates)[:, columns], 1e-3)
+    assert_allclose(effect(f"delay of the {name}", model, at), measured, atol=1e-9)
+
+
+def test_late_inputs_act_as_they_were(model, at):
+    moved = by_step(lambda delay: model.rates(at.motion, at.inputs - delay * at.input_rate), 1e-3)
+    assert_allclose(effect("delay of the inputs", model, at), moved, atol=1e-8 * np.abs(moved).max())
+
+
+def test_biases_are_added_to_one_axis_each(model, at):
+    for axis, symbol in enumerate("pqr"):
+        assert np.array_equal(effect(f"bias of {symbol}", model, at), np.tile(np.eye(3)[axis], (N, 1)))
+
+
+def test_scale_and_mounting_are_those_of_the_block_that_estimates_them(model, at):
+    velocity = at.motion[:, :3]
+    for name, turned in (("scale", lambda e: dvl_axes(e, 0.0)), ("mounting yaw", lambda e: dvl_axes(0.0, e))):
+        expected = by_step(lambda e, turned=turned: velocity @ turned(e).T, 1e-4)
+        assert_allclose(effect(f"{name} of the DVL", model, at), expected, atol=1e-7)
+
+
+def test_a_lever_arm_adds_what_the_rotation_moves(model, at):
+    for axis, name in enumerate("xyz"):
+        # The velocity of a point of a body: that of its origin and w x r.
+        p, q, r = at.motion[:, 3:6].T
+        zero = np.zeros(N)
+        turning = np.array([[zero, -r, q], [r, zero, -p], [-q, p, zero]])
+        assert_allclose(effect(f"lever arm of the DVL, {name}", model, at), turning[:, axis].T, atol=1e-15)
+
+
+def test_a_current_is_seen_over_ground(model, at):
+    for axis, name in enumerate(("north", "east")):
+        expected = [rotation_matrix(attitude).T[:, axis] for attitude in at.motion[:, 6:9]]
+        assert_allclose(effect(f"current, {name}", model, at), expected, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("name", "given"), [("trim of the rudder", 0), ("trim of the elevator", 1), ("constant thrust", 2)]
+)
+def test_a_trim_is_added_to_an_input(name, given, model, at):
+    expected = by_step(lambda by: model.rates(at.motion, at.inputs + by * np.eye(4)[given]), 1e-3)
+    assert_allclose(effect(name, model, at), expected, atol=1e-8 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(("name", "symbol"), [("mass", "m"), ("buoyancy", "B"), ("xG", "xG")])
+def test_a_known_parameter_changes_the_rates(name, symbol, model, known, at, experiment_with):
+    values = factors(experiment_with().vehicle.all_coefficients())
+
+    def rates(by):
+        return Model({**known, symbol: known[symbol] + by}, values).rates(at.motion, at.inputs)
+
+    expected = by_step(rates, 1e-4)
+    # A whole kilogram, of which the effect is not quite linear.
+    assert np.abs(expected).max() > 0.0
+    assert_allclose(effect(name, model, at), expected, atol=0.02 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(("name", "row"), [("Y_|v|r", 1), ("N_|v|r", 5)])
+def test_cross_flow_is_a_force_or_a_moment(name, row, model, known, at):
+    faster = effect(name, model, at)
+    forces = np.zeros((N, 6))
+    forces[:, row] = np.abs(at.motion[:, 1]) * at.motion[:, 5]
+    assert_allclose(faster[:, :6] @ mass_matrix(known).T, forces, atol=1e-12)
+    assert not faster[:, 6:].any()
+
+
+@pytest.fixture
+def along(simulated_with, rng):
+    """A chunk of data with some motion along it: problem, timeline and what is linear about it."""
+    dataset = simulated_with("manoeuvre.duration=1 s", "manoeuvre.initial_speed=2 m/s")
+    problem = augmented_problem(prepare(dataset))
+    timeline = next(iter(problem.segments[0].timelines))
+    symbols, scale = problem.layout.symbols, problem.layout.scale
+    n = problem.layout.n_parameters
+    parameters = np.array([dataset.truth.coefficients[symbol] for symbol in symbols[:n]]) / scale[:n]
+    states = np.cumsum(0.002 * rng.standard_normal((timeline.time.size + 1, 9)), axis=0)
+    states[:, 0] += 2.0
+    shape = timeline.measurement.shape
+    rows = np.zeros((*shape, len(symbols)))
+    return problem, timeline, Linearised(parameters, states[0], states[1:].copy(), np.zeros(shape), rows)
+
+
+def moved(problem, timeline, about, known, inputs):
+    """Where the process takes the motion from each event to the next."""
+    process = vehicle_process(vehicle_constants(known), problem.held, problem.layout)
+    n, before = problem.layout.n_parameters, np.vstack([about.before, about.moving])
+    ends = []
+    for event in range(timeline.time.size):
+        pieces = slice(*timeline.substep_offset[event : event + 2])
+        state = np.append(about.parameters, before[event])
+        given = inputs, timeline.substep_input[pieces], timeline.substep_duration[pieces]
+        scratch = np.zeros(process.scratch_size)
+        if pieces.stop > pieces.start:
+            process.transition(state, *given, process.constants, process.selection, np.eye(state.size), scratch)
+        ends.append(state[n:])
+    return np.array(ends)
+
+
+def test_pushes_are_how_much_farther_the_process_goes(along):
+    problem, timeline, about = along
+    assert timeline.substep_offset[-1] > timeline.time.size / 2
+    faults = VehicleFaults(problem)
+    pushed, added = faults.effects(0, timeline, about)
+
+    def with_mass(by):
+        return moved(problem, timeline, about, problem.known | {"m": problem.known["m"] + by}, timeline.inputs)
+
+    def with_trim(by):
+        return moved(problem, timeline, about, problem.known, timeline.inputs + by * np.eye(4)[0])
+
+    for name, function in (("mass", with_mass), ("trim of the rudder", with_trim)):
+        expected, f = by_step(function, 1e-3), faults.names.index(name)
+        assert_allclose(pushed[..., f], expected, atol=0.03 * np.abs(expected).max())
+        assert not added[..., f].any()
+
+
+def test_what_is_added_is_added_to_its_sensor_at_its_events(along):
+    problem, timeline, about = along
+    faults = VehicleFaults(problem)
+    pushed, added = faults.effects(0, timeline, about)
+    event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
+    for name, sensor, columns in (("lever arm of the DVL, x", "dvl", 3), ("bias of q", "gyroscope", 3)):
+        f = faults.names.index(name)
+        own = timeline.measurement_sensor == [*problem.measuring].index(sensor)
+        at = Motion(about.moving[event[own]], *(np.zeros((own.sum(), k)) for k in (4, 4, 9)))
+        assert own.any()
+        assert_allclose(added[own, :columns, f], BY_NAME[name].effect(None, at), atol=1e-15)
+        assert not added[~own, :, f].any()
+        assert not pushed[..., f].any()
+
+
+def test_a_propeller_drives_by_the_thrust_that_was_found(simulated_with, along):
+    _, _, before = along
+    dataset = simulated_with("manoeuvre.duration=1 s", "identification.estimate.biases=[thrust]")
+    problem = augmented_problem(prepare(dataset))
+    timeline, n = next(iter(problem.segments[0].timelines)), problem.layout.n_parameters
+    values = {symbol: dataset.truth.coefficients.get(symbol, 0.2) for symbol in problem.layout.symbols[:n]}
+    assert values["thrust_scale"] == 0.2
+    states = np.tile(before.before, (timeline.time.size, 1))
+    shape = timeline.measurement.shape
+    rows = np.zeros((*shape, problem.layout.scale.size))
+    parameters = np.array([*values.values()]) / problem.layout.scale[:n]
+    about = Linearised(parameters, before.before, states, np.zeros(shape), rows)
+    faults = VehicleFaults(problem)
+    late = faults.effects(0, timeline, about).added[..., faults.names.index("delay of the DVL")]
+    (last,) = np.flatnonzero(timeline.measurement_sensor == [*problem.measuring].index("dvl"))[-1:]
+    event = np.searchsorted(timeline.measurement_offset, last, side="right") - 1
+    inputs = timeline.inputs[timeline.substep_input[timeline.substep_offset[event + 1] - 1]]
+    model = Model(problem.known, factors(values, 1.2))
+    assert_allclose(late[last], -model.rates(states[:1], inputs[None])[0, :3], rtol=1e-12)
+
+
+def names_with(dataset):
+    return VehicleFaults(augmented_problem(prepare(dataset))).names
+
+
+def test_what_is_estimated_or_not_measured_is_not_tested(short_run, with_settings):
+    everything = names_with(short_run)
+    assert everything == tuple(BY_NAME)
+    estimated = names_with(with_settings(short_run, "identification.estimate.biases=[gyro, dvl, current]"))
+    assert set(everything) - set(estimated) == {
+        *(f"bias of {symbol}" for symbol in "pqr"), "scale of the DVL", "mounting yaw of the DVL",
+        "current, north", "current, east",
+    }  # fmt: skip
+    blind = replace(short_run, sensors={k: v for k, v in short_run.sensors.items() if k != "dvl"})
+    assert {name for name in everything if BY_NAME[name].sensor == "dvl"} == set(everything) - set(names_with(blind))
+
+
+@pytest.fixture(scope="module")
+def clean(simulated_with):
+    """With all turns that a fault may show in, and white noise only."""
+    return simulated_with("manoeuvre.duration=60 s", "sensors.attitude.source=direct")
+
+
+def biased(data):
+    gyroscope = data.sensors["gyroscope"]
+    values = gyroscope.values + np.array([0.0, 0.0, 0.05 * DEGREE])
+    return replace(data, sensors=data.sensors | {"gyroscope": replace(gyroscope, values=values)})
+
+
+def late(data):
+    gyroscope = data.sensors["gyroscope"]
+    inside = gyroscope.time < data.inputs.time[-1] - 0.1
+    changed = replace(gyroscope, time=gyroscope.time[inside] + 0.002, values=gyroscope.values[inside])
+    return replace(data, sensors=data.sensors | {"gyroscope": changed})
+
+
+def early_inputs(data):
+    """What they are recorded as acts later."""
+    values = np.array([np.interp(data.inputs.time + 0.02, data.inputs.time, column) for column in data.inputs.values.T])
+    return replace(data, inputs=replace(data.inputs, values=values.T.copy()))
+
+
+def trimmed(data):
+    values = data.inputs.values - np.array([0.3 * DEGREE, 0.0, 0.0, 0.0])
+    return replace(data, inputs=replace(data.inputs, values=values))
+
+
+def results_of(dataset):
+    estimate = identify(dataset, FilterName.SMOOTHER)
+    assert estimate.status == "completed"
+    return {fault.fault: fault for fault in estimate.faults}
+
+
+@pytest.mark.parametrize(
+    ("plant", "name", "size"),
+    [
+        (biased, "bias of r", 0.05 * DEGREE),
+        (late, "delay of the gyroscope", 0.002),
+        (early_inputs, "delay of the inputs", 0.02),
+        (trimmed, "trim of the rudder", 0.3 * DEGREE),
+    ],
+)
+def test_a_fault_in_the_data_is_found_with_its_size_and_named_as_the_worst(plant, name, size, clean):
+    found = results_of(plant(clean))
+    worst = max(found.values(), key=lambda fault: abs(fault.z))
+    assert (worst.fault, abs(worst.z) > LARGEST_FAULT) == (name, True), worst
+    assert abs(worst.size - size) < 4.0 * worst.standard_deviation + 0.1 * size
+
+
+def test_of_clean_data_no_fault_looks_present(clean):
+    found = results_of(clean)
+    assert tuple(found) == tuple(BY_NAME)
+    assert max(abs(fault.z) for fault in found.values()) < LARGEST_FAULT
+    assert all(fault.unit == BY_NAME[name].unit for name, fault in found.items())
+    assert all(fault.susceptibility >= 0.0 for fault in found.values())
