@@ -169,7 +169,8 @@ def whiteness(innovations: Innovations) -> Whiteness:
     squares, components = float(tally.squares.sum()), float(tally.components.sum())
     if not components:
         return Whiteness(0.0, 0.0)
-    memories = [_squared_correlations(values) for values in _normalised(innovations) if values.size >= _FEWEST]
+    enough = (values for values in _normalised(innovations) if values.size >= _FEWEST and values.std() > 0.0)
+    memories = [_squared_correlations(values) for values in enough]
     # The squares of a Gaussian sequence correlate by the square of its own correlation.
     memory = max((float(squared.sum()) for squared, _ in memories), default=0.0)
     nis = (squares - components) / np.sqrt(2.0 * components * (1.0 + 2.0 * memory))

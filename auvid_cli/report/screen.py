@@ -162,7 +162,8 @@ def _consistency(evaluation: Evaluation, filters: list[str]) -> Table:
     for sensor in dict.fromkeys(row.sensor for row in evaluation.consistency):
         of_filters = [nis.get((sensor, name)) for name in filters]
         low, high = next((row.expected_low, row.expected_high) for row in of_filters if row is not None)
-        rows.append([sensor, f"{low:.3f} - {high:.3f}", *(row and printed(row.mean_nis, 3) for row in of_filters)])
+        expected = "" if np.isnan(low) else f"{low:.3f} - {high:.3f}"
+        rows.append([sensor, expected, *(row and printed(row.mean_nis, 3) for row in of_filters)])
     columns = Column("NIS of", numeric=False), Column("by chance"), *(Column(filter_label(name)) for name in filters)
     return Table("consistency", "Innovations", columns, rows)
 

@@ -12,7 +12,7 @@ from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.faults import FAULTS, Model, Motion, VehicleFaults
 from auvid_cli.identification.identify import identify
-from auvid_cli.identification.observation import dvl_axes
+from auvid_cli.identification.dvl import dvl_axes
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.vehicle.dynamics import factors, vehicle_constants
