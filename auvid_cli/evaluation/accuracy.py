@@ -38,6 +38,9 @@ class CoefficientResult(NamedTuple):
         one it claims more, or its prior does. None also after divergence, and where the bound is infinite.
     identified : bool
         Whether its share of the value, see `shares_of_value`, is small enough, and the estimate is sound.
+    bound_with_process_noise : float or None
+        Least standard deviation by the data alone if process noise moves the vehicle, see
+        `auvid_cli.evaluation.bounds`; None without an estimate of the iterated smoother.
     """
 
     filter: str
@@ -51,6 +54,7 @@ class CoefficientResult(NamedTuple):
     cramer_rao_bound: float | None
     times_bound: float | None
     identified: bool
+    bound_with_process_noise: float | None = None
 
 
 def coefficient_results(

@@ -5,14 +5,19 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
+from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.prepared_data import PreparedData
+from auvid_cli.vehicle.coefficients import SYMBOLS
 
 Array = NDArray[np.float64]
 
+# Shares below this are rounding.
+_ROUNDING = 1e-9
 
 UNSTABLE = (
     "the motion is unstable in open loop, and after {:.3g} s its sensitivities differ by more than numbers can hold"
@@ -96,6 +101,36 @@ def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
     if information.lost_after is not None:
         return Bounds({}, {}, UNSTABLE.format(information.lost_after))
     return Bounds(information.bound(), information.bound_with_prior())
+
+
+def bounds_with_process_noise(prepared: PreparedData, reference: Estimate) -> dict[str, float]:
+    """Find what the data say of each coefficient if process noise moves the vehicle as well, by symbol, SI.
+
+    A linear smoother about the most probable trajectory has the least covariance ``P`` of all that know the prior
+    ``P0``; the information of the data themselves is ``P^-1 - P0^-1``, which needs no sensitivities of a free motion.
+    Infinite for what the data do not tell from the rest.
+
+    Parameters
+    ----------
+    prepared : PreparedData
+        From which the estimate was made.
+    reference : Estimate
+        Of the iterated smoother.
+    """
+    problem = augmented_problem(prepared.with_settings(reference.experiment))
+    n, scale = problem.layout.n_parameters, problem.layout.scale
+    factor = scale[:n, None] * problem.prior.factor[:n, :n]
+    whitened = solve_triangular(
+        factor, solve_triangular(factor, reference.covariance[:n, :n], lower=True).T, lower=True
+    )
+    left, directions = np.linalg.eigh(0.5 * (whitened + whitened.T))
+    # What is left of the prior's variance in each direction; with all of it left the data say nothing there.
+    known = np.maximum(1.0 - left, 0.0)
+    told = known > _ROUNDING
+    spread = (factor @ directions) ** 2
+    variance = spread[:, told] @ (left[told] / known[told])
+    variance[(spread[:, ~told] > _ROUNDING * spread.sum(axis=1, keepdims=True)).any(axis=1)] = np.inf
+    return {symbol: float(np.sqrt(variance[i])) for i, symbol in enumerate(reference.state[:n]) if symbol in SYMBOLS}
 
 
 def true_initial_motions(prepared: PreparedData) -> list[Array] | None:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
+from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.named_rows import NamedRows, frames
 from auvid_cli.evaluation.accuracy import (
@@ -10,7 +11,7 @@ from auvid_cli.evaluation.accuracy import (
     average_steady_state_error,
     coefficient_results,
 )
-from auvid_cli.evaluation.bounds import Bounds
+from auvid_cli.evaluation.bounds import Bounds, bounds_with_process_noise
 from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor_consistency, verdict
 from auvid_cli.evaluation.free_run import VelocityError, free_run
 from auvid_cli.evaluation.judgement import Grade, judge
@@ -89,7 +90,7 @@ class Evaluation(NamedTuple):
 
 def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Callable[[Estimate], Bounds]) -> Evaluation:
     """Evaluate estimates against the dataset they came from, its truth where it has one, and their bounds."""
-    judgements = judge(estimates)
+    judgements, with_noise = judge(estimates), _bounds_with_process_noise(prepared, estimates)
     bounds = {estimate.filter: bounds_of(estimate) for estimate in estimates}
     remarks = {f"no Cramer-Rao bound: {bound.remark}" for bound in bounds.values() if bound.remark}
     evaluation = Evaluation([], [], [], [], [], [], {}, [*sorted(remarks), *_of_different_data(estimates)])
@@ -99,7 +100,9 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
         is_sound = judgement.grade is Grade.SOUND
         results = coefficient_results(estimate, prepared.dataset.truth, bounds[estimate.filter].of_data, is_sound)
         steps = max(estimate.steps, 1)
-        evaluation.coefficients.extend(results)
+        evaluation.coefficients.extend(
+            result._replace(bound_with_process_noise=with_noise.get(result.coefficient)) for result in results
+        )
         evaluation.summary.append(
             FilterSummary(
                 estimate.filter,
@@ -118,6 +121,15 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
         evaluation.faults.extend(FaultResult(estimate.filter, *fault, z=fault.z) for fault in estimate.faults)
         evaluation.free_runs[estimate.filter] = run
     return evaluation
+
+
+def _bounds_with_process_noise(prepared: PreparedData, estimates: list[Estimate]) -> dict[str, float]:
+    """Return the bounds of the coefficients with process noise; none without a smoother's estimate."""
+    reference = next((e for e in estimates if e.filter == FilterName.SMOOTHER and e.completed), None)
+    # Of an earlier estimate that it began with nothing may be left.
+    if reference is None or reference.experiment.identification.prior.from_estimate is not None:
+        return {}
+    return bounds_with_process_noise(prepared, reference)
 
 
 def _of_different_data(estimates: list[Estimate]) -> list[str]:

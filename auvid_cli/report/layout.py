@@ -126,12 +126,15 @@ def _bounds(evaluation: Evaluation) -> Table:
     filters = _filters(evaluation)
     rows: list[list[Cell]] = []
     results_of = by_coefficient(evaluation)
+    has_noise = any(row.bound_with_process_noise is not None for row in evaluation.coefficients)
     differ = any(len({row.cramer_rao_bound for row in by_filter.values()}) > 1 for by_filter in results_of.values())
     for symbol, by_filter in results_of.items():
         results = [by_filter.get(name) for name in filters]
         any_row = next(iter(by_filter.values()))
         bound = [row and row.cramer_rao_bound for row in (results if differ else [any_row])]
-        rows.append([Symbol(symbol), Unit(any_row.unit), *bound, *(row and row.times_bound for row in results)])
+        with_noise = [any_row.bound_with_process_noise] if has_noise else []
+        times = (row and row.times_bound for row in results)
+        rows.append([Symbol(symbol), Unit(any_row.unit), *bound, *with_noise, *times])
     return Table(
         "bounds",
         "Least standard deviations that the data allow, and how many times as large those of the estimates are",
@@ -139,6 +142,7 @@ def _bounds(evaluation: Evaluation) -> Table:
             Column("Coefficient", numeric=False),
             Column("Unit", numeric=False),
             *(_columns(_BOUND, filters) if differ else [Column(_BOUND)]),
+            *([Column("With process noise")] if has_noise else []),
             *_columns("Times bound", filters),
         ),
         rows,

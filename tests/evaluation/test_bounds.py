@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import find_experiment, load_experiment
-from auvid_cli.evaluation.bounds import Bounds, BoundsOf
+from auvid_cli.evaluation.bounds import Bounds, BoundsOf, bounds_with_process_noise
 from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.identifiability import assess_dataset
 from auvid_cli.evaluation.judgement import judge_one
@@ -49,6 +49,30 @@ def test_without_truth_it_is_that_of_each_estimate_and_nearly_the_same(short_run
     for bounds in of_estimates:
         ratio = [bounds[symbol] / with_truth[symbol] for symbol in SYMBOLS]
         assert np.abs(np.log(ratio)).max() < 0.2
+
+
+def test_without_process_noise_the_bound_with_it_is_that_of_the_free_motion(simulated_with):
+    """From another algorithm: a smoother's posterior less its prior, against sensitivities of the free motion."""
+    dataset = simulated_with(
+        "manoeuvre.duration=30 s",
+        "sensors.attitude.source=direct",
+        "identification.process_noise={velocity: 1e-9, rate: 1e-9, attitude: 1e-9}",
+    )
+    prepared, smoother = prepare(dataset), identify(dataset, FilterName.SMOOTHER)
+    bounds = bounds_with_process_noise(prepared, smoother)
+    free = information_at(prepared, smoother.final_coefficients()).bound()
+    assert np.abs(np.log([bounds[symbol] / free[symbol] for symbol in SYMBOLS])).max() < 0.02
+
+
+def test_process_noise_leaves_less_to_be_said_and_no_measurement_nothing(short_run, short_estimates):
+    prepared, smoother = prepare(short_run), short_estimates[FilterName.SMOOTHER]
+    bounds = bounds_with_process_noise(prepared, smoother)
+    free = BoundsOf(prepared)(smoother).of_data
+    assert all(bounds[symbol] > 0.98 * free[symbol] for symbol in SYMBOLS)
+    problem = augmented_problem(prepared)
+    scale = problem.layout.scale[:, None]
+    ignorant = replace(smoother, covariance=(scale * problem.prior.factor) @ (scale * problem.prior.factor).T)
+    assert set(bounds_with_process_noise(prepared, ignorant).values()) == {np.inf}
 
 
 def test_with_the_prior_it_is_that_of_both_informations_together(simulated_with, ckf):
