@@ -53,7 +53,7 @@ def identify(
         if path and dataset:
             put_copy(path, dataset, folder, files, overwrite)
         dataset = dataset or pipeline.dataset_of(experiment, folder)
-        chosen = experiment.identification.with_judge(filters or experiment.identification.filters)
+        chosen = experiment.identification.with_judge(filters or experiment.identification.by_default())
         terminal = Terminal(quiet, verbose)
         pipeline.say_doubts(dataset.experiment.vehicle, terminal)
         prepared = pipeline.prepare(dataset, terminal)

@@ -31,7 +31,10 @@ ResultsArgument = Annotated[
 FilterOption = Annotated[
     list[FilterName] | None,
     typer.Option(
-        "--filter", "-f", help="Filter to run; repeatable. Default: all of the experiment.", show_default=False
+        "--filter",
+        "-f",
+        help="Filter to run; repeatable. Default: those of the settings. The smoother judges them.",
+        show_default=False,
     ),
 ]
 SetOption = Annotated[

@@ -48,7 +48,7 @@ def run(
         if dry_run:
             pipeline.print_settings(loaded)
             return
-        chosen = loaded.identification.with_judge(filters or loaded.identification.filters)
+        chosen = loaded.identification.with_judge(filters or loaded.identification.by_default())
         loaded.identification.check_filters(chosen)
         terminal = Terminal(quiet, verbose)
         folder = pipeline.results_folder(loaded, output)

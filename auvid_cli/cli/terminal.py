@@ -82,7 +82,9 @@ class Terminal:
         self._partner: subprocess.Popen | None = None
         # Whether compiling has begun in the present block, and whether that stands on a screen that keeps its lines.
         self._compiles = self._printed = False
-        self._interrupted = self._damaged = False
+        self._damaged = False
+        # Number of the signal that came while the core was loaded; 0 if none did.
+        self._interrupted = 0
 
     def say(self, message: str) -> None:
         """Print a line, as it is."""
@@ -109,12 +111,12 @@ class Terminal:
     def compiling(self) -> Iterator[Callable[[], None]]:
         """Load the compiled core, and say so where it has to be compiled; yields what says so.
 
-        The compiler swallows an interrupt, so from then on one ends the process on the spot; so does whoever imports
-        something now and then, so until then it waits until all is loaded, less than a second.
+        The compiler swallows an interrupt or dies of it, so from then on one ends the process on the spot; so does
+        whoever imports something now and then, so until then it waits until all is loaded, less than a second.
         """
         from auvid_cli.compilation import told_of_compilation
 
-        before = signal.signal(signal.SIGINT, self._interrupt)
+        before = {number: signal.signal(number, self._interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             with self.stage("loading the compiled core") as change:
 
@@ -129,11 +131,14 @@ class Terminal:
 
                 with told_of_compilation(say_so, self._say_what_is_damaged):
                     yield say_so
-                if self._interrupted:
+                if self._interrupted == signal.SIGINT:
                     raise KeyboardInterrupt
+                if self._interrupted:
+                    raise SystemExit(128 + self._interrupted)
         finally:
             self._compiles = False
-            signal.signal(signal.SIGINT, before)
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
     def _say_what_is_damaged(self) -> None:
         if not self._damaged:
@@ -141,7 +146,7 @@ class Terminal:
         self._damaged = True
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
-        self._interrupted = True
+        self._interrupted = number
         if self._compiles:
             self._leave_at_once()
 
@@ -151,7 +156,7 @@ class Terminal:
         # A spinner hides the cursor and leaves its line half written.
         tidy = b"\x1b[?25h\r\x1b[K" if sys.stderr.isatty() else b""
         os.write(sys.stderr.fileno(), tidy + b"auvid: interrupted while compiling; nothing was lost\n")
-        os._exit(INTERRUPTED)
+        os._exit(INTERRUPTED if self._interrupted == signal.SIGINT else 128 + self._interrupted)
 
     @contextmanager
     def compiling_beside(self, *modules: str) -> Iterator[None]:

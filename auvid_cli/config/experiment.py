@@ -224,6 +224,10 @@ class Identification(Settings):
         """Return the symbols of the coefficients to estimate, in the order of the table."""
         return SYMBOLS if self.coefficients == "all" else tuple(self.coefficients)
 
+    def by_default(self) -> tuple[FilterName, ...]:
+        """Return the filters that run where none is named: with a gate none of those that cannot have one."""
+        return tuple(name for name in self.filters if self.gate is None or not name.in_one_batch) or self.filters
+
     def with_judge(self, filters: Sequence[FilterName]) -> tuple[FilterName, ...]:
         """Add the iterated smoother, which judges the others; not where a gate is set, which it cannot have."""
         judges = self.judge and self.gate is None and FilterName.SMOOTHER not in filters

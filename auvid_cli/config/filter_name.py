@@ -1,6 +1,7 @@
 """What auvid identifies with, apart from its settings so that a command line can name it at once."""
 
 from enum import StrEnum
+from typing import assert_never
 
 
 class FilterName(StrEnum):
@@ -16,9 +17,15 @@ class FilterName(StrEnum):
     @property
     def in_one_batch(self) -> bool:
         """Say whether it fits all data at once, instead of going from measurement to measurement."""
-        return self in (FilterName.SMOOTHER, FilterName.OUTPUT_ERROR)
+        match self:
+            case FilterName.EKF | FilterName.CKF | FilterName.TUKF | FilterName.UKF:
+                return False
+            case FilterName.SMOOTHER | FilterName.OUTPUT_ERROR:
+                return True
+            case _:
+                assert_never(self)
 
     @property
     def is_free_run_fit(self) -> bool:
-        """Whether it fits the motion left to itself: without process noise and, unless asked, without the prior."""
+        """Say whether it fits the motion left to itself: without process noise and, unless asked, without the prior."""
         return self is FilterName.OUTPUT_ERROR

@@ -18,7 +18,7 @@ _OTHER_FIGURES = (
     *("validation_velocities", "validation_attitude", "validation_horizons"),
 )
 _TABLES = (
-    *("coefficients", "summary", "velocity_error", "consistency", "sensor_errors", "checks", "inspection"),
+    *("coefficients", "summary", "velocity_error", "consistency", "sensor_errors", "faults", "checks", "inspection"),
     *("identifiability", "collinear", "validation", "manoeuvres", "validation_checks"),
 )
 _EXPORTS = (".yaml", ".json", ".py", ".m", ".sdf")

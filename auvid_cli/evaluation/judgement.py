@@ -28,7 +28,10 @@ Array = NDArray[np.float64]
 LARGEST_FAULT, LARGEST_NIS, LARGEST_PORTMANTEAU, FARTHEST = 3.5, 4.0, 10.0, 2.0
 _LAGS = 20
 # Errors of an AHRS are no noise, and what a smoother makes of them may look like anything.
-_LASTING = "; or it is the AHRS, whose errors last: measure the attitude directly, or use the raw inertial sensors"
+_WITHOUT_AHRS = (
+    "first do without the AHRS, from recorded accelerometer and magnetometer (identification.attitude_from=inertial) "
+    "or a better attitude; if the fault is still named, "
+)
 # So many measurements say enough of correlations.
 _FEWEST = 200
 
@@ -87,9 +90,14 @@ def _judge(estimate: Estimate, reference: Estimate | None) -> Judgement:
     if not estimate.completed:
         return Judgement(Grade.DIVERGED, status.removeprefix("diverged "))
     if status != "completed":
-        return Judgement(Grade.INCONSISTENT, status.removeprefix("inconsistent: "))
+        likely = None if reference is None or not reference.completed else next(_doubts_of_data(reference), None)
+        remedy = "do not use it; look at stated noise, biases, outliers and signs (auvid check)"
+        if likely is not None:
+            remedy = f"{likely.reason}; {likely.remedy}"
+        return Judgement(Grade.INCONSISTENT, status.removeprefix("inconsistent: "), remedy)
     if reference is None:
-        return Judgement(Grade.UNJUDGED, "without the iterated smoother nobody has judged it")
+        remedy = "fit it as well (--filter smoother, without identification.gate)"
+        return Judgement(Grade.UNJUDGED, "nobody has judged it, for there is no estimate of the smoother", remedy)
     if not reference.completed:
         return Judgement(Grade.UNJUDGED, f"the iterated smoother, which would judge it, {reference.status}")
     doubt = next(_doubts_of_data(reference), None)
@@ -103,17 +111,17 @@ def _doubts_of_data(reference: Estimate) -> Iterator[Judgement]:
         unit = "" if worst.unit == "1" else f" {worst.unit}"
         yield Judgement(
             Grade.DOUBTFUL,
-            f"the data look like a fault: {worst.fault} {worst.size:.3g} +- {worst.standard_deviation:.2g}{unit} "
-            f"({abs(worst.z):.1f} of its standard deviations, of which each moves {worst.coefficient} by "
-            f"{worst.susceptibility:.2g} of its own)",
-            f"{REMEDIES.get(worst.fault, '')}{_LASTING if _is_from_ahrs(reference) else ''}",
+            f"{_ahrs_or(reference)}{worst.fault} ({worst.size:.3g} +- {worst.standard_deviation:.2g}{unit}, "
+            f"{abs(worst.z):.1f} sigma)",
+            f"{_WITHOUT_AHRS if _is_from_ahrs(reference) else ''}{REMEDIES.get(worst.fault, '')}",
         )
     for sensor, innovations in reference.innovations.items():
         if sensor == "attitude" and _is_from_ahrs(reference):
             continue
         statistics = whiteness(innovations)
         if statistics.nis > LARGEST_NIS:
-            reason = f"innovations of {sensor} are larger than stated by {statistics.nis:.1f} of what chance does"
+            beyond = f"NIS is {statistics.nis:.1f} standard deviations of chance above 1"
+            reason = f"innovations of {sensor} are larger than the smoother says ({beyond})"
             yield Judgement(Grade.DOUBTFUL, reason, f"state more noise of {sensor}, or more process noise")
         if statistics.portmanteau > LARGEST_PORTMANTEAU:
             reason = (
@@ -122,9 +130,16 @@ def _doubts_of_data(reference: Estimate) -> Iterator[Judgement]:
             yield Judgement(Grade.DOUBTFUL, reason, "the model lacks something, or its noise is not white")
 
 
+def _ahrs_or(reference: Estimate) -> str:
+    doubted = "errors of the AHRS, which last, or " if _is_from_ahrs(reference) else "a fault: "
+    return f"the data look like {doubted}"
+
+
 def _is_from_ahrs(estimate: Estimate) -> bool:
     """Say whether the attitude was computed by an AHRS, as it is taken to be of a recorded run."""
     experiment = estimate.experiment
+    if "attitude" not in estimate.innovations:
+        return False
     return not isinstance(experiment, Experiment) or experiment.sensors.attitude.source == "ahrs"
 
 

@@ -15,7 +15,7 @@ from scipy.linalg import solve_triangular
 
 from auvid_cli.filters.problem import Gaussian, Process, Sensors, Timeline
 from auvid_cli.filters.segments import of_segment, places, with_parameters
-from auvid_cli.filters.smoothing_backward import backward
+from auvid_cli.filters.smoothing_backward import Adjoint, backward
 from auvid_cli.filters.smoothing_forward import Linearised, Trace, Work, forward, linearise_measurements
 from auvid_cli.filters.square_root_state import State
 from auvid_cli.filters.workspace import padded
@@ -165,20 +165,14 @@ class LinearSmoothing:
         What the way back needs is large: a chunk of which it was not kept is filtered once more from where it began.
         """
         n, n_parameters = self._n, self._n_parameters
-        adjoint, information = np.zeros(n), np.zeros((n, n) if with_variance else (0, 0))
+        adjoint = Adjoint.of_nothing(n, with_variance)
         for segment in reversed(range(len(self._segments))):
             for chunk, timeline in reversed([*enumerate(self._segments[segment])]):
                 about, trace = self._traced(filtered, segment, chunk, timeline)
                 step, variance = (np.zeros(about.moving.shape) for _ in range(2))
-                backward(timeline, about, trace, adjoint, information, step, variance, self._work.product)
-                yield Smoothed(segment, timeline, trace, step, variance, adjoint.copy())
-            # The motion before is another: what is known of this one says something of the parameters alone.
-            owed = np.vstack([np.eye(n_parameters), filtered.by_parameters[segment]])
-            adjoint[:n_parameters], adjoint[n_parameters:] = owed.T @ adjoint, 0.0
-            if with_variance:
-                of_parameters = owed.T @ information @ owed
-                information[:] = 0.0
-                information[:n_parameters, :n_parameters] = of_parameters
+                backward(timeline, about, trace, adjoint, step, variance)
+                yield Smoothed(segment, timeline, trace, step, variance, adjoint.mean.copy())
+            adjoint.pass_on(np.vstack([np.eye(n_parameters), filtered.by_parameters[segment]]))
 
     def traced(self, filtered: Filtered) -> Iterator[tuple[int, Timeline, Linearised, Trace]]:
         """Go through the chunks of each segment once more, from the first to the last."""

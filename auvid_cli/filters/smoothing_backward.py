@@ -2,18 +2,69 @@
 
 The adjoint of the modified Bryson-Frazier recursion (Bierman 1977, section X.5), which inverts no covariance: with r
 what the data after an event say, and Lambda its covariance, the smoothed deviation is ``delta + P r``, of covariance
-``P - P Lambda P``.
+``P - P Lambda P``. Lambda is carried as a root W, ``Lambda = W W'``, to which each component of a measurement adds a
+column: where a vehicle is unstable, or little was known at first, rounding of Lambda itself would lose what is left.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import types
+from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import TIMELINE
 from auvid_cli.filters.smoothing_forward import LINEARISED, TRACE
 
+Array = NDArray[np.float64]
+
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
+# Columns that are added to a root before it is made square again.
+_MORE = 32
+
+
+class Adjoint(NamedTuple):
+    """What the data from an event on say of the deviation there.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (n,)
+        r.
+    root : ndarray, shape (n, n + 32)
+        W, as far as `n_columns` says; of no size where variances are not asked for.
+    n_columns : ndarray of int, shape (1,)
+    work : ndarray, shape (as of `root`)
+        Overwritten.
+    """
+
+    mean: Array
+    root: Array
+    n_columns: NDArray[np.int64]
+    work: Array
+
+    @classmethod
+    def of_nothing(cls, n: int, with_variance: bool) -> "Adjoint":
+        """Say nothing yet of a deviation of n components."""
+        shape = (n, n + _MORE) if with_variance else (0, 0)
+        # The mean of a step needs some room as well.
+        return cls(np.zeros(n), np.zeros(shape), np.zeros(1, dtype=np.int64), np.zeros((n, n + _MORE)))
+
+    def pass_on(self, owed: Array) -> None:
+        """Go over to the motion before, which is another: what is known of this one says something of the parameters.
+
+        Parameters
+        ----------
+        owed : ndarray, shape (n, n_parameters)
+            What the deviation owes to the parameters, themselves included.
+        """
+        n_parameters = owed.shape[1]
+        self.mean[:n_parameters], self.mean[n_parameters:] = owed.T @ self.mean, 0.0
+        if self.root.size:
+            self.root[:n_parameters], self.root[n_parameters:] = owed.T @ self.root, 0.0
+
+
+ADJOINT = types.NamedTuple((_vector, _matrix, types.int64[::1], _matrix), Adjoint)
 
 
 @compiled(types.void(_vector, _vector, types.float64, types.float64, _vector), reassociate=True, internal=True)
@@ -27,83 +78,101 @@ def _take_in(row, gain, error, total, adjoint):
         adjoint[i] += share * row[i]
 
 
-@compiled(types.void(_vector, _vector, types.float64, _matrix, _vector), reassociate=True, internal=True)
-def _take_in_information(row, gain, total, information, product):
-    """Carry its covariance back over one component: ``L' Lambda L + h h' / total`` with ``L = I - g h' / total``."""
-    n = row.size
-    square = 0.0
+@compiled(types.void(_matrix, types.int64, _matrix), reassociate=True, internal=True)
+def _make_square(root, n_columns, work):
+    """Find the lower-triangular root of the same covariance, by modified Gram-Schmidt; see `triangularise`.
+
+    A row that vanishes stays as it is: nothing is said of that component.
+    """
+    n = root.shape[0]
     for i in range(n):
-        dot = 0.0
-        for j in range(n):
-            dot += information[i, j] * gain[j]
-        product[i] = dot / total
-        square += gain[i] * product[i]
-    weight = 1.0 / total + square / total
+        for k in range(n_columns):
+            work[i, k] = root[i, k]
+            root[i, k] = 0.0
+    for i in range(n):
+        square = 0.0
+        for k in range(n_columns):
+            square += work[i, k] * work[i, k]
+        if square > 0.0:
+            norm = np.sqrt(square)
+            root[i, i] = norm
+            for j in range(i + 1, n):
+                dot = 0.0
+                for k in range(n_columns):
+                    dot += work[j, k] * work[i, k]
+                root[j, i] = dot / norm
+                share = dot / square
+                for k in range(n_columns):
+                    work[j, k] -= share * work[i, k]
+
+
+@compiled(types.void(_vector, _vector, types.float64, ADJOINT), reassociate=True, internal=True)
+def _take_in_covariance(row, gain, total, adjoint):
+    """Carry the root back over one component: ``L' W`` with ``L = I - g h' / total``, and ``h / sqrt(total)``."""
+    n, root, product = row.size, adjoint.root, adjoint.work[0]
+    if adjoint.n_columns[0] == root.shape[1]:
+        _make_square(root, root.shape[1], adjoint.work)
+        adjoint.n_columns[0] = n
+    n_columns = adjoint.n_columns[0]
+    for k in range(n_columns):
+        product[k] = 0.0
+    for i in range(n):
+        share = gain[i] / total
+        for k in range(n_columns):
+            product[k] += share * root[i, k]
+    last = 1.0 / np.sqrt(total)
     for i in range(n):
         h = row[i]
         if h != 0.0:
-            for j in range(n):
-                information[i, j] -= h * product[j]
-                information[j, i] -= h * product[j]
-    for i in range(n):
-        if row[i] != 0.0:
-            for j in range(n):
-                information[i, j] += weight * row[i] * row[j]
+            for k in range(n_columns):
+                root[i, k] -= h * product[k]
+        root[i, n_columns] = h * last
+    adjoint.n_columns[0] = n_columns + 1
 
 
-@compiled(types.void(_matrix, types.int64, _vector, _matrix, _matrix), reassociate=True, internal=True)
-def _back_in_time(transition, n_parameters, adjoint, information, product):
-    """Carry adjoint and its covariance back over a transition: ``F' r`` and ``F' Lambda F``."""
-    n = adjoint.size
+@compiled(types.void(_matrix, types.int64, ADJOINT), reassociate=True, internal=True)
+def _back_in_time(transition, n_parameters, adjoint):
+    """Carry adjoint and root back over a transition: ``F' r`` and ``F' W``; of F the upper rows are the identity's."""
+    mean, root, moving = adjoint.mean, adjoint.root, adjoint.work
+    n = mean.size
     n_moving = n - n_parameters
     for i in range(n_moving):
-        product[0, i] = adjoint[n_parameters + i]
-        adjoint[n_parameters + i] = 0.0
+        moving[0, i] = mean[n_parameters + i]
+        mean[n_parameters + i] = 0.0
     for i in range(n_moving):
         for j in range(n):
-            adjoint[j] += product[0, i] * transition[i, j]
-    if information.shape[0] == 0:
+            mean[j] += moving[0, i] * transition[i, j]
+    if root.shape[0] == 0:
         return
-    # Lambda F, row by row; of F the upper rows are those of the identity.
-    for i in range(n):
-        row = product[i]
-        for j in range(n):
-            row[j] = information[i, j] if j < n_parameters else 0.0
-        for k in range(n_moving):
-            share = information[i, n_parameters + k]
-            for j in range(n):
-                row[j] += share * transition[k, j]
-    for i in range(n):
-        for j in range(n):
-            information[i, j] = product[i, j] if i < n_parameters else 0.0
-    for k in range(n_moving):
-        row = product[n_parameters + k]
-        for i in range(n):
-            share = transition[k, i]
-            for j in range(n):
-                information[i, j] += share * row[j]
+    n_columns = adjoint.n_columns[0]
+    for i in range(n_moving):
+        for k in range(n_columns):
+            moving[i, k] = root[n_parameters + i, k]
+            root[n_parameters + i, k] = 0.0
+    for j in range(n):
+        for i in range(n_moving):
+            share = transition[i, j]
+            for k in range(n_columns):
+                root[j, k] += share * moving[i, k]
 
 
-@compiled(types.void(TIMELINE, LINEARISED, TRACE, _vector, _matrix, _matrix, _matrix, _matrix), reassociate=True)
-def backward(timeline, about, trace, adjoint, information, step, variance, product):
+@compiled(types.void(TIMELINE, LINEARISED, TRACE, ADJOINT, _matrix, _matrix), reassociate=True)
+def backward(timeline, about, trace, adjoint, step, variance):
     """Smooth a chunk of the data.
 
     Parameters
     ----------
     timeline, about, trace
         Of `forward`.
-    adjoint : ndarray, shape (n,)
-        r after the last event; carried to before the first.
-    information : ndarray, shape (n, n)
-        Its covariance, alike; of no size where variances are not asked for.
+    adjoint : Adjoint
+        After the last event; carried to before the first.
     step : ndarray, shape (n_events, n_moving)
         Filled in: smoothed deviation of the moving states.
     variance : ndarray, shape (n_events, n_moving)
         Filled in: its variance, if asked for.
-    product : ndarray, shape (n, n)
-        Overwritten.
     """
-    n, n_moving = adjoint.size, step.shape[1]
+    mean, root, told = adjoint.mean, adjoint.root, adjoint.work[0]
+    n, n_moving = mean.size, step.shape[1]
     n_parameters = n - n_moving
     for back in range(timeline.time.size):
         event = timeline.time.size - 1 - back
@@ -111,15 +180,18 @@ def backward(timeline, about, trace, adjoint, information, step, variance, produ
             row = trace.covariance[event, i]
             total = trace.filtered[event, n_parameters + i]
             for j in range(n):
-                total += row[j] * adjoint[j]
+                total += row[j] * mean[j]
             step[event, i] = total
-            if information.shape[0] > 0:
+            if root.shape[0] > 0:
+                n_columns = adjoint.n_columns[0]
+                for k in range(n_columns):
+                    told[k] = 0.0
+                for j in range(n):
+                    for k in range(n_columns):
+                        told[k] += row[j] * root[j, k]
                 square = 0.0
-                for k in range(n):
-                    dot = 0.0
-                    for j in range(n):
-                        dot += information[k, j] * row[j]
-                    square += row[k] * dot
+                for k in range(n_columns):
+                    square += told[k] * told[k]
                 variance[event, i] = row[n_parameters + i] - square
         first, last = timeline.measurement_offset[event], timeline.measurement_offset[event + 1]
         for before in range(last - first):
@@ -129,8 +201,8 @@ def backward(timeline, about, trace, adjoint, information, step, variance, produ
                 if np.isnan(about.residual[k, c]):
                     continue
                 gain, total = trace.gain[k, c], trace.total[k, c]
-                if information.shape[0] > 0:
-                    _take_in_information(about.rows[k, c], gain, total, information, product[0])
-                _take_in(about.rows[k, c], gain, trace.error[k, c], total, adjoint)
+                if root.shape[0] > 0:
+                    _take_in_covariance(about.rows[k, c], gain, total, adjoint)
+                _take_in(about.rows[k, c], gain, trace.error[k, c], total, mean)
         if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
-            _back_in_time(trace.transition[event], n_parameters, adjoint, information, product)
+            _back_in_time(trace.transition[event], n_parameters, adjoint)

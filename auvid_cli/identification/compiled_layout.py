@@ -50,15 +50,20 @@ class Accelerometer(NamedTuple):
 NO_ACCELEROMETER = Accelerometer(_NOWHERE, (0.0, 0.0, 0.0))
 
 
+# Blocks that the compiled process moves, or is made of, without being asked.
+_OF_EVERY_MODEL = "coefficients", "motion", "depth"
+
+
 def model_constants(vehicle: Array, held: Array, layout: StateLayout, accelerometer: Accelerometer) -> Array:
     """Lay out the constants of an augmented model; see `auvid_cli.identification.process.vehicle_process`."""
     compiled_in = {
         quantity.symbol
         for block in layout.blocks
-        if block.error is not None and not block.error.additive
+        if block.name not in _OF_EVERY_MODEL and not (block.error is not None and block.error.additive)
         for quantity in block.quantities
     }
-    assert compiled_in <= set(ROWS), f"no compiled code knows of {', '.join(sorted(compiled_in - set(ROWS)))}"
+    if not compiled_in <= set(ROWS):
+        raise TypeError(f"no compiled code knows of {', '.join(sorted(compiled_in - set(ROWS)))}")
     rows = [row if (row := layout.row(symbol)) is not None else _NOWHERE for symbol in ROWS]
     scale = layout.scale[layout.rows_of("coefficients")]
     felt = accelerometer.sensor, *accelerometer.position

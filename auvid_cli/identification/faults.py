@@ -13,7 +13,6 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.config.augmented_states import THRUST_SCALE
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.filters.smoothing_forward import Linearised
@@ -293,4 +292,5 @@ class VehicleFaults:
         """Return what the regressors are multiplied by, from parameters as filters see them."""
         layout, n = self._problem.layout, parameters.size
         found = dict(zip(layout.symbols[:n], parameters * layout.scale[:n], strict=True))
-        return factors(self._problem.held | found, 1.0 + found.get(THRUST_SCALE.symbol, 0.0))
+        thrust = float(parameters[layout.rows_of("thrust")].sum())
+        return factors(self._problem.held | found, 1.0 + thrust)

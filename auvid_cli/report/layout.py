@@ -268,12 +268,19 @@ def unobserved(evaluation: Evaluation) -> list[str]:
 
 def _runs(evaluation: Evaluation) -> Table:
     rows: list[list[Cell]] = [
-        [filter_label(row.filter), row.cpu_time_s, row.steps, row.microseconds_per_step] for row in evaluation.summary
+        [filter_label(row.filter), row.cpu_time_s, row.steps, row.microseconds_per_step, row.grade]
+        for row in evaluation.summary
     ]
     return Table(
         "runs",
-        "Cost",
-        (Column("Filter", numeric=False), Column("CPU time (s)"), Column("Steps"), Column("CPU time per step (µs)")),
+        "Cost and verdict",
+        (
+            Column("Filter", numeric=False),
+            Column("CPU time (s)"),
+            Column("Steps"),
+            Column("CPU time per step (µs)"),
+            Column("Verdict", numeric=False),
+        ),
         rows,
         notes=tuple(sentence(text) for text in judgements(evaluation)),
     )

@@ -112,7 +112,7 @@ def steer(controls, time, period, speed, turn_rate, depth, motion, feedforward, 
     feedforward : ndarray, shape (4,)
         Added to the inputs.
     memory : ndarray, shape (4,)
-        InitialStates as `INITIAL_MEMORY`.
+        Starts as `INITIAL_MEMORY`.
     inputs : ndarray, shape (4,)
         Filled in.
     """

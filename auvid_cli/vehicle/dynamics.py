@@ -127,7 +127,7 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
 
         uu, uv, uw, uq, ur = u * u, u * v, u * w, u * q, u * r
         vv, ww, pp, qq, rr = abs(v) * v, abs(w) * w, abs(p) * p, abs(q) * q, abs(r) * r
-        x = r * a2 - q * a3 - excess * sin_theta + omega[22 * n + k] * surge_force + omega[k] * abs(u) * u
+        x = r * a2 - q * a3 - excess * sin_theta + omega[N_COEFFICIENTS * n + k] * surge_force + omega[k] * abs(u) * u
         y = p * a3 - r * a1 + excess * down_y
         y += omega[n + k] * vv + omega[2 * n + k] * rr
         y += omega[10 * n + k] * ur + omega[11 * n + k] * uv + omega[18 * n + k] * uu * rudder

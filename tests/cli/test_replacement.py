@@ -13,7 +13,7 @@ from auvid_cli.errors import SimulationError
 
 from .conftest import auvid
 
-SHORT = ("--set", "manoeuvre.duration=6 s")
+SHORT = ("--set", "manoeuvre.duration=6 s", "--set", "identification.judge=false")
 HOME = Path("results/spiral")
 
 

@@ -70,7 +70,7 @@ def test_that_nobody_has_judged_is_worth_knowing_and_no_failure(long_enough):
     assert fails == set()
     (unjudged,) = [check for check in checks if check.passed is None]
     assert (unjudged.subject, unjudged.check, unjudged.statistic) == ("coefficients", "sound", "unjudged")
-    assert unjudged.advice == "without the iterated smoother nobody has judged it."
+    assert unjudged.advice.startswith("nobody has judged it")
 
 
 def test_an_estimate_that_is_not_sound_fails_and_says_what_would_help(long_enough, smoothed):
@@ -78,7 +78,7 @@ def test_an_estimate_that_is_not_sound_fails_and_says_what_would_help(long_enoug
     checks, fails = verdicts(long_enough, reference=replace(smoothed, faults=(bias,)))
     assert fails == {("coefficients", "sound")}
     (sound,) = [check for check in checks if check.check == "sound"]
-    assert "bias of r 0.001 +- 0.0001 rad/s" in sound.advice
+    assert "bias of r (0.001 +- 0.0001 rad/s, 10.0 sigma)" in sound.advice
     assert sound.advice.endswith("identification.estimate.biases: [gyro]).")
 
 

@@ -48,10 +48,18 @@ def test_compiled_code_looks_for_states_that_there_are():
     assert set(ROWS) <= {DEPTH.symbol, *(quantity.symbol for quantity in ERROR_STATES)}
 
 
+@pytest.mark.parametrize("noise", [(), (0.1,)])
+def test_a_state_that_no_compiled_code_moves_is_no_random_walk(layout, noise):
+    new = StateBlock("trim", (Quantity("rudder_trim", "rad", "", ""),), (0.1,), noise)
+    wider = StateLayout([*layout.blocks, new])
+    with pytest.raises(TypeError, match="rudder_trim"):
+        model_constants(np.zeros(N_CONSTANTS), np.zeros(N_COEFFICIENTS), wider, NO_ACCELEROMETER)
+
+
 def test_an_error_that_no_compiled_code_knows_is_never_left_out_silently(layout):
     quantity = Quantity("dvl_pitch", "rad", "", "")
     new = StateBlock("new", (quantity,), (0.1,), error=ErrorBlock("new", (quantity,), 0.1, 0.0, "dvl"))
-    with pytest.raises(AssertionError, match="dvl_pitch"):
+    with pytest.raises(TypeError, match="dvl_pitch"):
         model_constants(
             np.zeros(N_CONSTANTS), np.zeros(N_COEFFICIENTS), StateLayout([*layout.blocks, new]), NO_ACCELEROMETER
         )

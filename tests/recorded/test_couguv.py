@@ -51,7 +51,8 @@ def identified(auvid, run, tmp_path_factory):
     def identify(name, *options, filters=FILTERS, code=0):
         folder = tmp_path_factory.mktemp("identified")
         named = [part for each in filters for part in ("--filter", each)]
-        auvid("identify", run(name), "-o", folder, *named, *options, code=code)
+        unjudged = "--set", "identification.judge=false"
+        auvid("identify", run(name), "-o", folder, *named, *options, *unjudged, code=code)
         return folder
 
     return identify

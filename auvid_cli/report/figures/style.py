@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from auvid_cli.config.filter_name import FilterName
 from auvid_cli.printable import printable
 from auvid_cli.report.notation import filter_label
 
@@ -56,6 +57,10 @@ FILTER_STYLES = {
     "smoother": FilterStyle("#0072B2", (0, (3, 1, 1, 1, 1, 1)), 2.0, "P", 5.5),
     "output_error": FilterStyle("#CC79A7", (0, (7, 2)), 1.8, "v", 5.5),
 }
+
+
+if {*FILTER_STYLES} != {*FilterName}:
+    raise TypeError("the filters that have a style are not those that there are")
 
 
 def new_figure(width: float, height: float) -> Figure:
