@@ -1,0 +1,137 @@
+"""What the judgement is worth, into docs/studies.md: `python -m docs.make_judgement`.
+
+From the runs of `auvid campaign judgement` that there are, whichever share of them; and from faults planted one by one
+into data of each manoeuvre, with white angles, a minute on one core.
+"""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from auvid_cli.campaign.findings import in_order
+from auvid_cli.campaign.plan import Plan
+from auvid_cli.campaign.store import Store
+from auvid_cli.config.campaign import load_campaign
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.load import find_campaign, find_experiment, load_experiment
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.evaluation.judgement import judge
+from auvid_cli.identification.identify import identify
+from auvid_cli.report.notation import filter_label
+from auvid_cli.simulation.simulate import simulate
+from docs.section import replace_section
+
+_MANOEUVRES = ("spiral", "multisine", "doublets", "zigzag_10_10", "zigzag_20_20", "turning_circle")
+# Standard deviations: an estimate all of whose coefficients are nearer to the truth is right, one beyond is wrong.
+_RIGHT, _WRONG = 3.0, 5.0
+
+
+def _late(sensor: str, delay: float) -> Callable[[Dataset], Dataset]:
+    def change(dataset: Dataset) -> Dataset:
+        record = dataset.sensors[sensor]
+        inside = record.time + delay < dataset.inputs.time[-1]
+        later = replace(record, time=record.time[inside] + delay, values=record.values[inside])
+        return replace(dataset, sensors=dataset.sensors | {sensor: later})
+
+    return change
+
+
+def _changed(sensor: str, factor: float, offset: float) -> Callable[[Dataset], Dataset]:
+    def change(dataset: Dataset) -> Dataset:
+        record = dataset.sensors[sensor]
+        other = replace(record, values=factor * record.values + offset)
+        return replace(dataset, sensors=dataset.sensors | {sensor: other})
+
+    return change
+
+
+def _held(dataset: Dataset) -> Dataset:
+    time = dataset.inputs.time
+    kept = np.searchsorted(time, np.floor(10.0 * time + 1e-6) / 10.0 - 1e-6)
+    return replace(dataset, inputs=replace(dataset.inputs, values=dataset.inputs.values[kept]))
+
+
+_FAULTS: dict[str, Callable[[Dataset], Dataset]] = {
+    "gyroscope 2 ms late": _late("gyroscope", 0.002),
+    "inputs held at 10 Hz": _held,
+    "gyroscope biased by 0.05 deg/s": _changed("gyroscope", 1.0, np.deg2rad(0.05)),
+    "DVL 20 ms late": _late("dvl", 0.02),
+    "DVL 0.1 % too fast": _changed("dvl", 1.001, 0.0),
+}
+
+
+def planted(manoeuvre: str, seed: int) -> list[str]:
+    """Plant each fault into data of a manoeuvre, and say in a row what the judgement makes of it."""
+    overrides = f"seed={seed}", f"manoeuvre=manoeuvres/{manoeuvre}.yaml", "sensors.attitude.source=direct"
+    clean, rows = simulate(load_experiment(find_experiment(None), overrides)), []
+    for fault, change in _FAULTS.items():
+        dataset = change(clean)
+        estimate = identify(dataset, FilterName.SMOOTHER)
+        worst = max(estimate.faults, key=lambda test: abs(test.z))
+        true = clean.truth.coefficients if clean.truth else {}
+        errors = [
+            abs(estimate.mean[-1, i] - true[symbol]) / estimate.standard_deviation[-1, i]
+            for i, symbol in enumerate(estimate.state)
+            if symbol in true
+        ]
+        grade = judge([estimate])[estimate.filter].grade
+        name = worst.fault.replace("|", r"\|")
+        rows.append(f"| {manoeuvre} | {fault} | {max(errors):.3g} | {grade} | {name} | {abs(worst.z):.3g} |")
+    return rows
+
+
+def judged(runs: pd.DataFrame, coefficients: pd.DataFrame) -> list[str]:
+    """Say for each filter and attitude how many runs are right, and how many of these are called sound."""
+    rows = []
+    for (attitude, name), own in runs.groupby(["attitude", "filter"], sort=False):
+        errors = coefficients[coefficients["run"].isin(own["run"])]
+        largest = errors.groupby("run")["error"].max().reindex(own["run"]).fillna(np.inf)
+        sound = own["grade"].eq("sound").to_numpy()
+        right, wrong = (largest <= _RIGHT).to_numpy(), (largest > _WRONG).to_numpy()
+        kept = errors[errors["run"].isin(own["run"][sound]) & errors["identified"].eq(True)]["error"]
+        counts = own["grade"].value_counts()
+        others = ", ".join(f"{counts[grade]} {grade}" for grade in counts.index if grade != "sound")
+        rows.append(
+            f"| {attitude} | {filter_label(str(name))} | {len(own)} | {right.sum()} | {(right & sound).sum()} "
+            f"| {wrong.sum()} | {(wrong & sound).sum()} | {(kept <= 2.0).mean():.1%} | {kept.max():.3g} | {others} |"
+        )
+    return rows
+
+
+def main() -> None:
+    """Run everything and write the section."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--results", type=Path, default=Path("results/campaigns/judgement"))
+    parser.add_argument("--seed", type=int, default=201, help="of the data into which faults are planted")
+    options = parser.parse_args()
+    path = find_campaign("judgement")
+    plan = Plan(*load_campaign(path), path)
+    rows = in_order(Store(options.results, plan.columns).rows(plan.labels()).to_pandas(), plan.labels())
+    runs, coefficients = (rows[rows["kind"] == kind].copy() for kind in ("run", "coefficient"))
+    off = (coefficients["estimate"] - coefficients["true"]).abs()
+    coefficients["error"] = off / coefficients["standard_deviation"]
+    lines = [
+        f"{len(runs)} of the {plan.n_runs} runs of `auvid campaign judgement`: {runs['case'].nunique()} pairs of",
+        f"vehicle and manoeuvre, seeds {runs['seed'].min()} to {runs['seed'].max()}. Right: all coefficients within",
+        f"{_RIGHT:g} standard deviations of the truth; wrong: one beyond {_WRONG:g}. The share within two standard",
+        "deviations and the largest error are of the identified coefficients of sound runs.",
+        "",
+        "| attitude | filter | runs | right | and sound | wrong | and sound | within 2 sd | largest / sd | others |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |",
+        *judged(runs, coefficients),
+        "",
+        f"One fault at a time, white angles, seed {options.seed}: what error it makes, the grade, what is named.",
+        "",
+        "| manoeuvre | planted | largest error / sd | grade | named | its z |",
+        "| --- | --- | ---: | --- | --- | ---: |",
+        *(row for manoeuvre in _MANOEUVRES for row in planted(manoeuvre, options.seed)),
+    ]
+    replace_section("judgement", "\n".join(lines), "studies")
+
+
+if __name__ == "__main__":
+    main()
