@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.measurement_errors import as_read, estimated_errors, motion_behind
+from auvid_cli.evaluation.measurement_errors import estimated_errors, measured_motion, motion_behind
 from auvid_cli.evaluation.motion import FreeRun
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.free_motion import move_freely
@@ -119,7 +119,7 @@ def free_run(prepared: PreparedData, estimate: Estimate) -> tuple[FreeRun, list[
     for segment in prepared.segments:
         keeper.interrupt()
         for timeline, predicted in free_motion(segment.timelines, motion_behind(segment.motion, sensor_errors), *model):
-            read = as_read(predicted, sensor_errors)
+            read = measured_motion(predicted, sensor_errors)
             keeper.keep(timeline.time, read)
             event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
             for sensor, name in enumerate(measuring):

@@ -39,7 +39,7 @@ def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
     )
 
 
-def as_read(motion: Array, errors: MeasurementErrors) -> Array:
+def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
     """Return what noiseless sensors would say of a motion.
 
     Of the velocity a DVL, see `auvid_cli.identification.dvl`.
@@ -64,7 +64,7 @@ def as_read(motion: Array, errors: MeasurementErrors) -> Array:
 
 
 def motion_behind(measurement: Array, errors: MeasurementErrors) -> Array:
-    """Return the motion, shape (..., 9), of which noiseless sensors would say this: the inverse of `as_read`."""
+    """Return the motion, shape (..., 9), of which noiseless sensors would say this; inverts `measured_motion`."""
     scale, yaw, *current = errors.dvl
     motion = measurement - errors.offset
     over_ground = motion[..., :3] @ np.linalg.inv(dvl_axes(scale, yaw)).T

@@ -20,7 +20,7 @@ from auvid_cli.inspection.forces import force_checks
 from auvid_cli.inspection.grid import Signals, signals_of
 from auvid_cli.inspection.inspection import Inspection, Mark, judged
 from auvid_cli.inspection.kinematics import attitude_rates
-from auvid_cli.inspection.measurements import reading_checks
+from auvid_cli.inspection.measurements import measurement_checks
 from auvid_cli.inspection.screening import Screened, screened
 from auvid_cli.inspection.steps import angle_steps, gimbal_check, step_check
 from auvid_cli.inspection.timing import input_timing_checks, timing_checks
@@ -91,7 +91,10 @@ def _sensor_checks(dataset: Dataset, name: str, screening: Screened) -> list[Che
     """Judge a sensor by itself."""
     record = dataset.sensors[name]
     checks = timing_checks(name, record, screening.jumps) if record.time.size > 1 else []
-    checks += [*data_checks([dataset], "", [name]), *reading_checks(name, record, screening.spikes, screening.largest)]
+    checks += [
+        *data_checks([dataset], "", [name]),
+        *measurement_checks(name, record, screening.spikes, screening.largest),
+    ]
     tells_pitch = name == "attitude" and np.isfinite(record.values[:, 1]).any()
     return [*checks, gimbal_check(record)] if tells_pitch else checks
 

@@ -110,7 +110,7 @@ def spikes(record: SensorRecord, name: str) -> tuple[NDArray[np.bool_], dict[str
     return mask, largest
 
 
-def reading_checks(
+def measurement_checks(
     name: str, record: SensorRecord, mask: NDArray[np.bool_], largest: dict[str, tuple[float, float]]
 ) -> list[Check]:
     """Judge spikes, as of `spikes`, quantisation and noise floor of a sensor."""

@@ -9,7 +9,7 @@ from auvid_cli.config.position import Path
 from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.logs.columns import ColumnReader
 from auvid_cli.logs.import_report import Account, account_of
-from auvid_cli.logs.inputs import Channel, cut, hold, mix, moved_by, propeller_thrust, thruster_force
+from auvid_cli.logs.inputs import Channel, hold, mix, moved_by, propeller_thrust, thruster_force
 from auvid_cli.logs.measurements import read_rows
 from auvid_cli.logs.refusals import Refusals, RefusedError
 from auvid_cli.logs.requests import Request
@@ -67,7 +67,7 @@ def read_inputs(
         remarks = _mix(settings, held, sensors.records, record)
     refusals.stop_if_any()
     known = np.isfinite(record.values).all(axis=1)
-    return InputRecord(*cut(record.time[known], record.values[known], begin, end)), accounts, remarks
+    return InputRecord(record.time[known], record.values[known]).between(begin, end), accounts, remarks
 
 
 def _read(

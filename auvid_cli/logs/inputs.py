@@ -84,11 +84,3 @@ def thruster_force(percent: Array, full: float) -> Array:
     """Return the thrust full x|x|, N, of a command x from -100 to 100 percent."""
     share = 0.01 * percent
     return full * share * np.abs(share)
-
-
-def cut(time: Array, values: Array, begin: float, end: float) -> tuple[Array, Array]:
-    """Cut out what holds from `begin` to `end`, with the value that holds already at the beginning."""
-    first = max(int(np.searchsorted(time, begin, side="right")) - 1, 0)
-    last = int(np.searchsorted(time, end, side="right"))
-    kept = np.maximum(time[first:last], begin)
-    return kept, values[first:last]

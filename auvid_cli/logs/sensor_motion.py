@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from auvid_cli.data.gaps import gap_limit
 
-_LONGEST_GAP = 1.0
+Array = NDArray[np.float64]
 
 
 def interpolate(time: Array, values: Array, at: Array, is_angle: bool = False) -> Array:
-    """Interpolate rows of values linearly; NaN before the first, after the last, and in gaps of over a second.
+    """Interpolate rows of values linearly; NaN before the first, after the last, and in gaps, see `gap_limit`.
 
     Parameters
     ----------
@@ -34,7 +34,8 @@ def interpolate(time: Array, values: Array, at: Array, is_angle: bool = False) -
     interpolated = np.column_stack([np.interp(at, time, column, np.nan, np.nan) for column in values.T])
     after = np.clip(np.searchsorted(time, at), 1, max(time.size - 1, 1))
     if time.size > 1:
-        interpolated[(time[after] - time[after - 1] > _LONGEST_GAP) & ~np.isin(at, time)] = np.nan
+        between = time[after] - time[after - 1]
+        interpolated[(between > gap_limit(np.diff(time))) & ~np.isin(at, time)] = np.nan
     return interpolated
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.evaluation.free_run import Keeper, free_motion
-from auvid_cli.evaluation.measurement_errors import MeasurementErrors, as_read
+from auvid_cli.evaluation.measurement_errors import MeasurementErrors, measured_motion
 from auvid_cli.evaluation.motion import FreeRun
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.timeline import Timelines
@@ -118,7 +118,7 @@ def _constant_velocity(timelines: Timelines, start: float, motion: Array) -> Ite
 
 def _as_measured(run: Iterable[tuple[Timeline, Array]], errors: MeasurementErrors) -> _Run:
     for timeline, predicted in run:
-        yield timeline.time, as_read(predicted, errors)
+        yield timeline.time, measured_motion(predicted, errors)
 
 
 def _watched(run: _Run, keeper: Keeper, farthest: _Farthest) -> _Run:

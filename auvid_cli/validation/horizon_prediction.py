@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import Dataset, SensorRecord
-from auvid_cli.evaluation.measurement_errors import as_read
+from auvid_cli.evaluation.measurement_errors import measured_motion
 from auvid_cli.identification.timeline import Timelines
 from auvid_cli.validation.fit import Fit
 from auvid_cli.validation.initial_states import InitialStates
@@ -139,8 +139,8 @@ def predict_ahead(
         predicted = move_side_by_side(timelines, motion, bundle.coefficients, parameters, wanted)
         collected.blown_up[:] |= ~np.isfinite(predicted[:, named:]).all(axis=(0, 2))
         errors = starts.errors[k]
-        unchanged = as_read(unchanged_motion(wanted - start, starts.motion[k]), errors)
-        read, first = as_read(predicted, errors), as_read(starts.motion[k], errors)
+        unchanged = measured_motion(unchanged_motion(wanted - start, starts.motion[k]), errors)
+        read, first = measured_motion(predicted, errors), measured_motion(starts.motion[k], errors)
         for target in targets:
             at, column = int(np.searchsorted(wanted, target.time)), target.column
             symbol = MOTION_SYMBOLS[column]

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
-from auvid_cli.evaluation.measurement_errors import MeasurementErrors, as_read, estimated_errors, motion_behind
+from auvid_cli.evaluation.measurement_errors import MeasurementErrors, estimated_errors, measured_motion, motion_behind
 
 SCALE, YAW, NORTH, EAST = 0.03, 0.08, 0.3, -0.2
 ERRORS = MeasurementErrors(0.01 * np.arange(9.0), np.array([SCALE, YAW, NORTH, EAST]))
@@ -21,28 +21,30 @@ def test_a_dvl_sees_the_ground_turned_by_its_mounting_and_scaled(motion):
     attitude = Rotation.from_euler("ZYX", motion[:, 8:5:-1])
     over_ground = motion[:, :3] + attitude.apply([NORTH, EAST, 0.0], inverse=True)
     seen = (1.0 + SCALE) * Rotation.from_euler("z", YAW).apply(over_ground, inverse=True)
-    read = as_read(motion, ERRORS)
+    read = measured_motion(motion, ERRORS)
     assert_allclose(read[:, :3], seen + ERRORS.offset[:3], rtol=1e-13, atol=1e-13)
     assert_array_equal(read[:, 3:], motion[:, 3:] + ERRORS.offset[3:])
 
 
 def test_a_measurement_leads_back_to_its_motion(motion):
-    assert_allclose(motion_behind(as_read(motion, ERRORS), ERRORS), motion, rtol=1e-12, atol=1e-12)
+    assert_allclose(motion_behind(measured_motion(motion, ERRORS), ERRORS), motion, rtol=1e-12, atol=1e-12)
 
 
 def test_rows_may_stand_side_by_side(motion):
-    assert_array_equal(as_read(motion.reshape(5, 10, 9), ERRORS).reshape(50, 9), as_read(motion, ERRORS))
-    assert_allclose(as_read(motion[7], ERRORS), as_read(motion, ERRORS)[7], rtol=1e-14)
+    assert_array_equal(
+        measured_motion(motion.reshape(5, 10, 9), ERRORS).reshape(50, 9), measured_motion(motion, ERRORS)
+    )
+    assert_allclose(measured_motion(motion[7], ERRORS), measured_motion(motion, ERRORS)[7], rtol=1e-14)
 
 
 def test_without_errors_a_motion_is_read_as_it_is(motion):
     nothing = estimated_errors(("u", "v"), np.array([1.0, 2.0]))
-    assert_array_equal(as_read(motion, nothing), motion)
+    assert_array_equal(measured_motion(motion, nothing), motion)
 
 
 def test_a_model_that_blew_up_is_no_measurement(motion):
     motion[3] = np.inf
-    read = as_read(motion, ERRORS)
+    read = measured_motion(motion, ERRORS)
     assert not np.isfinite(read[3]).any()
     assert np.isfinite(np.delete(read, 3, axis=0)).all()
 

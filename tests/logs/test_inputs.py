@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from auvid_cli.data.noise import noise_standard_deviation
-from auvid_cli.logs.inputs import Channel, cut, hold, mix, propeller_thrust, thruster_force
+from auvid_cli.logs.inputs import Channel, hold, mix, propeller_thrust, thruster_force
 from auvid_cli.logs.sensor_motion import interpolate, velocity_at_origin
 
 DEFLECTION = st.floats(-0.5, 0.5)
@@ -60,12 +60,6 @@ def test_inputs_hold_until_the_next_of_their_own():
     assert held["thrust"].tolist() == [10.0, 10.0, 20.0, 20.0]
 
 
-def test_cut_keeps_what_holds_at_the_beginning():
-    time, values = cut(np.array([-2.0, -1.0, 1.0, 2.0, 3.0]), np.array([1.0, 2.0, 3.0, 4.0, 5.0]), 0.0, 2.0)
-    assert time.tolist() == [0.0, 1.0, 2.0]
-    assert values.tolist() == [2.0, 3.0, 4.0]
-
-
 def test_thrust_by_hand():
     n = np.array([10.0, -10.0])
     assert propeller_thrust(n, np.array([2.0, 2.0]), 0.05, -0.1).tolist() == [5.0 - 2.0, -5.0 - 2.0]
@@ -83,8 +77,9 @@ def test_lever_arm_by_hand():
 
 
 def test_interpolation_over_the_jump_of_an_angle_and_not_over_gaps():
-    time, angle = np.array([0.0, 1.0, 4.0, 4.5]), np.array([[3.1], [-3.1], [0.0], [np.nan]])
-    found = interpolate(time, angle, np.array([-0.1, 0.5, 1.0, 2.0, 4.0, 4.2]), is_angle=True)[:, 0]
+    time = np.array([0.0, 1.0, 2.0, 3.0, 20.0, 20.5])
+    angle = np.array([[3.1], [-3.1], [-3.1], [-3.1], [0.0], [np.nan]])
+    found = interpolate(time, angle, np.array([-0.1, 0.5, 1.0, 10.0, 20.0, 20.2]), is_angle=True)[:, 0]
     assert np.isnan(found[[0, 3, 5]]).all()
     assert np.cos(found[1]) == pytest.approx(-1.0)
     assert np.mod(found[2], 2 * np.pi) == pytest.approx(2 * np.pi - 3.1)
