@@ -59,6 +59,8 @@ def evaluate(dataset: Dataset, *estimates: Estimate) -> Evaluation:
     dataset : Dataset
         From which the estimates were made.
     *estimates : Estimate
+        Those of filters are judged by that of the smoother, if it is among them; otherwise nobody judges them, and no
+        coefficient counts as identified.
 
     Returns
     -------
@@ -90,6 +92,7 @@ def check(dataset: Dataset, *estimates: Estimate) -> Checks:
     dataset : Dataset
         From which the estimates were made.
     *estimates : Estimate
+        As of `evaluate`.
 
     Returns
     -------
