@@ -115,7 +115,7 @@ def _as_assumed(dataset: Dataset, assumed: Experiment) -> Dataset:
 def _judging(assumed: Experiment) -> str:
     """Return the experiment that fits the judge of a filter; empty if nobody is to judge it, or it is the judge."""
     settings = assumed.identification
-    if FilterName.SMOOTHER not in settings.with_judge(settings.filters) or FilterName.SMOOTHER in settings.filters:
+    if settings.with_judge(settings.filters) == settings.filters:
         return ""
     others = {name: Identification.model_fields[name].default for name in ("ekf", "ukf", "output_error")}
     smoother = settings.model_copy(update={"filters": (FilterName.SMOOTHER,), **others})

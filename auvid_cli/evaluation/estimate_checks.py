@@ -81,7 +81,7 @@ def _sound(estimate: Estimate, judgement: Judgement) -> Check:
         statistic=judgement.grade,
         threshold=Grade.SOUND,
         passed=None if judgement.grade is Grade.UNJUDGED else judgement.grade is Grade.SOUND,
-        advice=f"{judgement.reason}; {judgement.remedy}." if judgement.remedy else f"{judgement.reason}.",
+        advice=f"{judgement.advice}.",
     )
 
 

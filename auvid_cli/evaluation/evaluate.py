@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
-from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.named_rows import NamedRows, frames
 from auvid_cli.evaluation.accuracy import (
@@ -14,7 +13,7 @@ from auvid_cli.evaluation.accuracy import (
 from auvid_cli.evaluation.bounds import Bounds, bounds_with_process_noise
 from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor_consistency, verdict
 from auvid_cli.evaluation.free_run import VelocityError, free_run
-from auvid_cli.evaluation.judgement import Grade, judge
+from auvid_cli.evaluation.judgement import Grade, judge, reference_among
 from auvid_cli.evaluation.motion import FreeRun
 from auvid_cli.evaluation.sensor_errors import SensorErrorResult, sensor_error_results
 from auvid_cli.identification.prepared_data import PreparedData
@@ -125,9 +124,13 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
 
 def _bounds_with_process_noise(prepared: PreparedData, estimates: list[Estimate]) -> dict[str, float]:
     """Return the bounds of the coefficients with process noise; none without a smoother's estimate."""
-    reference = next((e for e in estimates if e.filter == FilterName.SMOOTHER and e.completed), None)
+    reference = reference_among(estimates)
     # Of an earlier estimate that it began with nothing may be left.
-    if reference is None or reference.experiment.identification.prior.from_estimate is not None:
+    if (
+        reference is None
+        or not reference.completed
+        or reference.experiment.identification.prior.from_estimate is not None
+    ):
         return {}
     return bounds_with_process_noise(prepared, reference)
 

@@ -62,10 +62,14 @@ class Judgement(NamedTuple):
     reason: str = ""
     remedy: str = ""
 
+    @property
+    def advice(self) -> str:
+        """Return reason and remedy, as far as there are such."""
+        return "; ".join(part for part in (self.reason, self.remedy) if part)
+
     def __str__(self) -> str:
         """Return grade, reason and remedy as one sentence without its full stop."""
-        reason = f": {self.reason}" if self.reason else ""
-        return f"{self.grade}{reason}{f'; {self.remedy}' if self.remedy else ''}"
+        return f"{self.grade}: {self.advice}" if self.advice else str(self.grade)
 
 
 def judge(estimates: Sequence[Estimate]) -> dict[str, Judgement]:
@@ -76,8 +80,14 @@ def judge(estimates: Sequence[Estimate]) -> dict[str, Judgement]:
     estimates : sequence of Estimate
         One of them of the iterated smoother, if the others are to be judged.
     """
-    reference = next((estimate for estimate in estimates if estimate.filter == FilterName.SMOOTHER), None)
-    return {estimate.filter: _judge(estimate, reference) for estimate in estimates}
+    reference = reference_among(estimates)
+    doubt = None if reference is None or not reference.completed else next(_doubts_of_data(reference), None)
+    return {estimate.filter: _judge(estimate, reference, doubt) for estimate in estimates}
+
+
+def reference_among(estimates: Sequence[Estimate]) -> Estimate | None:
+    """Return the iterated smoother's estimate, by which the others are judged; None if there is none."""
+    return next((estimate for estimate in estimates if estimate.filter == FilterName.SMOOTHER), None)
 
 
 def judge_one(estimate: Estimate, reference: Estimate | None) -> Judgement:
@@ -85,22 +95,20 @@ def judge_one(estimate: Estimate, reference: Estimate | None) -> Judgement:
     return judge([estimate] if reference is None else [estimate, reference])[estimate.filter]
 
 
-def _judge(estimate: Estimate, reference: Estimate | None) -> Judgement:
+def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | None) -> Judgement:
     status = verdict(estimate)
     if not estimate.completed:
         return Judgement(Grade.DIVERGED, status.removeprefix("diverged "))
     if status != "completed":
-        likely = None if reference is None or not reference.completed else next(_doubts_of_data(reference), None)
         remedy = "do not use it; look at stated noise, biases, outliers and signs (auvid check)"
-        if likely is not None:
-            remedy = f"{likely.reason}; {likely.remedy}"
+        if doubt is not None:
+            remedy = f"{doubt.reason}; {doubt.remedy}"
         return Judgement(Grade.INCONSISTENT, status.removeprefix("inconsistent: "), remedy)
     if reference is None:
         remedy = "fit it as well (--filter smoother, without identification.gate)"
         return Judgement(Grade.UNJUDGED, "nobody has judged it, for there is no estimate of the smoother", remedy)
     if not reference.completed:
         return Judgement(Grade.UNJUDGED, f"the iterated smoother, which would judge it, {reference.status}")
-    doubt = next(_doubts_of_data(reference), None)
     return doubt or _doubt_of_distance(estimate, reference) or Judgement(Grade.SOUND)
 
 

@@ -130,7 +130,7 @@ def _felt_at(axis: int) -> Callable[[Model, Motion], Array]:
     def effect(model: Model, at: Motion) -> Array:
         arm, turning = np.eye(3)[axis], at.motion[:, 3:6]
         carried = np.cross(turning, np.cross(turning, arm))
-        return np.asarray(np.cross(model.rates(at.motion, at.inputs)[:, 3:6], arm) + carried, dtype=np.float64)
+        return np.asarray(np.cross(at.rates[:, 3:6], arm) + carried, dtype=np.float64)
 
     return effect
 

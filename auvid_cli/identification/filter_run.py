@@ -101,8 +101,8 @@ class FilterRun:
         """Say what the data say of each fault, and which coefficient it would move most."""
         deviation = np.sqrt(np.diagonal(covariance))
         moved = np.abs(faults.effect) / deviation[: len(faults.effect), None]
-        moved = moved[[symbol in SYMBOLS for symbol in self.header.state[: len(moved)]]]
         coefficients = [symbol for symbol in self.header.state if symbol in SYMBOLS]
+        moved = moved[[self.header.state.index(symbol) for symbol in coefficients]]
         tests = []
         for f, (name, unit) in enumerate(zip(faults.names, faults.units, strict=True)):
             # A fault that leaves no trace is not tested: there is nothing to say of it.
