@@ -84,9 +84,13 @@ def _perform(simulated: str, run: Run, given: str, with_estimates: bool) -> Perf
         dataset = _data(simulated)
         assumed = Experiment.model_validate_json(given)
         (name,) = assumed.identification.filters
-        estimate = identify(_as_assumed(dataset, assumed), name)
+        reference = _reference(simulated, _judging(assumed))
+        if reference is not None and name is FilterName.SMOOTHER:
+            estimate = reference
+        else:
+            estimate = identify(_as_assumed(dataset, assumed), name)
         bounds = _bounds(simulated, assumed.identification.model_dump_json(include=_OF_THE_DATA, exclude_none=True))
-        judgement = judge_one(estimate, _reference(simulated, _judging(assumed)))
+        judgement = judge_one(estimate, reference)
         rows = measures(run.identity, run.filter, run.seed, estimate, _truth(dataset), bounds, judgement)
     except AuvidError as error:
         return Performed(run, [], str(error), None)
@@ -113,16 +117,15 @@ def _as_assumed(dataset: Dataset, assumed: Experiment) -> Dataset:
 
 
 def _judging(assumed: Experiment) -> str:
-    """Return the experiment that fits the judge of a filter; empty if nobody is to judge it, or it is the judge."""
+    """Return the experiment that fits the judge of a filter; empty if nobody is to judge it."""
     settings = assumed.identification
-    if settings.with_judge(settings.filters) == settings.filters:
+    if FilterName.SMOOTHER not in settings.with_judge(settings.filters):
         return ""
-    others = {name: Identification.model_fields[name].default for name in ("ekf", "ukf", "output_error")}
-    smoother = settings.model_copy(update={"filters": (FilterName.SMOOTHER,), **others})
-    return json.dumps(given_settings(assumed.model_copy(update={"identification": smoother})))
+    judge = settings.of_filter(FilterName.SMOOTHER)
+    return json.dumps(given_settings(assumed.model_copy(update={"identification": judge})))
 
 
-# The filters of a group's data that assume the same share their judge.
+# The filters of a group's data that assume the same share their judge, which may be one of them.
 @lru_cache(maxsize=4)
 def _reference(simulated: str, given: str) -> Estimate | None:
     if not given:

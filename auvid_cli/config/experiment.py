@@ -233,6 +233,12 @@ class Identification(Settings):
         judges = self.judge and self.gate is None and FilterName.SMOOTHER not in filters
         return (*dict.fromkeys(filters), *([FilterName.SMOOTHER] if judges else []))
 
+    def of_filter(self, name: FilterName | None) -> "Identification":
+        """Return the settings with one filter or none, and those that concern others alone as they are by default."""
+        fields = type(self).model_fields
+        others = {other: fields[other].default for other in FilterName if other in fields and other != name}
+        return self.model_copy(update={"filters": () if name is None else (name,), **others})
+
     def check_filters(self, filters: Sequence[FilterName]) -> None:
         """Raise ConfigError or FileError if filters cannot run with these settings, whatever the data."""
         if self.gate is not None and any(name.in_one_batch for name in filters):

@@ -10,14 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from auvid_cli import __version__
-from auvid_cli.config.experiment import (
-    EkfSettings,
-    Identification,
-    OutputErrorSettings,
-    RunSettings,
-    SmootherSettings,
-    UkfSettings,
-)
+from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import dump_experiment, parse_run
 from auvid_cli.data.dataset import Dataset
@@ -29,14 +22,6 @@ from auvid_cli.data.results_folder import dataset_in, estimates_in, products, re
 from auvid_cli.data.screening import begin
 from auvid_cli.errors import AuvidError, FileError
 from auvid_cli.printable import one_line
-
-# Settings that concern one filter alone, by its name.
-_OWN = {
-    "ekf": EkfSettings(),
-    "ukf": UkfSettings(),
-    "smoother": SmootherSettings(),
-    "output_error": OutputErrorSettings(),
-}
 
 
 class _Made(FileAttributes):
@@ -128,7 +113,7 @@ def _replace(path: Path, inputs: Iterable[Path], write: Callable[[], object]) ->
 def other_run(path: Path, experiment: RunSettings) -> str:
     """Say what of another run than an experiment's stands where its dataset is to go; empty if nothing does."""
     if path.exists():
-        return _difference(path, "dataset", experiment, "")
+        return _difference(path, "dataset", experiment)
     return _without_dataset(path.parent) if path == dataset_in(path.parent) else ""
 
 
@@ -150,8 +135,7 @@ def other_estimates(
     others, estimates = {}, estimates_in(folder)
     begin(estimates.values())
     for name, path in estimates.items():
-        filter_name = name.value if name in filters else ""
-        if why := _difference(path, "estimate", experiment, filter_name, sha256):
+        if why := _difference(path, "estimate", experiment, name if name in filters else None, sha256):
             others[path] = why
     return others
 
@@ -161,7 +145,9 @@ def _without_dataset(folder: Path) -> str:
     return f"{results[0]}: was made from data that are no longer there" if results else ""
 
 
-def _difference(path: Path, kind: str, experiment: RunSettings, filter_name: str, sha256: str = "") -> str:
+def _difference(
+    path: Path, kind: str, experiment: RunSettings, filter_name: FilterName | None = None, sha256: str = ""
+) -> str:
     """Say why a file does not go with an experiment; empty if it does."""
     if not path.is_file():
         return f"{path}: is no file"
@@ -183,9 +169,7 @@ def _difference(path: Path, kind: str, experiment: RunSettings, filter_name: str
     return f"{path}: was made with other settings of {', '.join(f'`{part}`' for part in parts)}" if parts else ""
 
 
-def _settings_for(filter_name: str, run: RunSettings) -> RunSettings:
+def _settings_for(filter_name: FilterName | None, run: RunSettings) -> RunSettings:
     """Return a run's settings without those that concern other filters alone, and without its name."""
-    without = {"filters": Identification().filters} | {
-        name: value for name, value in _OWN.items() if name != filter_name
-    }
-    return run.model_copy(update={"name": "", "identification": run.identification.model_copy(update=without)})
+    identification = run.identification.of_filter(filter_name)
+    return run.model_copy(update={"name": "", "identification": identification})

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 # Standard deviations: of a fault's size, by which it may look present; of the sum of squares of a sensor's innovations
 # and of their portmanteau statistic, beyond what noise makes of them; of a coefficient, from the smoother's answer.
 # Chosen on simulations of six manoeuvres with and without faults, see docs/studies.md.
-LARGEST_FAULT, LARGEST_NIS, LARGEST_PORTMANTEAU, FARTHEST = 3.5, 4.0, 10.0, 2.0
+LARGEST_FAULT, LARGEST_NIS, LARGEST_PORTMANTEAU, FARTHEST = 3.5, 4.0, 10.0, 2.5
 _LAGS = 20
 # Errors of an AHRS are no noise, and what a smoother makes of them may look like anything.
 _WITHOUT_AHRS = (
