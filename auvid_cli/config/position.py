@@ -14,7 +14,7 @@ LONGEST_SHOWN = 600
 
 
 @dataclass(frozen=True)
-class Source:
+class ConfigSource:
     """A text with settings.
 
     Attributes
@@ -39,7 +39,7 @@ class Source:
 class Position:
     """A place in a source; line and column count from 1, and line 0 stands for the source as a whole."""
 
-    source: Source
+    source: ConfigSource
     line: int = 0
     column: int = 0
 

@@ -1,4 +1,4 @@
-"""What data can say about the coefficients at best, before any filter runs: bounds, verdicts, what goes together."""
+"""What data can say about the coefficients at best, before any filter runs: bounds, and what goes together."""
 
 from collections.abc import Mapping, Sequence
 from functools import reduce
@@ -111,7 +111,7 @@ def assess(
     for j, (name, (_, unit, _)) in enumerate(values.items()):
         best = max(shares, key=lambda sensor: shares[sensor][j])
         others = [other for group in groups if name in group.members for other in group.members if other != name]
-        verdict = next(label for limit, label in CLASSES if percent[j] <= limit)
+        size_class = next(label for limit, label in CLASSES if percent[j] <= limit)
         bounds.append(
             CoefficientBound(
                 name,
@@ -119,7 +119,7 @@ def assess(
                 float(value[j]),
                 float(bound[j]),
                 float(percent[j]),
-                verdict,
+                size_class,
                 best,
                 float(shares[best][j]),
                 ", ".join(others),

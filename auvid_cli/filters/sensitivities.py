@@ -11,7 +11,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.measurement import SENSORS, wrapped
+from auvid_cli.filters.measurement import SENSORS_TYPE, wrapped
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
     TIMELINE,
@@ -137,7 +137,7 @@ def _move(transition, constants, selection, timeline, mean, sensitivity, matrix,
 @compiled(
     types.void(
         types.FunctionType(LINEARISATION_SIGNATURE),
-        *(_vector, _indices, SENSORS, TIMELINE, types.int64, _matrix, _stack, _matrix, _stack),
+        *(_vector, _indices, SENSORS_TYPE, TIMELINE, types.int64, _matrix, _stack, _matrix, _stack),
         *(_vector, _matrix, _vector),
     ),
 )

@@ -32,7 +32,7 @@ _N_ROWS = len(ROWS)
 _ACCELEROMETER = 1 + _N_ROWS + 4
 
 
-class Accelerometer(NamedTuple):
+class CompiledAccelerometer(NamedTuple):
     """The accelerometer that is heard.
 
     Attributes
@@ -47,14 +47,14 @@ class Accelerometer(NamedTuple):
     position: tuple[float, float, float]
 
 
-NO_ACCELEROMETER = Accelerometer(_NOWHERE, (0.0, 0.0, 0.0))
+NO_ACCELEROMETER = CompiledAccelerometer(_NOWHERE, (0.0, 0.0, 0.0))
 
 
 # Blocks that the compiled process moves, or is made of, without being asked.
 _OF_EVERY_MODEL = "coefficients", "motion", "depth"
 
 
-def model_constants(vehicle: Array, held: Array, layout: StateLayout, accelerometer: Accelerometer) -> Array:
+def model_constants(vehicle: Array, held: Array, layout: StateLayout, accelerometer: CompiledAccelerometer) -> Array:
     """Lay out the constants of an augmented model; see `auvid_cli.identification.process.vehicle_process`."""
     compiled_in = {
         quantity.symbol

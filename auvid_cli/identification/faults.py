@@ -46,7 +46,7 @@ class Motion(NamedTuple):
     rates: Array
 
 
-class Model:
+class FaultedVehicle:
     """A vehicle with its coefficients, as faults disturb it.
 
     Parameters
@@ -111,23 +111,23 @@ class Fault(NamedTuple):
     remedy: str
     state: str
     sensor: str
-    effect: Callable[[Model, Motion], Array]
+    effect: Callable[[FaultedVehicle, Motion], Array]
 
 
-def _constant(component: int) -> Callable[[Model, Motion], Array]:
+def _constant(component: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: np.tile(np.eye(3)[component], (len(at.motion), 1))
 
 
-def _late(columns: slice) -> Callable[[Model, Motion], Array]:
+def _late(columns: slice) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: -at.rates[:, columns]
 
 
-def _lever(axis: int) -> Callable[[Model, Motion], Array]:
+def _lever(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: np.asarray(np.cross(at.motion[:, 3:6], np.eye(3)[axis]), dtype=np.float64)
 
 
-def _felt_at(axis: int) -> Callable[[Model, Motion], Array]:
-    def effect(model: Model, at: Motion) -> Array:
+def _felt_at(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
+    def effect(model: FaultedVehicle, at: Motion) -> Array:
         arm, turning = np.eye(3)[axis], at.motion[:, 3:6]
         carried = np.cross(turning, np.cross(turning, arm))
         return np.asarray(np.cross(at.rates[:, 3:6], arm) + carried, dtype=np.float64)
@@ -135,15 +135,15 @@ def _felt_at(axis: int) -> Callable[[Model, Motion], Array]:
     return effect
 
 
-def _current(north: float, east: float) -> Callable[[Model, Motion], Array]:
+def _current(north: float, east: float) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: current_in_body_axes(at.motion[:, 6:9], north, east)
 
 
-def _offset(given: int) -> Callable[[Model, Motion], Array]:
+def _offset(given: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: model.by_inputs(at, np.eye(4)[given])
 
 
-def _cross_flow(row: int) -> Callable[[Model, Motion], Array]:
+def _cross_flow(row: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: model.by_force(at, row, np.abs(at.motion[:, 1]) * at.motion[:, 5])
 
 
@@ -248,7 +248,7 @@ class VehicleFaults:
 
     def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
         """Say what they do to a chunk of a segment, along a trajectory."""
-        model = Model(self._problem.known, self._factors(about.parameters))
+        model = FaultedVehicle(self._problem.known, self._factors(about.parameters))
         rate = self._problem.segments[segment].timelines.input_rate
         states = np.vstack([about.before, about.moving])[:, self._motion]
 

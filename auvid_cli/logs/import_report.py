@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.logs.clock_drift import ClockDrift
 from auvid_cli.logs.formats.overlap import Overlap
-from auvid_cli.logs.measurements import Rows
+from auvid_cli.logs.measurements import MeasuredRows
 
 _DAY = 86400.0
 
@@ -39,7 +39,9 @@ class Account(NamedTuple):
     remarks: tuple[str, ...]
 
 
-def account_of(name: str, time: NDArray[np.float64], missing: int, rows: Rows, remarks: tuple[str, ...]) -> Account:
+def account_of(
+    name: str, time: NDArray[np.float64], missing: int, rows: MeasuredRows, remarks: tuple[str, ...]
+) -> Account:
     """Account for a sensor or input that kept samples at `time`, s, of the rows that were read."""
     order, rollovers, drift = rows.order, rows.rollovers, rows.clock_drift
     treatment = (

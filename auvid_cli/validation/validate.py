@@ -16,7 +16,7 @@ from auvid_cli.validation.initial_states import InitialStates, filtered_initial_
 from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
 from auvid_cli.validation.models import Models, drawn_coefficients, models_of
 from auvid_cli.validation.results import ManoeuvreNumber, Validation
-from auvid_cli.validation.signals import Signal, measured_signals
+from auvid_cli.validation.signals import MeasuredSignal, measured_signals
 from auvid_cli.validation.verdicts import verdicts
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
@@ -102,7 +102,7 @@ def _remarks(dataset: Dataset, estimate: Estimate, starts: InitialStates, blown_
         )
 
 
-def _taken_as_level(numbers: Sequence[ManoeuvreNumber], signals: Mapping[str, Signal]) -> Iterator[str]:
+def _taken_as_level(numbers: Sequence[ManoeuvreNumber], signals: Mapping[str, MeasuredSignal]) -> Iterator[str]:
     unmeasured = [symbol for symbol in TILT if symbol not in signals]
     if unmeasured and any(row.number == "radius" for row in numbers):
         lacking = " or ".join(unmeasured)

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from auvid_cli.config.augmented_states import AccelerometerBias, AugmentedStates, Current, DvlError, ThrustScale
 from auvid_cli.config.experiment import Identification
-from auvid_cli.identification.compiled_layout import Accelerometer
+from auvid_cli.identification.compiled_layout import CompiledAccelerometer
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.state_layout import state_layout
 from auvid_cli.lanes import LANES
@@ -28,7 +28,7 @@ def process_and_layout(asked, has_depth, experiment, **given):
     settings = Identification(**{"coefficients": ("X_u|u|", "N_uvl"), "estimate": asked} | given)
     layout = state_layout(settings, experiment.vehicle.size, has_depth)
     held = experiment.vehicle.coefficients.by_symbol()
-    position = Accelerometer(ACCELEROMETER, POSITION)
+    position = CompiledAccelerometer(ACCELEROMETER, POSITION)
     return vehicle_process(vehicle_constants(experiment.vehicle.known_parameters()), held, layout, position), layout
 
 

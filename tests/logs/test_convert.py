@@ -12,7 +12,7 @@ from auvid_cli.config.load import shipped_configs
 from auvid_cli.config.log_map import load_map
 from auvid_cli.errors import ConfigError
 from auvid_cli.logs.convert import convert
-from auvid_cli.logs.formats.log import Column, Log
+from auvid_cli.logs.formats.log import Log, LogColumn
 
 TIME = np.arange(40) * 0.05
 FLU = np.diag([1.0, -1.0, -1.0])
@@ -32,7 +32,7 @@ class MemoryLog(Log):
 
     def tables(self):
         return {
-            table: tuple(Column(name, unit, values.dtype.kind == "U") for name, (values, unit) in columns.items())
+            table: tuple(LogColumn(name, unit, values.dtype.kind == "U") for name, (values, unit) in columns.items())
             for table, columns in self._tables.items()
         }
 
