@@ -11,7 +11,7 @@ from auvid_cli.campaign.plan import CampaignPlan
 from auvid_cli.campaign.store import Store
 from auvid_cli.config.campaign import load_campaign
 from auvid_cli.config.load import find_campaign
-from auvid_cli.report.campaign import comparison_sentences
+from auvid_cli.report.campaign_tables import comparison_sentences
 from auvid_cli.report.notation import setting_text
 from benchmarks.timing import described_machine
 from docs.section import replace_section

@@ -20,7 +20,7 @@ from auvid_cli.config.load import find_campaign
 from auvid_cli.data.estimate_file import write_estimate
 from auvid_cli.data.results_folder import dataset_in
 from auvid_cli.errors import FileError
-from auvid_cli.report.campaign import print_findings, write_findings
+from auvid_cli.report.campaign_tables import print_findings, write_findings
 
 # A dry run takes the time of some groups on so many seconds of data, until it has taken so many seconds itself.
 _PROBES, _PROBED, _PATIENCE = 6, 5.0, 2.0

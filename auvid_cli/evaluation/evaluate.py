@@ -14,7 +14,7 @@ from auvid_cli.evaluation.bounds import Bounds, bounds_with_process_noise
 from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor_consistency, status_of
 from auvid_cli.evaluation.free_run import VelocityError, free_run
 from auvid_cli.evaluation.judgement import Grade, judge, reference_among
-from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.evaluation.sensor_errors import SensorErrorResult, sensor_error_results
 from auvid_cli.identification.prepared_data import PreparedData
 

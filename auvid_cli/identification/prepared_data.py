@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.identification.actuators import lagged
-from auvid_cli.identification.segments import used_spans
+from auvid_cli.identification.segmentation import used_spans
 from auvid_cli.identification.timeline import Timelines, initial_depth, initial_motion, measuring_sensors
 from auvid_cli.vehicle.parameters import DEPTH, MOTION_SYMBOLS
 

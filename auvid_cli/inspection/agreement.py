@@ -5,10 +5,10 @@ import numpy as np
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematics import attitude_rates, tied
+from auvid_cli.inspection.kinematic_ties import attitude_rates, tied
+from auvid_cli.inspection.mistaken_units import mistaken_units
 from auvid_cli.inspection.regression import Regression
 from auvid_cli.inspection.responses import AXES, RotationAxis, answers, response_check, response_fits
-from auvid_cli.inspection.units import mistaken_units
 
 _TOLERANCE = 0.2
 _LEAST_CORRELATION = 0.7

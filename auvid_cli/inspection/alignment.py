@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals, change, smoothed
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematics import attitude_rates
+from auvid_cli.inspection.kinematic_ties import attitude_rates
 from auvid_cli.inspection.responses import AXES, RotationAxis, answer_window, moment
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 

@@ -9,8 +9,8 @@ from scipy.ndimage import median_filter
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals, derivative, smoothed
 from auvid_cli.inspection.inspection import Mark, judged
-from auvid_cli.inspection.measurements import noise_floor
 from auvid_cli.inspection.regression import fit
+from auvid_cli.inspection.single_sensor import noise_floor
 from auvid_cli.vehicle.kinematics import euler_rates
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals, derivative, smoothed, without_mean
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematics import Tie
+from auvid_cli.inspection.kinematic_ties import Tie
 from auvid_cli.inspection.regression import Regression, fit
 from auvid_cli.vehicle.kinematics import GRAVITY
 

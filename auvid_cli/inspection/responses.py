@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals, change, smoothed
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematics import attitude_rates, tied
+from auvid_cli.inspection.kinematic_ties import attitude_rates, tied
 from auvid_cli.inspection.regression import Regression, fit
 
 Array = NDArray[np.float64]

@@ -6,8 +6,9 @@ from numpy.typing import NDArray
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals, derivative, smoothed
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematics import Tie, diving_speed, felt_accelerations, swings, tied
+from auvid_cli.inspection.kinematic_ties import Tie, diving_speed, felt_accelerations, swings, tied
 from auvid_cli.inspection.lever_arm import lever_arm_checks
+from auvid_cli.inspection.mistaken_units import mistaken_units
 from auvid_cli.inspection.pitch_offset import (
     PitchOffset,
     fit_over_seconds,
@@ -17,7 +18,6 @@ from auvid_cli.inspection.pitch_offset import (
 )
 from auvid_cli.inspection.regression import Regression, fit
 from auvid_cli.inspection.responses import known_sign, slip_sign, thrust_check
-from auvid_cli.inspection.units import mistaken_units
 
 Array = NDArray[np.float64]
 

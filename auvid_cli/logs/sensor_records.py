@@ -12,7 +12,6 @@ from auvid_cli.config.log_sensors import AccelerometerMap, DepthMap, DvlMap, Sen
 from auvid_cli.config.position import Path
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.noise import Noise, estimate_noise
-from auvid_cli.logs.axes import complete_velocity, in_vehicle_axes
 from auvid_cli.logs.columns import ColumnReader
 from auvid_cli.logs.gaps import Gaps, TimeSpans, find_gaps
 from auvid_cli.logs.import_report import Account, account_of
@@ -20,6 +19,7 @@ from auvid_cli.logs.measurements import MeasuredRows, check_size, read_rows, wit
 from auvid_cli.logs.refusals import Refusals, RefusedError
 from auvid_cli.logs.requests import Request
 from auvid_cli.logs.sensor_motion import depth_at_origin, interpolate
+from auvid_cli.logs.vehicle_axes import complete_velocity, in_vehicle_axes
 from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from auvid_cli.angles import wrap
 from auvid_cli.config.sensors import Accelerometer, Attitude, Dvl, SensorSettings, SensorSuite
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.simulation.motion import Truth, sample_motion
+from auvid_cli.simulation.true_motion import Truth, sample_motion
 from auvid_cli.vehicle.kinematics import GRAVITY, earth_to_body
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
 

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.evaluation.free_run import Keeper, free_motion
 from auvid_cli.evaluation.measurement_errors import MeasurementErrors, measured_motion
-from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.timeline import Timelines
 from auvid_cli.validation.fit import PredictionFit
 from auvid_cli.validation.initial_states import InitialStates
-from auvid_cli.validation.models import Models
-from auvid_cli.validation.prediction import unchanged_motion
+from auvid_cli.validation.model_bundle import Models
+from auvid_cli.validation.motion_prediction import unchanged_motion
 from auvid_cli.validation.results import FREE_RUN, Prediction
 from auvid_cli.validation.signals import SAME, MeasuredSignal, is_angle
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION

@@ -11,7 +11,7 @@ from auvid_cli.evaluation.measurement_errors import measured_motion
 from auvid_cli.identification.timeline import Timelines
 from auvid_cli.validation.fit import PredictionFit
 from auvid_cli.validation.initial_states import InitialStates
-from auvid_cli.validation.prediction import move_side_by_side, unchanged_motion
+from auvid_cli.validation.motion_prediction import move_side_by_side, unchanged_motion
 from auvid_cli.validation.results import AHEAD, Prediction
 from auvid_cli.validation.signals import SAME, MeasuredSignal, is_angle
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION

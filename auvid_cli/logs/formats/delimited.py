@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.log import ColumnValues, Log, LogColumn
 from auvid_cli.logs.formats.lookup import look_up
-from auvid_cli.logs.formats.rows import TextRows, survey
 from auvid_cli.logs.formats.text_layout import BLANKS, FLAGS, Header, TextLayout, read_header
+from auvid_cli.logs.formats.text_rows import TextRows, survey
 from auvid_cli.logs.formats.units import MISSING_VALUES, is_number
 
 _GZIP = b"\x1f\x8b"

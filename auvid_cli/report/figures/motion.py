@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.report.figures.limits import around, value_range
 from auvid_cli.report.figures.series import finite, thin, unwrapped
 from auvid_cli.report.figures.style import (

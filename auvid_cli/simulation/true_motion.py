@@ -12,7 +12,7 @@ from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import SimulationError
 from auvid_cli.lanes import LANES
 from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, controls_of, steer, within
-from auvid_cli.simulation.plan import ManoeuvrePlan
+from auvid_cli.simulation.manoeuvre_plan import ManoeuvrePlan
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
     N_WORK,

@@ -14,7 +14,7 @@ from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.evaluation.free_run import free_run
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.identification.segments import used_data, used_spans
+from auvid_cli.identification.segmentation import used_data, used_spans
 from auvid_cli.identification.timeline import measuring_sensors
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
