@@ -148,6 +148,6 @@ class _Problem:
         # along these, and the solver's matrix has full rank, without which its steps are as long as they may be.
         kept = np.zeros((self._n, self._n))
         if not self._weight.size:
-            unseen = information.unobserved()
-            kept[: len(unseen)] = unseen
+            unobserved = information.unobserved()
+            kept[: len(unobserved)] = unobserved
         return np.vstack([information.factor, np.zeros(self._n), kept, self._weight])

@@ -116,8 +116,8 @@ WORK = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 4), Work)
         *(_vector, _indices, SENSORS_TYPE, TIMELINE, LINEARISED, _vector, WORK),
     )
 )
-def linearise_measurements(linearise, constants, selection, sensors, timeline, about, seen, work):
-    """Fill in residuals and derivatives; `seen` is overwritten."""
+def linearise_measurements(linearise, constants, selection, sensors, timeline, about, predictions, work):
+    """Fill in residuals and derivatives; `predictions` is overwritten."""
     n, n_parameters = about.rows.shape[2], about.parameters.size
     for event in range(timeline.time.size):
         for i in range(n):
@@ -127,9 +127,9 @@ def linearise_measurements(linearise, constants, selection, sensors, timeline, a
             sensor = timeline.measurement_sensor[k]
             nonlinear = sensors.nonlinear[sensor]
             if nonlinear:
-                linearise(work.point, sensor, inputs, constants, selection, seen, about.rows[k], work.process)
+                linearise(work.point, sensor, inputs, constants, selection, predictions, about.rows[k], work.process)
             for c in range(about.residual.shape[1]):
-                predicted = seen[c] if nonlinear else 0.0
+                predicted = predictions[c] if nonlinear else 0.0
                 for i in range(0 if nonlinear else n):
                     h = sensors.matrix[sensor, c, i]
                     about.rows[k, c, i] = h

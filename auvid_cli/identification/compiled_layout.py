@@ -33,12 +33,12 @@ _ACCELEROMETER = 1 + _N_ROWS + 4
 
 
 class CompiledAccelerometer(NamedTuple):
-    """The accelerometer that is heard.
+    """The accelerometer that is used.
 
     Attributes
     ----------
     sensor : int
-        Its row in `auvid_cli.filters.problem.Sensors`; negative if none is heard.
+        Its row in `auvid_cli.filters.problem.Sensors`; negative if none is used.
     position : tuple of float
         Forward, starboard and down of the origin, m.
     """
@@ -66,8 +66,8 @@ def model_constants(vehicle: Array, held: Array, layout: StateLayout, accelerome
         raise TypeError(f"no compiled code knows of {', '.join(sorted(compiled_in - set(ROWS)))}")
     rows = [row if (row := layout.row(symbol)) is not None else _NOWHERE for symbol in ROWS]
     scale = layout.scale[layout.rows_of("coefficients")]
-    felt = accelerometer.sensor, *accelerometer.position
-    return np.concatenate([vehicle, held, scale, felt, rows, [layout.n_parameters]])
+    sensor = accelerometer.sensor, *accelerometer.position
+    return np.concatenate([vehicle, held, scale, sensor, rows, [layout.n_parameters]])
 
 
 @compiled(types.int64(_vector))

@@ -126,7 +126,7 @@ def _lever(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: np.asarray(np.cross(at.motion[:, 3:6], np.eye(3)[axis]), dtype=np.float64)
 
 
-def _felt_at(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
+def _force_at(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
     def effect(model: FaultedVehicle, at: Motion) -> Array:
         arm, turning = np.eye(3)[axis], at.motion[:, 3:6]
         carried = np.cross(turning, np.cross(turning, arm))
@@ -168,7 +168,7 @@ FAULTS: tuple[Fault, ...] = (
         for i, quantity in enumerate(SENSORS["accelerometer"])
     ),
     *(
-        Fault(f"position of the accelerometer, {axis}", "m", _PLACE, "", "accelerometer", _felt_at(i))
+        Fault(f"position of the accelerometer, {axis}", "m", _PLACE, "", "accelerometer", _force_at(i))
         for i, axis in enumerate("xyz")
     ),
     Fault("delay of the gyroscope", "s", _CLOCK.format("the gyroscope"), "", "gyroscope", _late(slice(3, 6))),
@@ -268,9 +268,9 @@ class VehicleFaults:
             sensor: np.flatnonzero(timeline.measurement_sensor == number)
             for number, sensor in enumerate(self._problem.measuring)
         }
-        # An accelerometer feels the inputs that hold from then on.
+        # An accelerometer depends on the inputs that hold from then on.
         inputs = {sensor: timeline.event_input if sensor == "accelerometer" else last for sensor in measured}
-        seen = {
+        at_measurements = {
             sensor: under(states[1:][event[rows]], inputs[sensor][event[rows]])
             for sensor, rows in measured.items()
             if any(fault.sensor == sensor for fault in self._faults)
@@ -278,12 +278,12 @@ class VehicleFaults:
         pushed, added = (np.zeros((*a.shape, len(self._faults))) for a in (about.moving, timeline.measurement))
         for f, fault in enumerate(self._faults):
             if fault.sensor:
-                added[measured[fault.sensor], :3, f] = fault.effect(model, seen[fault.sensor])
+                added[measured[fault.sensor], :3, f] = fault.effect(model, at_measurements[fault.sensor])
                 continue
             pushed[led, self._motion, f] = np.add.reduceat(fault.effect(model, on_the_way) * duration, first)
-            if "accelerometer" in seen:
-                # What changes the motion is felt besides.
-                pull = fault.effect(model, seen["accelerometer"])
+            if "accelerometer" in at_measurements:
+                # What changes the motion is measured besides.
+                pull = fault.effect(model, at_measurements["accelerometer"])
                 arm = np.array(self._problem.measuring["accelerometer"].position)
                 added[measured["accelerometer"], :3, f] = pull[:, :3] + np.cross(pull[:, 3:6], arm)
         return FaultEffects(pushed, added)
@@ -291,6 +291,6 @@ class VehicleFaults:
     def _factors(self, parameters: Array) -> Array:
         """Return what the regressors are multiplied by, from parameters as filters see them."""
         layout, n = self._problem.layout, parameters.size
-        found = dict(zip(layout.symbols[:n], parameters * layout.scale[:n], strict=True))
+        identified = dict(zip(layout.symbols[:n], parameters * layout.scale[:n], strict=True))
         thrust = float(parameters[layout.rows_of("thrust")].sum())
-        return factors(self._problem.held | found, 1.0 + thrust)
+        return factors(self._problem.held | identified, 1.0 + thrust)

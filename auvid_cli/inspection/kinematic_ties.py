@@ -41,7 +41,7 @@ def attitude_rates(signals: Signals, heading: str = "psi") -> dict[str, Tie]:
     }
 
 
-def felt_accelerations(signals: Signals) -> dict[str, Tie]:
+def measured_forces(signals: Signals) -> dict[str, Tie]:
     """Return specific force by the symbol of the velocity whose change it contains; needs attitude and DVL."""
     rates = attitude_rates(signals)
     if not rates or not signals.has("u", "v", "w", "fx", "fy", "fz"):

@@ -24,7 +24,7 @@ def lever_arm_checks(signals: Signals, forces: dict[str, Tie], accelerometer_ahe
     ----------
     signals : Signals
     forces : dict of Tie
-        Of `kinematics.felt_accelerations`.
+        Of `kinematic_ties.measured_forces`.
     accelerometer_ahead : float
         m, by which the accelerometer is stated to sit ahead of the origin.
     """

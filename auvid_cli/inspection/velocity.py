@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals, derivative, smoothed
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematic_ties import Tie, diving_speed, felt_accelerations, swings, tied
+from auvid_cli.inspection.kinematic_ties import Tie, diving_speed, measured_forces, swings, tied
 from auvid_cli.inspection.lever_arm import lever_arm_checks
 from auvid_cli.inspection.mistaken_units import mistaken_units
 from auvid_cli.inspection.pitch_offset import (
@@ -46,7 +46,7 @@ def velocity_checks(signals: Signals, time_constant: float | None, accelerometer
     speed = _speed(signals)
     if speed.passed is False:
         return [speed]
-    checks, forces, offset = [speed], felt_accelerations(signals), None
+    checks, forces, offset = [speed], measured_forces(signals), None
     dive = diving_speed(signals) if signals.has("down") else None
     if dive is not None:
         offset = offset_by_depth(signals, dive)

@@ -14,7 +14,7 @@ from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.noise import Noise, estimate_noise
 from auvid_cli.logs.columns import ColumnReader
 from auvid_cli.logs.gaps import Gaps, TimeSpans, find_gaps
-from auvid_cli.logs.import_report import Account, account_of
+from auvid_cli.logs.import_report import ImportSummary, summary_of
 from auvid_cli.logs.measurements import MeasuredRows, check_size, read_rows, without_repeats
 from auvid_cli.logs.refusals import Refusals, RefusedError
 from auvid_cli.logs.requests import Request
@@ -33,7 +33,7 @@ class SensorRecords(NamedTuple):
 
     records: dict[str, SensorRecord]
     origin: float
-    accounts: list[Account]
+    summaries: list[ImportSummary]
 
 
 def read_sensors(
@@ -64,7 +64,7 @@ def read_sensors(
         records[name] = SensorRecord(time, values, np.empty(0))
     _check_common_time(records, origin, refusals)
     refusals.stop_if_any()
-    dvl, depth, accounts = settings.sensors.dvl, settings.sensors.depth, []
+    dvl, depth, summaries = settings.sensors.dvl, settings.sensors.depth, []
     if isinstance(dvl, DvlMap):
         with refusals.collecting():
             values = complete_velocity(dvl, records["dvl"], records, ("sensors", "dvl"))
@@ -77,9 +77,9 @@ def read_sensors(
         with refusals.collecting():
             records[name], noise = _finished(name, sensor, records[name], settings.use)
             gaps = _gaps(records[name], settings.use, (*settings.exclude, *sensor.exclude))
-            accounts.append(_account(name, records[name], noise, rows[name], int(excluded[name].sum()), gaps))
+            summaries.append(_summary(name, records[name], noise, rows[name], int(excluded[name].sum()), gaps))
     refusals.stop_if_any()
-    return SensorRecords(records, origin, accounts)
+    return SensorRecords(records, origin, summaries)
 
 
 def _read(name: str, sensor: SensorMap, request: Request, columns: ColumnReader) -> tuple[MeasuredRows, Array]:
@@ -150,9 +150,9 @@ def _gaps(record: SensorRecord, use: TimeSpans, exclude: TimeSpans) -> Gaps | No
     return find_gaps(record.time[np.isfinite(record.values).any(axis=1)], use, exclude)
 
 
-def _account(
+def _summary(
     name: str, record: SensorRecord, noise: tuple[Noise, ...], rows: MeasuredRows, excluded: int, gaps: Gaps | None
-) -> Account:
+) -> ImportSummary:
     unit = SENSORS[name][0].unit
     unused = rows.time.size - record.time.size
     estimate = ", ".join(f"{deviation:.3g}" for deviation in record.standard_deviation)
@@ -186,4 +186,4 @@ def _account(
             f"{gaps.number} {'gap' if gaps.number == 1 else 'gaps'}, the longest of {gaps.longest:.4g} s from t = "
             f"{gaps.begin:.4g} s: leave it out with auvid identify --use, or set identification.use.longest_gap"
         )
-    return account_of(name, record.time, missing, rows, tuple(remarks))
+    return summary_of(name, record.time, missing, rows, tuple(remarks))

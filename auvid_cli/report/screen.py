@@ -77,7 +77,7 @@ def print_checks(console: Console, checks: Sequence[Check], passed: bool = True)
 
 
 def print_identifiability(console: Console, identifiability: Identifiability) -> None:
-    """Print bounds by class, who contributes, what goes together, how bounds fall, and unseen sensor errors."""
+    """Print bounds by class, what contributes and goes together, how bounds fall, and what cannot be observed."""
     console.print(narrowed(console, _bounds(identifiability), _LEAST_OF_BOUNDS))
     if identifiability.remark:
         console.print(Text(sentence(identifiability.remark)))
@@ -89,8 +89,8 @@ def print_identifiability(console: Console, identifiability: Identifiability) ->
             )
         )
     for symbol, error in identifiability.sensor_errors.items():
-        unseen = "" if error.observed else ": cannot be observed on this manoeuvre"
-        console.print(Text(f"{symbol}: bound {printed(error.bound, 2)}, prior {printed(error.prior, 2)}{unseen}"))
+        unobserved = "" if error.observed else ": cannot be observed on this manoeuvre"
+        console.print(Text(f"{symbol}: bound {printed(error.bound, 2)}, prior {printed(error.prior, 2)}{unobserved}"))
     half = min(identifiability.growth, key=lambda entry: abs(entry[0] - 0.5 * identifiability.growth[-1][0]))
     whole = identifiability.growth[-1]
     medians = [f"{np.median(percent):.2g} % after {time:.4g} s" for time, percent in dict([half, whole]).items()]

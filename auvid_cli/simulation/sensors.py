@@ -116,7 +116,7 @@ def _depth(sampled: _Sampled) -> Array:
 
 
 def _specific_force(sampled: _Sampled) -> Array:
-    """Return the acceleration of where it sits less gravity, in body axes: what an accelerometer feels."""
+    """Return the acceleration of where it sits less gravity, in body axes: what an accelerometer measures."""
     motion, rate, accelerometer = sampled.motion, sampled.rate, sampled.settings
     assert isinstance(accelerometer, Accelerometer)
     down = earth_to_body(motion[:, 6:], np.broadcast_to([0.0, 0.0, 1.0], (len(motion), 3)))
