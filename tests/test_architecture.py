@@ -95,3 +95,15 @@ def defined_types(node: ast.stmt) -> list[tuple[str, str]]:
         case _:
             named = []
     return [(name, definition) for name, definition in named if re.match("[A-Z]+[a-z]", name)]
+
+
+def test_a_property_says_what_it_does_in_a_sentence():
+    verbs = "Return", "Say", "Count", "Name"
+    fragments = [
+        f"{path.relative_to(PACKAGE)}: {node.name}"
+        for path in PACKAGE.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef) and any("property" in ast.unparse(one) for one in node.decorator_list)
+        if (ast.get_docstring(node) or "Return").split()[0] not in verbs
+    ]
+    assert fragments == []

@@ -82,7 +82,7 @@ class CampaignAxis(Settings):
 
     @property
     def keys(self) -> set[str]:
-        """Dotted keys of all settings that it touches."""
+        """Return the dotted keys of all settings that it touches."""
         return {str(self.setting)} if self.levels is None else {key for level in self.levels.values() for key in level}
 
     @property
@@ -170,7 +170,7 @@ class Campaign(Settings):
 
     @property
     def seed_list(self) -> Sequence[int]:
-        """All seeds; of more than 2^63 Python cannot say how many there are, `n_seeds` can."""
+        """Return all seeds; of more than 2^63 Python cannot say how many there are, `n_seeds` can."""
         return range(1, self.seeds + 1) if isinstance(self.seeds, int) else self.seeds
 
     @property

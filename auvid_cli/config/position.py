@@ -45,12 +45,12 @@ class Position:
 
     @property
     def file(self) -> str:
-        """Name of the source."""
+        """Return the name of the source."""
         return self.source.name
 
     @property
     def text(self) -> str:
-        """The line itself; empty if there is none."""
+        """Return the line itself; empty if there is none."""
         lines = self.source.text.splitlines()
         return lines[self.line - 1] if 0 < self.line <= len(lines) else ""
 

@@ -44,7 +44,7 @@ class Tree:
 
     @property
     def data(self) -> Any:
-        """The plain dict, list or scalar."""
+        """Return the plain dict, list or scalar."""
         match self.content:
             case dict():
                 return {key: child.data for key, child in self.content.items()}

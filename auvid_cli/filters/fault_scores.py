@@ -48,12 +48,12 @@ class Faults(Protocol):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the faults."""
+        """Return the names of the faults."""
         ...
 
     @property
     def units(self) -> tuple[str, ...]:
-        """SI unit of the size of each."""
+        """Return the SI unit of the size of each."""
         ...
 
     def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:

@@ -26,7 +26,7 @@ _indices = types.int64[::1]
 PROCESS_SIGNATURE = types.void(_vector, _vector, _vector, _vector, _indices, types.uint64, types.float64, _vector)
 # transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch): one state, in place.
 TRANSITION_SIGNATURE = types.void(_vector, _matrix, _indices, _vector, _vector, _indices, _matrix, _vector)
-# observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch): fills rows of `predicted`.
+# observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch) fills `predicted`.
 OBSERVATION_SIGNATURE = types.void(
     *(_vector, _vector, types.int64, _vector, _vector, _indices, types.uint64, _vector, _vector)
 )

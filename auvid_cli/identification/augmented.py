@@ -59,7 +59,7 @@ class AugmentedProblem:
 
     @property
     def span(self) -> tuple[float, float]:
-        """First and last time, s."""
+        """Return the first and the last time, s."""
         return self.segments[0].timelines.span[0], self.segments[-1].timelines.span[1]
 
 

@@ -231,17 +231,17 @@ class VehicleFaults:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the faults that no state stands for, of sensors that there are."""
+        """Return the names of the faults that no state stands for, of sensors that there are."""
         return tuple(fault.name for fault in self._faults)
 
     @property
     def units(self) -> tuple[str, ...]:
-        """SI unit of the size of each."""
+        """Return the SI unit of the size of each."""
         return tuple(fault.unit for fault in self._faults)
 
     @cached_property
     def _motion(self) -> slice:
-        """Where the motion stands among the moving states."""
+        """Say where the motion stands among the moving states."""
         layout = self._problem.layout
         rows = layout.rows_of("motion")
         return slice(rows.start - layout.n_parameters, rows.stop - layout.n_parameters)

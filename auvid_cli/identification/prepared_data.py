@@ -35,7 +35,7 @@ class Segment(NamedTuple):
 
     @property
     def motion(self) -> Array:
-        """The motion as measured by the start, shape (9,)."""
+        """Return the motion as measured by the start, shape (9,)."""
         return np.array([self.measured[symbol] for symbol in MOTION_SYMBOLS])
 
 
@@ -58,7 +58,7 @@ class PreparedData:
 
     @property
     def experiment(self) -> RunSettings:
-        """The settings that the data are prepared for."""
+        """Return the settings that the data are prepared for."""
         return self.dataset.experiment
 
     def with_settings(self, experiment: RunSettings) -> "PreparedData":

@@ -195,7 +195,7 @@ class Timelines:
 
     @property
     def input_rate(self) -> Array:
-        """How fast the inputs change at each of their times, per second: steps are spread over their neighbours."""
+        """Say how fast the inputs change at each of their times, per second: steps are spread over their neighbours."""
         time = self._changes * _NANOSECOND
         return np.gradient(self._inputs, time, axis=0) if time.size > 1 else np.zeros_like(self._inputs)
 
@@ -250,7 +250,8 @@ def _substeps(changes: Ticks, before: np.int64, events: Ticks, step: float) -> t
         k = int(gaps.argmax())
         raise DataError(
             f"nothing is measured from t = {cuts[k] * _NANOSECOND:.6g} s to {cuts[k + 1] * _NANOSECOND:.6g} s, too "
-            "long to go on without a measurement: end a segment there (identification.use.longest_gap), or use a part of it"
+            "long to go on without a measurement: end a segment there (identification.use.longest_gap), or use a part "
+            "of it"
         )
     n_substeps = np.maximum(np.ceil(gaps * _NANOSECOND / step - 1e-6).astype(np.int64), 1)
     held = _held(changes, cuts[:-1])

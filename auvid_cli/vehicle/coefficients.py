@@ -43,7 +43,7 @@ class Coefficient(NamedTuple):
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """The factors without their moduli."""
+        """Return the factors without their moduli."""
         return tuple(factor.strip("|") for factor in self.factors)
 
     @property
@@ -53,7 +53,7 @@ class Coefficient(NamedTuple):
 
     @property
     def equation(self) -> str:
-        """The term as text, for example ``Y = Y_uudr u u rudder``."""
+        """Return the term as text, for example ``Y = Y_uudr u u rudder``."""
         return f"{'XYZKMN'[self.row]} += {self.symbol} {' '.join(self.factors)}"
 
 

@@ -23,7 +23,7 @@ def fit_one(process, sensors, timelines, prior, on_chunk, **settings):
 def least_squares_by_hand(problem, by_hand, with_prior):
     """Initial state that fits all measurements, and the prior, by the singular values of their stacked rows.
 
-    Without the prior many parameters are observed in a few combinations only, of which `observed` is an orthonormal basis.
+    Without the prior many parameters are observed in a few combinations only, of which `observed` is a basis.
     """
     t = problem.timeline
     present = ~np.isnan(t.measurement)

@@ -28,7 +28,7 @@ class _Input(NamedTuple):
 
     @property
     def largest(self) -> float:
-        """Largest size."""
+        """Return the largest size."""
         return float(np.nanmax(np.abs(self.values), initial=0.0))
 
     def signal(self, **more: Flow) -> dict[str, Flow]:
