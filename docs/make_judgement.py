@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from auvid_cli.campaign.findings import in_order
-from auvid_cli.campaign.plan import Plan
+from auvid_cli.campaign.plan import CampaignPlan
 from auvid_cli.campaign.store import Store
 from auvid_cli.config.campaign import load_campaign
 from auvid_cli.config.filter_name import FilterName
@@ -109,7 +109,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=201, help="of the data into which faults are planted")
     options = parser.parse_args()
     path = find_campaign("judgement")
-    plan = Plan(*load_campaign(path), path)
+    plan = CampaignPlan(*load_campaign(path), path)
     rows = in_order(Store(options.results, plan.columns).rows(plan.labels()).to_pandas(), plan.labels())
     runs, coefficients = (rows[rows["kind"] == kind].copy() for kind in ("run", "coefficient"))
     off = (coefficients["estimate"] - coefficients["true"]).abs()

@@ -7,11 +7,11 @@ from pathlib import Path
 import pandas as pd
 
 from auvid_cli.campaign.findings import Findings, find, in_order
-from auvid_cli.campaign.plan import Plan
+from auvid_cli.campaign.plan import CampaignPlan
 from auvid_cli.campaign.store import Store
 from auvid_cli.config.campaign import load_campaign
 from auvid_cli.config.load import find_campaign
-from auvid_cli.report.campaign import comparison_sentences
+from auvid_cli.report.campaign_tables import comparison_sentences
 from auvid_cli.report.notation import setting_text
 from benchmarks.timing import described_machine
 from docs.section import replace_section
@@ -57,7 +57,7 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=Path("results/campaigns/regimes"))
     options = parser.parse_args()
     path = find_campaign("regimes")
-    plan = Plan(*load_campaign(path), path)
+    plan = CampaignPlan(*load_campaign(path), path)
     labels = plan.labels()
     rows = Store(options.results, plan.columns).rows(labels).to_pandas()
     found = find(in_order(rows, labels), plan.fixed_columns)

@@ -17,7 +17,7 @@ from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.errors import SimulationError
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.consistency import sensor_consistency, verdict
+from auvid_cli.evaluation.consistency import sensor_consistency, status_of
 from auvid_cli.evaluation.identifiability import assess_dataset
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
 from auvid_cli.identification.identify import identify
@@ -54,7 +54,7 @@ class Outcome(NamedTuple):
     errors: list[float]
     deviations: list[float]
     nis: dict[str, float]
-    verdict: str
+    status_of: str
     unobserved: list[str]
 
 
@@ -75,7 +75,7 @@ def outcomes(job: tuple[str, int]) -> list[Outcome]:
                 [(row.estimate - row.true) / bounds[row.coefficient] for row in results if row.true is not None],
                 [row.times_bound for row in results if row.times_bound is not None],
                 {row.sensor: row.mean_nis for row in sensor_consistency(estimate)},
-                verdict(estimate).split()[0].rstrip(":"),
+                status_of(estimate).split()[0].rstrip(":"),
                 [row.state for row in sensor_error_results(estimate) if not row.observed],
             )
         )

@@ -1,6 +1,7 @@
 """Data flows one way, and imports with it."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -70,3 +71,39 @@ def test_nothing_that_identifies_reads_the_truth():
         tree = ast.parse(path.read_text(encoding="utf-8"))
         attributes = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
         assert not attributes & {"truth", "true", "all_coefficients"}, path.name
+
+
+def test_no_two_modules_define_a_public_type_of_the_same_name():
+    definitions: dict[str, set[str]] = {}
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            for name, definition in defined_types(node):
+                # An alias that is the same everywhere is one thing.
+                definitions.setdefault(name, set()).add(definition or str(path))
+    assert [name for name, different in definitions.items() if len(different) > 1] == []
+
+
+def defined_types(node: ast.stmt) -> list[tuple[str, str]]:
+    """Return public types that a statement defines, and of an alias what it stands for."""
+    match node:
+        case ast.ClassDef(name=name):
+            named = [(name, "")]
+        case ast.Assign(targets=targets, value=value):
+            named = [(target.id, ast.unparse(value)) for target in targets if isinstance(target, ast.Name)]
+        case ast.AnnAssign(target=ast.Name(id=name), value=value) if value is not None:
+            named = [(name, ast.unparse(value))]
+        case _:
+            named = []
+    return [(name, definition) for name, definition in named if re.match("[A-Z]+[a-z]", name)]
+
+
+def test_a_property_says_what_it_does_in_a_sentence():
+    verbs = "Return", "Say", "Count", "Name"
+    fragments = [
+        f"{path.relative_to(PACKAGE)}: {node.name}"
+        for path in PACKAGE.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef) and any("property" in ast.unparse(one) for one in node.decorator_list)
+        if (ast.get_docstring(node) or "Return").split()[0] not in verbs
+    ]
+    assert fragments == []

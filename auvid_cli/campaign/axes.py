@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from auvid_cli.config.campaign import Axis, Distribution
+from auvid_cli.config.campaign import CampaignAxis, Distribution
 from auvid_cli.config.position import Mistake, Path, report
 from auvid_cli.config.tree import Tree
 from auvid_cli.errors import ConfigError
@@ -33,12 +33,12 @@ class Option(NamedTuple):
     known: bool
 
 
-def options(axis: Axis, written: Tree, experiment: Mapping[str, Any]) -> list[Callable[[int], Option]]:
+def options(axis: CampaignAxis, written: Tree, experiment: Mapping[str, Any]) -> list[Callable[[int], Option]]:
     """Return the options of an axis, each as a function of the seed.
 
     Parameters
     ----------
-    axis : Axis
+    axis : CampaignAxis
     written : Tree
         The same as it stands in the campaign file.
     experiment : mapping

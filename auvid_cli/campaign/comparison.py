@@ -35,7 +35,7 @@ def compare_filters(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
         over the whole run, in percent of the true value; how many seeds both filters finished; the medians of both;
         median of the differences, first minus second, with its 95 % interval by order statistics; Wilcoxon's p-value,
         as it is and adjusted for the number of comparisons (Benjamini and Hochberg); seeds on which only the one or
-        only the other diverged, with the p-value of McNemar's exact test, as it is and adjusted; a verdict.
+        only the other diverged, with the p-value of McNemar's exact test, as it is and adjusted; what follows.
     """
     runs = _runs(rows, columns)
     names = list(dict.fromkeys(runs["filter"]))
@@ -55,7 +55,7 @@ def compare_filters(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
         table[f"{p}_adjusted"] = np.nan
         if tested.any():
             table.loc[tested, f"{p}_adjusted"] = false_discovery_control(table.loc[tested, p])
-    table["verdict"] = [_verdict(row) for row in table.to_dict("records")]
+    table["verdict"] = [_conclusion(row) for row in table.to_dict("records")]
     return table
 
 
@@ -105,7 +105,7 @@ def median_interval(values: Array) -> tuple[float, float]:
     return float(ordered[k - 1]), float(ordered[-k])
 
 
-def _verdict(row: dict) -> str:
+def _conclusion(row: dict) -> str:
     low, high = row["difference_low"], row["difference_high"]
     room = LEAST_SHARE * min(row["median_first"], row["median_second"])
     if row["p_diverged_adjusted"] < FALSE_DISCOVERIES:

@@ -10,7 +10,7 @@ from distributed import Client, Future, LocalCluster, as_completed
 
 from auvid_cli import __version__
 from auvid_cli.campaign.perform import Performed, perform
-from auvid_cli.campaign.plan import Group
+from auvid_cli.campaign.plan import RunGroup
 from auvid_cli.errors import ClusterError
 from auvid_cli.interrupts import block_sigint
 
@@ -97,7 +97,7 @@ def _version() -> str:
     return __version__
 
 
-def perform_groups(client: Client, groups: Iterator[Group], with_estimates: bool) -> Iterator[list[Performed]]:
+def perform_groups(client: Client, groups: Iterator[RunGroup], with_estimates: bool) -> Iterator[list[Performed]]:
     """Hand groups out and yield what comes back, as it comes.
 
     A group whose worker dies goes to another one; one that takes several workers with it has failed.
@@ -107,7 +107,7 @@ def perform_groups(client: Client, groups: Iterator[Group], with_estimates: bool
     ClusterError
         If the scheduler goes away.
     """
-    sent: dict[Future, Group] = {}
+    sent: dict[Future, RunGroup] = {}
     returning = as_completed()
 
     def send() -> None:

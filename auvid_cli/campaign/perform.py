@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from auvid_cli import __version__
 from auvid_cli.campaign.measures import Measure, measures
-from auvid_cli.campaign.plan import Group, Run
+from auvid_cli.campaign.plan import CampaignRun, RunGroup
 from auvid_cli.config.experiment import Experiment, Identification, Use
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import given_settings
@@ -34,7 +34,7 @@ class Performed(NamedTuple):
 
     Attributes
     ----------
-    run : Run
+    run : CampaignRun
     rows : list of Measure
         None of a run that failed.
     failure : str
@@ -43,13 +43,13 @@ class Performed(NamedTuple):
         Only if it was asked for.
     """
 
-    run: Run
+    run: CampaignRun
     rows: list[Measure]
     failure: str
     estimate: Estimate | None
 
 
-def perform(group: Group, with_estimates: bool = False) -> list[Performed]:
+def perform(group: RunGroup, with_estimates: bool = False) -> list[Performed]:
     """Do all runs of a group, on one core; what goes wrong with one is its failure and does not end the others.
 
     Raises
@@ -64,7 +64,7 @@ def perform(group: Group, with_estimates: bool = False) -> list[Performed]:
         return [_perform(group.simulated, run, assumed, with_estimates) for run, assumed in pairs]
 
 
-def shortened(group: Group, duration: float) -> tuple[Group, float]:
+def shortened(group: RunGroup, duration: float) -> tuple[RunGroup, float]:
     """Cut a group to the beginning of its data, s, all of which counts; say what share of its data that is."""
     whole = Experiment.model_validate_json(group.simulated).manoeuvre.duration
     part = min(duration, whole)
@@ -79,7 +79,7 @@ def shortened(group: Group, duration: float) -> tuple[Group, float]:
     return group._replace(simulated=cut(group.simulated), assumed=[cut(text) for text in group.assumed]), part / whole
 
 
-def _perform(simulated: str, run: Run, given: str, with_estimates: bool) -> Performed:
+def _perform(simulated: str, run: CampaignRun, given: str, with_estimates: bool) -> Performed:
     try:
         dataset = _data(simulated)
         assumed = Experiment.model_validate_json(given)

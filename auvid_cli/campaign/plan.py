@@ -27,7 +27,7 @@ LARGEST_GROUP = 6
 _LENGTH = 24
 
 
-class Run(NamedTuple):
+class CampaignRun(NamedTuple):
     """One filter on one set of data.
 
     Attributes
@@ -51,14 +51,14 @@ class Run(NamedTuple):
         return ", ".join(f"{column} = {label}" for column, label in self.labels.items())
 
 
-class Group(NamedTuple):
+class RunGroup(NamedTuple):
     """Runs on the same data.
 
     Attributes
     ----------
     simulated : str
         Experiment as JSON that makes the data.
-    runs : list of Run
+    runs : list of CampaignRun
     assumed : list of str
         Of each run the experiment that its filter assumes, as JSON: vehicle and sensors, and how to identify, with
         that filter alone.
@@ -67,7 +67,7 @@ class Group(NamedTuple):
     """
 
     simulated: str
-    runs: list[Run]
+    runs: list[CampaignRun]
     assumed: list[str]
     version: str = __version__
 
@@ -82,10 +82,10 @@ class _Resolved(NamedTuple):
 
 
 _Chosen: TypeAlias = Callable[[int], Option]
-_Triple: TypeAlias = tuple[_Resolved, dict[str, Any], Run]
+_Triple: TypeAlias = tuple[_Resolved, dict[str, Any], CampaignRun]
 
 
-class Plan:
+class CampaignPlan:
     """All runs of a campaign.
 
     Parameters
@@ -149,13 +149,13 @@ class Plan:
         """Count the runs."""
         return self.campaign.n_cells * len(self.filters) * self.campaign.n_seeds
 
-    def examples(self, most: int) -> Iterator[Group]:
+    def examples(self, most: int) -> Iterator[RunGroup]:
         """Yield, of some combinations that are far apart, what is done for the first seed."""
         seed = self.campaign.seed_list[0]
         for cell in self._cells[:: -(-len(self._cells) // most)]:
             yield _group(list(self._runs([self._resolve(cell)], seed)), seed)
 
-    def groups(self, done: Collection[str] = ()) -> Iterator[Group]:
+    def groups(self, done: Collection[str] = ()) -> Iterator[RunGroup]:
         """Yield what is not done yet, all combinations of a seed before the next one."""
         for seed in self.campaign.seed_list:
             pending = [triple for triple in self._of_seed(seed) if triple[2].identity not in done]
@@ -203,7 +203,7 @@ class Plan:
             for variant, (assumed, key) in zip(self.filters, cell.assumed, strict=True):
                 # Under whatever name: the same settings are the same run.
                 identity = _hash(__version__, cell.data, key, seed)
-                yield cell, assumed, Run(identity, cell.labels, variant.name, seed)
+                yield cell, assumed, CampaignRun(identity, cell.labels, variant.name, seed)
 
     def _resolve(self, cell: tuple[_Chosen, ...], seed: int | None = None) -> _Resolved:
         chosen = [option(self.campaign.seed_list[0] if seed is None else seed) for option in cell]
@@ -248,14 +248,14 @@ def _one_at_a_time(axes: Sequence[Sequence[_Chosen]]) -> list[tuple[_Chosen, ...
     return [first, *((*first[:k], other, *first[k + 1 :]) for k, axis in enumerate(axes) for other in axis[1:])]
 
 
-def _group(triples: Sequence[_Triple], seed: int) -> Group:
+def _group(triples: Sequence[_Triple], seed: int) -> RunGroup:
     cells, given, runs = zip(*triples, strict=True)
-    return Group(_text(cells[0].simulated, seed), list(runs), [_text(assumed, seed) for assumed in given])
+    return RunGroup(_text(cells[0].simulated, seed), list(runs), [_text(assumed, seed) for assumed in given])
 
 
 def _refuse_twins(path: Path, triples: Iterable[_Triple]) -> None:
     """Raise ConfigError if two runs of a seed are one and the same, and would be counted as two."""
-    by_identity: dict[str, Run] = {}
+    by_identity: dict[str, CampaignRun] = {}
     for *_, run in triples:
         twin = by_identity.setdefault(run.identity, run)
         if twin is not run:

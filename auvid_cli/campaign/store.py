@@ -17,7 +17,7 @@ from filelock import FileLock, Timeout
 from auvid_cli.campaign.axes import Label
 from auvid_cli.campaign.measures import Measure
 from auvid_cli.campaign.perform import Performed
-from auvid_cli.campaign.plan import Run
+from auvid_cli.campaign.plan import CampaignRun
 from auvid_cli.data.csv_text import csv_text, csv_value
 from auvid_cli.data.damage import refusing_damage
 from auvid_cli.data.files import replacing, write_text
@@ -242,7 +242,7 @@ def _failure_row(failure: Failure) -> Measure:
     return Measure(failure.run, failure.filter, failure.seed, "run", "", "", status, "failed", failure.reason)
 
 
-def _failure(run: Run, reason: str) -> Failure:
+def _failure(run: CampaignRun, reason: str) -> Failure:
     return Failure(run.identity, run.filter, run.seed, run.settings(), " ".join(reason.split()))
 
 

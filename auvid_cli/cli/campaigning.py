@@ -10,7 +10,7 @@ from auvid_cli.campaign.axes import Label
 from auvid_cli.campaign.engine import cluster_client, n_threads, perform_groups
 from auvid_cli.campaign.findings import find, in_order
 from auvid_cli.campaign.perform import perform, shortened
-from auvid_cli.campaign.plan import Plan
+from auvid_cli.campaign.plan import CampaignPlan
 from auvid_cli.campaign.store import Store, locked
 from auvid_cli.cli import pipeline
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
@@ -20,7 +20,7 @@ from auvid_cli.config.load import find_campaign
 from auvid_cli.data.estimate_file import write_estimate
 from auvid_cli.data.results_folder import dataset_in
 from auvid_cli.errors import FileError
-from auvid_cli.report.campaign import print_findings, write_findings
+from auvid_cli.report.campaign_tables import print_findings, write_findings
 
 # A dry run takes the time of some groups on so many seconds of data, until it has taken so many seconds itself.
 _PROBES, _PROBED, _PATIENCE = 6, 5.0, 2.0
@@ -41,7 +41,7 @@ class Choice(NamedTuple):
     keep_estimates: bool
 
 
-def set_up(name: str, overrides: Sequence[str], output: Path | None) -> tuple[Plan, Path]:
+def set_up(name: str, overrides: Sequence[str], output: Path | None) -> tuple[CampaignPlan, Path]:
     """Return a campaign's runs, and where its results go.
 
     Raises
@@ -51,10 +51,10 @@ def set_up(name: str, overrides: Sequence[str], output: Path | None) -> tuple[Pl
     """
     path = find_campaign(name)
     campaign, tree = load_campaign(path, overrides)
-    return Plan(campaign, tree, path), output or Path("results") / "campaigns" / campaign.name
+    return CampaignPlan(campaign, tree, path), output or Path("results") / "campaigns" / campaign.name
 
 
-def forecast(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: Terminal) -> None:
+def forecast(plan: CampaignPlan, folder: Path, where: Where, choice: Choice, terminal: Terminal) -> None:
     """Say how many runs there are, and about how long those take that are to be done."""
     store = Store(folder, plan.columns)
     done, failed = _done_and_failed(store, plan.labels()) if store.finished() or store.failures else (set(), set())
@@ -81,7 +81,7 @@ def forecast(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: T
     )
 
 
-def _seconds_of_a_run(plan: Plan) -> tuple[float | None, str]:
+def _seconds_of_a_run(plan: CampaignPlan) -> tuple[float | None, str]:
     """Measure what a run takes, by some that are cut short; if those fail, return None, and why."""
     taken, failure, begin = [], "", perf_counter()
     for example in plan.examples(_PROBES):
@@ -99,7 +99,7 @@ def _seconds_of_a_run(plan: Plan) -> tuple[float | None, str]:
     return (sum(taken) / len(taken) if taken else None), failure
 
 
-def conduct(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: Terminal) -> int:
+def conduct(plan: CampaignPlan, folder: Path, where: Where, choice: Choice, terminal: Terminal) -> int:
     """Do the runs that are not done yet, and report all; the exit code says whether any failed.
 
     Raises
@@ -115,7 +115,7 @@ def conduct(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: Te
         return _conduct(plan, folder, where, choice, terminal)
 
 
-def _conduct(plan: Plan, folder: Path, where: Where, choice: Choice, terminal: Terminal) -> int:
+def _conduct(plan: CampaignPlan, folder: Path, where: Where, choice: Choice, terminal: Terminal) -> int:
     labels = plan.labels()
     with terminal.stage("look at what is there"):
         store = Store(folder, plan.columns)
@@ -155,7 +155,13 @@ def _skipped(done: set[str], failed: set[str], choice: Choice) -> set[str]:
 
 
 def _work(
-    plan: Plan, store: Store, skipped: set[str], total: int, where: Where, estimates: Path | None, terminal: Terminal
+    plan: CampaignPlan,
+    store: Store,
+    skipped: set[str],
+    total: int,
+    where: Where,
+    estimates: Path | None,
+    terminal: Terminal,
 ) -> None:
     ended, failed, left = len(skipped), 0, total - len(skipped)
     with ExitStack() as stack:
@@ -177,7 +183,7 @@ def _work(
 
 
 def _report(
-    plan: Plan, folder: Path, store: Store, labels: Mapping[str, Mapping[str, Label]], terminal: Terminal
+    plan: CampaignPlan, folder: Path, store: Store, labels: Mapping[str, Mapping[str, Label]], terminal: Terminal
 ) -> int:
     with terminal.stage("evaluate"):
         failures = [failure for failure in store.failures if failure.run in labels]

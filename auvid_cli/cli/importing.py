@@ -35,7 +35,7 @@ def import_logs(map_file: Path, given: Sequence[str], output: Path | None, overw
         dataset, report = dataset_from_logs(settings, tree, files)
     with terminal.stage("write the dataset"):
         put_dataset(path, dataset, inputs, overwrite, other_run(path, dataset.experiment))
-    print_import_report(terminal.out, report.accounts, report.remarks)
+    print_import_report(terminal.out, report.summaries, report.remarks)
     terminal.say(f"{path}: t = 0 is {report.origin:.6f} s by the log's clock")
     terminal.say(f"next: auvid inspect {path}")
 

@@ -147,7 +147,7 @@ def identify_to(
     others = other_estimates(folder, prepared.experiment, prepared.dataset.sha256, filters)
     refuse_unless(overwrite, next(iter(others.values()), ""))
     with terminal.compiling():
-        from auvid_cli.evaluation.consistency import verdict
+        from auvid_cli.evaluation.consistency import status_of
         from auvid_cli.identification.identify import set_up_filters
 
         names = list(dict.fromkeys(filters))
@@ -177,7 +177,7 @@ def identify_to(
         kept = {*paths, *(path for path in estimates_in(folder).values() if path not in others)}
         remove(path for path in products(folder) if path not in kept)
     for path, estimate in zip(paths, estimates, strict=True):
-        terminal.say(f"{path}: {verdict(estimate)}; {estimate.cpu_time:.2f} s of processor time")
+        terminal.say(f"{path}: {status_of(estimate)}; {estimate.cpu_time:.2f} s of processor time")
     return estimates
 
 

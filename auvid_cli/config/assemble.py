@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path as FilePath
 
-from auvid_cli.config.position import Mistake, Path, Position, Source
+from auvid_cli.config.position import ConfigSource, Mistake, Path, Position
 from auvid_cli.config.tree import DEEPEST, Tree, read_tree
 from auvid_cli.printable import shortened
 from auvid_cli.regular import read_bytes
@@ -15,7 +15,7 @@ SUFFIXES = (".yaml", ".yml")
 MOST_BYTES = 1_000_000
 
 
-def read_source(path: FilePath, name: str | None = None) -> Source:
+def read_source(path: FilePath, name: str | None = None) -> ConfigSource:
     """Read the text of a settings file; bytes that are not UTF-8 stay visible as surrogates.
 
     Raises
@@ -24,15 +24,15 @@ def read_source(path: FilePath, name: str | None = None) -> Source:
         If it cannot be read; the message says why, without the path.
     """
     text = read_bytes(path, MOST_BYTES).decode("utf-8-sig", errors="surrogateescape")
-    return Source(name or str(path), path.parent, text, path)
+    return ConfigSource(name or str(path), path.parent, text, path)
 
 
-def assemble(source: Source, overrides: Iterable[str] = ()) -> tuple[Tree, list[Mistake]]:
+def assemble(source: ConfigSource, overrides: Iterable[str] = ()) -> tuple[Tree, list[Mistake]]:
     """Read an experiment, splice in the files that it names, and apply overrides in turn.
 
     Parameters
     ----------
-    source : Source
+    source : ConfigSource
         The experiment file.
     overrides : iterable of str
         ``key.key=value``; the value is YAML.
@@ -104,14 +104,14 @@ def parse_override(override: str) -> tuple[Path, Tree]:
         raise ValueError("expected key.key=value, for example sensors.dvl.rate=7 Hz")
     if len(path) > DEEPEST:
         raise ValueError(f"has {len(path)} keys, one within the other, where there may be {DEEPEST}")
-    tree, mistakes = read_tree(Source(at.file, at.source.folder, value))
+    tree, mistakes = read_tree(ConfigSource(at.file, at.source.folder, value))
     if mistakes:
         raise ValueError(mistakes[0].message)
     return path, _all_at(tree, at)
 
 
 def _place(override: str) -> Position:
-    return Position(Source(f"--set {shortened(override, 200)}", FilePath()))
+    return Position(ConfigSource(f"--set {shortened(override, 200)}", FilePath()))
 
 
 def _all_at(tree: Tree, at: Position) -> Tree:

@@ -142,7 +142,7 @@ class DvlError(Settings):
 
 
 class Current(Settings):
-    """Horizontal current, north and east: what a DVL sees over ground beyond the motion through the water."""
+    """Horizontal current, north and east: what a DVL measures over ground beyond the motion through the water."""
 
     spread: Annotated[float, Amount("m/s"), Field(gt=0, description="standard deviation before any data")] = 0.3
     walk: Annotated[

@@ -42,7 +42,7 @@ class Distribution(Settings):
         return self
 
 
-class Axis(Settings):
+class CampaignAxis(Settings):
     """One thing that varies: by values of a setting, by levels that set several, or by a draw for each seed."""
 
     setting: Annotated[str | None, Field(description="dotted key of the experiment")] = None
@@ -63,7 +63,7 @@ class Axis(Settings):
     ] = True
 
     @model_validator(mode="after")
-    def _is_one_kind(self) -> "Axis":
+    def _is_one_kind(self) -> "CampaignAxis":
         given = [name for name in ("values", "draw", "levels") if getattr(self, name) is not None]
         if len(given) != 1:
             raise ValueError("expected `values` or `draw` of a `setting`, or `levels`, and only one of them")
@@ -82,7 +82,7 @@ class Axis(Settings):
 
     @property
     def keys(self) -> set[str]:
-        """Dotted keys of all settings that it touches."""
+        """Return the dotted keys of all settings that it touches."""
         return {str(self.setting)} if self.levels is None else {key for level in self.levels.values() for key in level}
 
     @property
@@ -140,7 +140,7 @@ class Campaign(Settings):
         Field(description="a number of seeds, which count from 1, or a list"),
     ] = 20
     filters: Annotated[tuple[FilterVariant, ...], Field(min_length=1, description="names, or names with settings")] = ()
-    vary: Annotated[tuple[Axis, ...], Field(description="every combination is run")] = ()
+    vary: Annotated[tuple[CampaignAxis, ...], Field(description="every combination is run")] = ()
 
     @field_validator("settings")
     @classmethod
@@ -170,7 +170,7 @@ class Campaign(Settings):
 
     @property
     def seed_list(self) -> Sequence[int]:
-        """All seeds; of more than 2^63 Python cannot say how many there are, `n_seeds` can."""
+        """Return all seeds; of more than 2^63 Python cannot say how many there are, `n_seeds` can."""
         return range(1, self.seeds + 1) if isinstance(self.seeds, int) else self.seeds
 
     @property

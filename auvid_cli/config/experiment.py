@@ -94,7 +94,7 @@ class EkfSettings(Settings):
 class UkfSettings(Settings):
     """Scaled unscented transformation."""
 
-    alpha: Annotated[float, Field(ge=1e-4, le=10, description="spread of the points")] = 0.1
+    alpha: Annotated[float, Field(ge=1e-4, le=10, description="scaling of the points")] = 0.1
     beta: Annotated[float, Field(ge=0, le=100, description="2 is best for a Gaussian")] = 2.0
     kappa: Annotated[float, Field(ge=0, le=1000, description="secondary scaling")] = 0.0
 
@@ -210,12 +210,12 @@ class Identification(Settings):
         return self
 
     @model_validator(mode="after")
-    def _biases_of_what_is_heard(self) -> "Identification":
+    def _biases_of_sensors_in_use(self) -> "Identification":
         inertial = self.attitude_from == "inertial"
         for name in self.estimate.biases:
             if name in ((BiasName.ATTITUDE,) if inertial else (BiasName.ACCELEROMETER, BiasName.MAGNETOMETER)):
                 raise ValueError(
-                    f"estimate.biases has {name}, which is not heard with attitude_from: {self.attitude_from}; leave "
+                    f"estimate.biases has {name}, which is not used with attitude_from: {self.attitude_from}; leave "
                     f"it out, or set attitude_from: {'ahrs' if inertial else 'inertial'}"
                 )
         return self

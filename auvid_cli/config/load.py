@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from auvid_cli.config.assemble import assemble, read_source
 from auvid_cli.config.experiment import Experiment, ImportedRun, RunSettings
 from auvid_cli.config.locate import locate
-from auvid_cli.config.position import Mistake, Source, report
+from auvid_cli.config.position import ConfigSource, Mistake, report
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.tree import Tree
 from auvid_cli.errors import ConfigError
@@ -48,7 +48,7 @@ def load_with_files(path: Path, overrides: Sequence[str] = ()) -> tuple[Experime
     return experiment, [*tree.files(), *experiment.data_files()]
 
 
-def open_source(path: Path) -> Source:
+def open_source(path: Path) -> ConfigSource:
     """Read a settings file as text.
 
     Raises
@@ -75,7 +75,7 @@ def parse_run(text: str, name: str, overrides: Sequence[str] = ()) -> RunSetting
     ConfigError
         With every mistake at once.
     """
-    tree, mistakes = assemble(Source(name, Path(), text), overrides)
+    tree, mistakes = assemble(ConfigSource(name, Path(), text), overrides)
     is_recorded = isinstance(tree.data, dict) and "recording" in tree.data
     return validated(ImportedRun if is_recorded else Experiment, tree, mistakes)
 
@@ -97,7 +97,7 @@ def parse_experiment(text: str, name: str, overrides: Sequence[str] = ()) -> Exp
     ConfigError
         With every mistake at once.
     """
-    return validated(Experiment, *assemble(Source(name, Path(), text), overrides))
+    return validated(Experiment, *assemble(ConfigSource(name, Path(), text), overrides))
 
 
 def dump_experiment(experiment: RunSettings) -> str:

@@ -24,7 +24,7 @@ LIMITS = {
     "string_pattern_mismatch": "must match {pattern}",
     "too_short": "expected at least {min_length} of them",
 }
-KINDS = {
+_KINDS = {
     "string": "text",
     "int": "a whole number",
     "float": "a number",
@@ -174,7 +174,7 @@ def _expectation(detail: ErrorDetails, place: _Place) -> str:
     if models and kind in ("model_type", "model_attributes_type", "dict_type"):
         return f"expected {_mapping_like(models[0]) if len(models) == 1 else 'a mapping'}"
     stem = kind.split("_")[0]
-    return f"expected {KINDS[stem]}" if stem in KINDS else detail["msg"][:1].lower() + detail["msg"][1:]
+    return f"expected {_KINDS[stem]}" if stem in _KINDS else detail["msg"][:1].lower() + detail["msg"][1:]
 
 
 def _meaning(field: FieldInfo | None) -> str:

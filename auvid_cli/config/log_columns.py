@@ -9,7 +9,6 @@ from auvid_cli.config.magnitudes import check_size
 from auvid_cli.config.quantity import EXAMPLES, Unit, describe, parse_quantity
 from auvid_cli.config.settings import Settings
 
-Seconds = Annotated[float, Unit("s")]
 # Units that logs write so and the registry of units does not know.
 _WORDS = {"%": "percent", "1": "dimensionless", "rev/s": "turn/s", "rpm": "turn/min", "RPM": "turn/min"}
 # How logs spell units, to name the one that was meant.
@@ -68,7 +67,7 @@ def check_unit(name: str | None, unit: str) -> str | None:
     return name
 
 
-class Signal(Settings):
+class LogSignal(Settings):
     """A column, or a message's field, and how its numbers become SI: sign x (raw - centre) x scale + offset.
 
     A bare name is a column without further ado.
@@ -121,49 +120,49 @@ class Signal(Settings):
         return low, high
 
     @model_validator(mode="after")
-    def _one_size(self) -> "Signal":
+    def _one_size(self) -> "LogSignal":
         if self.unit is not None and self.scale is not None:
             raise ValueError("expected 'unit' or 'scale', not both: a scale such as '0.35 deg' has its unit in it")
         return self
 
 
-class Angle(Signal):
+class Angle(LogSignal):
     """A signal of an angle."""
 
     si = "rad"
 
 
-class AngularRate(Signal):
+class AngularRate(LogSignal):
     """A signal of an angular rate."""
 
     si = "rad/s"
 
 
-class Speed(Signal):
+class Speed(LogSignal):
     """A signal of a velocity."""
 
     si = "m/s"
 
 
-class Acceleration(Signal):
+class Acceleration(LogSignal):
     """A signal of a specific force."""
 
     si = "m/s^2"
 
 
-class Length(Signal):
+class Length(LogSignal):
     """A signal of a length; of a depth also a pressure, by its scale in metres."""
 
     si = "m"
 
 
-class Number(Signal):
+class Number(LogSignal):
     """A signal of a pure number."""
 
     si = "dimensionless"
 
 
-SIGNALS: dict[str, type[Signal]] = {kind.si: kind for kind in (Angle, AngularRate, Speed, Acceleration, Length)}
+LOG_SIGNALS: dict[str, type[LogSignal]] = {kind.si: kind for kind in (Angle, AngularRate, Speed, Acceleration, Length)}
 
 
 class TimeSource(Settings):
@@ -174,7 +173,7 @@ class TimeSource(Settings):
         str | None, Field(description="another table that holds the times: its rows go with this one's one by one")
     ] = None
     unit: Annotated[str | None, Field(description="of numbers; else as the log's header states it, else s")] = None
-    offset: Annotated[Seconds, Field(description="added, where the clock is late")] = 0.0
+    offset: Annotated[float, Unit("s"), Field(description="added, where the clock is late")] = 0.0
 
     @model_validator(mode="before")
     @classmethod
@@ -187,7 +186,7 @@ class TimeSource(Settings):
         return check_unit(unit, "s")
 
 
-class Rows(Settings):
+class LogRows(Settings):
     """Where columns stand."""
 
     log: Annotated[str | None, Field(description="one of `logs`; may be left out if there is one")] = None

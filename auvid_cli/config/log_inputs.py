@@ -4,12 +4,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from auvid_cli.config.log_columns import Rows, Signal
+from auvid_cli.config.log_columns import LogRows, LogSignal
 from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.config.settings import Settings
 
 
-class InputSignal(Signal, Rows):
+class InputSignal(LogSignal, LogRows):
     """A signal with a place of its own."""
 
 
@@ -96,7 +96,7 @@ class Thrust(Settings):
         return self
 
 
-class InputsMap(Rows):
+class InputsMap(LogRows):
     """Inputs of the model; what is not given is zero. Log, table and time hold for all that state none."""
 
     rudder: Annotated[Fin | None, Field(description="positive pushes the tail to starboard")] = None

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, create_model, field_validator, model_validator
 
 from auvid_cli.config.lever import Lever
-from auvid_cli.config.log_columns import SIGNALS, Number, Rows, Signal, Validity, check_unit
+from auvid_cli.config.log_columns import LOG_SIGNALS, LogRows, LogSignal, Number, Validity, check_unit
 from auvid_cli.config.magnitudes import check_amount
 from auvid_cli.config.quantity import Unit, parse_components
 from auvid_cli.config.settings import Settings
@@ -61,7 +61,7 @@ class Columns(Settings):
             raise ValueError(f"expected a column for at least one of {', '.join(type(self).model_fields)}")
         return self
 
-    def signals(self) -> dict[str, Signal]:
+    def signals(self) -> dict[str, LogSignal]:
         """Return the signals by component, of the components that are given."""
         given = {symbol: getattr(self, symbol) for symbol in type(self).model_fields}
         return {symbol: signal for symbol, signal in given.items() if signal is not None}
@@ -70,7 +70,7 @@ class Columns(Settings):
 def _columns_of(sensor: str) -> type[Columns]:
     """Make the settings that name a column for each component of a sensor."""
     fields: dict[str, Any] = {
-        q.symbol: (SIGNALS[q.unit] | None, Field(None, description=q.meaning)) for q in SENSORS[sensor]
+        q.symbol: (LOG_SIGNALS[q.unit] | None, Field(None, description=q.meaning)) for q in SENSORS[sensor]
     }
     words = f"Columns of the components of `{sensor}`, as far as the log has them."
     return create_model("Columns", __base__=Columns, __doc__=words, **fields)
@@ -89,7 +89,7 @@ else:
     )
 
 
-class SensorMap(Rows):
+class SensorMap(LogRows):
     """What every sensor has."""
 
     sensor: ClassVar[str]
@@ -127,7 +127,7 @@ class SensorMap(Rows):
             raise ValueError("expected standard deviations greater than 0")
         return deviations * (len(quantities) // len(deviations))
 
-    def signals(self) -> dict[str, Signal]:
+    def signals(self) -> dict[str, LogSignal]:
         """Return the signals by component."""
         return self.columns.signals()
 
@@ -213,7 +213,7 @@ class AttitudeMap(InBody):
             raise ValueError("a quaternion has no unit")
         return self
 
-    def signals(self) -> dict[str, Signal]:
+    def signals(self) -> dict[str, LogSignal]:
         """Return the signals by component, of the angles or of the quaternion."""
         if self.quaternion is None:
             return super().signals()

@@ -14,7 +14,7 @@ LONGEST_SHOWN = 600
 
 
 @dataclass(frozen=True)
-class Source:
+class ConfigSource:
     """A text with settings.
 
     Attributes
@@ -39,18 +39,18 @@ class Source:
 class Position:
     """A place in a source; line and column count from 1, and line 0 stands for the source as a whole."""
 
-    source: Source
+    source: ConfigSource
     line: int = 0
     column: int = 0
 
     @property
     def file(self) -> str:
-        """Name of the source."""
+        """Return the name of the source."""
         return self.source.name
 
     @property
     def text(self) -> str:
-        """The line itself; empty if there is none."""
+        """Return the line itself; empty if there is none."""
         lines = self.source.text.splitlines()
         return lines[self.line - 1] if 0 < self.line <= len(lines) else ""
 

@@ -16,11 +16,11 @@ from auvid_cli.config.magnitudes import check_amount, check_size
 if TYPE_CHECKING:
     from pint import UnitRegistry
 
-Check: TypeAlias = Callable[[float, str], float]
+SizeCheck: TypeAlias = Callable[[float, str], float]
 
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 UNIT_TOKEN = re.compile(r"[^\W\d]\w*(?:(?:\^|\*\*)-?\d(?:\.\d+)?|[²³])?|°|1(?=\s*/)|[\s*/()·]")
-GRAVITY = re.compile(r"(?<!\w)([mµμu]?)g(?!\w)")
+_STANDARD_GRAVITY = re.compile(r"(?<!\w)([mµμu]?)g(?!\w)")
 # Characters; pint takes the square of the length in time.
 _LONGEST_UNIT = 100
 
@@ -89,7 +89,7 @@ def parse_number(text: str) -> float:
     return number
 
 
-def parse_components(value: Any, unit: str, n: int, check: Check = check_size) -> tuple[float, ...]:
+def parse_components(value: Any, unit: str, n: int, check: SizeCheck = check_size) -> tuple[float, ...]:
     """Read one quantity for all components, or a list of 1 or `n` of them, each of a size that passes a check.
 
     Returns
@@ -115,7 +115,7 @@ class Unit:
     """SI unit of a field, ``Annotated[float, Unit("m/s")]``: the field takes any unit of that dimension."""
 
     unit: str
-    check: ClassVar[Check] = staticmethod(check_size)
+    check: ClassVar[SizeCheck] = staticmethod(check_size)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         """Parse the quantity before the field's own validation, and see whether it can be of that size."""
@@ -155,7 +155,7 @@ def describe(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:56]} ..."
 
 
-def _component(item: Any, unit: str, index: int, check: Check) -> float:
+def _component(item: Any, unit: str, index: int, check: SizeCheck) -> float:
     try:
         return check(parse_quantity(item, unit), unit)
     except ValueError as error:
@@ -174,7 +174,7 @@ def _factor(text: str, unit: str) -> float:
     """Return the size of the unit `text` in `unit`; ValueError if it is unknown or of another dimension."""
     scale, dimension, angle = _base(unit)
     if dimension.get("meter") and not dimension.get("kilogram") and dimension.get("second", 0.0) < -1.0:
-        text = GRAVITY.sub(r"\1g_0", text)
+        text = _STANDARD_GRAVITY.sub(r"\1g_0", text)
     size, other_dimension, other_angle = _base(text)
     angle_tells = set(dimension) <= {"second"}
     if other_dimension != dimension or (angle_tells and other_angle != angle):

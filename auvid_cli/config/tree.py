@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from auvid_cli.config.position import Mistake, Path, Position, Source
+from auvid_cli.config.position import ConfigSource, Mistake, Path, Position
 from auvid_cli.printable import shortened
 
 _TAGS = "tag:yaml.org,2002:"
@@ -44,7 +44,7 @@ class Tree:
 
     @property
     def data(self) -> Any:
-        """The plain dict, list or scalar."""
+        """Return the plain dict, list or scalar."""
         match self.content:
             case dict():
                 return {key: child.data for key, child in self.content.items()}
@@ -114,12 +114,12 @@ class Tree:
         return replace(self, content=content)
 
 
-def read_tree(source: Source) -> tuple[Tree, list[Mistake]]:
+def read_tree(source: ConfigSource) -> tuple[Tree, list[Mistake]]:
     """Read YAML safely.
 
     Parameters
     ----------
-    source : Source
+    source : ConfigSource
         Text of one YAML document.
 
     Returns
@@ -193,7 +193,7 @@ _Loader.add_implicit_resolver(
 class _Builder:
     """Turns composed YAML nodes into trees."""
 
-    def __init__(self, source: Source, loader: _Loader, mistakes: list[Mistake]) -> None:
+    def __init__(self, source: ConfigSource, loader: _Loader, mistakes: list[Mistake]) -> None:
         self.source = source
         self.construct: Callable[[yaml.Node], Any] = loader.construct_object
         self.mistakes = mistakes
@@ -272,7 +272,7 @@ def _plain_words(problem: str) -> str:
     return f"not valid YAML: {problem}"
 
 
-def _unreadable_character(source: Source, index: int) -> Mistake:
+def _unreadable_character(source: ConfigSource, index: int) -> Mistake:
     code = ord(source.text[index])
     before = source.text[:index].splitlines(keepends=True) or [""]
     line, column = (len(before) + 1, 1) if before[-1].endswith("\n") else (len(before), len(before[-1]) + 1)

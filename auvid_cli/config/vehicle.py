@@ -11,7 +11,7 @@ from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 
-class Entry(Settings):
+class VehicleEntry(Settings):
     """One number of a vehicle with where it comes from; a bare quantity is an entry without a source."""
 
     value: float
@@ -22,18 +22,18 @@ class Entry(Settings):
     @model_validator(mode="before")
     @classmethod
     def _accept_a_bare_quantity(cls, data: Any) -> Any:
-        return data if isinstance(data, dict | Entry) else {"value": data}
+        return data if isinstance(data, dict | VehicleEntry) else {"value": data}
 
 
 # Added mass may hide an impossible mass from the mass matrix, so each is looked at by itself.
 _POSITIVE = ("m", "W", "B", "Ixx", "Iyy", "Izz")
 
 
-def _entry(unit: str, positive: bool = False) -> type[Entry]:
+def _entry(unit: str, positive: bool = False) -> type[VehicleEntry]:
     limits = (Amount(unit), Field(gt=0)) if positive else (Unit(unit),)
     return create_model(
-        "Entry",
-        __base__=Entry,
+        "VehicleEntry",
+        __base__=VehicleEntry,
         value=(Annotated[float, *limits], ...),
         standard_deviation=(Annotated[float | None, Amount(unit), Field(gt=0)], None),
     )

@@ -57,7 +57,7 @@ class EstimateHeader:
 
     @property
     def is_free_run_fit(self) -> bool:
-        """Whether it comes of a fit of the motion left to itself, without process noise."""
+        """Say whether it comes of a fit of the motion left to itself, without process noise."""
         return FilterName(self.filter).is_free_run_fit
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-class Series(NamedTuple):
+class LabelledSeries(NamedTuple):
     """Quantities over time.
 
     Attributes
@@ -70,18 +70,18 @@ def import_xarray() -> ModuleType:
     return xarray
 
 
-def dataset_series(dataset: Dataset) -> dict[str, Series]:
+def dataset_series(dataset: Dataset) -> dict[str, LabelledSeries]:
     """Return what a dataset has over time, by the group of its file."""
     series = {
-        "inputs": Series(
+        "inputs": LabelledSeries(
             dataset.inputs.time, INPUTS, dataset.inputs.values, "start of the interval in which inputs hold"
         )
     }
     for name, record in dataset.sensors.items():
-        series[f"sensors/{name}"] = Series(record.time, SENSORS[name], record.values, "time of measurement")
+        series[f"sensors/{name}"] = LabelledSeries(record.time, SENSORS[name], record.values, "time of measurement")
     if dataset.truth is not None:
         true = np.hstack([dataset.truth.motion, dataset.truth.position])
-        series["truth"] = Series(dataset.truth.time, (*MOTION, *POSITION), true)
+        series["truth"] = LabelledSeries(dataset.truth.time, (*MOTION, *POSITION), true)
     return series
 
 

@@ -27,12 +27,12 @@ class NamedRows(NamedTuple):
         return csv_text(self.columns, self.rows)
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Return a table; where a verdict is neither true nor false it is missing."""
+        """Return a table; where a flag is neither true nor false it is missing."""
         import pandas as pd
 
         frame = pd.DataFrame(list(self.rows), columns=list(self.columns))
-        verdicts = [name for name in frame if pd.api.types.infer_dtype(frame[name]) == "boolean"]
-        return frame.astype(dict.fromkeys(verdicts, "boolean"))
+        flags = [name for name in frame if pd.api.types.infer_dtype(frame[name]) == "boolean"]
+        return frame.astype(dict.fromkeys(flags, "boolean"))
 
 
 def frames(tables: dict[str, NamedRows]) -> "dict[str, pd.DataFrame]":

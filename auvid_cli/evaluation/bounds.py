@@ -126,10 +126,10 @@ def bounds_with_process_noise(prepared: PreparedData, reference: Estimate) -> di
     left, directions = np.linalg.eigh(0.5 * (whitened + whitened.T))
     # What is left of the prior's variance in each direction; with all of it left the data say nothing there.
     known = np.maximum(1.0 - left, 0.0)
-    told = known > _ROUNDING
+    informed = known > _ROUNDING
     spread = (factor @ directions) ** 2
-    variance = spread[:, told] @ (left[told] / known[told])
-    variance[(spread[:, ~told] > _ROUNDING * spread.sum(axis=1, keepdims=True)).any(axis=1)] = np.inf
+    variance = spread[:, informed] @ (left[informed] / known[informed])
+    variance[(spread[:, ~informed] > _ROUNDING * spread.sum(axis=1, keepdims=True)).any(axis=1)] = np.inf
     return {symbol: float(np.sqrt(variance[i])) for i, symbol in enumerate(reference.state[:n]) if symbol in SYMBOLS}
 
 

@@ -58,7 +58,7 @@ _FEWEST_COMPONENTS = 200
 _QUANTILE = 2.576
 
 
-def verdict(estimate: Estimate) -> str:
+def status_of(estimate: Estimate) -> str:
     """Return the status of an estimate: as the filter ended, or "inconsistent" where its innovations belie it.
 
     A filter can reach the end of the data with a covariance that says all is well and coefficients

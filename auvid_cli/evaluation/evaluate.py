@@ -11,10 +11,10 @@ from auvid_cli.evaluation.accuracy import (
     coefficient_results,
 )
 from auvid_cli.evaluation.bounds import Bounds, bounds_with_process_noise
-from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor_consistency, verdict
+from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor_consistency, status_of
 from auvid_cli.evaluation.free_run import VelocityError, free_run
 from auvid_cli.evaluation.judgement import Grade, judge, reference_among
-from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.evaluation.sensor_errors import SensorErrorResult, sensor_error_results
 from auvid_cli.identification.prepared_data import PreparedData
 
@@ -110,7 +110,7 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
                 estimate.cpu_time,
                 steps,
                 estimate.cpu_time / steps * 1e6,
-                verdict(estimate),
+                status_of(estimate),
                 *judgement,
             )
         )

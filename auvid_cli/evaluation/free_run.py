@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.measurement_errors import estimated_errors, measured_motion, motion_behind
-from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.free_motion import move_freely
 from auvid_cli.identification.prepared_data import PreparedData

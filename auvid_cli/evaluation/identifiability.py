@@ -1,4 +1,4 @@
-"""What data can say about the coefficients at best, before any filter runs: bounds, verdicts, what goes together."""
+"""What data can say about the coefficients at best, before any filter runs: bounds, and what goes together."""
 
 from collections.abc import Mapping, Sequence
 from functools import reduce
@@ -57,12 +57,12 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
         for c in COEFFICIENTS
         if c.symbol in information.state
     }
-    spreads = {
+    prior_stds = {
         quantity.symbol: (information.state.index(quantity.symbol), block.prior_std)
         for block in dataset.experiment.identification.estimate.blocks()
         for quantity in block.quantities
     }
-    identifiability = assess(information.by_sensor, information.growing, values, information.scale, spreads)
+    identifiability = assess(information.by_sensor, information.growing, values, information.scale, prior_stds)
     lost = information.lost_after
     return (
         identifiability
@@ -76,7 +76,7 @@ def assess(
     growing: Sequence[tuple[float, Information]],
     values: Mapping[str, Assessed],
     to_si: Array,
-    spreads: Mapping[str, tuple[int, float]],
+    prior_stds: Mapping[str, tuple[int, float]],
 ) -> Identifiability:
     """Judge information about a state that has the coefficients first.
 
@@ -90,7 +90,7 @@ def assess(
         In the order of the state.
     to_si : ndarray, shape (n,)
         Units of the state.
-    spreads : mapping of (int, float)
+    prior_stds : mapping of (int, float)
         Of each constant sensor error the place in the state, and its standard deviation before any data, SI.
     """
     n = len(values)
@@ -111,7 +111,7 @@ def assess(
     for j, (name, (_, unit, _)) in enumerate(values.items()):
         best = max(shares, key=lambda sensor: shares[sensor][j])
         others = [other for group in groups if name in group.members for other in group.members if other != name]
-        verdict = next(label for limit, label in CLASSES if percent[j] <= limit)
+        size_class = next(label for limit, label in CLASSES if percent[j] <= limit)
         bounds.append(
             CoefficientBound(
                 name,
@@ -119,7 +119,7 @@ def assess(
                 float(value[j]),
                 float(bound[j]),
                 float(percent[j]),
-                verdict,
+                size_class,
                 best,
                 float(shares[best][j]),
                 ", ".join(others),
@@ -127,12 +127,12 @@ def assess(
         )
     growth = [(time, 100.0 * information.uncertainty().deviation(pick) / size) for time, information in growing]
     errors = {}
-    for symbol, (place, spread) in spreads.items():
+    for symbol, (place, prior_std) in prior_stds.items():
         row = np.zeros(to_si.size)
         row[place] = to_si[place]
         deviation = float(uncertainty.deviation(row))
-        together = 1.0 / np.hypot(1.0 / deviation, 1.0 / spread)
-        errors[symbol] = SensorErrorBound(deviation, spread, is_observed(together, spread))
+        together = 1.0 / np.hypot(1.0 / deviation, 1.0 / prior_std)
+        errors[symbol] = SensorErrorBound(deviation, prior_std, is_observed(together, prior_std))
     return Identifiability(bounds, groups, shares, correlation, growth, errors)
 
 

@@ -16,7 +16,7 @@ from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import Innovations
-from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.identification.faults import REMEDIES
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
@@ -96,7 +96,7 @@ def judge_one(estimate: Estimate, reference: Estimate | None) -> Judgement:
 
 
 def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | None) -> Judgement:
-    status = verdict(estimate)
+    status = status_of(estimate)
     if not estimate.completed:
         return Judgement(Grade.DIVERGED, status.removeprefix("diverged "))
     if status != "completed":

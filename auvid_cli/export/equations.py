@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from auvid_cli.export.heading import certainty
 from auvid_cli.export.model import IdentifiedModel
-from auvid_cli.export.terms import ROWS
+from auvid_cli.export.terms import EQUATION_ROWS
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, Coefficient
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import PARAMETERS
@@ -57,7 +57,7 @@ def statements() -> list[str]:
         *(f"lever_{axis} = {axis}G * W - {axis}B * B" for axis in "xyz"),
         "down_y = cos(theta) * sin(phi)",
         "down_z = cos(theta) * cos(phi)",
-        *(statement for row in ROWS for statement in _force(row)),
+        *(statement for row in EQUATION_ROWS for statement in _force(row)),
         "turning = q * sin(phi) + r * cos(phi)",
         "phi_rate = p + sin(theta) / cos(theta) * turning",
         "theta_rate = q * cos(phi) - r * sin(phi)",
@@ -71,7 +71,7 @@ def identifier(symbol: str) -> str:
 
 
 def _force(row: str) -> list[str]:
-    in_row = [c for c in COEFFICIENTS if ROWS[c.row] == row]
+    in_row = [c for c in COEFFICIENTS if EQUATION_ROWS[c.row] == row]
     sums = [
         " + ".join(_term(c) for c in in_row if c.group == group) for group in dict.fromkeys(c.group for c in in_row)
     ]

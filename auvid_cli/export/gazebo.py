@@ -17,7 +17,7 @@ from auvid_cli.export.comment import xml_comment
 from auvid_cli.export.heading import certainty, heading_lines
 from auvid_cli.export.losses import Losses, losses_of
 from auvid_cli.export.model import IdentifiedModel
-from auvid_cli.export.terms import ROWS
+from auvid_cli.export.terms import EQUATION_ROWS
 from auvid_cli.printable import printable
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, Coefficient
 
@@ -123,7 +123,9 @@ def _turned(parameters: dict[str, float], centre: str) -> tuple[float, float, fl
 def _element(coefficient: Coefficient) -> str:
     """Name the element, for example ``yUV``, or ``yRabsR`` where a magnitude enters."""
     factors = sorted(zip(coefficient.moduli, coefficient.signals, strict=True), key=lambda factor: factor[0])
-    return ROWS[coefficient.row].lower() + "".join("abs" * modulus + signal.upper() for modulus, signal in factors)
+    return EQUATION_ROWS[coefficient.row].lower() + "".join(
+        "abs" * modulus + signal.upper() for modulus, signal in factors
+    )
 
 
 def _child(parent: ElementTree.Element, tag: str, text: str | None = None, **attributes: str) -> ElementTree.Element:

@@ -192,8 +192,8 @@ def identified_model(
         )
     values = estimate.final_coefficients()
     judgement = judge_one(estimate, reference)
-    found = coefficient_results(estimate, dataset.truth, bounds, judgement.grade is Grade.SOUND)
-    results = {result.coefficient: result for result in found}
+    coefficients = coefficient_results(estimate, dataset.truth, bounds, judgement.grade is Grade.SOUND)
+    results = {result.coefficient: result for result in coefficients}
     coefficients = []
     for coefficient in COEFFICIENTS:
         result = results.get(coefficient.symbol)

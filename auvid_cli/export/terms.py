@@ -11,7 +11,7 @@ from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
 
-ROWS = "XYZKMN"
+EQUATION_ROWS = "XYZKMN"
 
 
 class TermSize(NamedTuple):
@@ -70,13 +70,13 @@ def term_sizes(terms: Array) -> list[TermSize]:
     """Return the size of every term from its history; `terms` as of `term_histories`."""
     squares = np.mean(terms**2, axis=0)
     rows = np.array([coefficient.row for coefficient in COEFFICIENTS])
-    of_rows = np.sqrt(np.bincount(rows, squares, minlength=len(ROWS)))
+    of_rows = np.sqrt(np.bincount(rows, squares, minlength=len(EQUATION_ROWS)))
     sizes = []
     for coefficient, square in zip(COEFFICIENTS, squares, strict=True):
         rms, whole = float(np.sqrt(square)), float(of_rows[coefficient.row])
         unit = "N" if coefficient.row < 3 else "N*m"
         percent = 100.0 * rms / whole if whole else 0.0
-        sizes.append(TermSize(coefficient.symbol, ROWS[coefficient.row], unit, rms, percent))
+        sizes.append(TermSize(coefficient.symbol, EQUATION_ROWS[coefficient.row], unit, rms, percent))
     return sizes
 
 

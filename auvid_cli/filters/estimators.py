@@ -25,7 +25,7 @@ class Estimator(Protocol):
 
     @property
     def name(self) -> str:
-        """Name by which commands, settings and files know it."""
+        """Return the name by which commands, settings and files know it."""
         ...
 
     @property

@@ -59,7 +59,7 @@ class _ProcessEkf(ExtendedKalmanFilter):
         self.predict()
 
     def hold(self, inputs: Array) -> None:
-        """Take the inputs that hold from now on, which nonlinear sensors may feel."""
+        """Take the inputs that hold from now on, which nonlinear sensors may depend on."""
         self._inputs = inputs
 
     def outside_gate(self, gate: float, stack: Stack, measurement: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -116,7 +116,7 @@ class _Listener:
         self._at_once = sensors.gate == np.inf and not sensors.nonlinear.any()
 
     def update_with(self, begin: int, end: int) -> int:
-        """Update with consecutive measurements of one moment; the last sensor heard, `PREDICTION` if there was none.
+        """Update with consecutive measurements of one moment; the last sensor used, `PREDICTION` if there was none.
 
         Raises
         ------

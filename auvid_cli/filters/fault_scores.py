@@ -48,12 +48,12 @@ class Faults(Protocol):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the faults."""
+        """Return the names of the faults."""
         ...
 
     @property
     def units(self) -> tuple[str, ...]:
-        """SI unit of the size of each."""
+        """Return the SI unit of the size of each."""
         ...
 
     def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
@@ -67,7 +67,7 @@ def _carry(timeline, about, trace, pushed, added, error, moved, score, informati
     n, n_faults = error.shape
     n_moving = moved.shape[0]
     n_parameters = n - n_moving
-    seen = moved[0]
+    effect = moved[0]
     for event in range(timeline.time.size):
         if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
             for i in range(n_moving):
@@ -85,21 +85,21 @@ def _carry(timeline, about, trace, pushed, added, error, moved, score, informati
                 if np.isnan(about.residual[k, c]):
                     continue
                 for f in range(n_faults):
-                    seen[f] = added[k, c, f]
+                    effect[f] = added[k, c, f]
                 for j in range(n):
                     h = about.rows[k, c, j]
                     if h != 0.0:
                         for f in range(n_faults):
-                            seen[f] += h * error[j, f]
+                            effect[f] += h * error[j, f]
                 total = trace.total[k, c]
                 innovation = trace.error[k, c] / total
                 for f in range(n_faults):
-                    score[f] += seen[f] * innovation
-                    information[f] += seen[f] * seen[f] / total
+                    score[f] += effect[f] * innovation
+                    information[f] += effect[f] * effect[f] / total
                 for j in range(n):
                     gain = trace.gain[k, c, j] / total
                     for f in range(n_faults):
-                        error[j, f] -= gain * seen[f]
+                        error[j, f] -= gain * effect[f]
 
 
 def score_faults(problem: LinearSmoothing, filtered: Filtered, faults: Faults) -> FaultScores:

@@ -173,7 +173,7 @@ class Information(NamedTuple):
         Returns
         -------
         rows : ndarray, shape (m, n_all + 1)
-            As many as there are others, which can meet them all; zero for directions that are not seen.
+            As many as there are others, which can meet them all; zero for directions that are not observed.
         rest : Information
             About the first n alone.
         """
@@ -190,17 +190,17 @@ class Information(NamedTuple):
 
     def uncertainty(self) -> Uncertainty:
         """Invert it: the bound of Cramer and Rao, infinite where the measurements say nothing."""
-        scale, values, directions, seen = self._decomposed()
+        scale, values, directions, observed = self._decomposed()
         basis = directions.T / scale[:, None]
-        return Uncertainty(basis[:, seen] / values[seen], basis[:, ~seen], 1.0 / scale)
+        return Uncertainty(basis[:, observed] / values[observed], basis[:, ~observed], 1.0 / scale)
 
     def unobserved(self) -> Array:
         """Return rows, shape (q, n), that span the directions of which the measurements say nothing.
 
         They complete `factor` to full rank, with singular values like its largest.
         """
-        scale, values, directions, seen = self._decomposed()
-        return values.max(initial=1.0) * directions[~seen] * scale
+        scale, values, directions, observed = self._decomposed()
+        return values.max(initial=1.0) * directions[~observed] * scale
 
     def _decomposed(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
         """Decompose the factor: its column norms; of it scaled by these singular values, right vectors, what counts."""

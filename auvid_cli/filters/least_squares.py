@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 least_squares: Any = scipy.optimize.least_squares
 
 
-class Fit(NamedTuple):
+class LeastSquaresFit(NamedTuple):
     """The joint state that fits best.
 
     Attributes
@@ -46,7 +46,7 @@ def fit(
     bounds: tuple[Array, Array],
     tolerance: float,
     max_evaluations: int,
-) -> Fit | None:
+) -> LeastSquaresFit | None:
     """Fit parameters and initial motions to measurements, and to a Gaussian about them if there is one.
 
     Parameters
@@ -68,7 +68,7 @@ def fit(
 
     Returns
     -------
-    Fit or None
+    LeastSquaresFit or None
         None if the motion from `start` blows up. A trial step from which it does is taken back and made shorter.
     """
     problem = _Problem(process, sensors, segments, start.size, gaussian)
@@ -89,7 +89,7 @@ def fit(
     )
     information = problem.information(solution.x)
     assert information is not None, "least squares ends where it has been"
-    return Fit(solution.x, information, solution.status > 0, solution.nfev)
+    return LeastSquaresFit(solution.x, information, solution.status > 0, solution.nfev)
 
 
 class _Problem:
@@ -148,6 +148,6 @@ class _Problem:
         # along these, and the solver's matrix has full rank, without which its steps are as long as they may be.
         kept = np.zeros((self._n, self._n))
         if not self._weight.size:
-            unseen = information.unobserved()
-            kept[: len(unseen)] = unseen
+            unobserved = information.unobserved()
+            kept[: len(unobserved)] = unobserved
         return np.vstack([information.factor, np.zeros(self._n), kept, self._weight])

@@ -21,7 +21,7 @@ from auvid_cli.lanes import LANES
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-SENSORS = types.NamedTuple(
+SENSORS_TYPE = types.NamedTuple(
     (types.float64[:, :, ::1], _matrix, types.boolean[:, ::1], types.boolean[::1], types.float64),
     Sensors,
 )
@@ -86,7 +86,7 @@ def predict_nonlinearly(model, state, sensor, inputs, n_components, work):
 
 
 @compiled(
-    types.int64(MODEL, STATE, SENSORS, types.int64, _vector, _vector, _vector, _vector, WORKSPACE),
+    types.int64(MODEL, STATE, SENSORS_TYPE, types.int64, _vector, _vector, _vector, _vector, WORKSPACE),
     reassociate=True,
     inline=True,
 )
@@ -172,7 +172,7 @@ def condition(state, n_present, work):
 
 
 @compiled(
-    types.float64(MODEL, STATE, SENSORS, types.int64, _vector, _vector, _vector, _vector, WORKSPACE),
+    types.float64(MODEL, STATE, SENSORS_TYPE, types.int64, _vector, _vector, _vector, _vector, WORKSPACE),
     reassociate=True,
     inline=True,
 )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.filters.information import Information
-from auvid_cli.filters.least_squares import Fit, fit
+from auvid_cli.filters.least_squares import LeastSquaresFit, fit
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import (
     NOT_CONVERGED,
@@ -84,7 +84,7 @@ def run_output_error(
     sizes = [sum(timeline.time.size for timeline in timelines) for timelines in segments]
     longest = max(sizes)
 
-    def fit_first(n_events: int, start: Array, evaluations: int) -> Fit | None:
+    def fit_first(n_events: int, start: Array, evaluations: int) -> LeastSquaresFit | None:
         firsts = [FirstEvents(timelines, n_events) for timelines in segments]
         if n_events < longest:
             about_start, evaluations = Gaussian(start, prior.factor), min(evaluations, _EVALUATIONS_OF_A_SPAN)
@@ -100,8 +100,12 @@ def run_output_error(
 
 
 def _fit_longer_and_longer(
-    fit_first: Callable[[int, Array, int], Fit | None], start: Array, span: int, longest: int, max_evaluations: int
-) -> Fit:
+    fit_first: Callable[[int, Array, int], LeastSquaresFit | None],
+    start: Array,
+    span: int,
+    longest: int,
+    max_evaluations: int,
+) -> LeastSquaresFit:
     """Fit the first events of each segment, then twice as many, to the end; fewer more where the motion blows up.
 
     Parameters
@@ -115,10 +119,10 @@ def _fit_longer_and_longer(
 
     Returns
     -------
-    Fit
+    LeastSquaresFit
         The last one that there is; converged only if it is one of all events.
     """
-    best = Fit(start, Information.none(start.size), converged=False, evaluations=0)
+    best = LeastSquaresFit(start, Information.none(start.size), converged=False, evaluations=0)
     fitted, span, left = 0, min(span, longest), max_evaluations
     while left > 0 and fitted < span:
         longer = fit_first(span, best.state, left)
@@ -135,7 +139,7 @@ def _hand_over_segments(
     sensors: Sensors,
     segments: Sequence[Iterable[Timeline]],
     sizes: Sequence[int],
-    best: Fit,
+    best: LeastSquaresFit,
     on_chunk: OnChunk,
 ) -> FilterOutcome:
     """Pass on the motion from the fitted state, segment after segment, up to where it blows up."""

@@ -26,26 +26,26 @@ _indices = types.int64[::1]
 PROCESS_SIGNATURE = types.void(_vector, _vector, _vector, _vector, _indices, types.uint64, types.float64, _vector)
 # transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch): one state, in place.
 TRANSITION_SIGNATURE = types.void(_vector, _matrix, _indices, _vector, _vector, _indices, _matrix, _vector)
-# observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, seen, scratch): rows of `seen` are filled.
+# observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch) fills `predicted`.
 OBSERVATION_SIGNATURE = types.void(
     *(_vector, _vector, types.int64, _vector, _vector, _indices, types.uint64, _vector, _vector)
 )
-# linearise(mean, sensor, inputs, constants, selection, seen, matrix, scratch): one state; the rows of both are filled.
+# linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scratch): one state; fills rows of both.
 LINEARISATION_SIGNATURE = types.void(*(_vector, types.int64, _vector, _vector, _indices, _vector, _matrix, _vector))
 
 
 @compiled(OBSERVATION_SIGNATURE)
-def nothing_nonlinear(moving, parameters, sensor, inputs, constants, selection, n_lanes, seen, scratch):
+def nothing_nonlinear(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
     """Stand in for the observation of a problem without nonlinear sensors; never called."""
 
 
 @compiled(LINEARISATION_SIGNATURE)
-def nothing_to_linearise(mean, sensor, inputs, constants, selection, seen, matrix, scratch):
+def nothing_to_linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scratch):
     """Stand in for the derivative of that observation; never called."""
 
 
 class Process(NamedTuple):
-    """How the moving states advance, and what nonlinear sensors see of the state.
+    """How the moving states advance, and what nonlinear sensors measure of the state.
 
     Attributes
     ----------
@@ -60,9 +60,9 @@ class Process(NamedTuple):
     noise_density : ndarray, shape (n_moving,)
         Square root of the power spectral density that drives each moving state.
     observe : compiled function of `OBSERVATION_SIGNATURE`
-        What a nonlinear sensor sees of a block of states, under the inputs that hold from then on.
+        What a nonlinear sensor measures of a block of states, under the inputs that hold from then on.
     linearise : compiled function of `LINEARISATION_SIGNATURE`
-        What it sees of one state, shape (c,), and the derivative of that, shape (c, n).
+        What it measures of one state, shape (c,), and the derivative of that, shape (c, n).
     """
 
     advance: Any
@@ -87,7 +87,7 @@ class Sensors(NamedTuple):
     angular : ndarray of bool, shape (n_sensors, c)
         Whether an innovation is wrapped to [-pi, pi).
     nonlinear : ndarray of bool, shape (n_sensors,)
-        Whether `Process.observe` says what a sensor sees, instead of its matrix.
+        Whether `Process.observe` says what a sensor measures, instead of its matrix.
     gate : float
         A component whose innovation squared is more than so many times its variance is rejected.
     """

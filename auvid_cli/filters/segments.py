@@ -14,7 +14,7 @@ from auvid_cli.filters.problem import OK, PREDICTION, FilterOutcome, Gaussian, I
 Array = NDArray[np.float64]
 
 # Filters a segment from a Gaussian about its own state.
-Run = Callable[[Iterable[Timeline], Gaussian, OnChunk], FilterOutcome]
+FilterPass = Callable[[Iterable[Timeline], Gaussian, OnChunk], FilterOutcome]
 
 
 def places(n_joint: int, n_moving: int, n_segments: int) -> list[Indices]:
@@ -40,7 +40,7 @@ def of_segment(joint: Gaussian, place: Indices) -> Gaussian:
 
 
 def one_after_the_other(
-    run: Run, n_moving: int, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk
+    run: FilterPass, n_moving: int, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk
 ) -> FilterOutcome:
     """Filter segments in their order; each begins with what the one before says of the parameters.
 

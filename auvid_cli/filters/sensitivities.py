@@ -1,4 +1,4 @@
-"""The motion left to itself, and how what the sensors see depends on the state from which it starts.
+"""The motion left to itself, and how what the sensors measure depends on the state from which it starts.
 
 Parameters are constant, so that of the sensitivities ``X_k = dx_k / dx_0`` only the moving rows are kept.
 """
@@ -11,7 +11,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.measurement import SENSORS, wrapped
+from auvid_cli.filters.measurement import SENSORS_TYPE, wrapped
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
     TIMELINE,
@@ -137,7 +137,7 @@ def _move(transition, constants, selection, timeline, mean, sensitivity, matrix,
 @compiled(
     types.void(
         types.FunctionType(LINEARISATION_SIGNATURE),
-        *(_vector, _indices, SENSORS, TIMELINE, types.int64, _matrix, _stack, _matrix, _stack),
+        *(_vector, _indices, SENSORS_TYPE, TIMELINE, types.int64, _matrix, _stack, _matrix, _stack),
         *(_vector, _matrix, _vector),
     ),
 )
@@ -152,7 +152,7 @@ def _predict_measurements(
     sensitivities,
     innovation,
     whitened,
-    seen,
+    predictions,
     derivative,
     scratch,
 ):
@@ -165,7 +165,7 @@ def _predict_measurements(
             nonlinear, rows = sensors.nonlinear[sensor], sensors.matrix[sensor]
             if nonlinear:
                 inputs = timeline.inputs[timeline.event_input[event]]
-                linearise(means[event], sensor, inputs, constants, selection, seen, derivative, scratch)
+                linearise(means[event], sensor, inputs, constants, selection, predictions, derivative, scratch)
                 rows = derivative
             for c in range(innovation.shape[1]):
                 measured = timeline.measurement[k, c]
@@ -185,6 +185,6 @@ def _predict_measurements(
                             for j in range(n):
                                 row[j] += weight * h * of_state[j]
                 if nonlinear:
-                    predicted = seen[c]
+                    predicted = predictions[c]
                 innovation[k, c] = wrapped(measured - predicted, sensors.angular[sensor, c])
                 row[n] = weight * innovation[k, c]

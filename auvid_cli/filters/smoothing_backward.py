@@ -171,7 +171,7 @@ def backward(timeline, about, trace, adjoint, step, variance):
     variance : ndarray, shape (n_events, n_moving)
         Filled in: its variance, if asked for.
     """
-    mean, root, told = adjoint.mean, adjoint.root, adjoint.work[0]
+    mean, root, projected = adjoint.mean, adjoint.root, adjoint.work[0]
     n, n_moving = mean.size, step.shape[1]
     n_parameters = n - n_moving
     for back in range(timeline.time.size):
@@ -185,13 +185,13 @@ def backward(timeline, about, trace, adjoint, step, variance):
             if root.shape[0] > 0:
                 n_columns = adjoint.n_columns[0]
                 for k in range(n_columns):
-                    told[k] = 0.0
+                    projected[k] = 0.0
                 for j in range(n):
                     for k in range(n_columns):
-                        told[k] += row[j] * root[j, k]
+                        projected[k] += row[j] * root[j, k]
                 square = 0.0
                 for k in range(n_columns):
-                    square += told[k] * told[k]
+                    square += projected[k] * projected[k]
                 variance[event, i] = row[n_parameters + i] - square
         first, last = timeline.measurement_offset[event], timeline.measurement_offset[event + 1]
         for before in range(last - first):

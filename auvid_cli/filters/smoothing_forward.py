@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import TILE, carlson_update, triangularise
-from auvid_cli.filters.measurement import SENSORS, predict_linearly, wrapped
+from auvid_cli.filters.measurement import SENSORS_TYPE, predict_linearly, wrapped
 from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, TIMELINE, TRANSITION_SIGNATURE
 from auvid_cli.filters.square_root_state import STATE
 
@@ -112,11 +112,12 @@ WORK = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 4), Work)
 
 @compiled(
     types.void(
-        types.FunctionType(LINEARISATION_SIGNATURE), *(_vector, _indices, SENSORS, TIMELINE, LINEARISED, _vector, WORK)
+        types.FunctionType(LINEARISATION_SIGNATURE),
+        *(_vector, _indices, SENSORS_TYPE, TIMELINE, LINEARISED, _vector, WORK),
     )
 )
-def linearise_measurements(linearise, constants, selection, sensors, timeline, about, seen, work):
-    """Fill in residuals and derivatives; `seen` is overwritten."""
+def linearise_measurements(linearise, constants, selection, sensors, timeline, about, predictions, work):
+    """Fill in residuals and derivatives; `predictions` is overwritten."""
     n, n_parameters = about.rows.shape[2], about.parameters.size
     for event in range(timeline.time.size):
         for i in range(n):
@@ -126,9 +127,9 @@ def linearise_measurements(linearise, constants, selection, sensors, timeline, a
             sensor = timeline.measurement_sensor[k]
             nonlinear = sensors.nonlinear[sensor]
             if nonlinear:
-                linearise(work.point, sensor, inputs, constants, selection, seen, about.rows[k], work.process)
+                linearise(work.point, sensor, inputs, constants, selection, predictions, about.rows[k], work.process)
             for c in range(about.residual.shape[1]):
-                predicted = seen[c] if nonlinear else 0.0
+                predicted = predictions[c] if nonlinear else 0.0
                 for i in range(0 if nonlinear else n):
                     h = sensors.matrix[sensor, c, i]
                     about.rows[k, c, i] = h
@@ -238,7 +239,7 @@ def _write_down(event, state, n_parameters, trace):
 @compiled(
     types.Tuple((types.int64, types.float64, types.float64))(
         types.FunctionType(TRANSITION_SIGNATURE),
-        *(_vector, _indices, _vector, SENSORS, TIMELINE, LINEARISED, STATE, TRACE, WORK),
+        *(_vector, _indices, _vector, SENSORS_TYPE, TIMELINE, LINEARISED, STATE, TRACE, WORK),
     ),
     reassociate=True,
 )

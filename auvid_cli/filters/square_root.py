@@ -10,7 +10,7 @@ import numpy as np
 from numba import types
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.measurement import SENSORS, update
+from auvid_cli.filters.measurement import SENSORS_TYPE, update
 from auvid_cli.filters.point_sets import PointSet
 from auvid_cli.filters.prediction import predict
 from auvid_cli.filters.problem import (
@@ -28,7 +28,7 @@ from auvid_cli.filters.problem import (
     until,
 )
 from auvid_cli.filters.sigma_points import all_finite, basis_of
-from auvid_cli.filters.square_root_state import MODEL, STATE, Model, State
+from auvid_cli.filters.square_root_state import MODEL, STATE, SquareRootModel, State
 from auvid_cli.filters.workspace import WORKSPACE, new_workspace, padded
 
 _vector = types.float64[::1]
@@ -52,7 +52,7 @@ def deviations(columns, n, squares, result):
 
 @compiled(
     types.UniTuple(types.int64, 2)(
-        *(*MODEL.types, SENSORS, TIMELINE, types.int64, STATE, _RECORDS, WORKSPACE),
+        *(*MODEL.types, SENSORS_TYPE, TIMELINE, types.int64, STATE, _RECORDS, WORKSPACE),
     ),
     reassociate=True,
 )
@@ -74,7 +74,7 @@ def _run(
 
     A model comes field by field, since numba takes no functions inside a tuple from Python.
     """
-    model = Model(advance, observe, constants, selection, noise_density, basis)
+    model = SquareRootModel(advance, observe, constants, selection, noise_density, basis)
     n, mean, columns = state.n, state.mean, state.columns
     for event in range(stop):
         first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
@@ -123,7 +123,7 @@ def run_square_root_filter(
     """
     n, n_components = prior.mean.size, sensors.matrix.shape[1]
     width = padded(n + n_components)
-    model = Model.of(process, basis_of(point_set))
+    model = SquareRootModel.of(process, basis_of(point_set))
     work = new_workspace(model.basis, process, n, n_components, width)
     state = State.of(prior, model.basis.present.size, width)
     n_good, failure = 0, OK

@@ -16,7 +16,7 @@ _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
 
 
-class Model(NamedTuple):
+class SquareRootModel(NamedTuple):
     """What `auvid_cli.filters.problem.Process` says of the moving states, and the sigma points.
 
     Attributes
@@ -34,7 +34,7 @@ class Model(NamedTuple):
     basis: Basis
 
     @classmethod
-    def of(cls, process: Process, basis: Basis) -> "Model":
+    def of(cls, process: Process, basis: Basis) -> "SquareRootModel":
         """Join a process and a set of points."""
         return cls(process.advance, process.observe, process.constants, process.selection, process.noise_density, basis)
 
@@ -45,7 +45,7 @@ MODEL = types.NamedTuple(
         types.FunctionType(OBSERVATION_SIGNATURE),
         *(_vector, _indices, _vector, BASIS),
     ),
-    Model,
+    SquareRootModel,
 )
 
 

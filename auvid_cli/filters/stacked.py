@@ -1,4 +1,4 @@
-"""Measurements that a filter with a covariance hears at once."""
+"""Measurements that a filter with a covariance takes in at once."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -22,7 +22,7 @@ class Workspace(NamedTuple):
     points : ndarray, shape (n_tiles + 1, n * LANES)
         Drawn points; the last block is the centre's.
     images : ndarray, shape (n_tiles + 1, c * LANES)
-        What a sensor sees of them.
+        What a sensor measures of them.
     odd, regression : ndarray, shape (r, m)
         With r at least the number of moving states and of components of a sensor.
     spread : ndarray, shape (r, whole tiles)
@@ -33,7 +33,7 @@ class Workspace(NamedTuple):
     gain : ndarray, shape (width of the factor,)
     ratio, share : ndarray, shape (m,)
     noise, error : ndarray, shape (c,)
-        Variance of the noise and innovation of what is seen.
+        Variance of the noise and innovation of what is measured.
     """
 
     points: Array

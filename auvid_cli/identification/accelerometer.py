@@ -1,4 +1,4 @@
-"""What an accelerometer feels: the acceleration of where it sits, less gravity, in the axes of the vehicle.
+"""What an accelerometer measures: the acceleration of where it sits, less gravity, in the axes of the vehicle.
 
 ``nu1' + omega x nu1 + omega' x l + omega x (omega x l) - R(phi, theta, psi)' g + bias`` with the lever arm l. The
 accelerations are those of the model, so that the forces on the hull are measured, and through them the coefficients.
@@ -54,8 +54,8 @@ class _Workspace(NamedTuple):
     jacobian : ndarray, shape (9, N_COLUMNS)
         See `motion_jacobian`.
     for_jacobian : ndarray, shape (N_JACOBIAN_WORK,)
-    felt : ndarray, shape (3 * LANES,)
-        What is felt of it.
+    force : ndarray, shape (3 * LANES,)
+        Specific force, without bias.
     """
 
     slope: Array
@@ -64,7 +64,7 @@ class _Workspace(NamedTuple):
     coefficients: Array
     jacobian: Array
     for_jacobian: Array
-    felt: Array
+    force: Array
 
 
 # Where each of them ends in the scratch that a filter hands over.
@@ -82,12 +82,12 @@ def _workspace(scratch):
         coefficients=scratch[_BLOCK:_COEFFICIENTS],
         jacobian=scratch[_COEFFICIENTS:_JACOBIAN].reshape(N_MOTION, N_COLUMNS),
         for_jacobian=scratch[_JACOBIAN:_FOR_JACOBIAN],
-        felt=scratch[_FOR_JACOBIAN:N_ACCELEROMETER_WORK],
+        force=scratch[_FOR_JACOBIAN:N_ACCELEROMETER_WORK],
     )
 
 
 @compiled(types.void(_vector, _vector, _vector, types.uint64, _vector), internal=True)
-def _felt(motion, slope, constants, n_lanes, felt):
+def _specific_force(motion, slope, constants, n_lanes, force):
     """Fill in the specific force of a block of motions, without bias."""
     x, y, z = accelerometer_position(constants)
     for k in range(n_lanes):
@@ -100,26 +100,26 @@ def _felt(motion, slope, constants, n_lanes, felt):
         at_x = slope[k] + q * w - r * v + q_dot * z - r_dot * y + p * along - x * square
         at_y = slope[LANES + k] + r * u - p * w + r_dot * x - p_dot * z + q * along - y * square
         at_z = slope[2 * LANES + k] + p * v - q * u + p_dot * y - q_dot * x + r * along - z * square
-        felt[k] = at_x + GRAVITY * sin_theta
-        felt[LANES + k] = at_y - GRAVITY * cos_theta * sin_phi
-        felt[2 * LANES + k] = at_z - GRAVITY * cos_theta * cos_phi
+        force[k] = at_x + GRAVITY * sin_theta
+        force[LANES + k] = at_y - GRAVITY * cos_theta * sin_phi
+        force[2 * LANES + k] = at_z - GRAVITY * cos_theta * cos_phi
 
 
 @compiled(types.void(*[_vector] * 4, _indices, types.uint64, _vector, _vector), internal=True)
-def feel_forces(moving, parameters, inputs, constants, selection, n_lanes, seen, scratch):
+def measure_forces(moving, parameters, inputs, constants, selection, n_lanes, predicted, scratch):
     """Predict what it says of a block of states under inputs; `scratch` has `N_ACCELEROMETER_WORK`."""
     work = _workspace(scratch)
     fill_in_lanes(moving, parameters, constants, selection, n_lanes, work.coefficient_block)
     motion_derivative(moving, work.coefficient_block, inputs, constants[:N_CONSTANTS], n_lanes, work.slope)
-    _felt(moving, work.slope, constants, n_lanes, seen)
+    _specific_force(moving, work.slope, constants, n_lanes, predicted)
     for axis in range(3):
         if row_of(constants, ROW_BIAS_F + axis) >= 0:
             for k in range(n_lanes):
-                seen[axis * LANES + k] += value_of(constants, ROW_BIAS_F + axis, parameters, moving, k)
+                predicted[axis * LANES + k] += value_of(constants, ROW_BIAS_F + axis, parameters, moving, k)
 
 
 @compiled(types.void(_vector, _vector, _vector, _indices, _vector, _matrix, _vector), internal=True)
-def linearise_force(mean, inputs, constants, selection, seen, matrix, scratch):
+def linearise_force(mean, inputs, constants, selection, predicted, matrix, scratch):
     """Predict what it says of one state, shape (3,), and the derivative by the state, whose other columns stay."""
     work, first, vehicle = _workspace(scratch), first_moving_row(constants), constants[:N_CONSTANTS]
     motion, jacobian = mean[first : first + N_MOTION], work.jacobian
@@ -129,7 +129,7 @@ def linearise_force(mean, inputs, constants, selection, seen, matrix, scratch):
     for i in range(N_MOTION):
         work.block[i * LANES] = motion[i]
     motion_derivative(work.block, work.coefficient_block, inputs, vehicle, 1, work.slope)
-    _felt(work.block, work.slope, constants, 1, work.felt)
+    _specific_force(work.block, work.slope, constants, 1, work.force)
     motion_jacobian(motion, work.coefficients, inputs, vehicle, jacobian, work.for_jacobian)
 
     arm = accelerometer_position(constants)
@@ -155,8 +155,8 @@ def linearise_force(mean, inputs, constants, selection, seen, matrix, scratch):
         row[6] += GRAVITY * by_roll[i]
         row[7] += GRAVITY * by_pitch[i]
         fill_in_row(row, constants, selection, matrix[i])
-        seen[i] = work.felt[i * LANES]
+        predicted[i] = work.force[i * LANES]
         bias = row_of(constants, ROW_BIAS_F + i)
         if bias >= 0:
             matrix[i, bias] = 1.0
-            seen[i] += mean[bias]
+            predicted[i] += mean[bias]

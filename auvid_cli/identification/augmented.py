@@ -10,7 +10,7 @@ from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import ConfigError
 from auvid_cli.filters.problem import Gaussian, Indices, Process, Sensors
 from auvid_cli.filters.segments import joint_gaussian, places
-from auvid_cli.identification.compiled_layout import NO_ACCELEROMETER, Accelerometer
+from auvid_cli.identification.compiled_layout import NO_ACCELEROMETER, CompiledAccelerometer
 from auvid_cli.identification.initial_state import initial_gaussian
 from auvid_cli.identification.prepared_data import PreparedData, Segment
 from auvid_cli.identification.prior import earlier_gaussian
@@ -59,7 +59,7 @@ class AugmentedProblem:
 
     @property
     def span(self) -> tuple[float, float]:
-        """First and last time, s."""
+        """Return the first and the last time, s."""
         return self.segments[0].timelines.span[0], self.segments[-1].timelines.span[1]
 
 
@@ -99,10 +99,10 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     )
 
 
-def _accelerometer(measuring: dict[str, SensorRecord]) -> Accelerometer:
+def _accelerometer(measuring: dict[str, SensorRecord]) -> CompiledAccelerometer:
     if "accelerometer" not in measuring:
         return NO_ACCELEROMETER
-    return Accelerometer(list(measuring).index("accelerometer"), measuring["accelerometer"].position)
+    return CompiledAccelerometer(list(measuring).index("accelerometer"), measuring["accelerometer"].position)
 
 
 def _prior_of_parameters(layout: StateLayout, dataset: Dataset) -> Gaussian:

@@ -32,13 +32,13 @@ _N_ROWS = len(ROWS)
 _ACCELEROMETER = 1 + _N_ROWS + 4
 
 
-class Accelerometer(NamedTuple):
-    """The accelerometer that is heard.
+class CompiledAccelerometer(NamedTuple):
+    """The accelerometer that is used.
 
     Attributes
     ----------
     sensor : int
-        Its row in `auvid_cli.filters.problem.Sensors`; negative if none is heard.
+        Its row in `auvid_cli.filters.problem.Sensors`; negative if none is used.
     position : tuple of float
         Forward, starboard and down of the origin, m.
     """
@@ -47,14 +47,14 @@ class Accelerometer(NamedTuple):
     position: tuple[float, float, float]
 
 
-NO_ACCELEROMETER = Accelerometer(_NOWHERE, (0.0, 0.0, 0.0))
+NO_ACCELEROMETER = CompiledAccelerometer(_NOWHERE, (0.0, 0.0, 0.0))
 
 
 # Blocks that the compiled process moves, or is made of, without being asked.
 _OF_EVERY_MODEL = "coefficients", "motion", "depth"
 
 
-def model_constants(vehicle: Array, held: Array, layout: StateLayout, accelerometer: Accelerometer) -> Array:
+def model_constants(vehicle: Array, held: Array, layout: StateLayout, accelerometer: CompiledAccelerometer) -> Array:
     """Lay out the constants of an augmented model; see `auvid_cli.identification.process.vehicle_process`."""
     compiled_in = {
         quantity.symbol
@@ -66,8 +66,8 @@ def model_constants(vehicle: Array, held: Array, layout: StateLayout, accelerome
         raise TypeError(f"no compiled code knows of {', '.join(sorted(compiled_in - set(ROWS)))}")
     rows = [row if (row := layout.row(symbol)) is not None else _NOWHERE for symbol in ROWS]
     scale = layout.scale[layout.rows_of("coefficients")]
-    felt = accelerometer.sensor, *accelerometer.position
-    return np.concatenate([vehicle, held, scale, felt, rows, [layout.n_parameters]])
+    sensor = accelerometer.sensor, *accelerometer.position
+    return np.concatenate([vehicle, held, scale, sensor, rows, [layout.n_parameters]])
 
 
 @compiled(types.int64(_vector))

@@ -1,4 +1,4 @@
-"""What a DVL sees of a motion through the water: over ground, with a scale error, mounted at a small yaw.
+"""What a DVL measures of a motion through the water: over ground, with a scale error, mounted at a small yaw.
 
 ``(1 + scale) Rz(yaw)' ([u v w] + R(phi, theta, psi)' [current_north current_east 0])``.
 """
@@ -29,8 +29,8 @@ _three = types.UniTuple(types.float64, 3)
 
 
 @compiled(types.void(_vector, _vector, _vector, types.uint64, _vector), internal=True)
-def see_velocities(moving, parameters, constants, n_lanes, seen):
-    """Predict what it sees of a block of states."""
+def measure_velocities(moving, parameters, constants, n_lanes, predicted):
+    """Predict what it measures of a block of states."""
     for k in range(n_lanes):
         north = value_of(constants, ROW_CURRENT_NORTH, parameters, moving, k)
         east = value_of(constants, ROW_CURRENT_EAST, parameters, moving, k)
@@ -43,9 +43,9 @@ def see_velocities(moving, parameters, constants, n_lanes, seen):
         w = moving[2 * LANES + k] + cos_phi * sin_theta * ahead - sin_phi * aside
         sin_yaw, cos_yaw = sine_cosine(value_of(constants, ROW_DVL_YAW, parameters, moving, k))
         gain = 1.0 + value_of(constants, ROW_DVL_SCALE, parameters, moving, k)
-        seen[k] = gain * (cos_yaw * u + sin_yaw * v)
-        seen[LANES + k] = gain * (cos_yaw * v - sin_yaw * u)
-        seen[2 * LANES + k] = gain * w
+        predicted[k] = gain * (cos_yaw * u + sin_yaw * v)
+        predicted[LANES + k] = gain * (cos_yaw * v - sin_yaw * u)
+        predicted[2 * LANES + k] = gain * w
 
 
 @compiled(types.float64(_vector, _vector, types.int64), internal=True)
@@ -65,8 +65,8 @@ def _put(matrix, column, gain, yaw, vector):
 
 
 @compiled(types.void(_vector, _vector, _vector, _matrix), internal=True)
-def linearise_velocity(mean, constants, seen, matrix):
-    """Predict what it sees of one state, shape (3,), and the derivative by the state, whose other columns stay."""
+def linearise_velocity(mean, constants, predicted, matrix):
+    """Predict what it measures of one state, shape (3,), and the derivative by the state, whose other columns stay."""
     first, scale_row, yaw_row = (
         first_moving_row(constants),
         row_of(constants, ROW_DVL_SCALE),
@@ -100,11 +100,11 @@ def linearise_velocity(mean, constants, seen, matrix):
     _put(matrix, yaw_row, gain, yaw, (v, -u, 0.0))
     _put(matrix, scale_row, 1.0, yaw, (u, v, w))
     sine, cosine = sine_cosine(yaw)
-    seen[0], seen[1], seen[2] = gain * (cosine * u + sine * v), gain * (cosine * v - sine * u), gain * w
+    predicted[0], predicted[1], predicted[2] = gain * (cosine * u + sine * v), gain * (cosine * v - sine * u), gain * w
 
 
 def dvl_axes(scale: float, yaw: float) -> Array:
-    """Return the matrix from the velocity over ground to what is seen of it, ``(1 + scale) Rz(yaw)'``."""
+    """Return the matrix from the velocity over ground to what is measured of it, ``(1 + scale) Rz(yaw)'``."""
     sine, cosine = np.sin(yaw), np.cos(yaw)
     return (1.0 + scale) * np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 

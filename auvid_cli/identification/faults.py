@@ -46,7 +46,7 @@ class Motion(NamedTuple):
     rates: Array
 
 
-class Model:
+class FaultedVehicle:
     """A vehicle with its coefficients, as faults disturb it.
 
     Parameters
@@ -111,23 +111,23 @@ class Fault(NamedTuple):
     remedy: str
     state: str
     sensor: str
-    effect: Callable[[Model, Motion], Array]
+    effect: Callable[[FaultedVehicle, Motion], Array]
 
 
-def _constant(component: int) -> Callable[[Model, Motion], Array]:
+def _constant(component: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: np.tile(np.eye(3)[component], (len(at.motion), 1))
 
 
-def _late(columns: slice) -> Callable[[Model, Motion], Array]:
+def _late(columns: slice) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: -at.rates[:, columns]
 
 
-def _lever(axis: int) -> Callable[[Model, Motion], Array]:
+def _lever(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: np.asarray(np.cross(at.motion[:, 3:6], np.eye(3)[axis]), dtype=np.float64)
 
 
-def _felt_at(axis: int) -> Callable[[Model, Motion], Array]:
-    def effect(model: Model, at: Motion) -> Array:
+def _force_at(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
+    def effect(model: FaultedVehicle, at: Motion) -> Array:
         arm, turning = np.eye(3)[axis], at.motion[:, 3:6]
         carried = np.cross(turning, np.cross(turning, arm))
         return np.asarray(np.cross(at.rates[:, 3:6], arm) + carried, dtype=np.float64)
@@ -135,15 +135,15 @@ def _felt_at(axis: int) -> Callable[[Model, Motion], Array]:
     return effect
 
 
-def _current(north: float, east: float) -> Callable[[Model, Motion], Array]:
+def _current(north: float, east: float) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: current_in_body_axes(at.motion[:, 6:9], north, east)
 
 
-def _offset(given: int) -> Callable[[Model, Motion], Array]:
+def _offset(given: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: model.by_inputs(at, np.eye(4)[given])
 
 
-def _cross_flow(row: int) -> Callable[[Model, Motion], Array]:
+def _cross_flow(row: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: model.by_force(at, row, np.abs(at.motion[:, 1]) * at.motion[:, 5])
 
 
@@ -168,7 +168,7 @@ FAULTS: tuple[Fault, ...] = (
         for i, quantity in enumerate(SENSORS["accelerometer"])
     ),
     *(
-        Fault(f"position of the accelerometer, {axis}", "m", _PLACE, "", "accelerometer", _felt_at(i))
+        Fault(f"position of the accelerometer, {axis}", "m", _PLACE, "", "accelerometer", _force_at(i))
         for i, axis in enumerate("xyz")
     ),
     Fault("delay of the gyroscope", "s", _CLOCK.format("the gyroscope"), "", "gyroscope", _late(slice(3, 6))),
@@ -231,24 +231,24 @@ class VehicleFaults:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the faults that no state stands for, of sensors that there are."""
+        """Return the names of the faults that no state stands for, of sensors that there are."""
         return tuple(fault.name for fault in self._faults)
 
     @property
     def units(self) -> tuple[str, ...]:
-        """SI unit of the size of each."""
+        """Return the SI unit of the size of each."""
         return tuple(fault.unit for fault in self._faults)
 
     @cached_property
     def _motion(self) -> slice:
-        """Where the motion stands among the moving states."""
+        """Say where the motion stands among the moving states."""
         layout = self._problem.layout
         rows = layout.rows_of("motion")
         return slice(rows.start - layout.n_parameters, rows.stop - layout.n_parameters)
 
     def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
         """Say what they do to a chunk of a segment, along a trajectory."""
-        model = Model(self._problem.known, self._factors(about.parameters))
+        model = FaultedVehicle(self._problem.known, self._factors(about.parameters))
         rate = self._problem.segments[segment].timelines.input_rate
         states = np.vstack([about.before, about.moving])[:, self._motion]
 
@@ -268,9 +268,9 @@ class VehicleFaults:
             sensor: np.flatnonzero(timeline.measurement_sensor == number)
             for number, sensor in enumerate(self._problem.measuring)
         }
-        # An accelerometer feels the inputs that hold from then on.
+        # An accelerometer depends on the inputs that hold from then on.
         inputs = {sensor: timeline.event_input if sensor == "accelerometer" else last for sensor in measured}
-        seen = {
+        at_measurements = {
             sensor: under(states[1:][event[rows]], inputs[sensor][event[rows]])
             for sensor, rows in measured.items()
             if any(fault.sensor == sensor for fault in self._faults)
@@ -278,12 +278,12 @@ class VehicleFaults:
         pushed, added = (np.zeros((*a.shape, len(self._faults))) for a in (about.moving, timeline.measurement))
         for f, fault in enumerate(self._faults):
             if fault.sensor:
-                added[measured[fault.sensor], :3, f] = fault.effect(model, seen[fault.sensor])
+                added[measured[fault.sensor], :3, f] = fault.effect(model, at_measurements[fault.sensor])
                 continue
             pushed[led, self._motion, f] = np.add.reduceat(fault.effect(model, on_the_way) * duration, first)
-            if "accelerometer" in seen:
-                # What changes the motion is felt besides.
-                pull = fault.effect(model, seen["accelerometer"])
+            if "accelerometer" in at_measurements:
+                # What changes the motion is measured besides.
+                pull = fault.effect(model, at_measurements["accelerometer"])
                 arm = np.array(self._problem.measuring["accelerometer"].position)
                 added[measured["accelerometer"], :3, f] = pull[:, :3] + np.cross(pull[:, 3:6], arm)
         return FaultEffects(pushed, added)
@@ -291,6 +291,6 @@ class VehicleFaults:
     def _factors(self, parameters: Array) -> Array:
         """Return what the regressors are multiplied by, from parameters as filters see them."""
         layout, n = self._problem.layout, parameters.size
-        found = dict(zip(layout.symbols[:n], parameters * layout.scale[:n], strict=True))
+        identified = dict(zip(layout.symbols[:n], parameters * layout.scale[:n], strict=True))
         thrust = float(parameters[layout.rows_of("thrust")].sum())
-        return factors(self._problem.held | found, 1.0 + thrust)
+        return factors(self._problem.held | identified, 1.0 + thrust)

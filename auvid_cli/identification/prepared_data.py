@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.identification.actuators import lagged
-from auvid_cli.identification.segments import used_spans
+from auvid_cli.identification.segmentation import used_spans
 from auvid_cli.identification.timeline import Timelines, initial_depth, initial_motion, measuring_sensors
 from auvid_cli.vehicle.parameters import DEPTH, MOTION_SYMBOLS
 
@@ -35,7 +35,7 @@ class Segment(NamedTuple):
 
     @property
     def motion(self) -> Array:
-        """The motion as measured by the start, shape (9,)."""
+        """Return the motion as measured by the start, shape (9,)."""
         return np.array([self.measured[symbol] for symbol in MOTION_SYMBOLS])
 
 
@@ -58,7 +58,7 @@ class PreparedData:
 
     @property
     def experiment(self) -> RunSettings:
-        """The settings that the data are prepared for."""
+        """Return the settings that the data are prepared for."""
         return self.dataset.experiment
 
     def with_settings(self, experiment: RunSettings) -> "PreparedData":

@@ -15,7 +15,7 @@ from auvid_cli.identification.compiled_coefficients import fill_in_all, fill_in_
 from auvid_cli.identification.compiled_layout import (
     NO_ACCELEROMETER,
     ROW_DEPTH,
-    Accelerometer,
+    CompiledAccelerometer,
     depth_is_state,
     first_moving_row,
     model_constants,
@@ -205,7 +205,10 @@ def first_order_transition(mean, inputs, substep_input, substep_duration, consta
 
 
 def vehicle_process(
-    vehicle: Array, held: Mapping[str, float], layout: StateLayout, accelerometer: Accelerometer = NO_ACCELEROMETER
+    vehicle: Array,
+    held: Mapping[str, float],
+    layout: StateLayout,
+    accelerometer: CompiledAccelerometer = NO_ACCELEROMETER,
 ) -> Process:
     """Make the augmented model of Sabet et al. 2018, eq. (10), with coefficients in units of their scales, and errors.
 
@@ -216,7 +219,7 @@ def vehicle_process(
     held : mapping
         Values, SI, of the coefficients that are not states.
     layout : StateLayout
-    accelerometer : Accelerometer
+    accelerometer : CompiledAccelerometer
         By default none.
 
     Notes

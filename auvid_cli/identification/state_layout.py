@@ -78,34 +78,34 @@ class StateLayout:
 
     @cached_property
     def symbols(self) -> tuple[str, ...]:
-        """Symbol of each component."""
+        """Return the symbol of each component."""
         return tuple(quantity.symbol for block in self.blocks for quantity in block.quantities)
 
     @cached_property
     def units(self) -> tuple[str, ...]:
-        """SI unit of each component."""
+        """Return the SI unit of each component."""
         return tuple(quantity.unit for block in self.blocks for quantity in block.quantities)
 
     @cached_property
     def scale(self) -> Array:
-        """SI value of one unit of each component, as filters see it."""
+        """Return the SI value of one unit of each component, as filters see it."""
         return np.concatenate(
             [block.prior_std if block.scaled else np.ones(len(block.prior_std)) for block in self.blocks]
         )
 
     @cached_property
     def prior_std(self) -> Array:
-        """Standard deviation of each component before any data, in units of `scale`."""
+        """Return the standard deviation of each component before any data, in units of `scale`."""
         return np.concatenate([block.prior_std for block in self.blocks]) / self.scale
 
     @cached_property
     def noise_density(self) -> Array:
-        """Square root of the power spectral density that drives each moving state."""
+        """Return the square root of the power spectral density that drives each moving state."""
         return np.concatenate([block.noise_density for block in self.blocks if block.is_moving])
 
     @property
     def n_parameters(self) -> int:
-        """Number of parameters, which stand before the moving states."""
+        """Return the number of parameters, which stand before the moving states."""
         return len(self.symbols) - self.noise_density.size
 
     def row(self, symbol: str) -> int | None:

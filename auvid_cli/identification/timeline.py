@@ -43,10 +43,10 @@ def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
         If there is none, an inertial one is missing, or one states no positive noise.
     """
     is_inertial = dataset.experiment.identification.attitude_from == "inertial"
-    unheard = ("attitude",) if is_inertial else INERTIAL
+    unused = ("attitude",) if is_inertial else INERTIAL
     measuring = {}
     for name, record in dataset.sensors.items():
-        if name not in unheard and np.isfinite(record.values).any():
+        if name not in unused and np.isfinite(record.values).any():
             if not (record.standard_deviation > 0.0).all():
                 raise DataError(f"sensor {name}: its standard deviation must be greater than 0 for a filter")
             measuring[name] = record
@@ -118,7 +118,7 @@ def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tupl
     time : float
         s, not before the first input.
     motion : ndarray, shape (9,)
-        Zero for what no sensor measures. Where an accelerometer is heard, roll and pitch are those by which it feels
+        Zero for what no sensor measures. Where an accelerometer is used, roll and pitch are those by which it measures
         gravity.
     """
     known = [np.isfinite(record.values) for record in measuring.values()]
@@ -139,7 +139,7 @@ def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tupl
 
 
 def _levelled(force: Array, motion: Array) -> tuple[float, float]:
-    """Return roll and pitch by which gravity is all that is felt, but for the turning of the velocity, rad."""
+    """Return roll and pitch by which gravity is all that is measured, but for the turning of the velocity, rad."""
     x, y, z = np.cross(motion[3:6], motion[:3]) - force
     return float(np.arctan2(y, z)), float(np.arctan2(-x, np.hypot(y, z)))
 
@@ -195,7 +195,7 @@ class Timelines:
 
     @property
     def input_rate(self) -> Array:
-        """How fast the inputs change at each of their times, per second: steps are spread over their neighbours."""
+        """Say how fast the inputs change at each of their times, per second: steps are spread over their neighbours."""
         time = self._changes * _NANOSECOND
         return np.gradient(self._inputs, time, axis=0) if time.size > 1 else np.zeros_like(self._inputs)
 
@@ -249,8 +249,9 @@ def _substeps(changes: Ticks, before: np.int64, events: Ticks, step: float) -> t
     if gaps.size and gaps.max() * _NANOSECOND > _LONGEST_SILENCE:
         k = int(gaps.argmax())
         raise DataError(
-            f"nothing is heard from t = {cuts[k] * _NANOSECOND:.6g} s to {cuts[k + 1] * _NANOSECOND:.6g} s, too long "
-            "to go on without a measurement: end a segment there (identification.use.longest_gap), or use a part of it"
+            f"nothing is measured from t = {cuts[k] * _NANOSECOND:.6g} s to {cuts[k + 1] * _NANOSECOND:.6g} s, too "
+            "long to go on without a measurement: end a segment there (identification.use.longest_gap), or use a part "
+            "of it"
         )
     n_substeps = np.maximum(np.ceil(gaps * _NANOSECOND / step - 1e-6).astype(np.int64), 1)
     held = _held(changes, cuts[:-1])

@@ -5,10 +5,10 @@ import numpy as np
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematics import attitude_rates, tied
-from auvid_cli.inspection.regression import Fit
-from auvid_cli.inspection.responses import AXES, Axis, answers, response_check, response_fits
-from auvid_cli.inspection.units import mistaken_units
+from auvid_cli.inspection.kinematic_ties import attitude_rates, tied
+from auvid_cli.inspection.mistaken_units import mistaken_units
+from auvid_cli.inspection.regression import Regression
+from auvid_cli.inspection.responses import AXES, RotationAxis, answers, response_check, response_fits
 
 _TOLERANCE = 0.2
 _LEAST_CORRELATION = 0.7
@@ -34,7 +34,7 @@ def rotation_checks(signals: Signals, time_constant: float | None) -> list[Check
     return checks
 
 
-def _agreement(axis: Axis, angle: str, other: str, fitted: Fit | None, signs: dict[str, int]) -> Check:
+def _agreement(axis: RotationAxis, angle: str, other: str, fitted: Regression | None, signs: dict[str, int]) -> Check:
     name, threshold = f"{axis.rate} against {angle}", f"gain 1 +- {_TOLERANCE}, correlation >= {_LEAST_CORRELATION}"
     if fitted is None or fitted.spread < _LEAST_SPREAD:
         turning = "too short" if fitted is None else f"{np.rad2deg(fitted.spread):.2g} deg/s"
@@ -62,7 +62,7 @@ def _agreement(axis: Axis, angle: str, other: str, fitted: Fit | None, signs: di
     )
 
 
-def _advice(fitted: Fit, rate: str, angle: str, subject: str) -> str:
+def _advice(fitted: Regression, rate: str, angle: str, subject: str) -> str:
     if abs(fitted.correlation) < _LEAST_CORRELATION:
         return (
             f"{rate} and {angle} do not belong together: axes are exchanged, one of them is delayed or smoothed, or it "

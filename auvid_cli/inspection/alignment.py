@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals, change, smoothed
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematics import attitude_rates
-from auvid_cli.inspection.responses import AXES, Axis, answer_window, moment
+from auvid_cli.inspection.kinematic_ties import attitude_rates
+from auvid_cli.inspection.responses import AXES, RotationAxis, answer_window, moment
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
@@ -112,7 +112,7 @@ def alignment_checks(alignment: Alignment) -> list[Check]:
     ]
 
 
-def _likelihood(signals: Signals, axes: Sequence[Axis], time_constant: float | None) -> Array:
+def _likelihood(signals: Signals, axes: Sequence[RotationAxis], time_constant: float | None) -> Array:
     """Say how much likelier some answers are than none, as a logarithm, for each of the `_lags`."""
     total = np.zeros(_lags(signals).size)
     for axis in axes:
@@ -122,7 +122,7 @@ def _likelihood(signals: Signals, axes: Sequence[Axis], time_constant: float | N
     return total
 
 
-def _correlations(signals: Signals, axis: Axis, time_constant: float | None) -> tuple[Array, float]:
+def _correlations(signals: Signals, axis: RotationAxis, time_constant: float | None) -> tuple[Array, float]:
     """Correlate, in part, the change of a rate and the mean input that was stamped so much later.
 
     Beside it stand the means of what else turns the vehicle: unlike in `responses.response_fits`, where they are those

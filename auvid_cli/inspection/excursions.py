@@ -9,8 +9,8 @@ from scipy.ndimage import median_filter
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals, derivative, smoothed
 from auvid_cli.inspection.inspection import Mark, judged
-from auvid_cli.inspection.measurements import noise_floor
 from auvid_cli.inspection.regression import fit
+from auvid_cli.inspection.single_sensor import noise_floor
 from auvid_cli.vehicle.kinematics import euler_rates
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ def excursion_checks(signals: Signals, stepped: Collection[str]) -> tuple[list[C
         heading = signals.values[symbol]
         if _turn_alike(signals, heading, reference):
             spans, peaks = _away(signals, heading - reference)
-            checks.append(_verdict(symbol, name, spans, peaks))
+            checks.append(_check(symbol, name, spans, peaks))
             marks += [Mark(_SENSORS[symbol], "step", *span) for span in spans.tolist()]
     return checks, marks
 
@@ -88,7 +88,7 @@ def _away(signals: Signals, difference: Array) -> tuple[Array, Array]:
     return np.stack([centres[begin], centres[end - 1]], axis=1), peaks
 
 
-def _verdict(symbol: str, reference: str, spans: Array, peaks: Array) -> Check:
+def _check(symbol: str, reference: str, spans: Array, peaks: Array) -> Check:
     statistic = "none"
     if peaks.size:
         times = ", ".join(f"{start:.4g} to {end:.4g}" for start, end in spans[:3])

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.errors import DataError
-from auvid_cli.inspection.measurements import continuous
+from auvid_cli.inspection.single_sensor import continuous
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 
 Array = NDArray[np.float64]

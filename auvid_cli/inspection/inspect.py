@@ -14,14 +14,14 @@ from auvid_cli.evaluation.data_checks import data_checks
 from auvid_cli.inspection.agreement import rotation_checks
 from auvid_cli.inspection.alignment import aligned, alignment_checks, input_alignment
 from auvid_cli.inspection.allan import bias_instability
+from auvid_cli.inspection.clean_record import Screened, screened
 from auvid_cli.inspection.excitation import excitation_checks, fitness_checks
 from auvid_cli.inspection.excursions import excursion_checks
 from auvid_cli.inspection.forces import force_checks
 from auvid_cli.inspection.grid import Signals, signals_of
 from auvid_cli.inspection.inspection import Inspection, Mark, judged
-from auvid_cli.inspection.kinematics import attitude_rates
-from auvid_cli.inspection.measurements import measurement_checks
-from auvid_cli.inspection.screening import Screened, screened
+from auvid_cli.inspection.kinematic_ties import attitude_rates
+from auvid_cli.inspection.single_sensor import measurement_checks
 from auvid_cli.inspection.steps import angle_steps, gimbal_check, step_check
 from auvid_cli.inspection.timing import input_timing_checks, timing_checks
 from auvid_cli.inspection.velocity import mean_speed, velocity_checks

@@ -3,7 +3,7 @@
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals, smoothed
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematics import Tie, attitude_rates, swings
+from auvid_cli.inspection.kinematic_ties import Tie, attitude_rates, swings
 from auvid_cli.inspection.regression import fit
 from auvid_cli.inspection.responses import known_sign
 
@@ -24,7 +24,7 @@ def lever_arm_checks(signals: Signals, forces: dict[str, Tie], accelerometer_ahe
     ----------
     signals : Signals
     forces : dict of Tie
-        Of `kinematics.felt_accelerations`.
+        Of `kinematic_ties.measured_forces`.
     accelerometer_ahead : float
         m, by which the accelerometer is stated to sit ahead of the origin.
     """

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals, derivative, smoothed, without_mean
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematics import Tie
-from auvid_cli.inspection.regression import Fit, fit
+from auvid_cli.inspection.kinematic_ties import Tie
+from auvid_cli.inspection.regression import Regression, fit
 from auvid_cli.vehicle.kinematics import GRAVITY
 
 Array = NDArray[np.float64]
@@ -72,7 +72,7 @@ def offset_by_gravity(signals: Signals, forward: Tie) -> PitchOffset | None:
     return _offset(signals, lacking, np.full(lacking.size, -GRAVITY))
 
 
-def fit_over_seconds(signals: Signals, dive: Tie) -> Fit | None:
+def fit_over_seconds(signals: Signals, dive: Tie) -> Regression | None:
     """Regress depth rate on pitch and surge as in `kinematics.tied`, of what changes within seconds only.
 
     An offset that comes and goes spoils the gain over the whole run, and leaves this one alone.

@@ -14,7 +14,7 @@ _FEWEST_WINDOWS = 15
 _TUNING, _ROUNDS = 1.345, 12
 
 
-class Fit(NamedTuple):
+class Regression(NamedTuple):
     """Regression of one signal on another, those beside it taken into account.
 
     Attributes
@@ -33,7 +33,7 @@ class Fit(NamedTuple):
     spread: float
 
 
-def fit(values: Array, regressor: Array, others: Sequence[Array], window: int) -> Fit | None:
+def fit(values: Array, regressor: Array, others: Sequence[Array], window: int) -> Regression | None:
     """Regress on one signal, on others beside it, and on a constant.
 
     Parameters
@@ -46,7 +46,7 @@ def fit(values: Array, regressor: Array, others: Sequence[Array], window: int) -
 
     Returns
     -------
-    Fit or None
+    Regression or None
         None if too little is known.
     """
     columns = np.stack([values, regressor, *others])
@@ -65,12 +65,12 @@ def fit(values: Array, regressor: Array, others: Sequence[Array], window: int) -
             break
         weighted = _weighted(y, x, beside, np.minimum(1.0, scale / np.maximum(residual, scale)))
     if not weighted.power > 0.0:
-        return Fit(0.0, np.inf, 0.0, 0.0)
+        return Regression(0.0, np.inf, 0.0, 0.0)
     correlation = (
         weighted.gain * np.sqrt(weighted.power / weighted.power_of_values) if weighted.power_of_values > 0.0 else 0.0
     )
     error = np.sqrt(weighted.variance / weighted.power / (windows - len(rows)))
-    return Fit(weighted.gain, float(error), float(correlation), float(np.sqrt(weighted.power)))
+    return Regression(weighted.gain, float(error), float(correlation), float(np.sqrt(weighted.power)))
 
 
 class _Weighted(NamedTuple):

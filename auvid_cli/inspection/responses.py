@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals, change, smoothed
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematics import attitude_rates, tied
-from auvid_cli.inspection.regression import Fit, fit
+from auvid_cli.inspection.kinematic_ties import attitude_rates, tied
+from auvid_cli.inspection.regression import Regression, fit
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ _LEAST_DEFLECTION = 1e-3
 _SHORTEST_ANSWER, _USUAL_ANSWER, _LONGEST_ANSWER = 0.3, 1.0, 3.0
 
 
-class Axis(NamedTuple):
+class RotationAxis(NamedTuple):
     """An axis of rotation: what turns about it, and what turns it.
 
     Attributes
@@ -41,20 +41,20 @@ class Axis(NamedTuple):
 
 
 AXES = (
-    Axis("p", "phi", "roll_moment", 1, ("phi", "v", "r", "rudder")),
-    Axis("q", "theta", "elevator", -1, ("w", "theta")),
-    Axis("r", "psi", "rudder", -1, ("v",)),
+    RotationAxis("p", "phi", "roll_moment", 1, ("phi", "v", "r", "rudder")),
+    RotationAxis("q", "theta", "elevator", -1, ("w", "theta")),
+    RotationAxis("r", "psi", "rudder", -1, ("v",)),
 )
 
 
-def known_sign(fitted: Fit | None) -> int:
+def known_sign(fitted: Regression | None) -> int:
     """Return 1 or -1 where a gain is clearly positive or negative, else 0."""
     if fitted is None or abs(fitted.correlation) < _LEAST_CORRELATION or abs(fitted.gain) < _SIGMAS * fitted.error:
         return 0
     return 1 if fitted.gain > 0.0 else -1
 
 
-def moment(signals: Signals, axis: Axis) -> Array | None:
+def moment(signals: Signals, axis: RotationAxis) -> Array | None:
     """Return what an input turns the vehicle by, but for a factor; None of a fin that does not move."""
     given = signals.values[axis.given]
     if axis.given == "roll_moment":
@@ -64,7 +64,7 @@ def moment(signals: Signals, axis: Axis) -> Array | None:
     return signals.values["u"] ** 2 * given if signals.has("u") else given
 
 
-def answer_window(signals: Signals, axis: Axis, time_constant: float | None) -> int:
+def answer_window(signals: Signals, axis: RotationAxis, time_constant: float | None) -> int:
     """Say how many cells to watch for the answer to an input."""
     return signals.window(axis.rate, axis.angle, least=_shown_within(time_constant))
 
@@ -74,7 +74,7 @@ def _shown_within(time_constant: float | None) -> float:
     return _USUAL_ANSWER if time_constant is None else min(max(time_constant, _SHORTEST_ANSWER), _LONGEST_ANSWER)
 
 
-def response_fits(signals: Signals, axis: Axis, time_constant: float | None) -> dict[str, Fit | None]:
+def response_fits(signals: Signals, axis: RotationAxis, time_constant: float | None) -> dict[str, Regression | None]:
     """Fit how fast a rate changes by an input, by the sensor that says the rate: "gyroscope" and "attitude".
 
     The change over a window is regressed on the mean input there, and on what the vehicle did at its begin: so an
@@ -97,13 +97,13 @@ def _rates_by_sensor(signals: Signals, symbol: str) -> dict[str, Array]:
     return by_sensor | ({"attitude": rates[symbol].total()} if rates else {})
 
 
-def answers(axis: Axis, fits: dict[str, Fit | None]) -> dict[str, int]:
+def answers(axis: RotationAxis, fits: dict[str, Regression | None]) -> dict[str, int]:
     """Return 1 where by a sensor the vehicle answers the right way, -1 where the wrong way; where it can be told."""
     signs = {name: axis.sign * known_sign(fitted) for name, fitted in fits.items()}
     return {name: sign for name, sign in signs.items() if sign}
 
 
-def response_check(axis: Axis, fits: dict[str, Fit | None]) -> Check:
+def response_check(axis: RotationAxis, fits: dict[str, Regression | None]) -> Check:
     """Judge whether any sensor sees the right answer to an input: a wrong rate or angle is named elsewhere."""
     signs = answers(axis, fits)
     statistic = ", ".join(

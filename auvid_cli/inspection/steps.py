@@ -10,7 +10,7 @@ from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.gaps import gap_limit
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.measurements import continuous
+from auvid_cli.inspection.single_sensor import continuous
 from auvid_cli.vehicle.kinematics import euler_rates
 from auvid_cli.vehicle.parameters import SENSORS
 

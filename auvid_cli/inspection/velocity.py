@@ -6,8 +6,9 @@ from numpy.typing import NDArray
 from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals, derivative, smoothed
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematics import Tie, diving_speed, felt_accelerations, swings, tied
+from auvid_cli.inspection.kinematic_ties import Tie, diving_speed, measured_forces, swings, tied
 from auvid_cli.inspection.lever_arm import lever_arm_checks
+from auvid_cli.inspection.mistaken_units import mistaken_units
 from auvid_cli.inspection.pitch_offset import (
     PitchOffset,
     fit_over_seconds,
@@ -15,9 +16,8 @@ from auvid_cli.inspection.pitch_offset import (
     offset_by_gravity,
     pitch_offset_check,
 )
-from auvid_cli.inspection.regression import Fit, fit
+from auvid_cli.inspection.regression import Regression, fit
 from auvid_cli.inspection.responses import known_sign, slip_sign, thrust_check
-from auvid_cli.inspection.units import mistaken_units
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ def velocity_checks(signals: Signals, time_constant: float | None, accelerometer
     speed = _speed(signals)
     if speed.passed is False:
         return [speed]
-    checks, forces, offset = [speed], felt_accelerations(signals), None
+    checks, forces, offset = [speed], measured_forces(signals), None
     dive = diving_speed(signals) if signals.has("down") else None
     if dive is not None:
         offset = offset_by_depth(signals, dive)
@@ -174,7 +174,7 @@ def _sinking(signals: Signals) -> Array:
 def _depth_rate(signals: Signals, dive: Tie, offset: PitchOffset | None) -> Check:
     """Judge depth rate against pitch and surge; an offset of pitch, which may come and go, is no fault."""
     window = signals.window("down", "u", "theta")
-    fitted: Fit | None = tied(_sinking(signals), dive.main, dive.others, window)
+    fitted: Regression | None = tied(_sinking(signals), dive.main, dive.others, window)
     threshold = f"gain 1 +- {_TOLERANCE}, correlation >= {_LEAST_CORRELATION}"
     if fitted is None or fitted.spread < _LEAST_SPEED:
         return judged(
@@ -208,7 +208,7 @@ def _with_units(advice: str, unit: str) -> str:
     return f"{advice} By the size of the gain: {unit}" if unit else advice
 
 
-def _is_one(fitted: Fit) -> bool:
+def _is_one(fitted: Regression) -> bool:
     return abs(fitted.gain - 1.0) <= _TOLERANCE + _SIGMAS * fitted.error
 
 

@@ -1,4 +1,4 @@
-"""The two clocks of a message, of who recorded it and of who sent it: how far apart, and whether one wanders."""
+"""The two clocks of a message, of who recorded it and of who sent it: how far apart, and whether one drifts."""
 
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ class ClockDrift(NamedTuple):
     Attributes
     ----------
     clock, other : str
-    wanders : bool
+    unsteady : bool
         Whether it is the less even one, by more than hardly matters.
     later : float
         s, median of the difference; 0 if not both are counted from the same epoch.
@@ -31,7 +31,7 @@ class ClockDrift(NamedTuple):
 
     clock: str
     other: str
-    wanders: bool
+    unsteady: bool
     later: float
     spread: float
     furthest: float
@@ -65,11 +65,11 @@ def find_clock_drift(taken: Array, other: Array, names: tuple[str, str]) -> Cloc
     is_epoch = min(np.median(taken), np.median(other)) > _LEAST_EPOCH
     furthest = float(np.abs(difference).max())
     interval = float(np.median(np.abs(np.diff(other))))
-    wanders = furthest > min(_PART_OF_INTERVAL * interval, _LEAST) and _unevenness(taken) > _unevenness(other)
-    if not wanders and not (is_epoch and later > _LATER):
+    unsteady = furthest > min(_PART_OF_INTERVAL * interval, _LEAST) and _unevenness(taken) > _unevenness(other)
+    if not unsteady and not (is_epoch and later > _LATER):
         return None
     low, high = np.quantile(difference, _QUANTILES)
-    return ClockDrift(*names, wanders, later if is_epoch else 0.0, float(high - low), furthest)
+    return ClockDrift(*names, unsteady, later if is_epoch else 0.0, float(high - low), furthest)
 
 
 def _unevenness(time: Array) -> float:

@@ -1,4 +1,4 @@
-"""From logs and a map to inputs and sensors on one clock, with an account of what was done."""
+"""From logs and a map to inputs and sensors on one clock, with a report of what was done."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from auvid_cli.config.tree import Tree
 from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.logs.columns import ColumnReader
 from auvid_cli.logs.formats.log import Log
-from auvid_cli.logs.import_report import Account
+from auvid_cli.logs.import_report import ImportSummary
 from auvid_cli.logs.input_record import read_inputs
 from auvid_cli.logs.refusals import Refusals
 from auvid_cli.logs.requests import find_requests
@@ -24,14 +24,14 @@ class Conversion(NamedTuple):
     sensors : dict of SensorRecord
     origin : float
         s, by the log's clock, of t = 0: the first sample of the earliest sensor.
-    accounts : tuple of Account
+    summaries : tuple of ImportSummary
     remarks : tuple of str
     """
 
     inputs: InputRecord
     sensors: dict[str, SensorRecord]
     origin: float
-    accounts: tuple[Account, ...]
+    summaries: tuple[ImportSummary, ...]
     remarks: tuple[str, ...]
 
 
@@ -58,5 +58,5 @@ def convert(settings: LogMap, tree: Tree, logs: Mapping[str, Log]) -> Conversion
     refusals.stop_if_any()
     columns = ColumnReader(logs, requests.values())
     sensors = read_sensors(settings, requests, columns, refusals)
-    inputs, accounts, remarks = read_inputs(settings, requests, columns, sensors, refusals)
-    return Conversion(inputs, sensors.records, sensors.origin, (*sensors.accounts, *accounts), remarks)
+    inputs, summaries, remarks = read_inputs(settings, requests, columns, sensors, refusals)
+    return Conversion(inputs, sensors.records, sensors.origin, (*sensors.summaries, *summaries), remarks)

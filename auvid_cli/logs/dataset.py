@@ -33,7 +33,7 @@ def dataset_from_logs(settings: LogMap, tree: Tree, files: LogFiles) -> tuple[Da
     -------
     Dataset
     Conversion
-        The account of what was done.
+        The report of what was done.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def dataset_from_logs(settings: LogMap, tree: Tree, files: LogFiles) -> tuple[Da
     logs = {name: _opened(paths, _layout(settings, name)) for name, paths in files.items()}
     conversion = convert(settings, tree, logs)
     recorded = tuple(RecordedFile(name=file.name, sha256=digest(file)) for file in recorded_files(files))
-    remarks = {account.name: account.remarks for account in conversion.accounts if account.remarks}
+    remarks = {summary.name: summary.remarks for summary in conversion.summaries if summary.remarks}
     run = ImportedRun(
         name=settings.name,
         vehicle=settings.vehicle,

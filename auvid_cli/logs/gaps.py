@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.data.gaps import gap_limit
 
 Array = NDArray[np.float64]
-Spans = Sequence[tuple[float, float]]
+TimeSpans = Sequence[tuple[float, float]]
 
 
 class Gaps(NamedTuple):
@@ -20,7 +20,7 @@ class Gaps(NamedTuple):
     begin: float
 
 
-def find_gaps(time: Array, use: Spans, exclude: Spans) -> Gaps | None:
+def find_gaps(time: Array, use: TimeSpans, exclude: TimeSpans) -> Gaps | None:
     """Find the times over which a sensor is silent, see `gap_limit`; None if there are none.
 
     Parameters

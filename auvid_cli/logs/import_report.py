@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from auvid_cli.logs.clock_drift import ClockDrift
 from auvid_cli.logs.formats.overlap import Overlap
-from auvid_cli.logs.measurements import Rows
+from auvid_cli.logs.measurements import MeasuredRows
 
 _DAY = 86400.0
 
 
-class Account(NamedTuple):
+class ImportSummary(NamedTuple):
     """What became of one sensor or input.
 
     Attributes
@@ -39,8 +39,10 @@ class Account(NamedTuple):
     remarks: tuple[str, ...]
 
 
-def account_of(name: str, time: NDArray[np.float64], missing: int, rows: Rows, remarks: tuple[str, ...]) -> Account:
-    """Account for a sensor or input that kept samples at `time`, s, of the rows that were read."""
+def summary_of(
+    name: str, time: NDArray[np.float64], missing: int, rows: MeasuredRows, remarks: tuple[str, ...]
+) -> ImportSummary:
+    """Summarise a sensor or input that kept samples at `time`, s, of the rows that were read."""
     order, rollovers, drift = rows.order, rows.rollovers, rows.clock_drift
     treatment = (
         (order.backward, f"time went back in {order.backward} rows, by up to {order.furthest_back:.3g} s: sorted"),
@@ -52,13 +54,13 @@ def account_of(name: str, time: NDArray[np.float64], missing: int, rows: Rows, r
     of_rows = tuple(text for applies, text in treatment if applies)
     rate = 1.0 / float(np.median(np.diff(time))) if time.size > 1 else 0.0
     span = float(time[0]), float(time[-1])
-    return Account(name, time.size, rate, span, missing, order.duplicates, (*of_rows, *remarks))
+    return ImportSummary(name, time.size, rate, span, missing, order.duplicates, (*of_rows, *remarks))
 
 
 def _differing(drift: ClockDrift) -> str:
-    if drift.wanders:
+    if drift.unsteady:
         by = f"{_duration(drift.spread)} (5 to 95 %), at most {_duration(drift.furthest)}"
-        return f"{drift.clock} wanders from {drift.other} by {by}: `time: '{drift.other}'` would be right"
+        return f"{drift.clock} drifts from {drift.other} by {by}: `time: '{drift.other}'` would be right"
     return (
         f"{drift.clock} is {_duration(drift.later)} after {drift.other}: the log was played back, or a clock was "
         "not set; take the same one for all"

@@ -8,7 +8,7 @@ from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.position import Path
 from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.logs.columns import ColumnReader
-from auvid_cli.logs.import_report import Account, account_of
+from auvid_cli.logs.import_report import ImportSummary, summary_of
 from auvid_cli.logs.inputs import Channel, hold, mix, moved_by, propeller_thrust, thruster_force
 from auvid_cli.logs.measurements import read_rows
 from auvid_cli.logs.refusals import Refusals, RefusedError
@@ -26,13 +26,13 @@ _LARGEST_FRACTION = 1.5
 
 def read_inputs(
     settings: LogMap, requests: dict[Path, Request], columns: ColumnReader, sensors: SensorRecords, refusals: Refusals
-) -> tuple[InputRecord, list[Account], tuple[str, ...]]:
+) -> tuple[InputRecord, list[ImportSummary], tuple[str, ...]]:
     """Read the inputs, mix what makes them up, and keep what holds while the sensors measure.
 
     Returns
     -------
     InputRecord
-    list of Account
+    list of ImportSummary
         Of each column that an input is made from.
     tuple of str
         What else is to be said of them.
@@ -45,12 +45,12 @@ def read_inputs(
         If a log is damaged.
     """
     channels: dict[str, Channel] = {}
-    accounts = []
+    summaries = []
     for key in settings.inputs.channels():
         with refusals.collecting():
-            channel, account = _read(settings.inputs, key, requests["inputs", *key], columns, sensors.origin)
+            channel, summary = _read(settings.inputs, key, requests["inputs", *key], columns, sensors.origin)
             channels[".".join(key)] = channel
-            accounts.append(account)
+            summaries.append(summary)
     refusals.stop_if_any()
     time, held = hold(channels)
     begin = float(min(record.time[0] for record in sensors.records.values()))
@@ -67,12 +67,12 @@ def read_inputs(
         remarks = _mix(settings, held, sensors.records, record)
     refusals.stop_if_any()
     known = np.isfinite(record.values).all(axis=1)
-    return InputRecord(record.time[known], record.values[known]).between(begin, end), accounts, remarks
+    return InputRecord(record.time[known], record.values[known]).between(begin, end), summaries, remarks
 
 
 def _read(
     settings: InputsMap, key: tuple[str, ...], request: Request, columns: ColumnReader, origin: float
-) -> tuple[Channel, Account]:
+) -> tuple[Channel, ImportSummary]:
     signal = settings.channels()[key]
     if signal.si == "turn/s" and not request.values[key[-1]].has_unit:
         raise RefusedError(request.path, "has no unit: state the `unit` of the log's numbers, `unit: rpm` or `turn/s`")
@@ -90,7 +90,7 @@ def _read(
         raise RefusedError(request.path, f"reaches only {largest:.3g} and has no unit: {choice}")
     lost = rows.values[key[-1]].size - values.size
     remarks = (f"{lost} missing values: the one before is held",) if lost else ()
-    return Channel(time, values), account_of(".".join(key), time, 0, rows, remarks)
+    return Channel(time, values), summary_of(".".join(key), time, 0, rows, remarks)
 
 
 def _mix(

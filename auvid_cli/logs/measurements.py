@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.log_columns import Signal, Validity
+from auvid_cli.config.log_columns import LogSignal, Validity
 from auvid_cli.config.position import Path
 from auvid_cli.logs.clock import Order, order_rows
 from auvid_cli.logs.clock_drift import ClockDrift, find_clock_drift
@@ -25,7 +25,7 @@ _IMPOSSIBLE = {"rad": 2.0 * np.pi, "rad/s": 20.0, "m/s": 50.0, "m/s^2": 500.0}
 _LONGEST_INTERLEAVING = 1.0
 
 
-class Rows(NamedTuple):
+class MeasuredRows(NamedTuple):
     """Rows of a log for one sensor or input.
 
     Attributes
@@ -59,8 +59,8 @@ class Rows(NamedTuple):
 
 
 def read_rows(
-    request: Request, signals: Mapping[str, Signal], validity: Validity | None, columns: ColumnReader
-) -> Rows:
+    request: Request, signals: Mapping[str, LogSignal], validity: Validity | None, columns: ColumnReader
+) -> MeasuredRows:
     """Read what a request asks for.
 
     Raises
@@ -104,7 +104,7 @@ def read_rows(
         invalid += int(np.count_nonzero(wrong))
         for numbers in values.values():
             numbers[wrong] = np.nan
-    return Rows(time, values, order, rollovers, invalid, 0, clock_drift, overlaps)
+    return MeasuredRows(time, values, order, rollovers, invalid, 0, clock_drift, overlaps)
 
 
 def _no_times(request: Request, rows: int, times: int) -> RefusedError:
@@ -138,7 +138,7 @@ def _overlaps(
     return overlaps
 
 
-def without_repeats(rows: Rows) -> Rows:
+def without_repeats(rows: MeasuredRows) -> MeasuredRows:
     """Keep the first row, and those with a number that is another than the last one of its component."""
     fresh = np.zeros(rows.time.size, np.bool_)
     fresh[0] = True
@@ -149,7 +149,7 @@ def without_repeats(rows: Rows) -> Rows:
     return rows._replace(time=rows.time[fresh], values=values, repeats=int(np.count_nonzero(~fresh)))
 
 
-def to_si(raw: ColumnValues, signal: Signal, factor: float) -> Array:
+def to_si(raw: ColumnValues, signal: LogSignal, factor: float) -> Array:
     """Convert a signal's numbers to SI: sign x (raw - centre) x factor + offset."""
     numbers = np.array(raw, np.float64)
     numbers -= signal.centre

@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from auvid_cli.config.log_columns import Rows, Signal, TimeSource, unit_factor
+from auvid_cli.config.log_columns import LogRows, LogSignal, TimeSource, unit_factor
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.position import Path
 from auvid_cli.config.quantity import expected
 from auvid_cli.config.tree import Tree
-from auvid_cli.logs.formats.log import FILE, HEADER_STAMP, LOG_TIME, Column, Log
+from auvid_cli.logs.formats.log import FILE, HEADER_STAMP, LOG_TIME, Log, LogColumn
 from auvid_cli.logs.formats.lookup import missing
 from auvid_cli.logs.refusals import Refusals
 
@@ -21,7 +21,7 @@ class Place(NamedTuple):
     column: str
 
 
-class Source(NamedTuple):
+class ComponentSource(NamedTuple):
     """Column of a component, the size of its unit in SI, and whether log or map state that unit."""
 
     place: Place
@@ -59,7 +59,7 @@ class Request(NamedTuple):
     ----------
     path : tuple
         Where the map asks for it.
-    values : dict of Source
+    values : dict of ComponentSource
         By component.
     valid : Place or None
         Column that says which rows are valid.
@@ -67,7 +67,7 @@ class Request(NamedTuple):
     """
 
     path: Path
-    values: dict[str, Source]
+    values: dict[str, ComponentSource]
     valid: Place | None
     time: Times
 
@@ -102,7 +102,7 @@ def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusal
     for name, sensor in settings.sensors.given().items():
         path: Path = ("sensors", name)
         under = "columns" if getattr(sensor, "quaternion", None) is None else "quaternion"
-        signals: dict[Path, Signal] = {(*path, under, symbol): signal for symbol, signal in sensor.signals().items()}
+        signals: dict[Path, LogSignal] = {(*path, under, symbol): signal for symbol, signal in sensor.signals().items()}
         requests[path] = finder.request(path, [sensor], signals, sensor.unit, sensor.valid and sensor.valid.column)
     for key, signal in settings.inputs.channels().items():
         path = ("inputs", *key)
@@ -119,7 +119,7 @@ class _Finder:
         self._tables = {name: log.tables() for name, log in logs.items()}
 
     def request(
-        self, path: Path, rows: list[Rows], signals: Mapping[Path, Signal], unit: str | None, valid: str | None
+        self, path: Path, rows: list[LogRows], signals: Mapping[Path, LogSignal], unit: str | None, valid: str | None
     ) -> Request | None:
         """Find what belongs together; `rows` say where, the first that says so. None if something is missing."""
         before = len(self._refusals)
@@ -135,7 +135,7 @@ class _Finder:
             if column is not None:
                 has_unit = bool(signal.scale is not None or signal.unit or unit or column.unit)
                 factor = self._factor(place, signal, unit, column)
-                values[str(place[-1])] = Source(Place(log, table, column.name), factor, has_unit)
+                values[str(place[-1])] = ComponentSource(Place(log, table, column.name), factor, has_unit)
         flag = valid and self._column((*path, "valid", "column"), log, table, valid, numbers=False)
         time = self._time(path, log, table, [r.time for r in rows])
         if len(self._refusals) > before or time is None:
@@ -166,7 +166,7 @@ class _Finder:
             self._say((*path, "table"), missing(self._logs[log], "table", name, tables))
         return None
 
-    def _column(self, path: Path, log: str, table: str, name: str, numbers: bool) -> Column | None:
+    def _column(self, path: Path, log: str, table: str, name: str, numbers: bool) -> LogColumn | None:
         columns = self._tables[log][table]
         for column in columns:
             # As the log's header writes it, with the unit, is right as well.
@@ -179,7 +179,7 @@ class _Finder:
         self._say(path, missing(self._logs[log], what, name, [column.name for column in columns]))
         return None
 
-    def _factor(self, path: Path, signal: Signal, unit: str | None, column: Column) -> float:
+    def _factor(self, path: Path, signal: LogSignal, unit: str | None, column: LogColumn) -> float:
         """Return the SI units per unit of the log's numbers."""
         if signal.scale is not None:
             return signal.scale
@@ -188,7 +188,7 @@ class _Finder:
             return unit_factor(unit_of_log, signal.si)
         return self._header_factor(path, column, signal.si)
 
-    def _header_factor(self, path: Path, column: Column, si: str) -> float:
+    def _header_factor(self, path: Path, column: LogColumn, si: str) -> float:
         try:
             return unit_factor(column.unit, si) if column.unit else 1.0
         except ValueError:

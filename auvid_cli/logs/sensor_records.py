@@ -12,18 +12,17 @@ from auvid_cli.config.log_sensors import AccelerometerMap, DepthMap, DvlMap, Sen
 from auvid_cli.config.position import Path
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.noise import Noise, estimate_noise
-from auvid_cli.logs.axes import complete_velocity, in_vehicle_axes
 from auvid_cli.logs.columns import ColumnReader
-from auvid_cli.logs.gaps import Gaps, find_gaps
-from auvid_cli.logs.import_report import Account, account_of
-from auvid_cli.logs.measurements import Rows, check_size, read_rows, without_repeats
+from auvid_cli.logs.gaps import Gaps, TimeSpans, find_gaps
+from auvid_cli.logs.import_report import ImportSummary, summary_of
+from auvid_cli.logs.measurements import MeasuredRows, check_size, read_rows, without_repeats
 from auvid_cli.logs.refusals import Refusals, RefusedError
 from auvid_cli.logs.requests import Request
 from auvid_cli.logs.sensor_motion import depth_at_origin, interpolate
+from auvid_cli.logs.vehicle_axes import complete_velocity, in_vehicle_axes
 from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
-Spans = tuple[tuple[float, float], ...]
 
 # They may count turns, so that no size is too large for them.
 _HEADINGS = ("psi", "heading")
@@ -34,7 +33,7 @@ class SensorRecords(NamedTuple):
 
     records: dict[str, SensorRecord]
     origin: float
-    accounts: list[Account]
+    summaries: list[ImportSummary]
 
 
 def read_sensors(
@@ -50,7 +49,7 @@ def read_sensors(
         If a log is damaged.
     """
     maps = settings.sensors.given()
-    rows: dict[str, Rows] = {}
+    rows: dict[str, MeasuredRows] = {}
     raw: dict[str, Array] = {}
     for name, sensor in maps.items():
         with refusals.collecting():
@@ -65,7 +64,7 @@ def read_sensors(
         records[name] = SensorRecord(time, values, np.empty(0))
     _check_common_time(records, origin, refusals)
     refusals.stop_if_any()
-    dvl, depth, accounts = settings.sensors.dvl, settings.sensors.depth, []
+    dvl, depth, summaries = settings.sensors.dvl, settings.sensors.depth, []
     if isinstance(dvl, DvlMap):
         with refusals.collecting():
             values = complete_velocity(dvl, records["dvl"], records, ("sensors", "dvl"))
@@ -78,12 +77,12 @@ def read_sensors(
         with refusals.collecting():
             records[name], noise = _finished(name, sensor, records[name], settings.use)
             gaps = _gaps(records[name], settings.use, (*settings.exclude, *sensor.exclude))
-            accounts.append(_account(name, records[name], noise, rows[name], int(excluded[name].sum()), gaps))
+            summaries.append(_summary(name, records[name], noise, rows[name], int(excluded[name].sum()), gaps))
     refusals.stop_if_any()
-    return SensorRecords(records, origin, accounts)
+    return SensorRecords(records, origin, summaries)
 
 
-def _read(name: str, sensor: SensorMap, request: Request, columns: ColumnReader) -> tuple[Rows, Array]:
+def _read(name: str, sensor: SensorMap, request: Request, columns: ColumnReader) -> tuple[MeasuredRows, Array]:
     rows = read_rows(request, sensor.signals(), sensor.valid, columns)
     if sensor.repeats == "drop":
         rows = without_repeats(rows)
@@ -94,7 +93,7 @@ def _read(name: str, sensor: SensorMap, request: Request, columns: ColumnReader)
     return rows._replace(values={}), values
 
 
-def _within(time: Array, spans: Spans) -> NDArray[np.bool_]:
+def _within(time: Array, spans: TimeSpans) -> NDArray[np.bool_]:
     """Say which times are in one of the spans, their ends included."""
     inside = np.zeros(time.size, np.bool_)
     for begin, end in spans:
@@ -120,7 +119,9 @@ def _depth_of_origin(depth: SensorRecord, attitude: SensorRecord | None, positio
     return depth_at_origin(depth.values[:, 0], tilt[:, 0], tilt[:, 1], position)[:, None]
 
 
-def _finished(name: str, sensor: SensorMap, record: SensorRecord, use: Spans) -> tuple[SensorRecord, tuple[Noise, ...]]:
+def _finished(
+    name: str, sensor: SensorMap, record: SensorRecord, use: TimeSpans
+) -> tuple[SensorRecord, tuple[Noise, ...]]:
     """Return what is used of a record, with its noise, and where that was estimated from each component."""
     time, values = record.time, record.values
     place = {"position": sensor.position} if isinstance(sensor, AccelerometerMap) else {}
@@ -145,13 +146,13 @@ def _standard_deviation(name: str, values: Array, noise: tuple[Noise, ...]) -> A
     return np.where(measured, deviation, np.nanmax(deviation))
 
 
-def _gaps(record: SensorRecord, use: Spans, exclude: Spans) -> Gaps | None:
+def _gaps(record: SensorRecord, use: TimeSpans, exclude: TimeSpans) -> Gaps | None:
     return find_gaps(record.time[np.isfinite(record.values).any(axis=1)], use, exclude)
 
 
-def _account(
-    name: str, record: SensorRecord, noise: tuple[Noise, ...], rows: Rows, excluded: int, gaps: Gaps | None
-) -> Account:
+def _summary(
+    name: str, record: SensorRecord, noise: tuple[Noise, ...], rows: MeasuredRows, excluded: int, gaps: Gaps | None
+) -> ImportSummary:
     unit = SENSORS[name][0].unit
     unused = rows.time.size - record.time.size
     estimate = ", ".join(f"{deviation:.3g}" for deviation in record.standard_deviation)
@@ -185,4 +186,4 @@ def _account(
             f"{gaps.number} {'gap' if gaps.number == 1 else 'gaps'}, the longest of {gaps.longest:.4g} s from t = "
             f"{gaps.begin:.4g} s: leave it out with auvid identify --use, or set identification.use.longest_gap"
         )
-    return account_of(name, record.time, missing, rows, tuple(remarks))
+    return summary_of(name, record.time, missing, rows, tuple(remarks))

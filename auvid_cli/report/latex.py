@@ -4,7 +4,7 @@ from itertools import groupby
 
 from auvid_cli.printable import one_line
 from auvid_cli.report.notation import symbol_math, unit_latex
-from auvid_cli.report.table import DEVIATION_DIGITS, Cell, PlusMinus, Symbol, Table, Unidentified, Unit, number
+from auvid_cli.report.table import DEVIATION_DIGITS, Cell, PlusMinus, Symbol, Table, Unidentified, UnitCell, number
 
 MISSING = "--"
 
@@ -80,7 +80,7 @@ def _cell(cell: Cell) -> str:
             return MISSING
         case Symbol(name):
             return symbol_math(name)
-        case Unit(name):
+        case UnitCell(name):
             return unit_latex(name)
         case PlusMinus(value, deviation):
             return rf"{_number(number(value))} $\pm$ {_number(number(deviation, DEVIATION_DIGITS))}"

@@ -6,7 +6,7 @@ from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.paper import NOTE, published, published_filters
 from auvid_cli.report.sentence import sentence
-from auvid_cli.report.table import UNIDENTIFIED, Cell, Column, PlusMinus, Symbol, Table, Unidentified, Unit
+from auvid_cli.report.table import UNIDENTIFIED, Cell, Column, PlusMinus, Symbol, Table, Unidentified, UnitCell
 
 _RMSE = "RMSE"
 _ERROR = "Steady-state error (%)"
@@ -68,7 +68,7 @@ def _accuracy(evaluation: Evaluation, with_paper: bool) -> Table:
         any_row = next(iter(by_filter.values()))
         rmse = [row and marked(row, row.rmse) for row in results]
         error = [row and marked(row, row.steady_state_error_percent) for row in results]
-        rows.append([Symbol(symbol), Unit(any_row.unit), any_row.true, *rmse, *error, *theirs(symbol)])
+        rows.append([Symbol(symbol), UnitCell(any_row.unit), any_row.true, *rmse, *error, *theirs(symbol)])
     nothing = [""] * len(filters)
     average = [row.average_steady_state_error_percent for row in evaluation.summary]
     cpu_time = [row.cpu_time_s for row in evaluation.summary]
@@ -76,7 +76,7 @@ def _accuracy(evaluation: Evaluation, with_paper: bool) -> Table:
         "accuracy",
         "Accuracy of the coefficients (as Table IV)",
         (
-            *(Column("Coefficient", numeric=False), Column("Unit", numeric=False), Column("True")),
+            *(Column("Coefficient", numeric=False), Column("UnitCell", numeric=False), Column("True")),
             *_columns(_RMSE, filters),
             *_columns(_ERROR, filters),
             *_columns(f"{_RMSE}, *paper*", in_paper),
@@ -107,13 +107,13 @@ def _estimates(evaluation: Evaluation) -> Table:
     for symbol, by_filter in by_coefficient(evaluation).items():
         results = [by_filter.get(name) for name in filters]
         values = [row and marked(row, PlusMinus(row.estimate, row.standard_deviation)) for row in results]
-        rows.append([Symbol(symbol), Unit(next(iter(by_filter.values())).unit), *values])
+        rows.append([Symbol(symbol), UnitCell(next(iter(by_filter.values())).unit), *values])
     return Table(
         "estimates",
         "Estimates and their standard deviations at the end",
         (
             Column("Coefficient", numeric=False),
-            Column("Unit", numeric=False),
+            Column("UnitCell", numeric=False),
             *_columns("Estimate ± standard deviation", filters),
         ),
         rows,
@@ -134,13 +134,13 @@ def _bounds(evaluation: Evaluation) -> Table:
         bound = [row and row.cramer_rao_bound for row in (results if differ else [any_row])]
         with_noise = [any_row.bound_with_process_noise] if has_noise else []
         times = (row and row.times_bound for row in results)
-        rows.append([Symbol(symbol), Unit(any_row.unit), *bound, *with_noise, *times])
+        rows.append([Symbol(symbol), UnitCell(any_row.unit), *bound, *with_noise, *times])
     return Table(
         "bounds",
         "Least standard deviations that the data allow, and how many times as large those of the estimates are",
         (
             Column("Coefficient", numeric=False),
-            Column("Unit", numeric=False),
+            Column("UnitCell", numeric=False),
             *(_columns(_BOUND, filters) if differ else [Column(_BOUND)]),
             *([Column("With process noise")] if has_noise else []),
             *_columns("Times bound", filters),
@@ -159,7 +159,7 @@ def _velocities(evaluation: Evaluation, with_paper: bool) -> Table:
     rows: list[list[Cell]] = [
         [
             Symbol(component),
-            Unit(unit),
+            UnitCell(unit),
             *(errors.get((component, name)) for name in filters),
             *(paper[component][f"mae_{name}"] for name in in_paper),
         ]
@@ -169,7 +169,7 @@ def _velocities(evaluation: Evaluation, with_paper: bool) -> Table:
         "velocities",
         "Velocities of the free-running model against the measured ones (as Table V)",
         (
-            *(Column("Component", numeric=False), Column("Unit", numeric=False)),
+            *(Column("Component", numeric=False), Column("UnitCell", numeric=False)),
             *_columns(_VELOCITY, filters),
             *_columns(f"{_VELOCITY}, *paper*", in_paper),
         ),
@@ -199,7 +199,7 @@ def _faults(evaluation: Evaluation) -> Table:
     rows: list[list[Cell]] = [
         [
             row.fault,
-            Unit(row.unit),
+            UnitCell(row.unit),
             PlusMinus(row.size, row.standard_deviation),
             row.z,
             Symbol(row.coefficient),
@@ -211,7 +211,7 @@ def _faults(evaluation: Evaluation) -> Table:
         "faults",
         "What may be wrong, by what it would leave in the innovations of the smoother",
         (
-            *(Column("Fault", numeric=False), Column("Unit", numeric=False), Column("Size ± standard deviation")),
+            *(Column("Fault", numeric=False), Column("UnitCell", numeric=False), Column("Size ± standard deviation")),
             *(Column("Size / standard deviation"), Column("Moves most", numeric=False), Column("Susceptibility")),
         ),
         rows,
@@ -241,12 +241,12 @@ def _sensor_errors(evaluation: Evaluation) -> Table:
     for state, any_row in {row.state: row for row in evaluation.sensor_errors}.items():
         results = [by_state.get((state, name)) for name in filters]
         values = [row and PlusMinus(row.estimate, row.standard_deviation) for row in results]
-        rows.append([Symbol(state), Unit(any_row.unit), any_row.prior_standard_deviation, *values])
+        rows.append([Symbol(state), UnitCell(any_row.unit), any_row.prior_standard_deviation, *values])
     return Table(
         "sensor-errors",
         "Errors of the sensors",
         (
-            *(Column("State", numeric=False), Column("Unit", numeric=False), Column("Prior standard deviation")),
+            *(Column("State", numeric=False), Column("UnitCell", numeric=False), Column("Prior standard deviation")),
             *_columns("Estimate ± standard deviation", filters),
         ),
         rows,
@@ -273,13 +273,13 @@ def _runs(evaluation: Evaluation) -> Table:
     ]
     return Table(
         "runs",
-        "Cost and verdict",
+        "Cost and judgement",
         (
             Column("Filter", numeric=False),
             Column("CPU time (s)"),
             Column("Steps"),
             Column("CPU time per step (µs)"),
-            Column("Verdict", numeric=False),
+            Column("Judgement", numeric=False),
         ),
         rows,
         notes=tuple(sentence(text) for text in judgements(evaluation)),

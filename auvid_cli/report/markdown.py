@@ -4,7 +4,7 @@ import re
 
 from auvid_cli.printable import one_line
 from auvid_cli.report.notation import unit_text
-from auvid_cli.report.table import DEVIATION_DIGITS, Cell, PlusMinus, Symbol, Table, Unidentified, Unit, number
+from auvid_cli.report.table import DEVIATION_DIGITS, Cell, PlusMinus, Symbol, Table, Unidentified, UnitCell, number
 
 MISSING = "—"
 
@@ -31,7 +31,7 @@ def _cell(cell: Cell) -> str:
             return MISSING
         case Symbol(name):
             return _in_a_cell(name)
-        case Unit(name):
+        case UnitCell(name):
             return unit_text(name)
         case PlusMinus(value, deviation):
             return f"{number(value) or MISSING} ± {number(deviation, DEVIATION_DIGITS) or MISSING}"

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from auvid_cli.config.augmented_states import BiasName
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.report.notation import filter_label
 
 # Errors with which a DVL is no linear sensor.
@@ -24,7 +24,7 @@ def remedies(estimates: Sequence[Estimate]) -> list[str]:
 
 
 def _remedy(estimate: Estimate) -> str | None:
-    if verdict(estimate) == "completed":
+    if status_of(estimate) == "completed":
         return None
     settings, is_fit = estimate.experiment.identification, estimate.is_free_run_fit
     factor, nonlinear = settings.prior.factor, [b.value for b in settings.estimate.biases if b in _NONLINEAR]

@@ -17,7 +17,7 @@ from auvid_cli.report.layout import by_coefficient, judgements, mark_explained, 
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.screen_table import empty_table, encodable, first_that_fits, fits, narrowed, printed, screen_table
 from auvid_cli.report.sentence import sentence
-from auvid_cli.report.table import Cell, Column, PlusMinus, Symbol, Table, Unit
+from auvid_cli.report.table import Cell, Column, PlusMinus, Symbol, Table, UnitCell
 
 _AVERAGE = "average error %"
 # What gives way where the terminal is narrow, first to last.
@@ -26,7 +26,7 @@ _ERROR_DIGITS = 2
 
 
 def print_summary(console: Console, evaluation: Evaluation) -> None:
-    """Print coefficients, averages, cost, verdict and consistency of every filter.
+    """Print coefficients, averages, cost, judgement and consistency of every filter.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
     if evaluation.coefficients:
         for table in _tables_that_fit(console, evaluation, filters):
             console.print(table)
-    console.print(screen_table(console, _runs(evaluation), unbroken=("filter", "verdict")))
+    console.print(screen_table(console, _runs(evaluation), unbroken=("filter", "judgement")))
     for text in judgements(evaluation):
         console.print(Text(sentence(text)))
     console.print(screen_table(console, _consistency(evaluation, filters), unbroken=("NIS of",)))
@@ -77,7 +77,7 @@ def print_checks(console: Console, checks: Sequence[Check], passed: bool = True)
 
 
 def print_identifiability(console: Console, identifiability: Identifiability) -> None:
-    """Print bounds by verdict, who contributes, what goes together, how bounds fall, and unseen sensor errors."""
+    """Print bounds by class, what contributes and goes together, how bounds fall, and what cannot be observed."""
     console.print(narrowed(console, _bounds(identifiability), _LEAST_OF_BOUNDS))
     if identifiability.remark:
         console.print(Text(sentence(identifiability.remark)))
@@ -89,8 +89,8 @@ def print_identifiability(console: Console, identifiability: Identifiability) ->
             )
         )
     for symbol, error in identifiability.sensor_errors.items():
-        unseen = "" if error.observed else ": cannot be observed on this manoeuvre"
-        console.print(Text(f"{symbol}: bound {printed(error.bound, 2)}, prior {printed(error.prior, 2)}{unseen}"))
+        unobserved = "" if error.observed else ": cannot be observed on this manoeuvre"
+        console.print(Text(f"{symbol}: bound {printed(error.bound, 2)}, prior {printed(error.prior, 2)}{unobserved}"))
     half = min(identifiability.growth, key=lambda entry: abs(entry[0] - 0.5 * identifiability.growth[-1][0]))
     whole = identifiability.growth[-1]
     medians = [f"{np.median(percent):.2g} % after {time:.4g} s" for time, percent in dict([half, whole]).items()]
@@ -102,12 +102,12 @@ def _bounds(identifiability: Identifiability) -> Table:
     columns = (
         *(Column(header, numeric=False) for header in ("symbol", "unit")),
         *(Column(header) for header in ("value", "bound", "bound %")),
-        *(Column(header, numeric=False) for header in ("verdict", "mostly from", "goes with")),
+        *(Column(header, numeric=False) for header in ("class", "mostly from", "goes with")),
     )
     rows: list[list[Cell]] = [
         [
             Symbol(bound.coefficient),
-            Unit(bound.unit),
+            UnitCell(bound.unit),
             bound.value,
             printed(bound.cramer_rao_bound, 2),
             printed(bound.percent, 2),
@@ -152,7 +152,7 @@ def _coefficients(evaluation: Evaluation, filters: list[str], deviations: bool) 
         any_row = next((by_filter[name] for name in filters if name in by_filter), None)
         if any_row is not None:
             results = (cell for name in filters for cell in cells(by_filter.get(name)))
-            rows.append([Symbol(symbol), Unit(any_row.unit), *[any_row.true] * has_truth, *results])
+            rows.append([Symbol(symbol), UnitCell(any_row.unit), *[any_row.true] * has_truth, *results])
     return Table("coefficients", "Coefficients", tuple(columns), rows)
 
 
@@ -182,6 +182,6 @@ def _runs(evaluation: Evaluation) -> Table:
         ]
         for row in evaluation.summary
     ]
-    table = Table("runs", "Filters", (*columns, Column("verdict", numeric=False)), rows)
+    table = Table("runs", "Filters", (*columns, Column("judgement", numeric=False)), rows)
     has_average = any(row.average_steady_state_error_percent is not None for row in evaluation.summary)
     return table if has_average else table.without(_AVERAGE)

@@ -17,7 +17,7 @@ from auvid_cli.report.table import (
     Symbol,
     Table,
     Unidentified,
-    Unit,
+    UnitCell,
     number,
 )
 
@@ -88,7 +88,7 @@ def _cell(console: Console, cell: Cell, digits: int) -> str:
     match cell:
         case Symbol(name):
             return name
-        case Unit(name):
+        case UnitCell(name):
             return unit_text(name) if _has_signs(console, unit_text(name)) else name
         case PlusMinus(value, deviation):
             return encodable(console, f"{printed(value, digits)} ± {printed(deviation, DEVIATION_DIGITS)}")

@@ -16,7 +16,7 @@ class Symbol(NamedTuple):
     name: str
 
 
-class Unit(NamedTuple):
+class UnitCell(NamedTuple):
     """A unit, as pint reads it."""
 
     name: str
@@ -36,7 +36,7 @@ class Unidentified(NamedTuple):
 
 
 # None, like a number that is not finite, is a value that should stand here and does not.
-Cell: TypeAlias = str | float | Symbol | Unit | PlusMinus | Unidentified | None
+Cell: TypeAlias = str | float | Symbol | UnitCell | PlusMinus | Unidentified | None
 # Where the mark is explained.
 UNIDENTIFIED = (
     "† not to be relied on: the standard deviation, or the least that the data allow, is above 20 % of the value (the "

@@ -34,10 +34,10 @@ def print_validation(console: Console, validation: Validation) -> None:
     for remark in validation.remarks:
         console.print(Text(sentence(remark)))
     print_checks(console, validation.checks)
-    console.print(Text(_verdict(validation)))
+    console.print(Text(_conclusion(validation)))
 
 
-def _verdict(validation: Validation) -> str:
+def _conclusion(validation: Validation) -> str:
     """Say whether the model predicts these data, or what of them, and what it does not."""
     worse = {
         "in the free run": validation.worse_than_the_mean(FREE_RUN),
@@ -46,15 +46,15 @@ def _verdict(validation: Validation) -> str:
     unpredicted = {signal for signals in worse.values() for signal in signals}
     predicted = [s for s in dict.fromkeys(row.signal for row in validation.predictions) if s not in unpredicted]
     if failed(validation.checks) or not predicted:
-        verdict = "does not predict these data."
+        conclusion = "does not predict these data."
     elif unpredicted:
-        verdict = f"predicts {', '.join(predicted)} of these data."
+        conclusion = f"predicts {', '.join(predicted)} of these data."
     else:
-        verdict = "predicts these data."
+        conclusion = "predicts these data."
     if unpredicted:
         where_worse = "; ".join(f"{', '.join(signals)} {where}" for where, signals in worse.items() if signals)
-        verdict += f" Worse than their mean (fit below 0): {where_worse}."
-    return f"The model of the {filter_label(validation.filter)} {verdict}"
+        conclusion += f" Worse than their mean (fit below 0): {where_worse}."
+    return f"The model of the {filter_label(validation.filter)} {conclusion}"
 
 
 def _free_run(rows: Sequence[Prediction]) -> Table:

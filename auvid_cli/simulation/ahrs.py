@@ -236,7 +236,7 @@ def _feel(ahrs, force):
 
 @compiled(types.void(_AHRS, types.float64, _NOISE), internal=True)
 def _begin(ahrs, heading, noise):
-    """Begin: level by the force felt, and take a heading."""
+    """Begin: level by the measured force, and take a heading."""
     body, rotation, covariance = ahrs.body, ahrs.rotation, ahrs.covariance
     phi = np.arctan2(-body[1], -body[2])
     theta = np.arctan2(body[0], np.hypot(body[1], body[2]))
@@ -251,7 +251,7 @@ def _begin(ahrs, heading, noise):
 
 @compiled(types.void(_AHRS, types.float64), internal=True)
 def _level(ahrs, variance):
-    """Correct roll and pitch by the force felt, in units of g."""
+    """Correct roll and pitch by the measured force, in units of g."""
     _to_navigation(ahrs)
     for axis in range(2):
         for i in range(6):
@@ -303,7 +303,7 @@ def _earliest(times, treated):
 def _run(times, values, noise, treated, ahrs):
     """Treat all samples in the order of their times, and fill in the output.
 
-    The attitude begins with the first force that is felt when rate, velocity and heading are known.
+    The attitude begins with the first force that is measured when rate, velocity and heading are known.
     """
     heading, now, running = np.nan, 0.0, False
     while True:

@@ -8,7 +8,7 @@ from numba import types
 from auvid_cli.compilation import compiled
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.simulation.plan import Plan
+from auvid_cli.simulation.manoeuvre_plan import ManoeuvrePlan
 from auvid_cli.vehicle.matrices import mass_matrix
 
 
@@ -54,7 +54,7 @@ CONTROLS = types.NamedUniTuple(types.float64, len(Controls._fields), Controls)
 INITIAL_MEMORY = (0.0, 0.0, 0.0, 1.0)
 
 
-def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Plan) -> Controls:
+def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: ManoeuvrePlan) -> Controls:
     """Tune the autopilot of a manoeuvre to a vehicle.
 
     Raises

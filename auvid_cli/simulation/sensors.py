@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from auvid_cli.angles import wrap
 from auvid_cli.config.sensors import Accelerometer, Attitude, Dvl, SensorSettings, SensorSuite
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.simulation.motion import Truth, sample_motion
+from auvid_cli.simulation.true_motion import Truth, sample_motion
 from auvid_cli.vehicle.kinematics import GRAVITY, earth_to_body
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
 
@@ -116,7 +116,7 @@ def _depth(sampled: _Sampled) -> Array:
 
 
 def _specific_force(sampled: _Sampled) -> Array:
-    """Return the acceleration of where it sits less gravity, in body axes: what an accelerometer feels."""
+    """Return the acceleration of where it sits less gravity, in body axes: what an accelerometer measures."""
     motion, rate, accelerometer = sampled.motion, sampled.rate, sampled.settings
     assert isinstance(accelerometer, Accelerometer)
     down = earth_to_body(motion[:, 6:], np.broadcast_to([0.0, 0.0, 1.0], (len(motion), 3)))

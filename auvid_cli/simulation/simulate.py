@@ -5,9 +5,9 @@ import numpy as np
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.data.dataset import Dataset, InputRecord, TruthRecord
 from auvid_cli.simulation.ahrs import attitude_reference
-from auvid_cli.simulation.motion import simulate_motion
-from auvid_cli.simulation.plan import make_plan
+from auvid_cli.simulation.manoeuvre_plan import make_plan
 from auvid_cli.simulation.sensors import measure
+from auvid_cli.simulation.true_motion import simulate_motion
 
 
 def simulate(experiment: Experiment) -> Dataset:

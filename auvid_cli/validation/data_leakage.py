@@ -9,7 +9,7 @@ from auvid_cli.config.experiment import ImportedRun
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from auvid_cli.identification.segments import the_only_segment, used_data
+from auvid_cli.identification.segmentation import the_only_segment, used_data
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-class Fit(NamedTuple):
+class PredictionFit(NamedTuple):
     """Sums over measurements and their predictions.
 
     Attributes
@@ -30,7 +30,7 @@ class Fit(NamedTuple):
     squares: float = 0.0
 
     @classmethod
-    def of(cls, measured: Array, predicted: Array) -> "Fit":
+    def of(cls, measured: Array, predicted: Array) -> "PredictionFit":
         """Sum over measurements, shape (n,), and their predictions, in one unit; angles without jumps of a turn."""
         if not measured.size:
             return cls()
@@ -39,7 +39,7 @@ class Fit(NamedTuple):
             squares = float(np.square(measured - predicted).sum())
         return cls(measured.size, mean, float(np.square(measured - mean).sum()), squares)
 
-    def plus(self, other: "Fit") -> "Fit":
+    def plus(self, other: "PredictionFit") -> "PredictionFit":
         """Join both; the deviations by the update of Chan, Golub and LeVeque (1983)."""
         measurements = self.measurements + other.measurements
         if not measurements:
@@ -47,7 +47,7 @@ class Fit(NamedTuple):
         apart = other.mean - self.mean
         mean = self.mean + apart * other.measurements / measurements
         spread = self.spread + other.spread + apart**2 * self.measurements * other.measurements / measurements
-        return Fit(measurements, mean, spread, self.squares + other.squares)
+        return PredictionFit(measurements, mean, spread, self.squares + other.squares)
 
     @property
     def rmse(self) -> float | None:

@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.evaluation.free_run import Keeper, free_motion
 from auvid_cli.evaluation.measurement_errors import MeasurementErrors, measured_motion
-from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.timeline import Timelines
-from auvid_cli.validation.fit import Fit
+from auvid_cli.validation.fit import PredictionFit
 from auvid_cli.validation.initial_states import InitialStates
-from auvid_cli.validation.models import Models
-from auvid_cli.validation.prediction import unchanged_motion
+from auvid_cli.validation.model_bundle import Models
+from auvid_cli.validation.motion_prediction import unchanged_motion
 from auvid_cli.validation.results import FREE_RUN, Prediction
-from auvid_cli.validation.signals import SAME, Signal, is_angle
+from auvid_cli.validation.signals import SAME, MeasuredSignal, is_angle
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ class FreeRunFit(NamedTuple):
 def fit_free_runs(
     dataset: Dataset,
     measuring: Mapping[str, SensorRecord],
-    signals: Mapping[str, Signal],
+    signals: Mapping[str, MeasuredSignal],
     models: Models,
     starts: InitialStates,
 ) -> FreeRunFit:
@@ -88,7 +88,7 @@ def fit_free_runs(
 class _Farthest:
     """Farthest distances of a run from the mean of each signal."""
 
-    def __init__(self, signals: Mapping[str, Signal]) -> None:
+    def __init__(self, signals: Mapping[str, MeasuredSignal]) -> None:
         self._signals = signals
         self._centres = np.array([signals[s].values.mean() if s in signals else 0.0 for s in MOTION_SYMBOLS])
         self._distance = np.zeros(N_MOTION)
@@ -128,9 +128,9 @@ def _watched(run: _Run, keeper: Keeper, farthest: _Farthest) -> _Run:
         yield time, predicted
 
 
-def _fits(run: _Run, signals: Mapping[str, Signal]) -> dict[str, Fit]:
+def _fits(run: _Run, signals: Mapping[str, MeasuredSignal]) -> dict[str, PredictionFit]:
     """Compare a run with the measurements of every signal, chunk by chunk."""
-    fits = dict.fromkeys(signals, Fit())
+    fits = dict.fromkeys(signals, PredictionFit())
     turns: dict[str, float] = {}
     for time, predicted in run:
         for symbol, signal in signals.items():
@@ -139,11 +139,13 @@ def _fits(run: _Run, signals: Mapping[str, Signal]) -> dict[str, Fit]:
             expected = predicted[np.searchsorted(time, signal.time[in_chunk] - SAME), column]
             if is_angle(symbol) and symbol not in turns:
                 turns[symbol] = signal.turns(float(time[0]), float(predicted[0, column]))
-            fits[symbol] = fits[symbol].plus(Fit.of(signal.values[in_chunk], expected + turns.get(symbol, 0.0)))
+            fits[symbol] = fits[symbol].plus(
+                PredictionFit.of(signal.values[in_chunk], expected + turns.get(symbol, 0.0))
+            )
     return fits
 
 
-def _row(symbol: str, signal: Signal, length: float, fits: Mapping[str, Fit]) -> Prediction:
+def _row(symbol: str, signal: MeasuredSignal, length: float, fits: Mapping[str, PredictionFit]) -> Prediction:
     rmse, identified = {name: fit.rmse for name, fit in fits.items()}, fits["identified"]
     return Prediction(
         signal=symbol,

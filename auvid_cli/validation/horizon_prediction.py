@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.evaluation.measurement_errors import measured_motion
 from auvid_cli.identification.timeline import Timelines
-from auvid_cli.validation.fit import Fit
+from auvid_cli.validation.fit import PredictionFit
 from auvid_cli.validation.initial_states import InitialStates
-from auvid_cli.validation.prediction import move_side_by_side, unchanged_motion
+from auvid_cli.validation.motion_prediction import move_side_by_side, unchanged_motion
 from auvid_cli.validation.results import AHEAD, Prediction
-from auvid_cli.validation.signals import SAME, Signal, is_angle
+from auvid_cli.validation.signals import SAME, MeasuredSignal, is_angle
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
@@ -86,7 +86,7 @@ def evenly_spaced(begin: float, end: float, most: int) -> Array:
     return np.linspace(settled, last, most) if last > settled else np.zeros(0)
 
 
-def targets_of(signals: Mapping[str, Signal], start: float) -> list[Target]:
+def targets_of(signals: Mapping[str, MeasuredSignal], start: float) -> list[Target]:
     """Find the first measurement of each signal at or after each horizon."""
     targets = []
     for symbol, signal in signals.items():
@@ -101,7 +101,7 @@ def targets_of(signals: Mapping[str, Signal], start: float) -> list[Target]:
 def predict_ahead(
     dataset: Dataset,
     measuring: Mapping[str, SensorRecord],
-    signals: Mapping[str, Signal],
+    signals: Mapping[str, MeasuredSignal],
     starts: InitialStates,
     bundle: Bundle,
     rng: np.random.Generator,
@@ -168,7 +168,9 @@ def _timelines(dataset: Dataset, measuring: Mapping[str, SensorRecord], start: f
     return Timelines(dataset.inputs, segment, start, dataset.experiment.identification.integration_step)
 
 
-def rows_ahead(collected: Collected, names: Sequence[str], signals: Mapping[str, Signal]) -> Iterator[Prediction]:
+def rows_ahead(
+    collected: Collected, names: Sequence[str], signals: Mapping[str, MeasuredSignal]
+) -> Iterator[Prediction]:
     """Yield a row for each horizon that is reached often enough, and signal.
 
     The fit relates errors to how far the measurements of the whole run are from their mean, at every horizon alike:
@@ -183,7 +185,7 @@ def rows_ahead(collected: Collected, names: Sequence[str], signals: Mapping[str,
                 continue
             measured = np.array([sample.target.measurement for sample in samples])
             predicted = np.array([sample.named for sample in samples])
-            fits = {name: Fit.of(measured, predicted[:, i]) for i, name in enumerate(names)}
+            fits = {name: PredictionFit.of(measured, predicted[:, i]) for i, name in enumerate(names)}
             whole = fits["identified"]._replace(spread=len(samples) * float(signal.values.var()))
             deviation = np.sqrt([sample.variance for sample in samples])
             has_band = bool(np.isfinite(deviation).all() and fits["identified"].rmse is not None)
@@ -199,7 +201,7 @@ def rows_ahead(collected: Collected, names: Sequence[str], signals: Mapping[str,
                 fits["identified"].rmse,
                 fits["prior"].rmse if "prior" in fits else None,
                 fits["vehicle_file"].rmse if "vehicle_file" in fits else None,
-                Fit.of(measured, np.array([sample.unchanged for sample in samples])).rmse,
+                PredictionFit.of(measured, np.array([sample.unchanged for sample in samples])).rmse,
                 float(np.sqrt(np.square(deviation).mean())) if has_band else None,
                 float(within.mean()) if has_band else None,
                 drawn,

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import InputRecord
-from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.validation.results import ManoeuvreNumber
-from auvid_cli.validation.signals import Signal
+from auvid_cli.validation.signals import MeasuredSignal
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
@@ -59,7 +59,9 @@ def rudder_holds(inputs: InputRecord) -> list[Hold]:
     return holds
 
 
-def manoeuvre_numbers(inputs: InputRecord, signals: Mapping[str, Signal], run: FreeRun) -> list[ManoeuvreNumber]:
+def manoeuvre_numbers(
+    inputs: InputRecord, signals: Mapping[str, MeasuredSignal], run: FreeRun
+) -> list[ManoeuvreNumber]:
     """Return the numbers of the zigzags and turning circles in the data, measured and predicted.
 
     Parameters
@@ -72,7 +74,9 @@ def manoeuvre_numbers(inputs: InputRecord, signals: Mapping[str, Signal], run: F
     """
     if "psi" not in signals:
         return []
-    predicted = {s: Signal(run.time, run.motion[:, i], 0.0) for i, s in enumerate(MOTION_SYMBOLS) if s in signals}
+    predicted = {
+        s: MeasuredSignal(run.time, run.motion[:, i], 0.0) for i, s in enumerate(MOTION_SYMBOLS) if s in signals
+    }
     holds = [hold for hold in rudder_holds(inputs) if _covers(signals["psi"], hold)]
     numbers = []
     for chain in _chains(holds):
@@ -82,7 +86,7 @@ def manoeuvre_numbers(inputs: InputRecord, signals: Mapping[str, Signal], run: F
     return numbers
 
 
-def _covers(signal: Signal, hold: Hold) -> bool:
+def _covers(signal: MeasuredSignal, hold: Hold) -> bool:
     return bool(signal.time[0] <= hold.begin and hold.end <= signal.time[-1] + _AROUND)
 
 
@@ -99,7 +103,7 @@ def _chains(holds: Sequence[Hold]) -> list[list[Hold]]:
     return [chain for chain in chains if len(chain) >= 3]
 
 
-def _zigzag(chain: Sequence[Hold], measured: Signal, predicted: Signal) -> list[ManoeuvreNumber]:
+def _zigzag(chain: Sequence[Hold], measured: MeasuredSignal, predicted: MeasuredSignal) -> list[ManoeuvreNumber]:
     """Return overshoots: how far the heading goes on after each reversal."""
     course = heading_at(measured, chain[0].begin)
     turned = np.array([heading_at(measured, hold.end) - course for hold in chain[:-1]])
@@ -118,7 +122,7 @@ def _zigzag(chain: Sequence[Hold], measured: Signal, predicted: Signal) -> list[
     return numbers
 
 
-def overshoot(heading: Signal, reversal: float, end: float, side: float) -> float | None:
+def overshoot(heading: MeasuredSignal, reversal: float, end: float, side: float) -> float | None:
     """Say how far a heading goes on to a side, 1 or -1, after a reversal, rad; None if it does not come back."""
     span = slice(*np.searchsorted(heading.time, [reversal, end]))
     time, values = heading.time[span], side * heading.values[span]
@@ -130,7 +134,7 @@ def overshoot(heading: Signal, reversal: float, end: float, side: float) -> floa
     return side * (heading_at(heading, farthest) - heading_at(heading, reversal))
 
 
-def heading_at(heading: Signal, time: float) -> float:
+def heading_at(heading: MeasuredSignal, time: float) -> float:
     """Return the heading at a time, from a parabola through the measurements around it, rad."""
     around = slice(*np.searchsorted(heading.time, [time - _AROUND, time + _AROUND]))
     apart, values = heading.time[around] - time, heading.values[around]
@@ -140,7 +144,7 @@ def heading_at(heading: Signal, time: float) -> float:
 
 
 def _turning_circle(
-    hold: Hold, measured: Mapping[str, Signal], predicted: Mapping[str, Signal]
+    hold: Hold, measured: Mapping[str, MeasuredSignal], predicted: Mapping[str, MeasuredSignal]
 ) -> list[ManoeuvreNumber]:
     """Return turn rate, and with a measured velocity radius, speed and speed lost, once the turn is steady."""
     heading = measured["psi"]
@@ -162,7 +166,7 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and np.isfinite(value) else None
 
 
-def steady_turn(signals: Mapping[str, Signal], execute: float, begin: float, end: float) -> dict[str, float]:
+def steady_turn(signals: Mapping[str, MeasuredSignal], execute: float, begin: float, end: float) -> dict[str, float]:
     """Return the numbers of a turn that is steady from begin to end, s.
 
     Parameters
@@ -197,7 +201,7 @@ def steady_turn(signals: Mapping[str, Signal], execute: float, begin: float, end
     return numbers
 
 
-def _horizontal_speed(signals: Mapping[str, Signal]) -> Signal:
+def _horizontal_speed(signals: Mapping[str, MeasuredSignal]) -> MeasuredSignal:
     """Return it at the times of u, m/s; where no attitude tells how level the path is, the speed along it."""
     time = signals["u"].time
 
@@ -209,4 +213,4 @@ def _horizontal_speed(signals: Mapping[str, Signal]) -> Signal:
     if set(TILT) <= set(signals):
         phi, theta = (at_its_times(symbol) for symbol in TILT)
         down = -np.sin(theta) * u + np.cos(theta) * (np.sin(phi) * v + np.cos(phi) * w)
-    return Signal(time, np.sqrt(u**2 + v**2 + w**2 - down**2), 0.0)
+    return MeasuredSignal(time, np.sqrt(u**2 + v**2 + w**2 - down**2), 0.0)

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from auvid_cli.data.named_rows import NamedRows, frames
 from auvid_cli.evaluation.check import Check
-from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.evaluation.predicted_motion import FreeRun
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -16,7 +16,7 @@ _ANGLES = MOTION_SYMBOLS[6:]
 SAME = 0.75e-9
 
 
-class Signal(NamedTuple):
+class MeasuredSignal(NamedTuple):
     """Measurements of one motion state.
 
     Attributes
@@ -46,7 +46,7 @@ def is_angle(symbol: str) -> bool:
     return symbol in _ANGLES
 
 
-def measured_signals(measuring: Mapping[str, SensorRecord]) -> dict[str, Signal]:
+def measured_signals(measuring: Mapping[str, SensorRecord]) -> dict[str, MeasuredSignal]:
     """Return signals by motion symbol, in the order of the motion states; those that are measured."""
     signals = {}
     for name, record in measuring.items():
@@ -57,5 +57,5 @@ def measured_signals(measuring: Mapping[str, SensorRecord]) -> dict[str, Signal]
                 symbol = state_of(quantity)
                 continuous = np.unwrap(values[finite]) if is_angle(symbol) else values[finite]
                 deviation = float(record.standard_deviation[component])
-                signals[symbol] = Signal(record.time[finite], continuous, deviation)
+                signals[symbol] = MeasuredSignal(record.time[finite], continuous, deviation)
     return {symbol: signals[symbol] for symbol in MOTION_SYMBOLS if symbol in signals}

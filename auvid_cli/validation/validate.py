@@ -14,9 +14,9 @@ from auvid_cli.validation.free_run_fit import fit_free_runs
 from auvid_cli.validation.horizon_prediction import Bundle, evenly_spaced, predict_ahead, rows_ahead
 from auvid_cli.validation.initial_states import InitialStates, filtered_initial_states, with_model
 from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
-from auvid_cli.validation.models import Models, drawn_coefficients, models_of
+from auvid_cli.validation.model_bundle import Models, drawn_coefficients, models_of
 from auvid_cli.validation.results import ManoeuvreNumber, Validation
-from auvid_cli.validation.signals import Signal, measured_signals
+from auvid_cli.validation.signals import MeasuredSignal, measured_signals
 from auvid_cli.validation.verdicts import verdicts
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
@@ -102,7 +102,7 @@ def _remarks(dataset: Dataset, estimate: Estimate, starts: InitialStates, blown_
         )
 
 
-def _taken_as_level(numbers: Sequence[ManoeuvreNumber], signals: Mapping[str, Signal]) -> Iterator[str]:
+def _taken_as_level(numbers: Sequence[ManoeuvreNumber], signals: Mapping[str, MeasuredSignal]) -> Iterator[str]:
     unmeasured = [symbol for symbol in TILT if symbol not in signals]
     if unmeasured and any(row.number == "radius" for row in numbers):
         lacking = " or ".join(unmeasured)

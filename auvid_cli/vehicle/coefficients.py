@@ -8,7 +8,7 @@ writes the same terms out for speed, and tests hold the two together.
 from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
-Group = Literal["damping", "lift", "control"]
+CoefficientGroup = Literal["damping", "lift", "control"]
 
 # What a factor may be, bare or as a modulus: velocities in body axes, then fins.
 SIGNALS = ("u", "v", "w", "p", "q", "r", "rudder", "elevator")
@@ -39,11 +39,11 @@ class Coefficient(NamedTuple):
     meaning: str
     row: int
     factors: tuple[str, ...]
-    group: Group
+    group: CoefficientGroup
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """The factors without their moduli."""
+        """Return the factors without their moduli."""
         return tuple(factor.strip("|") for factor in self.factors)
 
     @property
@@ -53,7 +53,7 @@ class Coefficient(NamedTuple):
 
     @property
     def equation(self) -> str:
-        """The term as text, for example ``Y = Y_uudr u u rudder``."""
+        """Return the term as text, for example ``Y = Y_uudr u u rudder``."""
         return f"{'XYZKMN'[self.row]} += {self.symbol} {' '.join(self.factors)}"
 
 

@@ -21,7 +21,7 @@ from distributed import Client
 
 from auvid_cli.campaign.engine import cluster_client, perform_groups
 from auvid_cli.campaign.perform import perform
-from auvid_cli.campaign.plan import Group, Plan
+from auvid_cli.campaign.plan import CampaignPlan, RunGroup
 from auvid_cli.campaign.store import Store
 from auvid_cli.config.campaign import load_campaign
 from benchmarks.timing import described_machine
@@ -41,15 +41,15 @@ class Round(NamedTuple):
     two_processes: float
 
 
-def planned(folder: Path, text: str) -> Plan:
+def planned(folder: Path, text: str) -> CampaignPlan:
     """Plan of a campaign file with a text."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "campaign.yaml"
     path.write_text(f"name: benchmark\n{text}")
-    return Plan(*load_campaign(path), path)
+    return CampaignPlan(*load_campaign(path), path)
 
 
-def timed(groups: list[Group], folder: Path) -> Round:
+def timed(groups: list[RunGroup], folder: Path) -> Round:
     """Do the same groups in every way, with processes that are there and have loaded everything."""
     start = time.perf_counter()
     for group in groups:
@@ -63,7 +63,7 @@ def timed(groups: list[Group], folder: Path) -> Round:
         return Round(alone, one, two, time.perf_counter() - start)
 
 
-def _seconds_on(workers: int, groups: list[Group], folder: Path) -> float:
+def _seconds_on(workers: int, groups: list[RunGroup], folder: Path) -> float:
     """Wall time, s, of groups on so many workers, results written."""
     with cluster_client(None, workers) as client:
         list(perform_groups(client, _warm(folder.parent, workers), False))
@@ -75,12 +75,12 @@ def _seconds_on(workers: int, groups: list[Group], folder: Path) -> float:
         return time.perf_counter() - start
 
 
-def _warm(folder: Path, workers: int) -> Iterator[Group]:
+def _warm(folder: Path, workers: int) -> Iterator[RunGroup]:
     """Groups of other seeds, a few for each worker."""
     return planned(folder, f"seeds: [{', '.join(str(_OTHER_SEEDS + k) for k in range(3 * workers))}]\n").groups()
 
 
-def memory_over(groups: Iterator[Group], n_runs: int) -> list[tuple[int, float]]:
+def memory_over(groups: Iterator[RunGroup], n_runs: int) -> list[tuple[int, float]]:
     """Memory of a single worker, MB, after so many runs."""
     seen, ended = [], 0
     with cluster_client(None, 1) as client:

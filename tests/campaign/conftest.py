@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from auvid_cli.campaign.plan import Plan
+from auvid_cli.campaign.plan import CampaignPlan
 from auvid_cli.config.campaign import load_campaign
 
 SHORT = """\
@@ -19,9 +19,9 @@ filters: [ckf, tukf]
 def planned(tmp_path):
     """Function: the plan of a campaign file with some text."""
 
-    def plan(text: str, *overrides: str) -> Plan:
+    def plan(text: str, *overrides: str) -> CampaignPlan:
         path: Path = tmp_path / "campaign.yaml"
         path.write_text(text)
-        return Plan(*load_campaign(path, overrides), path)
+        return CampaignPlan(*load_campaign(path, overrides), path)
 
     return plan

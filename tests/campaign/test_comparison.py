@@ -40,7 +40,7 @@ def rows_of(filter_name, errors, lost=()):
     return rows
 
 
-def verdicts(*filters):
+def conclusions(*filters):
     table = compare_filters(pd.DataFrame([row for rows in filters for row in rows]), [])
     return {(row["measure"], row["first"], row["second"]): row for row in table.to_dict("records")}
 
@@ -49,7 +49,7 @@ def test_a_filter_that_is_better_on_the_same_data_is_named():
     random = np.random.default_rng(2)
     # The seeds differ far more than the filters: only pairs can tell.
     difficulty = np.exp(random.standard_normal(N))
-    by_pair = verdicts(rows_of("ckf", difficulty), rows_of("ekf", difficulty * 1.1))
+    by_pair = conclusions(rows_of("ckf", difficulty), rows_of("ekf", difficulty * 1.1))
     row = by_pair["steady_state_error_percent", "ckf", "ekf"]
     assert row["verdict"] == "ckf is better"
     assert row["seeds"] == N
@@ -58,7 +58,7 @@ def test_a_filter_that_is_better_on_the_same_data_is_named():
     # 0.02 |error| of a true value of 2 is one percent of it.
     assert by_pair["rmse_percent", "ckf", "ekf"]["median_first"] == pytest.approx(np.median(difficulty))
     assert (
-        verdicts(rows_of("ekf", difficulty * 1.1), rows_of("ckf", difficulty))[
+        conclusions(rows_of("ekf", difficulty * 1.1), rows_of("ckf", difficulty))[
             "steady_state_error_percent", "ekf", "ckf"
         ]["verdict"]
         == "ckf is better"
@@ -68,13 +68,15 @@ def test_a_filter_that_is_better_on_the_same_data_is_named():
 def test_equal_filters_tie():
     errors = 1.0 + np.random.default_rng(3).random(N)
     assert (
-        verdicts(rows_of("ckf", errors), rows_of("tukf", errors))["steady_state_error_percent", "ckf", "tukf"][
+        conclusions(rows_of("ckf", errors), rows_of("tukf", errors))["steady_state_error_percent", "ckf", "tukf"][
             "verdict"
         ]
         == "tie"
     )
     # A difference that is sure, and does not matter.
-    row = verdicts(rows_of("ckf", errors), rows_of("tukf", errors * 1.001))["steady_state_error_percent", "ckf", "tukf"]
+    row = conclusions(rows_of("ckf", errors), rows_of("tukf", errors * 1.001))[
+        "steady_state_error_percent", "ckf", "tukf"
+    ]
     assert row["p_value_adjusted"] < 1e-6
     assert row["verdict"] == "tie"
 
@@ -84,21 +86,23 @@ def test_chance_is_not_named():
     named = [
         row["verdict"]
         for _ in range(40)
-        for row in verdicts(rows_of("a", random.random(N)), rows_of("b", random.random(N))).values()
+        for row in conclusions(rows_of("a", random.random(N)), rows_of("b", random.random(N))).values()
     ]
     assert sum("better" in verdict for verdict in named) <= 0.05 * len(named) * 2
     assert "no difference found" in named
 
 
 def test_too_few_seeds_tell_nothing():
-    row = verdicts(rows_of("a", [1.0, 2.0, 3.0]), rows_of("b", [5.0, 6.0, 7.0]))["steady_state_error_percent", "a", "b"]
+    row = conclusions(rows_of("a", [1.0, 2.0, 3.0]), rows_of("b", [5.0, 6.0, 7.0]))[
+        "steady_state_error_percent", "a", "b"
+    ]
     assert row["verdict"] == "no difference found"
     assert (row["difference_low"], row["difference_high"]) == (-np.inf, np.inf)
 
 
 def test_who_diverges_more_often_is_not_better():
     errors = np.linspace(1.0, 2.0, N)
-    row = verdicts(rows_of("ckf", errors), rows_of("ekf", 0.5 * errors, lost=range(10)))[
+    row = conclusions(rows_of("ckf", errors), rows_of("ekf", 0.5 * errors, lost=range(10)))[
         "steady_state_error_percent", "ckf", "ekf"
     ]
     assert (row["only_first_diverged"], row["only_second_diverged"], row["seeds"]) == (0, 10, N - 10)

@@ -9,7 +9,7 @@ import pytest
 from distributed import LocalCluster
 
 from auvid_cli.campaign.engine import cluster_client, perform_groups
-from auvid_cli.campaign.plan import Group
+from auvid_cli.campaign.plan import RunGroup
 from auvid_cli.errors import ClusterError
 
 MANY = """\
@@ -57,7 +57,7 @@ def test_a_group_that_no_worker_can_do_has_failed_and_the_others_go_on(planned):
     plan = planned(MANY, "seeds=3")
     groups = list(plan.groups())
     # Text that no worker can read: it fails in the worker's own code, not in a run.
-    broken = [groups[0], Group(7, groups[1].runs, groups[1].assumed), groups[2]]
+    broken = [groups[0], RunGroup(7, groups[1].runs, groups[1].assumed), groups[2]]
     with (
         LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
         cluster_client(cluster.scheduler_address, 1) as client,

@@ -5,7 +5,7 @@ from statistics import mean, stdev
 
 import pytest
 
-from auvid_cli.campaign.plan import LARGEST_GROUP, Plan
+from auvid_cli.campaign.plan import LARGEST_GROUP, CampaignPlan
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.errors import ConfigError
 
@@ -124,8 +124,8 @@ def test_another_version_of_auvid_is_another_run(planned, monkeypatch):
 
 def test_a_mistake_is_found_without_resolving_every_combination(planned, monkeypatch):
     resolved = []
-    resolve = Plan._resolve
-    monkeypatch.setattr(Plan, "_resolve", lambda *some: resolved.append(0) or resolve(*some))
+    resolve = CampaignPlan._resolve
+    monkeypatch.setattr(CampaignPlan, "_resolve", lambda *some: resolved.append(0) or resolve(*some))
     text = "name: big\nseeds: 2\nfilters: [ckf]\nvary:\n"
     text += "".join(
         f"  - {{setting: sensors.{one}.rate, values: [1, 2, 3]}}\n" for one in ("dvl", "gyroscope", "attitude")

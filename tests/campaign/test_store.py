@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from auvid_cli.campaign.measures import Measure
 from auvid_cli.campaign.perform import Performed
-from auvid_cli.campaign.plan import Run
+from auvid_cli.campaign.plan import CampaignRun
 from auvid_cli.campaign.store import Store, _read, locked
 from auvid_cli.errors import FileError
 
@@ -18,7 +18,7 @@ COLUMNS = {"factor": True, "rate": False}
 
 
 def finished(name, factor=1.0, rate="slow", error=2.5):
-    run = Run(name, {"factor": factor, "rate": rate}, "ckf", 1)
+    run = CampaignRun(name, {"factor": factor, "rate": rate}, "ckf", 1)
     whole = Measure(
         name, "ckf", 1, "run", "", "", "completed", "sound", "", steady_state_error_percent=error, components=22
     )
@@ -27,7 +27,7 @@ def finished(name, factor=1.0, rate="slow", error=2.5):
 
 
 def failed(name, reason="no data"):
-    return Performed(Run(name, {"factor": 1.0, "rate": "slow"}, "ckf", 1), [], reason, None)
+    return Performed(CampaignRun(name, {"factor": 1.0, "rate": "slow"}, "ckf", 1), [], reason, None)
 
 
 def labels_of(*names):
@@ -158,7 +158,7 @@ def test_a_failed_run_is_labelled_as_those_that_are_finished(tmp_path):
     """Of an axis with values that are no numbers all are text."""
     store = Store(tmp_path, {"gate": False})
     labels = {name: {"filter": "ckf", "gate": 4} for name in "ab"}
-    runs = [Run(name, {"gate": 4}, "ckf", 1) for name in "ab"]
+    runs = [CampaignRun(name, {"gate": 4}, "ckf", 1) for name in "ab"]
     store.add([finished("a")._replace(run=runs[0]), failed("b")._replace(run=runs[1])])
     store.merge()
     rows = store.rows(labels)
@@ -182,7 +182,7 @@ def test_what_goes_wrong_meanwhile_is_not_blamed_on_the_folder(tmp_path):
 
 def test_results_take_on_the_axes_that_a_campaign_has_now(tmp_path):
     store = Store(tmp_path, {"factor": True})
-    store.add([finished("a")._replace(run=Run("a", {"factor": 1.0}, "ckf", 1))])
+    store.add([finished("a")._replace(run=CampaignRun("a", {"factor": 1.0}, "ckf", 1))])
     wider = Store(tmp_path, COLUMNS)
     wider.conform({"a": {"filter": "ckf", "factor": 1.0, "rate": "fast"}})
     table = pd.read_parquet(tmp_path / "results")
@@ -247,7 +247,7 @@ def test_other_names_for_levels_and_filters_are_taken_on(tmp_path):
 
 def test_an_axis_that_becomes_numeric_does_not_trip_over_text(tmp_path):
     store = Store(tmp_path, {"prior": False})
-    runs = {name: Run(name, {"prior": name}, "ckf", 1) for name in ("low", "high")}
+    runs = {name: CampaignRun(name, {"prior": name}, "ckf", 1) for name in ("low", "high")}
     store.add([finished(name)._replace(run=run) for name, run in runs.items()])
     numeric = Store(tmp_path, {"prior": True})
     numeric.conform({"low": {"filter": "ckf", "prior": 0.3}})

@@ -1,8 +1,8 @@
 from pathlib import Path
 
-from auvid_cli.config.position import Mistake, Position, Source, report
+from auvid_cli.config.position import ConfigSource, Mistake, Position, report
 
-SOURCE = Source("a.yaml", Path(), "name: x\n\tlong: " + "y" * 300 + "\n\x1b[31mred: 1\n")
+SOURCE = ConfigSource("a.yaml", Path(), "name: x\n\tlong: " + "y" * 300 + "\n\x1b[31mred: 1\n")
 
 
 def test_report_shows_the_line_with_a_caret():
@@ -33,11 +33,11 @@ def test_control_characters_do_not_reach_the_terminal():
 
 
 def test_source_without_lines():
-    assert report([Mistake(Position(Source("--set a=b", Path())), ("a",), "wrong")]) == "--set a=b: a: wrong"
+    assert report([Mistake(Position(ConfigSource("--set a=b", Path())), ("a",), "wrong")]) == "--set a=b: a: wrong"
 
 
 def test_many_and_long_mistakes_are_told_shortly():
-    source = Source("a.yaml", Path(), "x: 1\n" * 1000)
+    source = ConfigSource("a.yaml", Path(), "x: 1\n" * 1000)
     text = report(Mistake(Position(source, k, 1), ("x" * 100_000,), "wrong") for k in range(1, 1001))
     assert text.endswith("\nand 950 more mistakes")
     assert len(text) < 120_000

@@ -5,7 +5,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.config.position import Position, Source
+from auvid_cli.config.position import ConfigSource, Position
 from auvid_cli.config.tree import Tree, read_tree
 
 TEXT = """\
@@ -18,13 +18,13 @@ dvl:
 
 
 def read(text: str) -> Tree:
-    tree, mistakes = read_tree(Source("f.yaml", Path(), text))
+    tree, mistakes = read_tree(ConfigSource("f.yaml", Path(), text))
     assert mistakes == []
     return tree
 
 
 def only_mistake(text: str) -> str:
-    _, (mistake,) = read_tree(Source("f.yaml", Path(), text))
+    _, (mistake,) = read_tree(ConfigSource("f.yaml", Path(), text))
     return str(mistake)
 
 
@@ -76,7 +76,7 @@ def test_keys_are_words_as_they_are_written():
 
 
 def test_first_of_duplicate_keys_counts():
-    tree, (mistake,) = read_tree(Source("f.yaml", Path(), "a:\n  b: 1\n  b: 2\n"))
+    tree, (mistake,) = read_tree(ConfigSource("f.yaml", Path(), "a:\n  b: 1\n  b: 2\n"))
     assert tree.data == {"a": {"b": 1}}
     assert str(mistake) == "f.yaml:3:3: a.b: duplicate key 'b' (first in line 2)"
 
@@ -133,12 +133,12 @@ def test_what_only_looks_like_another_number_is_text(written):
 
 @given(st.text(st.characters(max_codepoint=126), max_size=60))
 def test_any_text_is_read_or_refused(text):
-    read_tree(Source("f.yaml", Path(), text))
+    read_tree(ConfigSource("f.yaml", Path(), text))
 
 
 def test_put_leaves_the_original_alone():
     tree = read(TEXT)
-    new = Tree(9, Position(Source("--set", Path())))
+    new = Tree(9, Position(ConfigSource("--set", Path())))
     assert tree.put(("dvl", "noise", "0"), new).data["dvl"]["noise"] == [9, "2e-3"]
     assert tree.put(("x", "y"), new).data["x"] == {"y": 9}
     assert tree.data == read(TEXT).data
@@ -147,7 +147,7 @@ def test_put_leaves_the_original_alone():
 @pytest.mark.parametrize("path", [("name", "x"), ("dvl", "noise", "2"), ("dvl", "noise", "-1"), ("dvl", "noise", "x")])
 def test_put_where_nothing_can_be(path):
     with pytest.raises(ValueError, match=r"cannot set|there is no entry"):
-        read(TEXT).put(path, Tree(9, Position(Source("--set", Path()))))
+        read(TEXT).put(path, Tree(9, Position(ConfigSource("--set", Path()))))
 
 
 SCALARS = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvid_cli.evaluation.consistency import mean_nis, sensor_consistency, verdict
+from auvid_cli.evaluation.consistency import mean_nis, sensor_consistency, status_of
 from auvid_cli.identification.identify import identify
 
 
@@ -49,28 +49,28 @@ def test_the_total_weighs_components_alike(hand_made, innovations_of):
 @pytest.mark.parametrize("actual", [0.1, 1.0, 1.3])
 def test_innovations_no_larger_than_stated_pass(actual, hand_made, innovations_of):
     estimate = estimate_with(hand_made, dvl=innovations_of(3000, 3, actual, 1.0))
-    assert verdict(estimate) == "completed"
+    assert status_of(estimate) == "completed"
 
 
 def test_one_sensor_whose_innovations_are_too_large_is_named(hand_made, innovations_of):
     good, bad = innovations_of(3000, 3, 1.0, 1.0), innovations_of(300, 3, 4.0, 1.0)
-    said = verdict(estimate_with(hand_made, gyroscope=good, dvl=bad))
+    said = status_of(estimate_with(hand_made, gyroscope=good, dvl=bad))
     assert said.startswith("inconsistent")
     assert "dvl" in said
     assert "gyroscope" not in said
 
 
-def test_divergence_is_the_verdict_whatever_the_innovations(hand_made, innovations_of):
+def test_divergence_is_the_status_whatever_the_innovations(hand_made, innovations_of):
     status = "diverged at t = 2.000 s: why"
     bad = {"dvl": innovations_of(300, 3, 9.0, 1.0)}
-    assert verdict(hand_made([0, 1], {"Y_url": [0, 1]}, status, bad)) == status
+    assert status_of(hand_made([0, 1], {"Y_url": [0, 1]}, status, bad)) == status
 
 
 def test_the_wrong_vehicle_is_called_inconsistent(simulated_with, filter_name, with_settings):
     """Roll inertia and righting moment far from what they are: no coefficient makes up for that."""
     run = simulated_with("manoeuvre.duration=8 s")
     wrong = with_settings(run, "vehicle.parameters.Ixx=4 kg*m^2", "vehicle.parameters.zG=3 cm")
-    assert verdict(identify(wrong, filter_name)).startswith(("inconsistent", "diverged", "unconverged"))
+    assert status_of(identify(wrong, filter_name)).startswith(("inconsistent", "diverged", "unconverged"))
 
 
 def test_filters_on_white_noise_are_consistent(simulated_with, filter_name):

@@ -1,4 +1,4 @@
-"""Bounds, verdicts, contributions and groups, on information that is written down by hand."""
+"""Bounds, their classes, contributions and groups, on information that is written down by hand."""
 
 import numpy as np
 import pytest

@@ -10,7 +10,7 @@ from auvid_cli.export.actuation import acting_inputs
 from auvid_cli.export.heading import doubts, heading_lines
 from auvid_cli.export.losses import Losses
 from auvid_cli.export.model import Origin, identified_model
-from auvid_cli.export.terms import ROWS
+from auvid_cli.export.terms import EQUATION_ROWS
 from auvid_cli.identification.identify import identify
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS
 
@@ -72,7 +72,7 @@ def test_terms_are_sized_along_the_estimated_motion_with_the_inputs_of_the_datas
     size = next(size for size in model.term_sizes if size.symbol == "Z_uude")
     assert size.rms == pytest.approx(np.sqrt(squares / estimate.time.size), rel=1e-9)
     assert size.rms > 0.01
-    for row in ROWS:
+    for row in EQUATION_ROWS:
         shares = [size.percent for size in model.term_sizes if size.row == row]
         assert np.hypot.reduce(shares) == pytest.approx(100.0)
     assert [size.symbol for size in model.term_sizes] == [c.symbol for c in COEFFICIENTS]

@@ -172,13 +172,13 @@ def linear_problem(request):
 
 
 @njit(OBSERVATION_SIGNATURE)
-def _observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, seen, scratch):
+def _observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
     """A distance, a rate with an unknown scale under an input, and a product of states; of sensor 0."""
     for k in range(n_lanes):
         x, y, u, v = moving[k], moving[LANES + k], moving[2 * LANES + k], moving[3 * LANES + k]
-        seen[k] = np.sqrt(4.0 + x * x + y * y)
-        seen[LANES + k] = (1.0 + 0.3 * parameters[k]) * u + 0.2 * inputs[0] + sensor
-        seen[2 * LANES + k] = np.sin(y) + 0.2 * u * v
+        predicted[k] = np.sqrt(4.0 + x * x + y * y)
+        predicted[LANES + k] = (1.0 + 0.3 * parameters[k]) * u + 0.2 * inputs[0] + sensor
+        predicted[2 * LANES + k] = np.sin(y) + 0.2 * u * v
 
 
 def _plain_observe(state, inputs):
@@ -198,11 +198,15 @@ def _jacobian(state):
 
 
 @njit(LINEARISATION_SIGNATURE)
-def _linearise(mean, sensor, inputs, constants, selection, seen, matrix, scratch):
+def _linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scratch):
     first = mean.size - 4
     x, y, u, v = mean[first], mean[first + 1], mean[first + 2], mean[first + 3]
     distance = np.sqrt(4.0 + x * x + y * y)
-    seen[0], seen[1], seen[2] = distance, (1.0 + 0.3 * mean[0]) * u + 0.2 * inputs[0], np.sin(y) + 0.2 * u * v
+    predicted[0], predicted[1], predicted[2] = (
+        distance,
+        (1.0 + 0.3 * mean[0]) * u + 0.2 * inputs[0],
+        np.sin(y) + 0.2 * u * v,
+    )
     for i in range(matrix.shape[0]):
         for j in range(mean.size):
             matrix[i, j] = 0.0
@@ -213,7 +217,7 @@ def _linearise(mean, sensor, inputs, constants, selection, seen, matrix, scratch
 
 @pytest.fixture
 def nonlinear_problem(linear_problem):
-    """The carts, seen by a nonlinear sensor and a linear one."""
+    """The carts, measured by a nonlinear sensor and a linear one."""
     p = linear_problem
     p.process = p.process._replace(observe=_observe, linearise=_linearise)
     p.sensors = p.sensors._replace(nonlinear=np.array([True, False]))

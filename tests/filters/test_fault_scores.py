@@ -67,9 +67,9 @@ def dense(request, linear_problem, events_of):
             variances[own.start - of_noise : own.stop - of_noise] = p.process.noise_density**2 * given[1].sum()
         for k in range(*t.measurement_offset[event : event + 2]):
             sensor, present = t.measurement_sensor[k], ~np.isnan(t.measurement[k])
-            seen = p.sensors.matrix[sensor] @ state
-            seen[:, of_faults] += faults.added[k]
-            rows.append(seen[present])
+            effect = p.sensors.matrix[sensor] @ state
+            effect[:, of_faults] += faults.added[k]
+            rows.append(effect[present])
             heard.append((t.measurement[k] - p.sensors.matrix[sensor] @ mean)[present])
             noise.append(p.sensors.variance[sensor, present])
     design, new = np.vstack(rows), np.concatenate(heard)

@@ -89,12 +89,14 @@ def test_the_uncertainty_is_the_inverse_of_the_normal_matrix(seed, n):
 
 
 def test_what_no_measurement_tells_has_an_infinite_variance_and_nothing_else_has(rng):
-    """The second state is not seen at all; of the third and fourth only the sum."""
-    seen = rng.standard_normal((50, 3))
-    rows = np.column_stack([seen[:, 0], np.zeros(50), seen[:, 1], seen[:, 1], seen[:, 2], rng.standard_normal(50)])
+    """The second state is not observed at all; of the third and fourth only the sum."""
+    observed = rng.standard_normal((50, 3))
+    rows = np.column_stack(
+        [observed[:, 0], np.zeros(50), observed[:, 1], observed[:, 1], observed[:, 2], rng.standard_normal(50)]
+    )
     found = from_rows(rows)
     uncertainty = found.uncertainty()
-    expected = np.linalg.inv(seen.T @ seen)
+    expected = np.linalg.inv(observed.T @ observed)
     assert_allclose(uncertainty.deviation(np.eye(5)), np.sqrt([expected[0, 0], np.inf, np.inf, np.inf, expected[2, 2]]))
     assert_allclose(uncertainty.deviation(np.array([0.0, 0.0, 1.0, 1.0, 0.0])), np.sqrt(expected[1, 1]))
     covariance = uncertainty.covariance(np.eye(5))
@@ -105,18 +107,18 @@ def test_what_no_measurement_tells_has_an_infinite_variance_and_nothing_else_has
     assert np.array_equal(covariance, covariance.T)
 
 
-def test_unseen_directions_complete_the_rank(rng):
+def test_unobserved_directions_complete_the_rank(rng):
     rows = np.column_stack([rng.standard_normal((50, 2)), np.zeros(50), rng.standard_normal(50)])
     rows = np.insert(rows, 0, 1e5 * rows[:, 1], axis=1)
     found = from_rows(rows)
-    unseen = found.unobserved()
-    assert unseen.shape == (2, 4)
+    unobserved = found.unobserved()
+    assert unobserved.shape == (2, 4)
     size = np.linalg.norm(rows[:, :4], axis=0)
     size[size == 0.0] = 1.0
-    assert np.linalg.cond(np.vstack([found.factor, unseen]) / size) < 20.0
-    # A step along what is seen has no part in them.
+    assert np.linalg.cond(np.vstack([found.factor, unobserved]) / size) < 20.0
+    # A step along what is observed has no part in them.
     step = (rows[:, :4] / size**2)[7]
-    assert_allclose(unseen @ step, 0.0, atol=1e-12 * np.abs(unseen).max() * np.abs(step).max())
+    assert_allclose(unobserved @ step, 0.0, atol=1e-12 * np.abs(unobserved).max() * np.abs(step).max())
 
 
 def test_nothing_heard_is_no_information():

@@ -54,9 +54,9 @@ def covariance_filter(problem, predict, see):
         covariance = covariance + noise * t.substep_duration[substeps].sum()
         for k in range(t.measurement_offset[event], t.measurement_offset[event + 1]):
             sensor, present = t.measurement_sensor[k], ~np.isnan(t.measurement[k])
-            predicted, seen_covariance, cross = see(mean, covariance, sensor, t.inputs[t.event_input[event]])
+            predicted, predicted_covariance, cross = see(mean, covariance, sensor, t.inputs[t.event_input[event]])
             innovation = (t.measurement[k] - predicted)[present]
-            s = (seen_covariance + np.diag(problem.sensors.variance[sensor]))[np.ix_(present, present)]
+            s = (predicted_covariance + np.diag(problem.sensors.variance[sensor]))[np.ix_(present, present)]
             gain = cross[:, present] @ inverse(s)
             mean, covariance = mean + gain @ innovation, covariance - gain @ s @ gain.T
             innovations[k, present], variances[k, present] = innovation, np.diag(s)
@@ -90,13 +90,13 @@ def linear_predict(problem):
 def sigma_view(problem, directions, for_mean, for_covariance):
     def see(mean, covariance, sensor, inputs):
         points = mean + directions @ triangle(covariance).T
-        seen = np.array(
+        images = np.array(
             [problem.plain_observe(x, inputs) if sensor == 0 else problem.sensors.matrix[sensor] @ x for x in points]
         )
-        predicted = for_mean @ seen
+        predicted = for_mean @ images
         centre = for_mean @ points
-        weighted = ((seen - predicted).T * for_covariance) @ (seen - predicted)
-        return predicted, weighted, ((points - centre).T * for_covariance) @ (seen - predicted)
+        weighted = ((images - predicted).T * for_covariance) @ (images - predicted)
+        return predicted, weighted, ((points - centre).T * for_covariance) @ (images - predicted)
 
     return see
 
@@ -166,7 +166,7 @@ def test_the_sensor_is_far_from_linear(problem, run_whole):
     assert np.abs(ekf.records.mean - ckf.records.mean).max() > 1e-3
 
 
-def test_an_angle_that_is_seen_nonlinearly_is_known_modulo_a_turn(problem, run_whole):
+def test_an_angle_that_is_measured_nonlinearly_is_known_modulo_a_turn(problem, run_whole):
     run = partial(run_square_root_filter, cubature(problem.prior.mean.size))
     t = problem.timeline
     problem.timeline = t._replace(inputs=0.0 * t.inputs, measurement=0.1 * t.measurement)

@@ -23,7 +23,7 @@ def fit_one(process, sensors, timelines, prior, on_chunk, **settings):
 def least_squares_by_hand(problem, by_hand, with_prior):
     """Initial state that fits all measurements, and the prior, by the singular values of their stacked rows.
 
-    Without the prior many parameters are seen in a few combinations only; `seen` are an orthonormal basis of these.
+    Without the prior many parameters are observed in a few combinations only, of which `observed` is a basis.
     """
     t = problem.timeline
     present = ~np.isnan(t.measurement)
@@ -35,7 +35,7 @@ def least_squares_by_hand(problem, by_hand, with_prior):
     left, values, right = np.linalg.svd(matrix, full_matrices=False)
     kept = values > 1e-10 * values[0]
     root = right[kept].T / values[kept]
-    return SimpleNamespace(state=root @ (left[:, kept].T @ measurement), covariance=root @ root.T, seen=right[kept])
+    return SimpleNamespace(state=root @ (left[:, kept].T @ measurement), covariance=root @ root.T, observed=right[kept])
 
 
 @pytest.mark.parametrize("with_prior", [False, True])
@@ -45,8 +45,8 @@ def test_a_linear_problem_is_solved_by_weighted_least_squares(with_prior, chunk,
     expected = least_squares_by_hand(p, by_hand, with_prior)
     history = run_whole(partial(fit_one, use_prior=with_prior), p, chunk=chunk)
     assert (history.n_good, history.failure) == (EVENTS, OK)
-    unseen = by_hand.transition - by_hand.transition @ expected.seen.T @ expected.seen
-    known = np.linalg.norm(unseen, axis=-1) < 1e-8
+    unobserved = by_hand.transition - by_hand.transition @ expected.observed.T @ expected.observed
+    known = np.linalg.norm(unobserved, axis=-1) < 1e-8
     assert known.any()
     mean = by_hand.offset + by_hand.transition @ expected.state
     covariance = by_hand.transition @ expected.covariance @ by_hand.transition.swapaxes(-1, -2)
@@ -141,13 +141,13 @@ def test_a_nonlinear_sensor_is_fitted_as_by_all_rows_at_once(nonlinear_problem, 
 
     def residuals(x):
         states = by_hand.offset + by_hand.transition @ x
-        seen = np.array(
+        observed = np.array(
             [
                 p.plain_observe(states[e], t.inputs[t.event_input[e]]) if s == 0 else p.sensors.matrix[s] @ states[e]
                 for e, s in zip(event, t.measurement_sensor, strict=True)
             ]
         )
-        return np.append(((seen - t.measurement) / deviation)[present], weight @ (x - p.prior.mean))
+        return np.append(((observed - t.measurement) / deviation)[present], weight @ (x - p.prior.mean))
 
     history = run_whole(partial(fit_one, use_prior=True), p)
     assert history.failure == OK

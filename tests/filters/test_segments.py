@@ -201,13 +201,13 @@ def test_what_is_said_of_the_parameters_whatever_the_motion_is_the_schur_complem
     assert_allclose(rest.factor.T @ rest.factor / np.outer(size, size)[:-1, :-1], expected, atol=1e-11)
 
 
-def test_a_motion_that_is_not_seen_takes_nothing_from_the_parameters(rng):
-    """One of its states is not seen at all, of two others only the sum."""
+def test_a_motion_that_is_not_observed_takes_nothing_from_the_parameters(rng):
+    """One of its states is not observed at all, of two others only the sum."""
     rows = rng.standard_normal((40, 7))
     rows[:, 3], rows[:, 5] = 0.0, rows[:, 4]
     _, rest = of_rows(rows).split(2)
-    seen = np.delete(rows, [3, 5], axis=1)[:, :-1]
-    expected = np.linalg.inv(np.linalg.inv(seen.T @ seen)[:2, :2])
+    observed = np.delete(rows, [3, 5], axis=1)[:, :-1]
+    expected = np.linalg.inv(np.linalg.inv(observed.T @ observed)[:2, :2])
     assert_allclose((rest.factor.T @ rest.factor)[:2, :2], expected, rtol=1e-9)
 
 

@@ -8,7 +8,7 @@ import pytest
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
-from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
 from auvid_cli.identification.identify import identify
 
@@ -43,14 +43,14 @@ def by_state(estimate):
 
 def test_without_blocks_the_biases_are_noticed(biased):
     estimate = identify(biased, FilterName.TUKF)
-    assert verdict(estimate).startswith("inconsistent: innovations of gyroscope")
+    assert status_of(estimate).startswith("inconsistent: innovations of gyroscope")
     assert sensor_error_results(estimate) == []
 
 
 def test_constant_biases_are_found_and_the_heading_offset_is_not(biased, with_settings, filter_name):
     dataset = with_settings(biased, ALL)
     estimate = identify(dataset, filter_name)
-    assert verdict(estimate) == "completed"
+    assert status_of(estimate) == "completed"
     found = by_state(estimate)
     true = dict(zip(["bias_p", "bias_q", "bias_r"], GYRO, strict=True))
     true |= dict(zip(["bias_phi", "bias_theta"], ATTITUDE, strict=False))
@@ -77,10 +77,10 @@ def test_blocks_bring_the_coefficients_back(biased, with_settings):
 
 def test_scale_and_mounting_of_the_dvl_are_found(mounted_badly, with_settings, filter_name):
     # Narrow priors: with wide ones the first seconds, where the millimetre-sharp DVL and unknown coefficients meet,
-    # lead some filters astray, which their verdict then says.
+    # lead some filters astray, which their status then says.
     settings = "identification.estimate.biases=[dvl]", "identification.prior.factor=0.3"
     estimate = identify(with_settings(mounted_badly, *settings), filter_name)
-    assert verdict(estimate) == "completed"
+    assert status_of(estimate) == "completed"
     found = by_state(estimate)
     yaw = found["dvl_yaw"]
     assert yaw.observed

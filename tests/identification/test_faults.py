@@ -11,7 +11,7 @@ from auvid_cli.evaluation.judgement import LARGEST_FAULT
 from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.dvl import dvl_axes
-from auvid_cli.identification.faults import FAULTS, Model, Motion, VehicleFaults
+from auvid_cli.identification.faults import FAULTS, FaultedVehicle, Motion, VehicleFaults
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.process import vehicle_process
@@ -31,7 +31,7 @@ def known(experiment_with):
 
 @pytest.fixture(scope="module")
 def model(known, experiment_with):
-    return Model(known, factors(experiment_with().vehicle.all_coefficients()))
+    return FaultedVehicle(known, factors(experiment_with().vehicle.all_coefficients()))
 
 
 @pytest.fixture
@@ -102,7 +102,7 @@ def test_a_known_parameter_changes_the_rates(name, symbol, model, known, at, exp
     values = factors(experiment_with().vehicle.all_coefficients())
 
     def rates(by):
-        return Model({**known, symbol: known[symbol] + by}, values).rates(at.motion, at.inputs)
+        return FaultedVehicle({**known, symbol: known[symbol] + by}, values).rates(at.motion, at.inputs)
 
     expected = by_step(rates, 1e-4)
     # A whole kilogram, of which the effect is not quite linear.
@@ -201,7 +201,7 @@ def test_a_propeller_drives_by_the_thrust_that_was_found(simulated_with, along):
     (last,) = np.flatnonzero(timeline.measurement_sensor == [*problem.measuring].index("dvl"))[-1:]
     event = np.searchsorted(timeline.measurement_offset, last, side="right") - 1
     inputs = timeline.inputs[timeline.substep_input[timeline.substep_offset[event + 1] - 1]]
-    model = Model(problem.known, factors(values, 1.2))
+    model = FaultedVehicle(problem.known, factors(values, 1.2))
     assert_allclose(late[last], -model.rates(states[:1], inputs[None])[0, :3], rtol=1e-12)
 
 

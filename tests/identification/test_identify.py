@@ -11,7 +11,7 @@ from auvid_cli.config.experiment import FilterName
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.identification.identify import identify, set_up_filters
 from auvid_cli.identification.prepared_data import prepare
@@ -142,7 +142,7 @@ def test_with_wide_priors_a_filter_is_right_or_says_what_went_wrong(long_run, na
         assert is_sound(estimate), estimate.status
     assert np.isfinite(estimate.mean).all()
     assert estimate.time.size > 0
-    said = verdict(estimate)
+    said = status_of(estimate)
     assert "\n" not in said
     if said == "completed":
         assert np.median(relative_errors(estimate, long_run.truth)) < 0.01
@@ -323,9 +323,9 @@ def test_outliers_are_gated_and_counted(short_run, short_estimates, with_setting
     values[20::40, 0] += 3.0
     wild = with_sensor(short_run, "dvl", values=values)
     bad = identify(wild, kalman_filter)
-    assert verdict(bad) != "completed"
+    assert status_of(bad) != "completed"
     good = identify(with_settings(wild, "identification.gate=6"), kalman_filter)
-    assert verdict(good) == "completed"
+    assert status_of(good) == "completed"
     assert good.innovations["dvl"].tally().rejected == len(values[20::40])
     assert good.innovations["gyroscope"].tally().rejected == 0
     shift = np.abs(good.mean[-1, :N_COEFFICIENTS] - short_estimates[kalman_filter].mean[-1, :N_COEFFICIENTS])

@@ -7,7 +7,7 @@ import pytest
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
-from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.identification.identify import identify
 
 DIRECT = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
@@ -30,7 +30,7 @@ def with_depth(simulated_with):
 
 def test_depth_is_a_state_where_it_is_measured(with_depth, filter_name):
     estimate = identify(with_depth, filter_name)
-    assert verdict(estimate) == "completed"
+    assert status_of(estimate) == "completed"
     assert estimate.state[-1] == "down"
     true = np.interp(estimate.time, with_depth.truth.time, with_depth.truth.position[:, 2])
     error = (estimate.mean[:, -1] - true)[100:]
@@ -57,8 +57,8 @@ def test_a_current_is_found_and_no_longer_taken_for_drag(name, factor, drifting,
     blind = identify(with_settings(drifting, f"identification.prior.factor={factor}"), name)
     settings = "identification.estimate.biases=[current]", "identification.estimate.current.walk=0"
     seeing = identify(with_settings(drifting, f"identification.prior.factor={factor}", *settings), name)
-    assert verdict(blind).startswith("inconsistent")
-    assert verdict(seeing) == "completed"
+    assert status_of(blind).startswith("inconsistent")
+    assert status_of(seeing) == "completed"
     for symbol, true in (("current_north", 0.2), ("current_east", -0.15)):
         i = seeing.state.index(symbol)
         assert abs(seeing.mean[-1, i] - true) < 4.0 * seeing.standard_deviation[-1, i]
@@ -69,7 +69,7 @@ def test_a_current_is_found_and_no_longer_taken_for_drag(name, factor, drifting,
 def test_a_filter_that_a_current_leads_astray_says_so(drifting, with_settings, kalman_filter):
     estimate = identify(with_settings(drifting, "identification.estimate.biases=[current]"), kalman_filter)
     error = average_error(drifting, estimate)
-    assert verdict(estimate).startswith("inconsistent") or error < 1.0
+    assert status_of(estimate).startswith("inconsistent") or error < 1.0
 
 
 def test_a_current_carries_the_vehicle_away(simulated_with):
@@ -87,7 +87,7 @@ def test_without_a_gyroscope_and_without_roll_coefficients_are_found(with_depth,
     poor = without(with_depth, *missing)
     poor = replace(poor, sensors=poor.sensors | {"attitude": replace(attitude, values=no_roll)})
     estimate = identify(poor, FilterName.CKF)
-    assert verdict(estimate) == "completed"
+    assert status_of(estimate) == "completed"
     rows = {row.coefficient: row for row in coefficient_results(estimate, with_depth.truth, {}, True)}
     for symbol in ("X_u|u|", "N_uudr", "Y_uudr", "M_uude"):
         row = rows[symbol]
@@ -100,7 +100,7 @@ def test_the_gain_of_a_propeller_is_found(with_depth, with_settings, kalman_filt
     weaker = replace(with_depth, inputs=replace(inputs, values=inputs.values / [1.0, 1.0, 1.2, 1.0]))
     blind = identify(weaker, kalman_filter)
     seeing = identify(with_settings(weaker, "identification.estimate.biases=[thrust]"), kalman_filter)
-    assert verdict(seeing) == "completed"
+    assert status_of(seeing) == "completed"
     assert seeing.final_thrust() == pytest.approx(1.2, rel=0.01)
     wrong, right = (
         {r.coefficient: r for r in coefficient_results(e, with_depth.truth, {}, True)} for e in (blind, seeing)

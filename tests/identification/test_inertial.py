@@ -1,4 +1,4 @@
-"""Raw inertial sensors in place of an AHRS: what is heard, where it starts, and what estimators make of it."""
+"""Raw inertial sensors in place of an AHRS: what is used, where it starts, and what estimators make of it."""
 
 from dataclasses import replace
 
@@ -46,7 +46,7 @@ def test_a_raw_sensor_that_is_missing_is_named(missing, raw_run):
     ("source", "bias"), [("ahrs", "accelerometer"), ("ahrs", "magnetometer"), ("inertial", "attitude")]
 )
 def test_a_bias_of_what_is_not_heard_is_refused(source, bias, experiment_with):
-    with pytest.raises(ConfigError, match=rf"{bias}, which is not heard with attitude_from: {source}"):
+    with pytest.raises(ConfigError, match=rf"{bias}, which is not used with attitude_from: {source}"):
         experiment_with(f"identification.attitude_from={source}", f"identification.estimate.biases=[{bias}]")
 
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from auvid_cli.config.augmented_states import AccelerometerBias, AugmentedStates, Current, DvlError, ThrustScale
 from auvid_cli.config.experiment import Identification
-from auvid_cli.identification.compiled_layout import Accelerometer
+from auvid_cli.identification.compiled_layout import CompiledAccelerometer
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.state_layout import state_layout
 from auvid_cli.lanes import LANES
@@ -28,21 +28,21 @@ def process_and_layout(asked, has_depth, experiment, **given):
     settings = Identification(**{"coefficients": ("X_u|u|", "N_uvl"), "estimate": asked} | given)
     layout = state_layout(settings, experiment.vehicle.size, has_depth)
     held = experiment.vehicle.coefficients.by_symbol()
-    position = Accelerometer(ACCELEROMETER, POSITION)
+    position = CompiledAccelerometer(ACCELEROMETER, POSITION)
     return vehicle_process(vehicle_constants(experiment.vehicle.known_parameters()), held, layout, position), layout
 
 
 def linearised(process, state, sensor):
-    seen, matrix = np.full(3, np.nan), np.full((3, state.size), np.nan)
+    predicted, matrix = np.full(3, np.nan), np.full((3, state.size), np.nan)
     model = process.constants, process.selection
-    process.linearise(state, sensor, INPUTS, *model, seen, matrix, np.zeros(process.scratch_size))
-    return seen, matrix
+    process.linearise(state, sensor, INPUTS, *model, predicted, matrix, np.zeros(process.scratch_size))
+    return predicted, matrix
 
 
 def assert_seen_alike(process, state, n_parameters, expected, sensor=DVL):
-    """By both kinds of filter, and the derivative is that of what is seen."""
-    seen, matrix = linearised(process, state, sensor)
-    assert_allclose(seen, expected, rtol=1e-12)
+    """By both kinds of filter, and the derivative is that of what is predicted."""
+    predicted, matrix = linearised(process, state, sensor)
+    assert_allclose(predicted, expected, rtol=1e-12)
     for j in range(state.size):
         step = np.zeros(state.size)
         step[j] = 1e-6
@@ -126,6 +126,6 @@ def test_an_accelerometer_feels_what_a_passenger_at_its_place_does(coefficients,
     values |= {symbol: 1.3 * true[symbol] for symbol in layout.symbols if symbol in SYMBOLS}
     state = np.array([values.get(symbol, 0.7) for symbol in layout.symbols]) / layout.scale
     felt = felt_by_a_passenger(experiment, {symbol: values.get(symbol, true[symbol]) for symbol in SYMBOLS}, 1.2)
-    seen, _ = linearised(process, state, ACCELEROMETER)
-    assert_allclose(seen, felt + np.array([0.03, -0.02, 0.01]), rtol=1e-7, atol=1e-7)
-    assert_seen_alike(process, state, layout.n_parameters, seen, ACCELEROMETER)
+    predicted, _ = linearised(process, state, ACCELEROMETER)
+    assert_allclose(predicted, felt + np.array([0.03, -0.02, 0.01]), rtol=1e-7, atol=1e-7)
+    assert_seen_alike(process, state, layout.n_parameters, predicted, ACCELEROMETER)

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from auvid_cli.config.experiment import FilterName
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.consistency import sensor_consistency, verdict
+from auvid_cli.evaluation.consistency import sensor_consistency, status_of
 from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.identify import identify
@@ -78,7 +78,7 @@ def test_its_residuals_are_as_large_as_it_says(white_run):
     for result in sensor_consistency(estimate):
         spread = np.sqrt(2.0 / (3 * result.measurements))
         assert result.mean_nis == pytest.approx(1.0, abs=5 * spread), result.sensor
-    assert verdict(estimate) == "completed"
+    assert status_of(estimate) == "completed"
 
 
 def test_coefficients_and_their_uncertainty_are_the_same_at_all_times(short_estimates):

@@ -48,7 +48,7 @@ def scaled(changed, dataset, symbol, factor):
 def test_what_only_the_log_could_tell_is_said_again(sound_run):
     dataset = sound_run("spiral", "direct", 1)
     settings = dataset.experiment
-    remark = "@log_time wanders from @header_stamp by 276 s"
+    remark = "@log_time drifts from @header_stamp by 276 s"
     recording = Recording(files=(), map="by this test", origin=0.0, remarks={"dvl": (remark,)})
     run = ImportedRun(name="log", vehicle=settings.vehicle, recording=recording)
     inspection, _ = verdicts(replace(dataset, experiment=run))

@@ -14,11 +14,11 @@ def delayed(rng, size):
     return EVEN + 5e5 + rng.uniform(0.0, size, EVEN.size)
 
 
-def test_a_clock_with_jitter_wanders_from_the_even_one_and_not_the_other_way_round(rng):
+def test_a_clock_with_jitter_drifts_from_the_even_one_and_not_the_other_way_round(rng):
     late = delayed(rng, 0.08)
     found = find_clock_drift(late, EVEN, NAMES)
     assert found is not None
-    assert (found.clock, found.other, found.wanders) == (*NAMES, True)
+    assert (found.clock, found.other, found.unsteady) == (*NAMES, True)
     assert found.later == pytest.approx(5e5, abs=0.1)
     # Of a uniform distribution 90 % lie within 0.9 of its width, and none is further from the middle than half of it.
     assert found.spread == pytest.approx(0.9 * 0.08, rel=0.05)
@@ -39,7 +39,7 @@ def test_a_stamp_that_jumps_once_is_worse_than_the_time_of_the_recording(rng):
     found = find_clock_drift(jumping, late, NAMES)
     assert found is not None
     assert found.furthest == pytest.approx(30.0, abs=0.01)
-    assert not find_clock_drift(late, jumping, NAMES).wanders
+    assert not find_clock_drift(late, jumping, NAMES).unsteady
 
 
 @pytest.mark.parametrize("other", [np.zeros(1000), np.full(1000, np.nan), np.full(1000, 5.0)])
@@ -64,4 +64,4 @@ def test_a_log_that_was_played_back_is_told_by_its_date(later, since, said):
     assert (found is not None) == said
     if found is not None:
         assert found.later == pytest.approx(later)
-        assert not found.wanders
+        assert not found.unsteady

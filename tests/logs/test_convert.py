@@ -12,7 +12,7 @@ from auvid_cli.config.load import shipped_configs
 from auvid_cli.config.log_map import load_map
 from auvid_cli.errors import ConfigError
 from auvid_cli.logs.convert import convert
-from auvid_cli.logs.formats.log import Column, Log
+from auvid_cli.logs.formats.log import Log, LogColumn
 
 TIME = np.arange(40) * 0.05
 FLU = np.diag([1.0, -1.0, -1.0])
@@ -32,7 +32,7 @@ class MemoryLog(Log):
 
     def tables(self):
         return {
-            table: tuple(Column(name, unit, values.dtype.kind == "U") for name, (values, unit) in columns.items())
+            table: tuple(LogColumn(name, unit, values.dtype.kind == "U") for name, (values, unit) in columns.items())
             for table, columns in self._tables.items()
         }
 
@@ -98,7 +98,7 @@ def test_numbers_in_si_come_through_as_they_are(converted):
     assert found.sensors["dvl"].standard_deviation.tolist() == [0.01] * 3
     assert found.inputs.values[:, 3].tolist() == [0.0] * TIME.size
     assert np.array_equal(found.inputs.values[:, 0], INPUTS["dr"])
-    assert next(own for own in found.accounts if own.name == "dvl").missing == 1
+    assert next(own for own in found.summaries if own.name == "dvl").missing == 1
 
 
 def test_each_table_is_read_once_and_only_what_is_needed(converted):
@@ -190,7 +190,7 @@ def test_heading_that_may_be_in_degrees_is_said(converted, unit, said):
     _, rates, angles = motion()
     log = MemoryLog(**{"imu": imu(rates, angles) | {"yaw": 180.0 + 100.0 * angles[:, 2]}, "in": INPUTS})
     found = converted(log, f"attitude: {{table: imu, columns: {{psi: yaw}}, standard_deviation: 1 deg{unit}}}")
-    assert any("or degrees without a unit?" in remark for remark in found.accounts[0].remarks) == said
+    assert any("or degrees without a unit?" in remark for remark in found.summaries[0].remarks) == said
 
 
 def test_pressure_gives_the_depth(converted):
@@ -281,7 +281,7 @@ def test_noise_lost_in_the_steps_of_the_numbers_is_said(converted):
     found = converted(log, (ATTITUDE % "").replace("0.01", "estimate"))
     assert found.sensors["attitude"].standard_deviation == pytest.approx([0.0288675] * 3, rel=1e-5)
     said = "the noise is lost in the steps of the numbers, taken as step / sqrt(12): phi 0.1, theta 0.1, psi 0.1 rad"
-    assert said in found.accounts[0].remarks
+    assert said in found.summaries[0].remarks
 
 
 def test_one_clock_for_logs_that_begin_apart(converted):
@@ -311,9 +311,9 @@ def test_disorder_is_mended_and_said(converted):
     log = MemoryLog(**{"imu": imu(rates[doubled], angles[doubled], time[doubled]), "in": INPUTS})
     found = converted(log, GYROSCOPE % "")
     assert np.array_equal(found.sensors["gyroscope"].values, rates)
-    account = found.accounts[0]
-    assert account.duplicates == 1
-    assert "time went back in 2 rows, by up to 1.6 s: sorted" in account.remarks
+    summary = found.summaries[0]
+    assert summary.duplicates == 1
+    assert "time went back in 2 rows, by up to 1.6 s: sorted" in summary.remarks
 
 
 def test_validity_limits_and_spans(converted):
@@ -401,8 +401,8 @@ def test_the_worse_clock_of_messages_is_said(converted, rng, time, said):
     log = MemoryLog(**{"imu": imu(rates, angles) | clocks, "in": INPUTS | clocks})
     inputs = f"{{table: in, rudder: dr, time: {time}}}"
     found = converted(log, GYROSCOPE % f", time: {time}", inputs=inputs)
-    for account in found.accounts:
-        remarks = [text for text in account.remarks if "wanders from" in text]
+    for summary in found.summaries:
+        remarks = [text for text in summary.remarks if "drifts from" in text]
         assert len(remarks) == said
         assert all(text.endswith("`time: '@header_stamp'` would be right") for text in remarks)
 
@@ -412,7 +412,7 @@ def test_gap_of_a_sensor_is_said(converted):
     time = np.where(TIME < 1.0, TIME, TIME + 4.0)
     log = MemoryLog(**{"imu": imu(rates, angles, time), "dvl": dvl(velocity, 0.15 * TIME / TIME[1]), "in": INPUTS})
     found = converted(log, GYROSCOPE % "", DVL % "")
-    remarks = {account.name: [text for text in account.remarks if "gap" in text] for account in found.accounts}
+    remarks = {summary.name: [text for text in summary.remarks if "gap" in text] for summary in found.summaries}
     assert remarks["gyroscope"][0].startswith("1 gap, the longest of 4.05 s from t = 0.95 s: ")
     assert remarks["dvl"] == []
 

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from auvid_cli.logs.clock import Order
-from auvid_cli.logs.measurements import Rows, without_repeats
+from auvid_cli.logs.measurements import MeasuredRows, without_repeats
 
 NUMBER = st.one_of(st.just(np.nan), st.integers(0, 2).map(float))
 
@@ -19,7 +19,7 @@ def test_rows_that_bring_nothing_new_are_left_out(rows):
         last |= news
     values = {name: np.array([row[column] for row in rows]) for column, name in enumerate("uv")}
     time = np.arange(len(rows), dtype=float)
-    found = without_repeats(Rows(time, values, Order(slice(None)), 0, 0, 0, None, []))
+    found = without_repeats(MeasuredRows(time, values, Order(slice(None)), 0, 0, 0, None, []))
     assert found.time.tolist() == kept
     assert found.repeats == len(rows) - len(kept)
     for name, numbers in values.items():

@@ -164,10 +164,10 @@ def test_the_better_clock_is_named_where_it_matters(auvid, bag, tmp_path, clock,
     text = (MAPS / "couguv.yaml").read_text().replace("@header_stamp", clock).replace("{bag: {}}", files)
     (tmp_path / "map.yaml").write_text(text.replace("vehicle: couguv", f"vehicle: {MAPS}/couguv"))
     output = " ".join(auvid("import", "--map", tmp_path / "map.yaml", "-o", tmp_path / "dataset.h5").split())
-    remark = "magnetometer, dvl, depth: @log_time wanders from @header_stamp by 275.9 s (5 to 95 %)"
+    remark = "magnetometer, dvl, depth: @log_time drifts from @header_stamp by 275.9 s (5 to 95 %)"
     assert (remark in output) == said
     verdicts = inspected(tmp_path / "dataset.h5", 1)
-    clock = {subject for (subject, check), row in verdicts.items() if check == "import" and "wanders" in row["advice"]}
+    clock = {subject for (subject, check), row in verdicts.items() if check == "import" and "drifts" in row["advice"]}
     assert ({"magnetometer", "dvl", "depth"} <= clock) == said
     # By the stamps the bags overlap, with the same messages: somebody else merged them.
     overlap = "dvl: file 2 of the log overlaps those before it from 1743805387.413 to 1743805398.534 s"

@@ -18,7 +18,7 @@ from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.dataset import Dataset, InputRecord
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.identify import identify
@@ -100,7 +100,7 @@ def test_nothing_is_wrong_with_the_data_themselves(training):
 @pytest.mark.parametrize("name", [FilterName.TUKF, FilterName.OUTPUT_ERROR])
 def test_the_mismatch_of_the_structure_is_noticed(name, training):
     estimate = identify(training, name)
-    assert verdict(estimate).startswith("inconsistent")
+    assert status_of(estimate).startswith("inconsistent")
     checks = check_estimate(
         prepare(training), estimate, BoundsOf(prepare(training))(estimate), judge_one(estimate, None)
     )
@@ -111,7 +111,7 @@ def test_the_mismatch_of_the_structure_is_noticed(name, training):
 
 def test_what_both_models_share_agrees_and_the_rest_does_not(loosely_identified):
     """In the vertical plane, where there is no strip-wise drag, within three of the stated deviations."""
-    assert verdict(loosely_identified) == "completed"
+    assert status_of(loosely_identified) == "completed"
     state, deviation = loosely_identified.state, loosely_identified.standard_deviation[-1]
     found = loosely_identified.final_coefficients()
     stated = json.loads((RUNS / "parameters.json").read_text())

@@ -10,7 +10,7 @@ from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthReco
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
-from auvid_cli.evaluation.consistency import mean_nis, sensor_consistency, verdict
+from auvid_cli.evaluation.consistency import mean_nis, sensor_consistency, status_of
 from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
 from auvid_cli.evaluation.free_run import FreeRun, VelocityError
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
@@ -104,7 +104,7 @@ def evaluation_of(dataset: Dataset, estimates: list[Estimate], blown_up: tuple[s
     """What `evaluate` gives, with a free run that needs no vehicle."""
     evaluation = Evaluation([], [], [], [], [], [], {}, [])
     for estimate in estimates:
-        judgement = Judgement(Grade.SOUND) if verdict(estimate) == "completed" else judge_one(estimate, None)
+        judgement = Judgement(Grade.SOUND) if status_of(estimate) == "completed" else judge_one(estimate, None)
         results = coefficient_results(estimate, dataset.truth, BOUNDS, judgement.grade is Grade.SOUND)
         motion = motion_at(TIME) + 0.02
         if estimate.filter in blown_up:

@@ -9,7 +9,7 @@ from matplotlib.colors import to_rgba
 from rich.console import Console
 
 from auvid_cli.evaluation.check import Check
-from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.report.csv_tables import write_csv_tables
 from auvid_cli.report.figures.validation import horizon_figure
 from auvid_cli.report.validation_screen import print_validation

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from auvid_cli.simulation.motion import LONGEST_STEP, Truth, simulate_motion
-from auvid_cli.simulation.plan import make_plan
+from auvid_cli.simulation.manoeuvre_plan import make_plan
+from auvid_cli.simulation.true_motion import LONGEST_STEP, Truth, simulate_motion
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import vehicle_constants
 

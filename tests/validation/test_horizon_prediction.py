@@ -12,11 +12,11 @@ from auvid_cli.validation.horizon_prediction import (
     rows_ahead,
     targets_of,
 )
-from auvid_cli.validation.signals import Signal
+from auvid_cli.validation.signals import MeasuredSignal
 
 TIME = np.arange(0.0, 100.0, 0.25)
 # Up and down by 2 about 7.
-SIGNAL = Signal(TIME, 7.0 + 2.0 * (-1.0) ** np.arange(TIME.size), 0.1)
+SIGNAL = MeasuredSignal(TIME, 7.0 + 2.0 * (-1.0) ** np.arange(TIME.size), 0.1)
 
 
 def collected(predictions, variance, blown_up=(False, True)):
@@ -51,7 +51,7 @@ def test_a_model_that_blew_up_has_no_numbers():
 
 def test_a_target_is_the_first_measurement_at_or_after_the_horizon_and_soon_after():
     silent = (TIME > 11.1) & (TIME < 14.9)
-    signal = Signal(TIME[~silent], SIGNAL.values[~silent], 0.1)
+    signal = MeasuredSignal(TIME[~silent], SIGNAL.values[~silent], 0.1)
     times = {target.horizon: target.time for target in targets_of({"u": signal}, 10.1)}
     # From 11.1 s on nothing is said until 15 s: 1 s and 2 s ahead have no measurement soon enough.
     assert times == {0.5: 10.75, 5.0: 15.25, 10.0: 20.25, 20.0: 30.25, 50.0: 60.25}

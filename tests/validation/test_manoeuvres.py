@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from auvid_cli.data.dataset import InputRecord
-from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.validation.manoeuvres import manoeuvre_numbers, rudder_holds
-from auvid_cli.validation.signals import Signal
+from auvid_cli.validation.signals import MeasuredSignal
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 TICK = 0.01
@@ -25,7 +25,7 @@ def held(*levels_and_lengths):
 
 def signals_of(motion):
     time = TICK * np.arange(len(motion))
-    return {s: Signal(time, motion[:, i], 0.001) for i, s in enumerate(MOTION_SYMBOLS)}
+    return {s: MeasuredSignal(time, motion[:, i], 0.001) for i, s in enumerate(MOTION_SYMBOLS)}
 
 
 def zigzag(amplitude, rate, brake, legs, course=0.7):

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.identification.timeline import Timelines
-from auvid_cli.validation.signals import SAME, Signal, measured_signals
+from auvid_cli.validation.signals import SAME, MeasuredSignal, measured_signals
 
 
 def test_signals_hold_what_is_finite_of_each_component_in_the_order_of_the_motion():
@@ -24,7 +24,7 @@ def test_signals_hold_what_is_finite_of_each_component_in_the_order_of_the_motio
 
 
 def test_turns_bring_a_heading_to_those_of_the_measurements():
-    heading = Signal(np.array([0.0, 10.0]), np.array([0.1, 13.0]), 0.01)
+    heading = MeasuredSignal(np.array([0.0, 10.0]), np.array([0.1, 13.0]), 0.01)
     assert heading.turns(0.0, 0.2) == 0.0
     assert heading.turns(0.0, 2 * np.pi) == pytest.approx(-2 * np.pi)
     assert heading.turns(10.0, 13.0 - 4 * np.pi) == pytest.approx(4 * np.pi)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.damage import refusing_damage
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import LOG_TIME, Column, ColumnValues, Log
+from auvid_cli.logs.formats.log import LOG_TIME, ColumnValues, Log, LogColumn
 from auvid_cli.logs.formats.lookup import look_up
 
 try:
@@ -45,7 +45,7 @@ class DataFlashLog(Log):
     Of a message that several of a kind send, such as IMU, there is a table of all and one of each, IMU[0].
     """
 
-    def tables(self) -> dict[str, tuple[Column, ...]]:
+    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
         """List the columns of each kind of message that has a time and was sent, with the units the log states."""
         return self._tables
 
@@ -59,7 +59,7 @@ class DataFlashLog(Log):
         return {column.name: _values(form, rows, column) for column in wanted}
 
     @cached_property
-    def _tables(self) -> dict[str, tuple[Column, ...]]:
+    def _tables(self) -> dict[str, tuple[LogColumn, ...]]:
         tables = {}
         for kind in sorted(self._index):
             form, rows = self._rows(kind)
@@ -115,17 +115,17 @@ def _dtype(code: str) -> np.dtype[Any]:
     return np.dtype("S" + written[:-1] if written.endswith("s") else "<" + written)
 
 
-def _columns(form: DFFormat) -> Iterator[Column]:
-    yield Column(LOG_TIME, "s")
+def _columns(form: DFFormat) -> Iterator[LogColumn]:
+    yield LogColumn(LOG_TIME, "s")
     for name, code in zip(form.columns, form.format, strict=True):
         unit = form.get_unit(name)
         if code == "a":
-            yield from (Column(f"{name}[{k}]", unit) for k in range(_LIST_LENGTH))
+            yield from (LogColumn(f"{name}[{k}]", unit) for k in range(_LIST_LENGTH))
         else:
-            yield Column(name, unit, is_text=code in "nNZ")
+            yield LogColumn(name, unit, is_text=code in "nNZ")
 
 
-def _values(form: DFFormat, rows: NDArray[np.void], column: Column) -> ColumnValues:
+def _values(form: DFFormat, rows: NDArray[np.void], column: LogColumn) -> ColumnValues:
     if column.name == LOG_TIME:
         name = next(name for name in _SECONDS if name in form.columns)
         return rows[name] / _SECONDS[name]
@@ -142,7 +142,7 @@ def _values(form: DFFormat, rows: NDArray[np.void], column: Column) -> ColumnVal
 class TelemetryLog(Log):
     """What a ground station hears from the vehicle over MAVLink; its time is that of the ground station."""
 
-    def tables(self) -> dict[str, tuple[Column, ...]]:
+    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
         """List the columns of each kind of message, with the units that MAVLink states."""
         return self._tables
 
@@ -168,7 +168,7 @@ class TelemetryLog(Log):
         return {name: np.array(column, None if isinstance(column, array) else str) for name, column in values.items()}
 
     @cached_property
-    def _tables(self) -> dict[str, tuple[Column, ...]]:
+    def _tables(self) -> dict[str, tuple[LogColumn, ...]]:
         kinds = {mavlink.mavlink_map[number] for number in {_number(packet) for _, _, packet in self._packets()}}
         if not kinds:
             raise FileError(f"{self.path}: holds no MAVLink message that is known")
@@ -199,17 +199,17 @@ def _number(packet: bytes) -> int:
     return int.from_bytes(packet[7:10], "little") if packet[0] == _VERSION_2 else packet[5]
 
 
-def _message_columns(kind: Any) -> Iterator[Column]:
-    yield Column(LOG_TIME, "s")
+def _message_columns(kind: Any) -> Iterator[LogColumn]:
+    yield LogColumn(LOG_TIME, "s")
     # Lengths come in the order in which fields are sent.
     lengths = dict(zip(kind.ordered_fieldnames, kind.array_lengths, strict=True))
     for name, written in zip(kind.fieldnames, kind.fieldtypes, strict=True):
         length = lengths[name]
         unit = kind.fieldunits_by_name.get(name, "")
         if written == "char" or not length:
-            yield Column(name, unit, is_text=written == "char")
+            yield LogColumn(name, unit, is_text=written == "char")
         else:
-            yield from (Column(f"{name}[{k}]", unit) for k in range(length))
+            yield from (LogColumn(f"{name}[{k}]", unit) for k in range(length))
 
 
 def _split(column: str) -> tuple[str, int | None]:

@@ -20,7 +20,7 @@ from scipy.io.matlab import mat_struct
 
 from auvid_cli.data.damage import refusing_damage
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import Column, ColumnValues, Log
+from auvid_cli.logs.formats.log import ColumnValues, Log, LogColumn
 from auvid_cli.logs.formats.lookup import look_up
 
 # Wider arrays and longer lists of structs are pictures and the like, no columns.
@@ -47,10 +47,10 @@ class _Place(NamedTuple):
 class ArrayLog(Log):
     """A file of named arrays."""
 
-    def tables(self) -> dict[str, tuple[Column, ...]]:
+    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
         """List the columns by the names of their arrays, ``name[0]``, ``name[1]`` of an array with two dimensions."""
         return {
-            table: tuple(Column(name, is_text=place.is_text) for name, place in columns.items())
+            table: tuple(LogColumn(name, is_text=place.is_text) for name, place in columns.items())
             for table, columns in self._places.items()
         }
 

@@ -13,11 +13,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import Column, ColumnValues, Log
+from auvid_cli.logs.formats.log import ColumnValues, Log, LogColumn
 from auvid_cli.logs.formats.lookup import look_up
-from auvid_cli.logs.formats.rows import Rows, survey
 from auvid_cli.logs.formats.text_layout import BLANKS, FLAGS, Header, TextLayout, read_header
-from auvid_cli.logs.formats.units import MISSING, is_number
+from auvid_cli.logs.formats.text_rows import TextRows, survey
+from auvid_cli.logs.formats.units import MISSING_VALUES, is_number
 
 _GZIP = b"\x1f\x8b"
 _OPEN_QUOTE = "a quotation mark is left open, or a field goes on in the next line"
@@ -37,7 +37,7 @@ class DelimitedLog(Log):
 
     def __init__(self, path: Path, layout: TextLayout) -> None:
         super().__init__(path)
-        self._missing = (*MISSING, *layout.missing)
+        self._missing = (*MISSING_VALUES, *layout.missing)
         with self._opened() as file:
             head = file.read(_HEAD_BYTES)
         if len(head) == _HEAD_BYTES:
@@ -48,7 +48,7 @@ class DelimitedLog(Log):
         lines = _decode(head).removesuffix("\n").split("\n")
         self._header: Header = read_header(path, lines, layout)
 
-    def tables(self) -> dict[str, tuple[Column, ...]]:
+    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
         """List the columns by their headings."""
         return {"": self._header.columns}
 
@@ -63,7 +63,7 @@ class DelimitedLog(Log):
         return {name: values[position] for name, position in positions.items()}
 
     @cached_property
-    def _rows(self) -> Rows:
+    def _rows(self) -> TextRows:
         with self._opened() as file:
             return survey(self.path, file, self._header)
 

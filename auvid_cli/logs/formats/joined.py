@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import FILE, Column, ColumnValues, Log
+from auvid_cli.logs.formats.log import FILE, ColumnValues, Log, LogColumn
 from auvid_cli.logs.formats.lookup import look_up
 
 
@@ -29,7 +29,7 @@ class JoinedLog(Log):
         super().__init__(parts[0].path)
         self._parts = tuple(parts)
 
-    def tables(self) -> dict[str, tuple[Column, ...]]:
+    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
         """List the columns of each table, and `FILE`."""
         return self._tables
 
@@ -47,12 +47,12 @@ class JoinedLog(Log):
         return {name: joined[name] for name in columns}
 
     @cached_property
-    def _contents(self) -> list[dict[str, tuple[Column, ...]]]:
+    def _contents(self) -> list[dict[str, tuple[LogColumn, ...]]]:
         return [part.tables() for part in self._parts]
 
     @cached_property
-    def _tables(self) -> dict[str, tuple[Column, ...]]:
-        common: dict[str, tuple[Column, ...]] = {}
+    def _tables(self) -> dict[str, tuple[LogColumn, ...]]:
+        common: dict[str, tuple[LogColumn, ...]] = {}
         for part, content in zip(self._parts, self._contents, strict=True):
             for table, columns in content.items():
                 others = {column.name: column for column in columns}
@@ -63,4 +63,4 @@ class JoinedLog(Log):
                             f"{part.path}: column {column.name!r} is in {others[column.name].unit or 'no unit'}, in "
                             f"{self.path} before it in {column.unit or 'no unit'}: they do not continue each other"
                         )
-        return {table: (*columns, Column(FILE)) for table, columns in common.items()}
+        return {table: (*columns, LogColumn(FILE)) for table, columns in common.items()}

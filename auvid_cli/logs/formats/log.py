@@ -16,7 +16,7 @@ FILE = "@file"
 ColumnValues = NDArray[np.float64] | NDArray[np.str_]
 
 
-class Column(NamedTuple):
+class LogColumn(NamedTuple):
     """A column of a table.
 
     Attributes
@@ -46,7 +46,7 @@ class Log(ABC):
         self.path = path
 
     @abstractmethod
-    def tables(self) -> dict[str, tuple[Column, ...]]:
+    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
         """List the columns of each table: a topic, a kind of message; where all is one table its name is empty.
 
         Bags and message logs have the columns `LOG_TIME` and, where messages have a header, `HEADER_STAMP`.

@@ -4,10 +4,10 @@ from collections.abc import Collection, Sequence
 from difflib import get_close_matches
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import Column, Log
+from auvid_cli.logs.formats.log import Log, LogColumn
 
 
-def look_up(log: Log, table: str, names: Sequence[str]) -> tuple[Column, ...]:
+def look_up(log: Log, table: str, names: Sequence[str]) -> tuple[LogColumn, ...]:
     """Find columns of a log's table by name.
 
     Raises

@@ -12,7 +12,7 @@ import numpy as np
 
 from auvid_cli.data.damage import refusing_damage
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Column, ColumnValues, Log
+from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, ColumnValues, Log, LogColumn
 from auvid_cli.logs.formats.lookup import missing
 
 try:
@@ -29,14 +29,14 @@ _REPAIR = {".bag": "rosbag reindex", ".mcap": "mcap recover"}
 
 
 class _Topic(NamedTuple):
-    columns: tuple[Column, ...]
+    columns: tuple[LogColumn, ...]
     note: str
 
 
 class BagLog(Log):
     """A bag. Its messages are decoded by the definitions in it, or if it has none by those of ROS 2 itself."""
 
-    def tables(self) -> dict[str, tuple[Column, ...]]:
+    def tables(self) -> dict[str, tuple[LogColumn, ...]]:
         """List the columns of each topic, of a list without a fixed length as many as its first message has.
 
         Of a topic without messages, or whose messages are not defined in the bag, that is the time of the log alone.
@@ -74,14 +74,14 @@ class BagLog(Log):
             return {topic: self._topic(reader, topic, types[topic]) for topic in sorted(types)}
 
     def _topic(self, reader: AnyReader, topic: str, msgtype: str) -> _Topic:
-        time = (Column(LOG_TIME),)
+        time = (LogColumn(LOG_TIME),)
         if msgtype not in reader.typestore.fielddefs:
             return _Topic(time, f": its messages are {msgtype}, and the bag does not say what that is")
         _, message = next(self._messages(reader, topic), (0, None))
         if message is None:
             return _Topic(time, ": the topic has no messages")
         has_stamp = hasattr(getattr(getattr(message, "header", None), "stamp", None), "nanosec")
-        stamp = (Column(HEADER_STAMP),) if has_stamp else ()
+        stamp = (LogColumn(HEADER_STAMP),) if has_stamp else ()
         return _Topic((*time, *stamp, *_leaves("", message)), "")
 
     @contextmanager
@@ -109,7 +109,7 @@ class BagLog(Log):
         return f"{self.path}: {where}: {reason}; a bag that was cut short may be mended with {repair}"
 
 
-def _leaves(prefix: str, value: Any) -> Iterator[Column]:
+def _leaves(prefix: str, value: Any) -> Iterator[LogColumn]:
     """Return the columns that a message, a field of it, or an element of a list holds."""
     if is_dataclass(value):
         for field in fields(value):
@@ -121,7 +121,7 @@ def _leaves(prefix: str, value: Any) -> Iterator[Column]:
             for k, element in enumerate(value):
                 yield from _leaves(f"{prefix}[{k}]", element)
     else:
-        yield Column(prefix, is_text=isinstance(value, str))
+        yield LogColumn(prefix, is_text=isinstance(value, str))
 
 
 def _extractor(name: str, beyond: float | str) -> Callable[[int, Any], Any]:

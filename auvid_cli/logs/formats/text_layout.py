@@ -8,8 +8,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import Column
-from auvid_cli.logs.formats.units import MISSING, agreed_unit, are_units, bare_unit, find_suffix, is_number, split_unit
+from auvid_cli.logs.formats.log import LogColumn
+from auvid_cli.logs.formats.units import (
+    MISSING_VALUES,
+    agreed_unit,
+    are_units,
+    bare_unit,
+    find_suffix,
+    is_number,
+    split_unit,
+)
 
 COMMENT_MARKS = ("#", "%", "//")
 FLAGS = {"true": 1.0, "false": 0.0}
@@ -53,7 +61,7 @@ class Header(NamedTuple):
         Of the names, or of the units under them, counted from 1; rows begin after it.
     fields : int
         Of each row; one more than there are columns if rows end with a delimiter.
-    columns : tuple of Column
+    columns : tuple of LogColumn
         A column without a name is called by its number, ``#3``.
     is_flag : tuple of bool
         Whether a column's values are "true" and "false".
@@ -65,7 +73,7 @@ class Header(NamedTuple):
     decimal: str
     line: int
     fields: int
-    columns: tuple[Column, ...]
+    columns: tuple[LogColumn, ...]
     is_flag: tuple[bool, ...]
     suffixes: tuple[str, ...]
 
@@ -131,7 +139,7 @@ def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
         under = bare_unit(units[k]) if has_units else ""
         unit = agreed_unit(f"{path}:{last}: {name!r}", heading, under, suffixes[k])
         numeric = is_flag[k] or suffixes[k] or all(is_number(v, decimal, layout.missing) for v in samples[k])
-        columns.append(Column(name, unit, is_text=not numeric))
+        columns.append(LogColumn(name, unit, is_text=not numeric))
     return Header(delimiter, decimal, last, fields, tuple(columns), is_flag, suffixes)
 
 
@@ -190,7 +198,7 @@ def _find_decimal(rows: Sequence[Sequence[str]], delimiter: str) -> str:
 
 
 def _are_flags(values: Sequence[str]) -> bool:
-    given = [value for value in values if value not in MISSING]
+    given = [value for value in values if value not in MISSING_VALUES]
     return bool(given) and all(value.lower() in FLAGS for value in given)
 
 

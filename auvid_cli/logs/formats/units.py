@@ -8,7 +8,7 @@ from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.config.quantity import EXAMPLES, NUMBER
 from auvid_cli.errors import FileError
 
-MISSING = ("", "nan", "NaN", "NAN", "-nan", "null", "NULL", "None", "N/A", "n/a", "NA", "-", "--")
+MISSING_VALUES = ("", "nan", "NaN", "NAN", "-nan", "null", "NULL", "None", "N/A", "n/a", "NA", "-", "--")
 _NO_FINITE = re.compile(r"[-+]?(?:inf(?:inity)?|nan)", re.IGNORECASE)
 # A letter right behind a number is rather a name, as of a 3D fix.
 _WITH_UNIT = re.compile(
@@ -22,7 +22,7 @@ _NO_UNIT = ("", "-", "--")
 
 def is_number(field: str, decimal: str = ".", missing: Sequence[str] = ()) -> bool:
     """Say whether a field holds a number, or what stands for a missing one."""
-    if field in MISSING or field in missing:
+    if field in MISSING_VALUES or field in missing:
         return True
     number = field.replace(decimal, ".")
     # Not whatever Python takes for a number: no program writes 1_000 or digits of other scripts.

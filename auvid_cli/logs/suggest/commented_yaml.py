@@ -22,7 +22,7 @@ class Comment(NamedTuple):
     text: str
 
 
-class Entry(NamedTuple):
+class YamlEntry(NamedTuple):
     """A key and its value, with a comment behind.
 
     Attributes
@@ -38,9 +38,9 @@ class Entry(NamedTuple):
     comment: str = ""
 
 
-Line: TypeAlias = Entry | Comment
+Line: TypeAlias = YamlEntry | Comment
 Flow: TypeAlias = "str | int | Mapping[str, Flow] | tuple[Flow, ...] | None"
-Value: TypeAlias = "Flow | list[Line] | list[Entry]"
+Value: TypeAlias = "Flow | list[Line] | list[YamlEntry]"
 
 
 def yaml_text(lines: Iterable[Line]) -> str:

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.logs.formats.log import Column, Log
-from auvid_cli.logs.suggest.commented_yaml import Comment, Entry, Flow, Line, Phrase
+from auvid_cli.logs.formats.log import Log, LogColumn
+from auvid_cli.logs.suggest.commented_yaml import Comment, Flow, Line, Phrase, YamlEntry
 from auvid_cli.logs.suggest.names import INPUT_NAMES, find_columns, find_in_logs, named_unit
 from auvid_cli.logs.suggest.rows import row_entries, time_of
 
@@ -22,13 +22,13 @@ _OPPOSITE = (("top", "bottom"), ("right", "left"))
 class _Input(NamedTuple):
     """A column that looks like an input, its numbers, and where it stands if that is not where most of them do."""
 
-    column: Column
+    column: LogColumn
     values: Array
     place: dict[str, Flow]
 
     @property
     def largest(self) -> float:
-        """Largest size."""
+        """Return the largest size."""
         return float(np.nanmax(np.abs(self.values), initial=0.0))
 
     def signal(self, **more: Flow) -> dict[str, Flow]:
@@ -40,7 +40,7 @@ def input_lines(logs: Mapping[str, Log]) -> Iterator[Line]:
     """Yield the lines below `inputs:`."""
     place = find_in_logs(logs, INPUT_NAMES)
     if place is None:
-        yield Entry("rudder", None, "required: no column looks like a fin or a propeller")
+        yield YamlEntry("rudder", None, "required: no column looks like a fin or a propeller")
         return
     name, main = place
     yield from row_entries(logs, name, main.table)
@@ -52,11 +52,13 @@ def input_lines(logs: Mapping[str, Log]) -> Iterator[Line]:
     deflecting = {**fins, **{key: direct[key] for key in ("rudder", "elevator") if key in direct}}
     largest = max((fin.largest for fin in deflecting.values()), default=0.0)
     for key, signal in direct.items():
-        yield _fin(key, signal, largest) if key in deflecting else Entry(key, signal.signal(), "check: in N, or N m")
+        yield (
+            _fin(key, signal, largest) if key in deflecting else YamlEntry(key, signal.signal(), "check: in N, or N m")
+        )
     if fins:
         lines: list[Line] = [_fin(key, fin, largest) for key, fin in fins.items()]
         lines += _opposites(fins)
-        yield Entry("fins", lines, "check: positive pushes the tail to starboard, or up; else sign: -1")
+        yield YamlEntry("fins", lines, "check: positive pushes the tail to starboard, or up; else sign: -1")
     if not deflecting:
         candidates = ", ".join(_possible_fins(logs, name, main.table))
         these = f"; these may be fins: {candidates}" if candidates else ""
@@ -122,25 +124,25 @@ def _thrust(inputs: Mapping[str, _Input]) -> Iterator[Line]:
     if "surge_force" in inputs:
         return
     if "thrust.revolutions" in inputs:
-        factor = Entry("a", None, "required: force = a n|n|, such as 0.05 N*s^2")
-        yield Entry("thrust", [_revolutions(inputs["thrust.revolutions"]), factor])
+        factor = YamlEntry("a", None, "required: force = a n|n|, such as 0.05 N*s^2")
+        yield YamlEntry("thrust", [_revolutions(inputs["thrust.revolutions"]), factor])
     elif "thrust.share" in inputs:
-        full = Entry("full", None, "required: force at 100 percent, such as 20 N")
-        yield Entry("thrust", [_share(inputs["thrust.share"]), full])
+        full = YamlEntry("full", None, "required: force at 100 percent, such as 20 N")
+        yield YamlEntry("thrust", [_share(inputs["thrust.share"]), full])
     else:
         yield Comment("check: no column looks like thrust: it will be zero")
 
 
-def _revolutions(command: _Input) -> Entry:
+def _revolutions(command: _Input) -> YamlEntry:
     if command.column.unit:
-        return Entry("revolutions", command.signal(), f"{command.column.unit} as the log says")
+        return YamlEntry("revolutions", command.signal(), f"{command.column.unit} as the log says")
     unit = named_unit(command.column.name, "turn/s") or "rpm"
-    return Entry("revolutions", command.signal(unit=unit), "check: rpm, or turn/s")
+    return YamlEntry("revolutions", command.signal(unit=unit), "check: rpm, or turn/s")
 
 
-def _share(command: _Input) -> Entry:
+def _share(command: _Input) -> YamlEntry:
     comment = f"check: percent, or '1' for fractions; it reaches {command.largest:.4g}"
-    return Entry("share", command.signal(**_share_unit(command)), comment)
+    return YamlEntry("share", command.signal(**_share_unit(command)), comment)
 
 
 def _share_unit(command: _Input) -> dict[str, Flow]:
@@ -153,17 +155,17 @@ def _share_unit(command: _Input) -> dict[str, Flow]:
     return {"unit": "1" if is_fraction else "percent"}
 
 
-def _fin(key: str, fin: _Input, largest: float) -> Entry:
+def _fin(key: str, fin: _Input, largest: float) -> YamlEntry:
     extent = f"it goes from {np.nanmin(fin.values):.4g} to {np.nanmax(fin.values):.4g}"
     if fin.column.unit:
-        return Entry(key, fin.signal(), f"{fin.column.unit} as the log says; check: sign")
+        return YamlEntry(key, fin.signal(), f"{fin.column.unit} as the log says; check: sign")
     if unit := named_unit(fin.column.name, "rad"):
-        return Entry(key, fin.signal(unit=unit), f"as the name says; check: sign; {extent}")
+        return YamlEntry(key, fin.signal(unit=unit), f"as the name says; check: sign; {extent}")
     if largest > _LARGEST_FIN_DEGREES:
         counts = fin.signal(centre=_middle(fin.values), scale=None)
-        return Entry(key, counts, f"required: what is straight, and one count, such as 0.35 deg; {extent}")
+        return YamlEntry(key, counts, f"required: what is straight, and one count, such as 0.35 deg; {extent}")
     unit = "deg" if largest > 0.5 * np.pi else "rad"
-    return Entry(key, fin.signal(unit=unit), f"check: unit and sign; {extent}")
+    return YamlEntry(key, fin.signal(unit=unit), f"check: unit and sign; {extent}")
 
 
 def _middle(counts: Array) -> int:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Column, Log
+from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log, LogColumn
 
 # By sensor and component: what the end of a column's name, in small letters, with blanks and dashes as underscores, is.
 SENSOR_NAMES: dict[str, dict[str, str]] = {
@@ -73,11 +73,11 @@ class Match(NamedTuple):
     """Columns of a table that look like what is wanted."""
 
     table: str
-    columns: dict[str, Column]
+    columns: dict[str, LogColumn]
 
 
 def find_columns(
-    wanted: Mapping[str, str], tables: Mapping[str, tuple[Column, ...]], hint: str = "", unit: str = ""
+    wanted: Mapping[str, str], tables: Mapping[str, tuple[LogColumn, ...]], hint: str = "", unit: str = ""
 ) -> list[Match]:
     """Find columns by component of what is wanted, table by table: most of them first, then those called like the hint.
 
@@ -85,7 +85,7 @@ def find_columns(
     ----------
     wanted : mapping of str to str
         Pattern of the names, by component.
-    tables : mapping of str to tuple of Column
+    tables : mapping of str to tuple of LogColumn
     hint : str
         Part of a table's name.
     unit : str
@@ -128,13 +128,13 @@ def find_in_logs(
     return None
 
 
-def standard_message(columns: Iterable[Column]) -> str:
+def standard_message(columns: Iterable[LogColumn]) -> str:
     """Return the kind of message, of those whose axes ROS fixes, that has such columns; empty if it is none."""
     names = {column.name for column in columns}
     return next((kind for kind, fields in _REP_103.items() if names.issuperset(fields)), "")
 
 
-def find_time(columns: Iterable[Column]) -> Column | None:
+def find_time(columns: Iterable[LogColumn]) -> LogColumn | None:
     """Find the column that most likely holds the times."""
     columns = list(columns)
     for name in (HEADER_STAMP, LOG_TIME):
@@ -147,7 +147,7 @@ def find_time(columns: Iterable[Column]) -> Column | None:
     return None
 
 
-def _spoken(table: str, column: Column) -> tuple[str, ...]:
+def _spoken(table: str, column: LogColumn) -> tuple[str, ...]:
     """Return what a column is called, with its unit too; where a message is nothing but numbers, by its topic."""
     field = _BARE_FIELD.fullmatch(column.name)
     if not table or field is None:

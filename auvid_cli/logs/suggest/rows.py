@@ -6,17 +6,17 @@ import numpy as np
 
 from auvid_cli.logs.clock import FARTHEST
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log
-from auvid_cli.logs.suggest.commented_yaml import Entry, Flow
+from auvid_cli.logs.suggest.commented_yaml import Flow, YamlEntry
 from auvid_cli.logs.suggest.names import find_time
 
 
-def row_entries(logs: Mapping[str, Log], name: str, table: str) -> Iterator[Entry]:
+def row_entries(logs: Mapping[str, Log], name: str, table: str) -> Iterator[YamlEntry]:
     """Say where columns stand, as far as it must be said."""
     if len(logs) > 1:
-        yield Entry("log", name)
+        yield YamlEntry("log", name)
     if table:
-        yield Entry("table", table)
-    yield Entry("time", *time_of(logs[name], table))
+        yield YamlEntry("table", table)
+    yield YamlEntry("time", *time_of(logs[name], table))
 
 
 def time_of(log: Log, table: str) -> tuple[Flow, str]:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.config.magnitudes import magnitude_of
 from auvid_cli.data.noise import estimate_noise
-from auvid_cli.logs.formats.log import Column, Log
-from auvid_cli.logs.suggest.commented_yaml import Comment, Entry, Line, Phrase, yaml_text
+from auvid_cli.logs.formats.log import Log, LogColumn
+from auvid_cli.logs.suggest.commented_yaml import Comment, Line, Phrase, YamlEntry, yaml_text
 from auvid_cli.logs.suggest.inputs import input_lines
 from auvid_cli.logs.suggest.names import (
     QUATERNION_NAMES,
@@ -60,15 +60,15 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
         If a log is damaged.
     """
     names = _log_names(logs)
-    files = [Entry(name, os.path.relpath(log.path, folder)) for name, log in names.items()]
+    files = [YamlEntry(name, os.path.relpath(log.path, folder)) for name, log in names.items()]
     return yaml_text(
         [
             Comment("A map suggested by auvid: look at every line with `check:`, replace every null with `required:`."),
-            Entry("name", next(iter(names))),
-            Entry("vehicle", _vehicle(), "or the path of a vehicle file"),
-            Entry("logs", files),
-            Entry("sensors", list(_sensors(names))),
-            Entry("inputs", list(input_lines(names))),
+            YamlEntry("name", next(iter(names))),
+            YamlEntry("vehicle", _vehicle(), "or the path of a vehicle file"),
+            YamlEntry("logs", files),
+            YamlEntry("sensors", list(_sensors(names))),
+            YamlEntry("inputs", list(input_lines(names))),
         ]
     )
 
@@ -85,14 +85,14 @@ def _log_names(logs: Sequence[Log]) -> dict[str, Log]:
 
 def _vehicle() -> list[Line]:
     size: list[Line] = [
-        Entry("length", None, "required: of the hull, such as 1.6 m"),
-        Entry("diameter", None, "required: of the hull, such as 0.19 m"),
+        YamlEntry("length", None, "required: of the hull, such as 1.6 m"),
+        YamlEntry("diameter", None, "required: of the hull, such as 0.19 m"),
     ]
     parameters = [
-        Entry(quantity.symbol, None, f"required: {quantity.meaning}, {quantity.unit}") for quantity in PARAMETERS
+        YamlEntry(quantity.symbol, None, f"required: {quantity.meaning}, {quantity.unit}") for quantity in PARAMETERS
     ]
-    name = Entry("name", Phrase("my vehicle"), "check: what you call it")
-    return [name, Entry("size", size), Entry("parameters", parameters)]
+    name = YamlEntry("name", Phrase("my vehicle"), "check: what you call it")
+    return [name, YamlEntry("size", size), YamlEntry("parameters", parameters)]
 
 
 def _sensors(logs: Mapping[str, Log]) -> Iterator[Line]:
@@ -104,7 +104,7 @@ def _sensors(logs: Mapping[str, Log]) -> Iterator[Line]:
         places["attitude"] = quaternion
     for sensor, place in places.items():
         if place is not None:
-            yield Entry(sensor, list(_sensor(sensor, logs, *place)))
+            yield YamlEntry(sensor, list(_sensor(sensor, logs, *place)))
     if not any(places.values()):
         yield Comment("required: no column looks like a sensor; see the guide for what may stand here")
 
@@ -115,16 +115,16 @@ def _sensor(sensor: str, logs: Mapping[str, Log], name: str, match: Match) -> It
     numbers = {component: np.asarray(values[column.name], np.float64) for component, column in columns.items()}
     yield from row_entries(logs, name, match.table)
     if set(columns) == set(QUATERNION_NAMES):
-        yield Entry("quaternion", [Entry(axis, column.name) for axis, column in columns.items()])
+        yield YamlEntry("quaternion", [YamlEntry(axis, column.name) for axis, column in columns.items()])
         frame, why = _convention(log, match.table) or ("FLU", "usual for quaternions in ROS")
-        yield Entry("frame", frame, f"check: {why}; FRD, forward-right-down, or FLU, forward-left-up")
-        yield Entry("reference", _EARTH[frame], "check: likewise; NED, from north, or ENU, from east")
+        yield YamlEntry("frame", frame, f"check: {why}; FRD, forward-right-down, or FLU, forward-left-up")
+        yield YamlEntry("reference", _EARTH[frame], "check: likewise; NED, from north, or ENU, from east")
         yield from _repeats(numbers)
-        yield Entry("standard_deviation", None, "required: noise by the data sheet, or estimate")
+        yield YamlEntry("standard_deviation", None, "required: noise by the data sheet, or estimate")
         return
-    yield Entry("columns", list(_columns(sensor, columns, numbers)))
+    yield YamlEntry("columns", list(_columns(sensor, columns, numbers)))
     unit, comment = _unit(list(columns.values()), numbers, quantities[0].unit)
-    yield Entry("unit", unit, comment)
+    yield YamlEntry("unit", unit, comment)
     factor = unit_factor(unit, quantities[0].unit)
     most = magnitude_of(quantities[0].unit).most / factor
     si = {component: factor * np.where(np.abs(raw) <= most, raw, np.nan) for component, raw in numbers.items()}
@@ -134,25 +134,25 @@ def _sensor(sensor: str, logs: Mapping[str, Log], name: str, match: Match) -> It
     if flags:
         # Of "velocity_valid" and "beams[0].valid" that of the whole message.
         flag = min(flags, key=lambda name: name.count("."))
-        yield Entry("valid", {"column": flag, "values": (True, 1)}, "check: which values mean valid")
+        yield YamlEntry("valid", {"column": flag, "values": (True, 1)}, "check: which values mean valid")
     noise = [estimate_noise(signal, quantities[0].unit == "rad").standard_deviation for signal in si.values()]
     known = ", ".join(f"{deviation:.2g}" for deviation in noise if deviation > 0.0)
     hint = f"; the signals look like {known} {quantities[0].unit}" if known else ""
-    yield Entry("standard_deviation", None, f"required: noise by the data sheet, or estimate{hint}")
+    yield YamlEntry("standard_deviation", None, f"required: noise by the data sheet, or estimate{hint}")
 
 
-def _columns(sensor: str, columns: Mapping[str, Column], numbers: Mapping[str, Array]) -> Iterator[Line]:
+def _columns(sensor: str, columns: Mapping[str, LogColumn], numbers: Mapping[str, Array]) -> Iterator[Line]:
     for component, column in columns.items():
         if component == "down" and np.nanmedian(numbers[component]) < 0.0:
-            yield Entry("down", {"column": column.name, "sign": -1}, "check: it is mostly negative")
+            yield YamlEntry("down", {"column": column.name, "sign": -1}, "check: it is mostly negative")
         else:
-            yield Entry(component, column.name)
+            yield YamlEntry(component, column.name)
     missing = [quantity.symbol for quantity in SENSORS[sensor] if quantity.symbol not in columns]
     if missing:
         yield Comment(f"check: no column found for {', '.join(missing)}")
 
 
-def _unit(columns: Sequence[Column], numbers: Mapping[str, Array], si: str) -> tuple[str, str]:
+def _unit(columns: Sequence[LogColumn], numbers: Mapping[str, Array], si: str) -> tuple[str, str]:
     """Guess the unit of columns, and say why."""
     units = {column.unit for column in columns}
     if len(units) == 1 and (unit := units.pop()):
@@ -199,22 +199,22 @@ def _axes(sensor: str, numbers: Mapping[str, Array], convention: tuple[str, str]
     """Guess axes by a convention or by the numbers, in SI."""
     if convention is not None and sensor in ("accelerometer", "gyroscope", "dvl", "attitude"):
         frame, why = convention
-        yield Entry("frame", frame, f"check: {why}")
+        yield YamlEntry("frame", frame, f"check: {why}")
         if sensor == "attitude":
-            yield Entry("reference", _EARTH[frame], "check: likewise")
+            yield YamlEntry("reference", _EARTH[frame], "check: likewise")
     elif sensor == "accelerometer" and "fz" in numbers:
         mean = float(np.nanmean(numbers["fz"]))
-        yield Entry(
+        yield YamlEntry(
             "frame", "FLU" if mean > 0.0 else "FRD", f"check: fz is {mean:.3g} on average, of FRD it is negative"
         )
     elif sensor == "attitude":
-        yield Entry("frame", "FRD", "check: FRD, forward-right-down, or FLU, forward-left-up")
-        yield Entry(
+        yield YamlEntry("frame", "FRD", "check: FRD, forward-right-down, or FLU, forward-left-up")
+        yield YamlEntry(
             "reference", "NED", "check: a turn to starboard makes psi grow; NED, psi from north, or ENU, from east"
         )
         if "phi" in numbers and np.nanmedian(np.abs(numbers["phi"])) > 0.75 * np.pi:
-            yield Entry("mount", Phrase("upside down"), "check: roll is about 180 deg")
+            yield YamlEntry("mount", Phrase("upside down"), "check: roll is about 180 deg")
     elif sensor in ("gyroscope", "dvl"):
         positive = "r" if sensor == "gyroscope" else "v"
         turning = f"in FRD a turn or drift to starboard makes {positive} positive, in FLU negative"
-        yield Entry("frame", "FRD", f"check: {turning}")
+        yield YamlEntry("frame", "FRD", f"check: {turning}")

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-from auvid_cli.report.figures.campaign import map_figure, spread_figure
+from auvid_cli.report.figures.campaign_errors import map_figure, spread_figure
 from auvid_cli.report.figures.coefficients import coefficient_figure
 from auvid_cli.report.figures.identifiability import bounds_figure, correlation_figure
 from auvid_cli.report.figures.innovations import innovation_figure

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.evaluation.motion import FreeRun
+from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.report.figures.limits import around, value_range
 from auvid_cli.report.figures.series import finite, thin, unwrapped
 from auvid_cli.report.figures.style import (
@@ -33,7 +33,7 @@ _ZOOM = 30.0
 _POINTS = 1200
 
 
-class Series(NamedTuple):
+class Curve(NamedTuple):
     """A drawable signal over time, s; angles in degrees."""
 
     time: Array
@@ -75,7 +75,7 @@ def motion_figure(quantities: Sequence[Quantity], sensors: dict[str, SensorRecor
 
 
 def _draw_panel(
-    axes: Axes, measured: Series | None, predicted: dict[str, Series], span: tuple[float, float], width: float
+    axes: Axes, measured: Curve | None, predicted: dict[str, Curve], span: tuple[float, float], width: float
 ) -> None:
     """Draw a span of time, s, with lines of `width` times their usual width."""
     tidy(axes)
@@ -105,22 +105,20 @@ def _narrowed(line: dict[str, Any], width: float) -> dict[str, Any]:
     return line | {"linewidth": width * line["linewidth"]}
 
 
-def _measured(quantity: Quantity, sensors: dict[str, SensorRecord]) -> Series | None:
+def _measured(quantity: Quantity, sensors: dict[str, SensorRecord]) -> Curve | None:
     for name, record in sensors.items():
         symbols = [component.symbol for component in SENSORS[name]]
         if quantity.symbol in symbols and record.time.size:
             values = record.values[:, symbols.index(quantity.symbol)]
             if np.isfinite(values).any():
-                return Series(record.time, _drawable(quantity, values))
+                return Curve(record.time, _drawable(quantity, values))
     return None
 
 
-def _predicted(quantity: Quantity, runs: dict[str, FreeRun]) -> dict[str, Series]:
+def _predicted(quantity: Quantity, runs: dict[str, FreeRun]) -> dict[str, Curve]:
     column = MOTION_SYMBOLS.index(quantity.symbol)
     return {
-        name: Series(run.time, _drawable(quantity, run.motion[:, column]))
-        for name, run in runs.items()
-        if run.time.size
+        name: Curve(run.time, _drawable(quantity, run.motion[:, column])) for name, run in runs.items() if run.time.size
     }
 
 
@@ -128,12 +126,12 @@ def _drawable(quantity: Quantity, values: Array) -> Array:
     return np.rad2deg(unwrapped(values)) if quantity.unit == "rad" else finite(values)
 
 
-def _span(series: list[Series | None]) -> tuple[float, float]:
+def _span(series: list[Curve | None]) -> tuple[float, float]:
     """Return begin and end of all time, s."""
     begin, end = value_range(*(line.time for line in series if line is not None)) or (0.0, 1.0)
     return begin, end if end > begin else begin + 1.0
 
 
-def _part(series: Series, since: float) -> Series:
+def _part(series: Curve, since: float) -> Curve:
     begin = int(np.searchsorted(series.time, since))
-    return Series(series.time[begin:], series.values[begin:])
+    return Curve(series.time[begin:], series.values[begin:])

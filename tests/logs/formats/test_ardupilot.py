@@ -8,7 +8,7 @@ from pymavlink.dialects.v10 import ardupilotmega as mavlink1
 from pymavlink.dialects.v20 import ardupilotmega as mavlink2
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import LOG_TIME, Column
+from auvid_cli.logs.formats.log import LOG_TIME, LogColumn
 from auvid_cli.logs.formats.open_log import open_log
 
 FMT = 128
@@ -59,14 +59,14 @@ def card(tmp_path):
 def test_a_table_for_each_message_that_was_sent(card):
     tables = open_log(card).tables()
     assert tables["ATT"] == (
-        Column(LOG_TIME, "s"),
-        Column("TimeUS", "µs"),
-        Column("Roll", "deg"),
-        Column("Yaw", "deg"),
+        LogColumn(LOG_TIME, "s"),
+        LogColumn("TimeUS", "µs"),
+        LogColumn("Roll", "deg"),
+        LogColumn("Yaw", "deg"),
     )
     assert tables["IMU"] == tables["IMU[0]"] == tables["IMU[1]"]
-    assert tables["IMU"][-1] == Column("GyrX", "rad/s")
-    assert tables["MSG"][-2:] == (Column("List[31]"), Column("Message", is_text=True))
+    assert tables["IMU"][-1] == LogColumn("GyrX", "rad/s")
+    assert tables["MSG"][-2:] == (LogColumn("List[31]"), LogColumn("Message", is_text=True))
     assert "NONE" not in tables
     assert "FMT" not in tables
 
@@ -135,7 +135,11 @@ def test_telemetry_is_read_with_the_units_of_mavlink(telemetry):
     log = open_log(telemetry)
     tables = log.tables()
     assert list(tables) == ["ATTITUDE", "ATTITUDE_QUATERNION_COV", "STATUSTEXT"]
-    assert tables["ATTITUDE"][:3] == (Column(LOG_TIME, "s"), Column("time_boot_ms", "ms"), Column("roll", "rad"))
+    assert tables["ATTITUDE"][:3] == (
+        LogColumn(LOG_TIME, "s"),
+        LogColumn("time_boot_ms", "ms"),
+        LogColumn("roll", "rad"),
+    )
     k = np.arange(COUNT)
     attitude = log.read("ATTITUDE", ["yaw", LOG_TIME, "yawspeed"])
     np.testing.assert_array_equal(attitude["yaw"], (-0.02 * k).astype(np.float32))

@@ -9,7 +9,7 @@ from scipy.io import savemat
 
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats import arrays
-from auvid_cli.logs.formats.log import Column
+from auvid_cli.logs.formats.log import LogColumn
 from auvid_cli.logs.formats.open_log import open_log
 
 TIME = np.arange(5) * 0.1
@@ -33,12 +33,12 @@ def test_arrays_of_one_length_are_columns_of_one_table(tmp_path):
     log = open_log(path)
     assert log.tables() == {
         "": (
-            Column("t"),
-            Column("angles[0]"),
-            Column("angles[1]"),
-            Column("angles[2]"),
-            Column("flag"),
-            Column("clock", is_text=True),
+            LogColumn("t"),
+            LogColumn("angles[0]"),
+            LogColumn("angles[1]"),
+            LogColumn("angles[2]"),
+            LogColumn("flag"),
+            LogColumn("clock", is_text=True),
         )
     }
     assert_reads(log, "", {"angles[2]": [2, 5, 8, 11, 14], "flag": [0, 0, 1, 1, 1], "clock": ["10:31:54"] * 5})

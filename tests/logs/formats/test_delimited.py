@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import Column
+from auvid_cli.logs.formats.log import LogColumn
 from auvid_cli.logs.formats.open_log import open_log
 from auvid_cli.logs.formats.text_layout import TextLayout
 
@@ -65,14 +65,14 @@ def test_units_are_taken_from_the_headings(opened):
     text = "Time(s),Depth (m),speed [m/s],x[0],DVL-Depth (m),Depth (ft),Temp (°C) ,\n1,2,3,4,5,6,7,8\n2,2,3,4,5,6,7,8\n"
     assert opened(text).tables() == {
         "": (
-            Column("Time", "s"),
-            Column("Depth (m)", "m"),
-            Column("speed", "m/s"),
-            Column("x[0]"),
-            Column("DVL-Depth", "m"),
-            Column("Depth (ft)", "ft"),
-            Column("Temp", "°C"),
-            Column("#8"),
+            LogColumn("Time", "s"),
+            LogColumn("Depth (m)", "m"),
+            LogColumn("speed", "m/s"),
+            LogColumn("x[0]"),
+            LogColumn("DVL-Depth", "m"),
+            LogColumn("Depth (ft)", "ft"),
+            LogColumn("Temp", "°C"),
+            LogColumn("#8"),
         )
     }
 
@@ -90,7 +90,7 @@ def test_units_are_taken_from_the_headings(opened):
 )
 def test_units_stand_in_a_row_of_their_own_or_in_each_cell(opened, text):
     log = opened(text)
-    assert log.tables()[""] == (Column("time", "s"), Column("roll", "deg"), Column("note", is_text=True))
+    assert log.tables()[""] == (LogColumn("time", "s"), LogColumn("roll", "deg"), LogColumn("note", is_text=True))
     assert read(log, "time", "roll", "note") == [[0.5, 1.0], [1.0, -2.5], ["dive", "turn"]]
 
 
@@ -106,7 +106,7 @@ def test_cells_with_units_may_be_missing_and_go_on_beyond_the_head(opened):
 @pytest.mark.parametrize("row", ["ok,auto", "10:31:54,5 apples", "2021-06-09,dive 3", "1,3D"])
 def test_words_are_no_units(opened, row):
     log = opened(f"a,b\n{row}\n{row}\n")
-    assert log.tables()[""][1] == Column("b", is_text=True)
+    assert log.tables()[""][1] == LogColumn("b", is_text=True)
     assert read(log, "b") == [[row.split(",")[1]] * 2]
 
 
@@ -117,7 +117,7 @@ def test_two_columns_of_one_name_are_told_apart(opened):
 @pytest.mark.parametrize("time", ["54:20.5", "10:31:54.25", "2021-06-09T10:31:54Z", "2021-06-09 10:31:54"])
 def test_times_as_text_stay_text(opened, time):
     log = opened(f"clock, u\n{time} ,1\n{time},2\n")
-    assert log.tables()[""] == (Column("clock", is_text=True), Column("u"))
+    assert log.tables()[""] == (LogColumn("clock", is_text=True), LogColumn("u"))
     assert read(log, "u", "clock") == [[1.0, 2.0], [time, time]]
 
 
@@ -138,7 +138,7 @@ def test_a_delimiter_within_quotation_marks_divides_nothing(opened):
 def test_latin_1_is_understood_wherever_it_begins(opened):
     late = "t,note\n" + "1,plain\n" * 40_000 + "2,größer\n"
     assert read(opened(late, encoding="latin-1"), "note")[0][-1] == "größer"
-    assert opened("t,Temp (°C)\n1,2\n", encoding="latin-1").tables()[""][1] == Column("Temp", "°C")
+    assert opened("t,Temp (°C)\n1,2\n", encoding="latin-1").tables()[""][1] == LogColumn("Temp", "°C")
 
 
 def test_compressed_text_reads_like_plain(opened):
@@ -215,7 +215,7 @@ def test_a_first_row_of_ones_is_no_row_of_units(opened):
 
 
 def test_digits_of_other_scripts_are_text(opened):
-    assert opened("t,u\n1,\u0665\n2,5_0\n").tables()[""][1] == Column("u", is_text=True)
+    assert opened("t,u\n1,\u0665\n2,5_0\n").tables()[""][1] == LogColumn("u", is_text=True)
 
 
 def test_a_line_without_end_is_no_table(tmp_path):

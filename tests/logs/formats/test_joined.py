@@ -7,7 +7,7 @@ import pytest
 
 from auvid_cli.errors import FileError
 from auvid_cli.logs.formats.joined import JoinedLog
-from auvid_cli.logs.formats.log import Column, Log
+from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.formats.open_log import open_log
 
 
@@ -45,7 +45,7 @@ class CountedLog(Log):
 
     def tables(self):
         self.asked += 1
-        return {"": (Column("time"),)}
+        return {"": (LogColumn("time"),)}
 
     def read(self, table, columns):
         return {name: np.arange(2.0) for name in columns}

@@ -10,7 +10,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from auvid_cli.errors import FileError
-from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Column
+from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, LogColumn
 from auvid_cli.logs.formats.open_log import open_log
 
 SHARED = Path(os.environ.get("AUVID_SHARED", Path(__file__).parents[3] / "../shared"))
@@ -98,19 +98,19 @@ def bag(request, tmp_path):
 def test_every_number_and_text_of_a_message_is_a_column(bag):
     columns = open_log(bag).tables()["/dvl"]
     assert [column for column in columns if column.name != "header.seq"] == [
-        Column(LOG_TIME),
-        Column(HEADER_STAMP),
-        Column("header.stamp.sec"),
-        Column("header.stamp.nanosec"),
-        Column("header.frame_id", is_text=True),
-        Column("velocity.x"),
-        Column("velocity.y"),
-        Column("velocity.z"),
-        Column("valid"),
-        Column("mode", is_text=True),
-        Column("range[0]"),
-        Column("range[1]"),
-        Column("notes[0]", is_text=True),
+        LogColumn(LOG_TIME),
+        LogColumn(HEADER_STAMP),
+        LogColumn("header.stamp.sec"),
+        LogColumn("header.stamp.nanosec"),
+        LogColumn("header.frame_id", is_text=True),
+        LogColumn("velocity.x"),
+        LogColumn("velocity.y"),
+        LogColumn("velocity.z"),
+        LogColumn("valid"),
+        LogColumn("mode", is_text=True),
+        LogColumn("range[0]"),
+        LogColumn("range[1]"),
+        LogColumn("notes[0]", is_text=True),
     ]
 
 
@@ -132,7 +132,7 @@ def test_what_was_written_is_read(bag):
 
 def test_a_topic_without_messages_has_no_fields(bag):
     log = open_log(bag)
-    assert log.tables()["/silent"] == (Column(LOG_TIME),)
+    assert log.tables()["/silent"] == (LogColumn(LOG_TIME),)
     assert len(log.read("/silent", [LOG_TIME])[LOG_TIME]) == 0
     with pytest.raises(FileError, match=r"no field in /silent named 'data'.*the topic has no messages"):
         log.read("/silent", ["data"])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from auvid_cli.config.log_map import load_map
 from auvid_cli.errors import ConfigError
-from auvid_cli.logs.formats.log import Column, Log
+from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.formats.open_log import open_log
 from auvid_cli.logs.suggest.commented_yaml import quoted
 from auvid_cli.logs.suggest.suggest import suggest
@@ -159,7 +159,7 @@ class Topics(Log):
         self.topics = {name.replace("__", "/"): {"@log_time": TIME} | fields for name, fields in topics.items()}
 
     def tables(self):
-        return {name: tuple(map(Column, fields)) for name, fields in self.topics.items()}
+        return {name: tuple(map(LogColumn, fields)) for name, fields in self.topics.items()}
 
     def read(self, table, columns):
         return {name: self.topics[table][name] for name in columns}
@@ -257,7 +257,7 @@ class OneColumn(Log):
         self.table, self.column = table, column
 
     def tables(self):
-        return {self.table: (Column("time"), self.column)}
+        return {self.table: (LogColumn("time"), self.column)}
 
     def read(self, table, columns):
         return {name: TIME if name == "time" else WAVE for name in columns}
@@ -270,7 +270,7 @@ NAMES = st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs", "Zl
     NAMES, NAMES, st.sampled_from(["roll", "u", "rudder", "depth"]), st.sampled_from(["", "%", "deg", "m", "#", "°"])
 )
 def test_whatever_things_are_called_the_map_is_yaml(table, stem, ending, unit):
-    column = Column(f"{stem}.{ending}", unit)
+    column = LogColumn(f"{stem}.{ending}", unit)
     found = yaml.safe_load(suggest([OneColumn(Path(f"{stem.replace('/', '')}7.csv"), table, column)], Path()))
     assert isinstance(next(iter(found["logs"])), str)
     rows = found["inputs"] if ending == "rudder" else next(iter(found["sensors"].values()))

@@ -57,14 +57,14 @@ def print_findings(console: Console, findings: Findings, files: Sequence[Path]) 
 
 
 def comparison_sentences(findings: Findings) -> list[str]:
-    """Say for each pair of filters and measure in how many combinations of settings which verdict holds."""
+    """Say for each pair of filters and measure in how many combinations of settings which conclusion holds."""
     sentences = []
     if not len(findings.comparisons):
         return sentences
     for (first, second, measure), rows in findings.comparisons.groupby(["first", "second", "measure"], sort=False):
         counts = rows["verdict"].value_counts()
-        verdicts = ", ".join(f"{verdict} in {count}" for verdict, count in counts.items())
-        sentences.append(f"{first} and {second}, {_WHAT[str(measure)]}: {verdicts}, of {len(rows)}")
+        conclusions = ", ".join(f"{conclusion} in {count}" for conclusion, count in counts.items())
+        sentences.append(f"{first} and {second}, {_WHAT[str(measure)]}: {conclusions}, of {len(rows)}")
     return sentences
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.inspection.grid import Signals, derivative, smoothed
-from auvid_cli.inspection.regression import Fit, fit
+from auvid_cli.inspection.regression import Regression, fit
 from auvid_cli.vehicle.kinematics import GRAVITY
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ def attitude_rates(signals: Signals, heading: str = "psi") -> dict[str, Tie]:
     }
 
 
-def felt_accelerations(signals: Signals) -> dict[str, Tie]:
+def measured_forces(signals: Signals) -> dict[str, Tie]:
     """Return specific force by the symbol of the velocity whose change it contains; needs attitude and DVL."""
     rates = attitude_rates(signals)
     if not rates or not signals.has("u", "v", "w", "fx", "fy", "fz"):
@@ -67,7 +67,7 @@ def diving_speed(signals: Signals) -> Tie | None:
     return Tie(-value["u"] * np.sin(theta), (by_heave, by_sway))
 
 
-def tied(values: Array, main: Array, others: Sequence[Array], window: int) -> Fit | None:
+def tied(values: Array, main: Array, others: Sequence[Array], window: int) -> Regression | None:
     """Regress the averages of signals over a window, the signals beside the main one with gains of their own."""
     # Of the others only the signs and scales of what is looked at elsewhere could be wrong.
     return fit(smoothed(values, window), smoothed(main, window), [smoothed(each, window) for each in others], window)

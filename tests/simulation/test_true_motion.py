@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from auvid_cli.errors import SimulationError
 from auvid_cli.lanes import LANES
-from auvid_cli.simulation.motion import sample_motion
+from auvid_cli.simulation.true_motion import sample_motion
 from auvid_cli.vehicle.dynamics import motion_derivative
 
 STRAIGHT = "{type: multisine, duration: 60 s, speed: 2 m/s, initial_speed: 1 m/s}"

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.labelled import Series
+from auvid_cli.data.labelled import LabelledSeries
 from auvid_cli.vehicle.parameters import MOTION
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class FreeRun(NamedTuple):
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return a table with a column for each motion state, indexed by time, s."""
-        return Series(self.time, MOTION, self.motion).to_pandas()
+        return LabelledSeries(self.time, MOTION, self.motion).to_pandas()
 
     def to_xarray(self) -> "xr.Dataset":
         """Return a variable over time for each motion state.
@@ -40,4 +40,4 @@ class FreeRun(NamedTuple):
         DataError
             If xarray is not installed.
         """
-        return Series(self.time, MOTION, self.motion).to_xarray()
+        return LabelledSeries(self.time, MOTION, self.motion).to_xarray()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.validation.models import drawn_coefficients, models_of
+from auvid_cli.validation.model_bundle import drawn_coefficients, models_of
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
 

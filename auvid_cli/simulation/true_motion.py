@@ -12,7 +12,7 @@ from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import SimulationError
 from auvid_cli.lanes import LANES
 from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, controls_of, steer, within
-from auvid_cli.simulation.plan import Plan
+from auvid_cli.simulation.manoeuvre_plan import ManoeuvrePlan
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
     N_WORK,
@@ -66,7 +66,7 @@ class Truth(NamedTuple):
 
 
 def simulate_motion(
-    vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Plan, longest_step: float = LONGEST_STEP
+    vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: ManoeuvrePlan, longest_step: float = LONGEST_STEP
 ) -> Truth:
     """Integrate the true motion (fourth-order Runge-Kutta, pairs of half steps of at most `longest_step`, s).
 

@@ -27,7 +27,7 @@ from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 Array = NDArray[np.float64]
 
 
-class Plan(NamedTuple):
+class ManoeuvrePlan(NamedTuple):
     """What a manoeuvre commands.
 
     Attributes
@@ -52,7 +52,7 @@ class Plan(NamedTuple):
     zigzag: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-def make_plan(manoeuvre: AnyManoeuvre) -> Plan:
+def make_plan(manoeuvre: AnyManoeuvre) -> ManoeuvrePlan:
     """Turn the settings of a manoeuvre into a plan.
 
     Raises
@@ -66,7 +66,7 @@ def make_plan(manoeuvre: AnyManoeuvre) -> Plan:
     feedforward = ramp[:, None] * _excitation(manoeuvre.excitation, time)
     first = manoeuvre.speed if manoeuvre.initial_speed is None else manoeuvre.initial_speed
     speed = first + (manoeuvre.speed - first) * ramp
-    plan = Plan(time, feedforward, speed, np.zeros(time.size))
+    plan = ManoeuvrePlan(time, feedforward, speed, np.zeros(time.size))
     match manoeuvre:
         case Spiral():
             return plan._replace(turn_rate=manoeuvre.turn_rate * ramp, pitch=manoeuvre.pitch)

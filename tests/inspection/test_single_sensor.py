@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvid_cli.inspection.measurements import level_distance, noise_floor, spike_sizes
+from auvid_cli.inspection.single_sensor import level_distance, noise_floor, spike_sizes
 
 TIME = 0.1 * np.arange(3000)
 

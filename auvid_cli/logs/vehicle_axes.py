@@ -16,7 +16,7 @@ from auvid_cli.logs.frames import (
     rotate,
     rotation,
 )
-from auvid_cli.logs.measurements import Rows
+from auvid_cli.logs.measurements import MeasuredRows
 from auvid_cli.logs.refusals import RefusedError
 from auvid_cli.logs.sensor_motion import interpolate, velocity_at_origin
 from auvid_cli.vehicle.kinematics import body_rates, earth_to_body
@@ -28,7 +28,7 @@ _UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
 _CHUNK = 100_000
 
 
-def in_vehicle_axes(sensor: SensorMap, rows: Rows, path: Path) -> Array:
+def in_vehicle_axes(sensor: SensorMap, rows: MeasuredRows, path: Path) -> Array:
     """Turn components to the body's axes, or about the earth's, north-east-down, as far as that needs no attitude.
 
     Raises
@@ -90,7 +90,7 @@ def _mounted(sensor: InBody | DvlMap) -> Array:
     return _UNTURNED if sensor.mount is None else quaternion_of_euler(np.array([sensor.mount.angles()]))[0]
 
 
-def _attitude(sensor: AttitudeMap, rows: Rows, path: Path) -> Array:
+def _attitude(sensor: AttitudeMap, rows: MeasuredRows, path: Path) -> Array:
     """Return roll, pitch and yaw of the body, from north."""
     frames = (sensor.reference, sensor.frame)
     if sensor.quaternion is None and sensor.mount is None and frames in (("NED", "FRD"), ("ENU", "FLU")):

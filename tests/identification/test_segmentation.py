@@ -10,11 +10,11 @@ from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
-from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.evaluation.free_run import free_run
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.identification.segments import used_data, used_spans
+from auvid_cli.identification.segmentation import used_data, used_spans
 from auvid_cli.identification.timeline import measuring_sensors
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
@@ -37,7 +37,7 @@ def test_two_segments_count_as_two_runs_of_which_the_second_knows_the_first(shor
     """What the first says of the coefficients is the prior of the second: as if it were another dataset."""
     both = identify(with_settings(short_run, TWO), kalman_filter)
     alone = identify(with_settings(short_run, "identification.use.spans=[[5, 25]]"), kalman_filter)
-    assert verdict(both) == "completed"
+    assert status_of(both) == "completed"
     assert both.time[0] >= 5.0
     assert both.time[-1] == pytest.approx(60.0)
     assert not ((both.time > 25.0) & (both.time < 40.0)).any()
@@ -95,7 +95,7 @@ def test_slow_segments_are_left_out_but_a_spike_is_not_slow(short_run, with_sett
 def test_several_segments_are_fitted_at_once_and_agree_with_a_filter(short_run, with_settings):
     dataset = with_settings(short_run, TWO)
     fit, tukf = (identify(dataset, name) for name in (FilterName.OUTPUT_ERROR, FilterName.TUKF))
-    assert verdict(fit) == "completed"
+    assert status_of(fit) == "completed"
     assert np.array_equal(fit.time, tukf.time)
     assert fit.steps == fit.time.size
     n = len(SYMBOLS)

@@ -16,7 +16,7 @@ _LONGEST_LINE = 1 << 26
 _WHITE = np.frombuffer(b" \t\r\n", np.uint8)
 
 
-class Rows(NamedTuple):
+class TextRows(NamedTuple):
     """What is known of all rows of a text log.
 
     Attributes
@@ -37,7 +37,7 @@ class Rows(NamedTuple):
         return np.setdiff1d(np.arange(header.line + 1, self.lines + 1), list(self.filler))
 
 
-def survey(path: Path, file: IO[bytes], header: Header) -> Rows:
+def survey(path: Path, file: IO[bytes], header: Header) -> TextRows:
     """Count the rows, find the lines to leave out, and check that every row has its fields.
 
     Parameters
@@ -77,7 +77,7 @@ def survey(path: Path, file: IO[bytes], header: Header) -> Rows:
             elif (n_fields := len(split_row(line, header.delimiter))) != header.fields:
                 raise FileError(f"{path}:{number}: a row of {n_fields} fields where the others have {header.fields}")
         lines += len(ends)
-    return Rows(lines, frozenset(filler), encoding)
+    return TextRows(lines, frozenset(filler), encoding)
 
 
 def _whole_lines(path: Path, file: IO[bytes]) -> Iterator[bytes]:

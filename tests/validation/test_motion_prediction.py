@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from auvid_cli.filters.problem import Timeline
-from auvid_cli.validation.prediction import move_side_by_side, unchanged_motion
+from auvid_cli.validation.motion_prediction import move_side_by_side, unchanged_motion
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS
 
