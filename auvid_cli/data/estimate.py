@@ -104,11 +104,12 @@ class FaultTest(NamedTuple):
     Attributes
     ----------
     fault, unit : str
-        See `auvid_cli.identification.faults`; unit of its size, SI.
+        See `auvid_cli.identification.faults`; unit of its size, SI. Or another answer than that of all data, see
+        `auvid_cli.filters.other_answers`.
     size, standard_deviation : float
-        How large it would be, if nothing else was wrong.
+        How large it would be, if nothing else was wrong; of another answer how far off its coefficient is.
     coefficient : str
-        The one that it moves most.
+        The one that it moves most, or that is farthest off in another answer.
     susceptibility : float
         By how many of its standard deviations a fault of one of its own, which these data cannot show, moves that.
     """

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.estimate import Estimate, FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.consistency import status_of
-from auvid_cli.identification.faults import REMEDIES
+from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
+from auvid_cli.identification.faults import remedy
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 Array = NDArray[np.float64]
@@ -26,6 +27,8 @@ Array = NDArray[np.float64]
 # and of their portmanteau statistic, beyond what noise makes of them; of a coefficient, from the smoother's answer.
 # Chosen on simulations of six manoeuvres with and without faults, see docs/studies.md.
 LARGEST_FAULT, LARGEST_NIS, LARGEST_PORTMANTEAU, FARTHEST = 3.5, 4.0, 10.0, 2.5
+# And of the coefficient that one of several segments finds farthest from all of them.
+FARTHEST_SEGMENT = 4.0
 _LAGS = 20
 # Errors of an AHRS are no noise, and what a smoother makes of them may look like anything.
 _WITHOUT_AHRS = (
@@ -114,15 +117,8 @@ def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | No
 
 def _doubts_of_data(reference: Estimate) -> Iterator[Judgement]:
     """Yield what a smoother's innovations hold against model or data, the most telling first."""
-    worst = max(reference.faults, key=lambda fault: abs(fault.z), default=None)
-    if worst is not None and abs(worst.z) > LARGEST_FAULT:
-        unit = "" if worst.unit == "1" else f" {worst.unit}"
-        yield Judgement(
-            Grade.DOUBTFUL,
-            f"{_ahrs_or(reference)}{worst.fault} ({worst.size:.3g} +- {worst.standard_deviation:.2g}{unit}, "
-            f"{abs(worst.z):.1f} sigma)",
-            f"{_WITHOUT_AHRS if _is_from_ahrs(reference) else ''}{REMEDIES.get(worst.fault, '')}",
-        )
+    if (doubt := _doubt_of_faults(reference)) is not None:
+        yield doubt
     for sensor, innovations in reference.innovations.items():
         if sensor == "attitude" and _is_from_ahrs(reference):
             continue
@@ -136,6 +132,38 @@ def _doubts_of_data(reference: Estimate) -> Iterator[Judgement]:
                 f"innovations of {sensor} last from sample to sample ({statistics.portmanteau:.0f} sigma, Ljung-Box)"
             )
             yield Judgement(Grade.DOUBTFUL, reason, "the model lacks something, or its noise is not white")
+
+
+def _doubt_of_faults(reference: Estimate) -> Judgement | None:
+    beyond = sorted((test for test in reference.faults if abs(test.z) > _limit(test)), key=lambda test: -abs(test.z))
+    if not beyond:
+        return None
+    worst = beyond[0]
+    if _is_other_answer(worst):
+        return Judgement(Grade.DOUBTFUL, _told(worst), remedy(worst.fault))
+    # A model that does not hold for all segments looks like many a fault.
+    disagreeing = next((f", and {_told(test)}" for test in beyond if _is_other_answer(test)), "")
+    without = _WITHOUT_AHRS if _is_from_ahrs(reference) else ""
+    reason = f"{_ahrs_or(reference)}{_told(worst)}{disagreeing}"
+    return Judgement(Grade.DOUBTFUL, reason, f"{without}{remedy(worst.fault)}")
+
+
+def _limit(test: FaultTest) -> float:
+    """Say how many standard deviations of it are too many."""
+    if test.fault == ANOTHER_MINIMUM:
+        return FARTHEST
+    return FARTHEST_SEGMENT if test.fault.startswith(SEGMENT) else LARGEST_FAULT
+
+
+def _is_other_answer(test: FaultTest) -> bool:
+    return test.fault.startswith((ANOTHER_MINIMUM, SEGMENT))
+
+
+def _told(test: FaultTest) -> str:
+    """Name a fault with its size."""
+    what = f"{test.fault} has another {test.coefficient}" if _is_other_answer(test) else test.fault
+    unit = "" if test.unit == "1" else f" {test.unit}"
+    return f"{what} ({test.size:.3g} +- {test.standard_deviation:.2g}{unit}, {abs(test.z):.1f} sigma)"
 
 
 def _ahrs_or(reference: Estimate) -> str:

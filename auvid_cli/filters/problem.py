@@ -214,6 +214,30 @@ class FaultScores(NamedTuple):
     effect: Array
 
 
+ANOTHER_MINIMUM, SEGMENT = "another minimum", "the segment from"
+
+
+class OtherAnswer(NamedTuple):
+    """Parameters found in another way; see `auvid_cli.filters.other_answers`.
+
+    Attributes
+    ----------
+    name : str
+        `ANOTHER_MINIMUM`, or `SEGMENT` and the time at which it begins.
+    difference : ndarray, shape (n_parameters,)
+        From the answer.
+    deviation : ndarray, shape (n_parameters,)
+        What that would be by chance; infinite where there is nothing to compare.
+    moved : ndarray, shape (n_parameters,)
+        By how much such a difference moves the answer.
+    """
+
+    name: str
+    difference: Array
+    deviation: Array
+    moved: Array
+
+
 class FilterOutcome(NamedTuple):
     """How a run of a filter ended.
 
@@ -228,9 +252,12 @@ class FilterOutcome(NamedTuple):
         measurement it was. `NOT_CONVERGED` if it went to the end with what an iteration had not finished.
     faults : FaultScores or None
         Of an estimator that tests for faults.
+    others : tuple of OtherAnswer
+        What an estimator found besides.
     """
 
     covariance: Array
     n_good: int
     failure: int
     faults: FaultScores | None = None
+    others: tuple[OtherAnswer, ...] = ()

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.filters.fault_scores import Faults, score_faults
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Smoothed, Trajectory, is_led_to
+from auvid_cli.filters.other_answers import answers_of_segments, other_minimum
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import (
     NOT_CONVERGED,
@@ -57,7 +58,8 @@ def run_smoother(
     """Find the most probable parameters and motion.
 
     It starts from the trajectory of a CKF. Where the answer is far from that, or there is none, it starts once more,
-    from a trajectory that keeps the prior's parameters and follows the measurements; the more probable answer counts.
+    from a trajectory that keeps the prior's parameters and follows the measurements. The more probable answer counts,
+    and is compared with the other, and with what each of several segments says by itself.
 
     Parameters
     ----------
@@ -90,11 +92,16 @@ def run_smoother(
     if not answers:
         factor = of_segment(prior, places(prior.mean.size, process.noise_density.size, len(segments))[0]).factor
         return FilterOutcome(factor @ factor.T, 0, PREDICTION)
-    best, converged = min(answers, key=lambda answer: answer[0].cost)
+    answers.sort(key=lambda answer: answer[0].cost)
+    (best, converged), *others = answers
     outcome = _hand_over(problem, best, on_chunk, OK if converged else NOT_CONVERGED)
-    if faults is None or outcome.failure != OK:
+    if outcome.failure != OK:
         return outcome
-    return outcome._replace(faults=score_faults(problem, best, faults))
+    found = [other for rival, _ in others if (other := other_minimum(best, rival)) is not None]
+    if len(segments) > 1:
+        found += answers_of_segments(process, sensors, segments, prior, best)
+    scores = None if faults is None else score_faults(problem, best, faults)
+    return outcome._replace(faults=scores, others=tuple(found))
 
 
 def _starts(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.fault_scores import FaultEffects
-from auvid_cli.filters.problem import Timeline
+from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT, Timeline
 from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import AugmentedProblem
 from auvid_cli.identification.dvl import current_in_body_axes
@@ -201,7 +201,19 @@ FAULTS: tuple[Fault, ...] = (
     Fault("N_|v|r", "N*s^2/rad", _TERM, "", "", _cross_flow(5)),
 )
 
-REMEDIES = {fault.name: fault.remedy for fault in FAULTS}
+_REMEDIES = {fault.name: fault.remedy for fault in FAULTS}
+
+
+def remedy(name: str) -> str:
+    """Say what to do about what a test of an estimate is named for."""
+    if name == ANOTHER_MINIMUM:
+        return "it is nearly as probable, so these data decide nothing: use more of them, or a narrower prior"
+    if name.startswith(SEGMENT):
+        return (
+            "one model does not hold for all: look at what changed (current, trim, load), and identify the segments "
+            "one by one (--use BEGIN:END)"
+        )
+    return _REMEDIES.get(name, "")
 
 
 @compiled(types.void(_matrix, _matrix, _vector, _vector, _matrix, _vector))

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.data.estimate import EstimateChunk, EstimateHeader, FaultTest, Outcome
+from auvid_cli.data.estimate import EstimateChunk, EstimateHeader, Outcome
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.filters import problem
 from auvid_cli.filters.estimators import Estimator
-from auvid_cli.filters.problem import FaultScores, FilterOutcome, Gaussian, Records, Timeline
+from auvid_cli.filters.problem import FilterOutcome, Gaussian, Records, Timeline
 from auvid_cli.filters.segments import of_segment
-from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.identification.fault_tests import fault_tests
 from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
@@ -69,9 +69,7 @@ class FilterRun:
         course.hand_over_the_last()
         covariance = outcome.covariance * np.outer(self.scale, self.scale)
         ended = self._status(outcome, course), covariance, course.n_good, *course.clocks.tolist()
-        return Outcome(
-            *ended, faults=() if outcome.faults is None else self._fault_tests(outcome.faults, outcome.covariance)
-        )
+        return Outcome(*ended, faults=fault_tests(outcome, self.header, self.scale))
 
     def chunk(
         self, rows: tuple[Array, Array, Array], innovations: dict[str, Innovations], kept: slice = slice(None)
@@ -96,21 +94,6 @@ class FilterRun:
                 record.standard_deviation,
             )
         return by_sensor
-
-    def _fault_tests(self, faults: FaultScores, covariance: Array) -> tuple[FaultTest, ...]:
-        """Say what the data say of each fault, and which coefficient it would move most."""
-        deviation = np.sqrt(np.diagonal(covariance))
-        moved = np.abs(faults.effect) / deviation[: len(faults.effect), None]
-        coefficients = [symbol for symbol in self.header.state if symbol in SYMBOLS]
-        moved = moved[[self.header.state.index(symbol) for symbol in coefficients]]
-        tests = []
-        for f, (name, unit) in enumerate(zip(faults.names, faults.units, strict=True)):
-            # A fault that leaves no trace is not tested: there is nothing to say of it.
-            if faults.information[f] > 0.0:
-                sigma, worst = float(faults.information[f] ** -0.5), int(moved[:, f].argmax())
-                size = float(faults.score[f]) * sigma**2
-                tests.append(FaultTest(name, unit, size, sigma, coefficients[worst], float(moved[worst, f]) * sigma))
-        return tuple(tests)
 
     def _status(self, outcome: FilterOutcome, course: "_Course") -> str:
         names, at = tuple(self.measuring), f"diverged at t = {course.reached:.3f} s"

@@ -12,6 +12,7 @@ from auvid_cli.data.estimate import FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.judgement import (
     FARTHEST,
+    FARTHEST_SEGMENT,
     LARGEST_FAULT,
     LARGEST_NIS,
     LARGEST_PORTMANTEAU,
@@ -95,6 +96,27 @@ def test_the_largest_fault_makes_all_doubtful_and_is_named_with_its_remedy(sign,
         assert judgement.remedy.endswith(
             "if the fault is still named, shift the time of the gyroscope by that where it is recorded or imported"
         )
+
+
+def test_a_segment_that_disagrees_makes_all_doubtful(ckf, smoother):
+    for sigmas, grade in ((0.99 * FARTHEST_SEGMENT, Grade.SOUND), (1.01 * FARTHEST_SEGMENT, Grade.DOUBTFUL)):
+        own = fault(1e-3 * sigmas, "the segment from 50 s", "kg*m/rad")
+        judgements = judge([ckf, replace(smoother, faults=(*smoother.faults, own))])
+        assert {judgement.grade for judgement in judgements.values()} == {grade}
+    assert judgements["ckf"].reason == "the segment from 50 s has another N_url (0.00404 +- 0.001 kg*m/rad, 4.0 sigma)"
+    assert "one model does not hold for all" in judgements["ckf"].remedy
+
+
+def test_a_segment_that_disagrees_is_told_beside_the_fault_that_it_looks_like(smoother):
+    tests = fault(9e-3), fault(-8e-3, "the segment from 0 s", "kg*m/rad")
+    reason = judge_one(replace(smoother, faults=tests), None).reason
+    assert "delay of the gyroscope (0.009 +- 0.001 s, 9.0 sigma), and the segment from 0 s has another N_url" in reason
+
+
+def test_another_minimum_as_far_off_as_a_filter_may_be_makes_all_doubtful(smoother):
+    for sigmas, grade in ((0.99 * FARTHEST, Grade.SOUND), (1.01 * FARTHEST, Grade.DOUBTFUL)):
+        other = fault(1e-3 * sigmas, "another minimum", "kg*m/rad")
+        assert judge_one(replace(smoother, faults=(other,)), None).grade is grade
 
 
 def test_a_fault_without_a_unit_is_told_without(smoother):

@@ -7,7 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.evaluation.judgement import LARGEST_FAULT
+from auvid_cli.data.estimate import STATES
+from auvid_cli.evaluation.judgement import FARTHEST_SEGMENT, LARGEST_FAULT
+from auvid_cli.filters.problem import SEGMENT
 from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.dvl import dvl_axes
@@ -281,3 +283,19 @@ def test_of_clean_data_no_fault_looks_present(clean):
     assert max(abs(fault.z) for fault in found.values()) < LARGEST_FAULT
     assert all(fault.unit == BY_NAME[name].unit for name, fault in found.items())
     assert all(fault.susceptibility >= 0.0 for fault in found.values())
+
+
+def changing(data):
+    """Another rudder trim in the second half, as after a blow."""
+    values = data.inputs.values.copy()
+    values[data.inputs.time > 30.0, 0] += 0.05 * DEGREE
+    return replace(data, inputs=replace(data.inputs, values=values))
+
+
+def test_segments_of_one_model_agree_and_others_do_not(clean, with_settings):
+    halves = with_settings(clean, "identification.use.spans=[[0, 30], [30, 60]]")
+    for dataset, disagree in (halves, False), (changing(halves), True):
+        found = [test for test in results_of(dataset).values() if test.fault.startswith(SEGMENT)]
+        assert [test.fault for test in found] == [f"{SEGMENT} {begin:g} s" for begin in (0, 30)]
+        assert [abs(test.z) > FARTHEST_SEGMENT for test in found] == [disagree] * 2
+        assert all(test.unit == STATES[test.coefficient] for test in found)

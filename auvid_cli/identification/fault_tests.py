@@ -1,0 +1,54 @@
+"""What stands against an estimate, fault by fault, as tests of which each has a size in SI units."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.estimate import EstimateHeader, FaultTest
+from auvid_cli.filters.problem import FaultScores, FilterOutcome, OtherAnswer
+from auvid_cli.vehicle.coefficients import SYMBOLS
+
+Array = NDArray[np.float64]
+
+
+def fault_tests(outcome: FilterOutcome, header: EstimateHeader, scale: Array) -> tuple[FaultTest, ...]:
+    """Say of each fault what the data say of it, and which coefficient it would move most.
+
+    Parameters
+    ----------
+    outcome : FilterOutcome
+        In scaled units.
+    header : EstimateHeader
+    scale : ndarray, shape (n,)
+        SI value of one unit of each component of the state.
+    """
+    coefficients = [row for row, symbol in enumerate(header.state) if symbol in SYMBOLS]
+    deviation = np.sqrt(np.diagonal(outcome.covariance))
+    scores = [] if outcome.faults is None else _of_scores(outcome.faults, header, coefficients, deviation)
+    others = (_of_other(other, header, coefficients, deviation, scale) for other in outcome.others)
+    # A segment that says all that is known by itself can be compared with nothing.
+    return *scores, *(test for test in others if np.isfinite(test.standard_deviation))
+
+
+def _of_scores(
+    faults: FaultScores, header: EstimateHeader, coefficients: list[int], deviation: Array
+) -> list[FaultTest]:
+    moved = np.abs(faults.effect[coefficients]) / deviation[coefficients, None]
+    tests = []
+    for f, (name, unit) in enumerate(zip(faults.names, faults.units, strict=True)):
+        # A fault that leaves no trace is not tested: there is nothing to say of it.
+        if faults.information[f] > 0.0:
+            sigma, worst = float(faults.information[f] ** -0.5), int(moved[:, f].argmax())
+            symbol = header.state[coefficients[worst]]
+            size = float(faults.score[f]) * sigma**2
+            tests.append(FaultTest(name, unit, size, sigma, symbol, float(moved[worst, f]) * sigma))
+    return tests
+
+
+def _of_other(
+    other: OtherAnswer, header: EstimateHeader, coefficients: list[int], deviation: Array, scale: Array
+) -> FaultTest:
+    """Take the coefficient that is farthest off."""
+    worst = max(coefficients, key=lambda row: abs(other.difference[row]) / other.deviation[row])
+    size, sigma = (float(values[worst] * scale[worst]) for values in (other.difference, other.deviation))
+    moved = float(other.moved[worst] / deviation[worst])
+    return FaultTest(other.name, header.unit[worst], size, sigma, header.state[worst], moved)

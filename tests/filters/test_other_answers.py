@@ -1,0 +1,67 @@
+"""What a segment says by itself is what it says alone, and a difference that chance makes is as large as stated."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from auvid_cli.filters.other_answers import other_minimum
+from auvid_cli.filters.segments import joint_gaussian
+from auvid_cli.filters.smoother import run_smoother
+
+
+@pytest.fixture
+def two_segments(linear_problem, events_of):
+    """A problem cut in two, its prior the same in both; the motion begins anew."""
+    p, t = linear_problem, linear_problem.timeline
+    middle = t.time.size // 2
+    halves = [[events_of(t, 0, middle)], [events_of(t, middle, t.time.size)]]
+    prior = joint_gaussian([p.prior, p.prior], p.process.noise_density.size)
+    return p, halves, prior
+
+
+def final(records, outcome, n):
+    return records[-1].mean[-1, :n], np.diagonal(outcome.covariance)[:n]
+
+
+def smoothed(problem, segments, prior, n):
+    records = []
+    outcome = run_smoother(
+        problem.process, problem.sensors, segments, prior, lambda timeline, chunk: records.append(chunk)
+    )
+    return *final(records, outcome, n), outcome
+
+
+def test_a_segment_says_by_itself_what_it_says_alone(two_segments):
+    problem, halves, prior = two_segments
+    n = problem.prior.mean.size - problem.process.noise_density.size
+    together, variance, outcome = smoothed(problem, halves, prior, n)
+    assert [other.name for other in outcome.others] == [f"the segment from {half[0].time[0]:g} s" for half in halves]
+    for half, other in zip(halves, outcome.others, strict=True):
+        alone, own_variance, _ = smoothed(problem, [half], problem.prior, n)
+        deviation = np.sqrt(own_variance)
+        assert_allclose(other.difference / deviation, (alone - together) / deviation, atol=1e-7)
+        assert_allclose(other.deviation**2, own_variance - variance, rtol=1e-5)
+        assert_allclose(other.moved, other.deviation * variance / own_variance)
+
+
+def test_one_segment_has_no_other_to_disagree_with(linear_problem):
+    p = linear_problem
+    outcome = run_smoother(p.process, p.sensors, [[p.timeline]], p.prior, lambda timeline, chunk: None)
+    assert outcome.others == ()
+
+
+def found(parameters, cost, deviation=0.5):
+    """What is compared of a fit."""
+    final = SimpleNamespace(mean=np.array([0.0, 1.0, 9.0]), covariance=lambda: np.eye(3) * deviation**2)
+    return SimpleNamespace(trajectory=SimpleNamespace(parameters=np.array(parameters)), final=final, cost=cost)
+
+
+def test_another_minimum_is_told_if_it_is_elsewhere_and_nearly_as_probable():
+    answer = found([1.0, 2.0], cost=100.0)
+    other = other_minimum(answer, found([1.0, 4.0], cost=101.0))
+    assert_allclose(other.difference, [0.0, 2.0])
+    assert_allclose(other.deviation, [0.5, 0.5])
+    assert other_minimum(answer, found([1.0, 4.0], cost=110.0)) is None
+    assert other_minimum(answer, found([1.4, 2.4], cost=100.0)) is None
