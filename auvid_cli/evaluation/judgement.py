@@ -17,6 +17,7 @@ from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.consistency import verdict
+from auvid_cli.evaluation.remedies import remedy_of_divergence, remedy_of_nonlinearity
 from auvid_cli.identification.faults import REMEDIES
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
@@ -63,6 +64,11 @@ class Judgement(NamedTuple):
     remedy: str = ""
 
     @property
+    def is_against(self) -> bool:
+        """Say whether it speaks against the estimate; one that nobody was asked to judge has nothing against it."""
+        return self.grade not in (Grade.SOUND, Grade.UNJUDGED)
+
+    @property
     def advice(self) -> str:
         """Return reason and remedy, as far as there are such."""
         return "; ".join(part for part in (self.reason, self.remedy) if part)
@@ -98,11 +104,11 @@ def judge_one(estimate: Estimate, reference: Estimate | None) -> Judgement:
 def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | None) -> Judgement:
     status = verdict(estimate)
     if not estimate.completed:
-        return Judgement(Grade.DIVERGED, status.removeprefix("diverged "))
+        return Judgement(Grade.DIVERGED, status.removeprefix("diverged "), remedy_of_divergence(estimate))
     if status != "completed":
-        remedy = "do not use it; look at stated noise, biases, outliers and signs (auvid check)"
-        if doubt is not None:
-            remedy = f"{doubt.reason}; {doubt.remedy}"
+        known = [remedy_of_nonlinearity(estimate), "" if doubt is None else doubt.advice]
+        otherwise = "do not use it; look at stated noise, biases, outliers and signs (auvid check)"
+        remedy = "; ".join(filter(None, known)) or otherwise
         return Judgement(Grade.INCONSISTENT, status.removeprefix("inconsistent: "), remedy)
     if reference is None:
         remedy = "fit it as well (--filter smoother, without identification.gate)"
