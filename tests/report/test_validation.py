@@ -40,7 +40,7 @@ def validation():
         advice="Look again.",
     )
     run = FreeRun(np.arange(3.0), np.zeros((3, 9)))
-    return Validation("ckf", rows, [*overshoots, turn], [check], run, ["one [thing] is missing"])
+    return Validation("ckf", rows, [*overshoots, turn], Checks([check]), run, ["one [thing] is missing"])
 
 
 def shown(validation, width):
