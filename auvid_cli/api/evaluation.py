@@ -26,7 +26,7 @@ class Evaluator:
 
     @property
     def dataset(self) -> Dataset:
-        """The data."""
+        """Return the data."""
         return self._prepared.dataset
 
     def find_bounds(self, estimate: Estimate) -> None:
