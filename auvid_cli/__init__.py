@@ -10,11 +10,16 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from auvid_cli.api.checks import check
+    from auvid_cli.api.evaluation import evaluate
     from auvid_cli.api.files import load_experiment, read_dataset, read_estimate, write_dataset
-    from auvid_cli.api.identification import identify, simulate
-    from auvid_cli.api.judgement import check, evaluate, identifiability, inspect, validate
+    from auvid_cli.api.identifiability import identifiability
+    from auvid_cli.api.identification import identify
+    from auvid_cli.api.inspection import inspect
     from auvid_cli.api.logs import import_logs
     from auvid_cli.api.models import export_model
+    from auvid_cli.api.simulation import simulate
+    from auvid_cli.api.validation import validate
     from auvid_cli.data.dataset import Dataset
     from auvid_cli.data.estimate import Estimate
 
@@ -36,11 +41,16 @@ __all__ = [
     "write_dataset",
 ]
 _MODULES = {
+    "auvid_cli.api.checks": ("check",),
+    "auvid_cli.api.evaluation": ("evaluate",),
     "auvid_cli.api.files": ("load_experiment", "read_dataset", "read_estimate", "write_dataset"),
-    "auvid_cli.api.identification": ("identify", "simulate"),
-    "auvid_cli.api.judgement": ("check", "evaluate", "identifiability", "inspect", "validate"),
+    "auvid_cli.api.identifiability": ("identifiability",),
+    "auvid_cli.api.identification": ("identify",),
+    "auvid_cli.api.inspection": ("inspect",),
     "auvid_cli.api.logs": ("import_logs",),
     "auvid_cli.api.models": ("export_model",),
+    "auvid_cli.api.simulation": ("simulate",),
+    "auvid_cli.api.validation": ("validate",),
     "auvid_cli.data.dataset": ("Dataset",),
     "auvid_cli.data.estimate": ("Estimate",),
 }

@@ -1,8 +1,7 @@
-"""Simulation and identification."""
+"""Identification."""
 
 from pathlib import Path
 
-from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.named import named
 from auvid_cli.data.dataset import Dataset
@@ -10,36 +9,6 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.estimate_file import record_estimate
 from auvid_cli.identification import identify as filters
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.simulation import simulate as simulation
-
-
-def simulate(experiment: Experiment) -> Dataset:
-    """Simulate the vehicle and the sensors of an experiment.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        See `load_experiment`; the same seed gives the same data.
-
-    Returns
-    -------
-    Dataset
-        Inputs, sensors and truth, SI.
-
-    Raises
-    ------
-    SimulationError
-        If the vehicle leaves the model's validity.
-    ConfigError
-        If the vehicle's parameters are impossible or a recorded manoeuvre cannot be read.
-
-    Examples
-    --------
-    >>> dataset = auvid.simulate(auvid.load_experiment("spiral", "manoeuvre.duration=10 s"))
-    >>> dataset.sensors["dvl"].values.shape
-    (71, 3)
-    """
-    return simulation.simulate(experiment)
 
 
 def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None) -> Estimate:

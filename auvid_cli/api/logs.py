@@ -1,10 +1,53 @@
 """Datasets from a vehicle's own logs."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from auvid_cli.config.log_map import load_map
 from auvid_cli.data.dataset import Dataset
-from auvid_cli.logs.dataset import dataset_from_logs
+from auvid_cli.logs.convert import Conversion
+from auvid_cli.logs.dataset import dataset_from_logs, recorded_files
+from auvid_cli.logs.formats.open_log import open_log
+from auvid_cli.logs.suggest.suggest import suggest
+
+
+class MappedLogs:
+    """Logs with the map by which they are to be converted; see `import_logs`.
+
+    Parameters
+    ----------
+    map_file : pathlib.Path
+    logs : sequence of str
+
+    Attributes
+    ----------
+    settings : LogMap
+
+    Raises
+    ------
+    ConfigError
+        With all mistakes of the map.
+    """
+
+    def __init__(self, map_file: Path, logs: Sequence[str]) -> None:
+        self.settings, self._tree = load_map(map_file)
+        self._files = self.settings.files(map_file.parent, logs)
+
+    def inputs(self) -> list[Path]:
+        """Return all files that are read."""
+        return [*self._tree.files(), *recorded_files(self._files)]
+
+    def convert(self) -> tuple[Dataset, Conversion]:
+        """Return the dataset, and the account of what was done.
+
+        Raises
+        ------
+        ConfigError
+            With all places of the map that do not fit the logs.
+        FileError
+            If a log is missing or damaged.
+        """
+        return dataset_from_logs(self.settings, self._tree, self._files)
 
 
 def import_logs(map_file: str | Path, *logs: str | Path) -> Dataset:
@@ -36,7 +79,16 @@ def import_logs(map_file: str | Path, *logs: str | Path) -> Dataset:
     >>> dataset.experiment.recording.files[0].name
     'log.csv'
     """
-    settings, tree = load_map(Path(map_file))
-    files = settings.files(Path(map_file).parent, [str(log) for log in logs])
-    dataset, _ = dataset_from_logs(settings, tree, files)
+    dataset, _ = MappedLogs(Path(map_file), [str(log) for log in logs]).convert()
     return dataset
+
+
+def suggest_map(logs: Sequence[Path], folder: Path) -> str:
+    """Suggest a map of logs, as the text of a file in a folder, to be looked at and filled in.
+
+    Raises
+    ------
+    FileError
+        If a log is missing or damaged.
+    """
+    return suggest([open_log(log) for log in logs], folder)

@@ -2,16 +2,63 @@
 
 from pathlib import Path
 
-from auvid_cli.api.same_data import refuse_estimates_of_others
+from auvid_cli.api.preparation import refuse_estimates_of_others
+from auvid_cli.config.format_name import FormatName
 from auvid_cli.config.named import named
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.estimate_file import read_estimate, read_reference
 from auvid_cli.data.files import keep_apart, write_text
 from auvid_cli.data.netcdf import digest
-from auvid_cli.export.format_name import FormatName
 from auvid_cli.export.formats import FORMATS, check_stem, default_stem
+from auvid_cli.export.heading import doubts
+from auvid_cli.export.losses import loss_lines
 from auvid_cli.export.model import model_found_by
+
+
+class Export:
+    """An identified model, to be written in one form.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        From which the estimate was made.
+    estimate : Estimate
+    target : FormatName
+    source : pathlib.Path or None
+        File of the estimate, if it is from one: the model names it, and the smoother's beside it judges.
+
+    Attributes
+    ----------
+    file_name : str
+        By vehicle and filter, with the suffix of the form.
+    remarks : list of str
+        What speaks against the model, and what the form cannot hold of it.
+
+    Raises
+    ------
+    DataError
+        If the filter did not end well.
+    """
+
+    def __init__(self, dataset: Dataset, estimate: Estimate, target: FormatName, source: Path | None) -> None:
+        sha256, reference = ("", None) if source is None else (digest(source), read_reference(source, estimate))
+        self._target, self._form = target, FORMATS[target]
+        self._model = model_found_by(estimate, dataset, sha256, reference)
+        self._losses = self._form.losses(self._model)
+        self.file_name = f"{default_stem(self._model)}{self._form.suffix}"
+        self.remarks = [*doubts(self._model), *loss_lines(self._losses)]
+
+    def text(self, file: Path) -> str:
+        """Return the text of a file of that name.
+
+        Raises
+        ------
+        ConfigError
+            If the name cannot be used for this form.
+        """
+        check_stem(self._target, file.stem)
+        return self._form.file_text(self._model, self._losses, file.stem)
 
 
 def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str, file: str | Path | None = None) -> str:
@@ -49,17 +96,14 @@ def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str,
     >>> "def " in text
     True
     """
-    kind, sha256, inputs, reference = named(FormatName, target, "form of a model"), "", [], None
+    form, source = named(FormatName, target, "form of a model"), None
     if not isinstance(estimate, Estimate):
-        inputs = [Path(estimate)]
-        estimate, sha256 = read_estimate(inputs[0]), digest(inputs[0])
-        reference = read_reference(inputs[0], estimate)
+        source = Path(estimate)
+        estimate = read_estimate(source)
     refuse_estimates_of_others(dataset, [estimate])
-    model, form = model_found_by(estimate, dataset, sha256, reference), FORMATS[kind]
-    path = Path(default_stem(model) if file is None else file)
-    check_stem(kind, path.stem)
-    text = form.file_text(model, form.losses(model), path.stem)
+    export = Export(dataset, estimate, form, source)
+    text = export.text(Path(export.file_name if file is None else file))
     if file is not None:
-        keep_apart([path], inputs)
-        write_text(path, text)
+        keep_apart([Path(file)], [] if source is None else [source])
+        write_text(Path(file), text)
     return text

@@ -12,15 +12,15 @@ from auvid_cli.campaign.findings import find, in_order
 from auvid_cli.campaign.perform import perform, shortened
 from auvid_cli.campaign.plan import CampaignPlan
 from auvid_cli.campaign.store import Store, locked
-from auvid_cli.cli import pipeline
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.config.campaign import load_campaign
 from auvid_cli.config.load import find_campaign
 from auvid_cli.data.estimate_file import write_estimate
-from auvid_cli.data.results_folder import dataset_in
+from auvid_cli.data.results_folder import dataset_in, folder_of_run
 from auvid_cli.errors import FileError
 from auvid_cli.report.campaign_tables import print_findings, write_findings
+from auvid_cli.report.figures.draw import drawing
 
 # A dry run takes the time of some groups on so many seconds of data, until it has taken so many seconds itself.
 _PROBES, _PROBED, _PATIENCE = 6, 5.0, 2.0
@@ -51,7 +51,7 @@ def set_up(name: str, overrides: Sequence[str], output: Path | None) -> tuple[Ca
     """
     path = find_campaign(name)
     campaign, tree = load_campaign(path, overrides)
-    return CampaignPlan(campaign, tree, path), output or Path("results") / "campaigns" / campaign.name
+    return CampaignPlan(campaign, tree, path), output or folder_of_run("campaigns") / campaign.name
 
 
 def forecast(plan: CampaignPlan, folder: Path, where: Where, choice: Choice, terminal: Terminal) -> None:
@@ -192,7 +192,7 @@ def _report(
         with terminal.stage("statistics"):
             findings = find(in_order(rows, labels), plan.fixed_columns)
         paths = write_findings(findings, folder / "tables")
-        with pipeline.drawing(folder) as figures, terminal.progress("figures") as (progress,):
+        with drawing(folder) as figures, terminal.progress("figures") as (progress,):
             figures.add_campaign(findings, {variant.name: variant.filter.value for variant in plan.filters})
             paths += figures.finish(progress)
         print_findings(terminal.out, findings, paths)

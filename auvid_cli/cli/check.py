@@ -14,18 +14,17 @@ def check(
 ) -> None:
     """Judge every estimate of a results folder; exit code 1 if a verdict fails."""
     with reporting_errors():
-        from auvid_cli.cli import pipeline
+        from auvid_cli.data.results import read_results
 
         terminal = Terminal(quiet, verbose)
         with terminal.compiling():
-            from auvid_cli.api import judgement
-            from auvid_cli.evaluation.estimate_checks import failed
+            from auvid_cli.api import checks
             from auvid_cli.report.csv_tables import write_csv_tables
             from auvid_cli.report.screen import print_checks
-        dataset, estimates = pipeline.read_results(results)
+        dataset, estimates = read_results(results)
         with terminal.stage("check"):
-            checks = judgement.check(dataset, *estimates)
-        print_checks(terminal.out, checks)
-        (path,) = write_csv_tables({"checks": checks.rows()}, results / "tables")
+            verdicts = checks.check(dataset, *estimates)
+        print_checks(terminal.out, verdicts)
+        (path,) = write_csv_tables({"checks": verdicts.rows()}, results / "tables")
         terminal.say(str(path))
-        raise typer.Exit(VERDICT_FAILED if failed(checks) else DONE)
+        raise typer.Exit(VERDICT_FAILED if verdicts.failed() else DONE)

@@ -7,7 +7,7 @@ import typer
 
 from auvid_cli.cli.options import OverwriteOption, QuietOption, VerboseOption
 from auvid_cli.cli.terminal import Terminal, reporting_errors
-from auvid_cli.export.format_name import FormatName
+from auvid_cli.config.format_name import FormatName
 
 if TYPE_CHECKING:
     from auvid_cli.data.dataset import Dataset
@@ -41,9 +41,8 @@ def export(
 ) -> None:
     """Write an identified model for other programs, and say what they cannot hold of it."""
     with reporting_errors():
-        from auvid_cli.data.estimate_file import read_estimate, read_reference
+        from auvid_cli.data.estimate_file import read_estimate
         from auvid_cli.data.files import keep_apart, write_text
-        from auvid_cli.data.netcdf import digest
         from auvid_cli.data.replacement import refuse_unless
         from auvid_cli.data.results_folder import exported_from
         from auvid_cli.data.screening import screen
@@ -55,22 +54,16 @@ def export(
         estimate = read_estimate(path)
         data = _dataset_of(path, estimate.dataset_sha256, dataset_file)
         with terminal.compiling():
-            from auvid_cli.export.formats import FORMATS, check_stem, default_stem
-            from auvid_cli.export.heading import doubts
-            from auvid_cli.export.losses import loss_lines
-            from auvid_cli.export.model import model_found_by
+            from auvid_cli.api.models import Export
         with terminal.stage("bounds"):
-            model = model_found_by(estimate, data, digest(path), read_reference(path, estimate))
-        form = FORMATS[target]
-        file = output or home / "export" / f"{default_stem(model)}{form.suffix}"
-        check_stem(target, file.stem)
+            model = Export(data, estimate, target, path)
+        file = output or home / "export" / model.file_name
+        text = model.text(file)
         keep_apart([file], [path, dataset_file])
         if file.exists() and exported_from(file) != data.sha256:
             refuse_unless(overwrite, f"{file}: is there, and was not exported from the same data")
-        losses = form.losses(model)
-        write_text(file, form.file_text(model, losses, file.stem))
-        for line in [*doubts(model), *loss_lines(losses), str(file)]:
-            terminal.say(line)
+        write_text(file, text)
+        terminal.say_all([*model.remarks, file])
 
 
 def _dataset_of(path: Path, sha256: str, dataset: Path) -> "Dataset":

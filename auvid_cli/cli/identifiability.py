@@ -1,7 +1,7 @@
 """auvid identifiability."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,9 +14,13 @@ from auvid_cli.cli.options import (
     SetOption,
     UseOption,
     VerboseOption,
+    dataset_path,
     overrides,
 )
 from auvid_cli.cli.terminal import Terminal, reporting_errors
+
+if TYPE_CHECKING:
+    from auvid_cli.data.dataset import Dataset
 
 
 def identifiability(
@@ -49,18 +53,41 @@ def identifiability(
         from auvid_cli.config.load import find_experiment, load_with_files
         from auvid_cli.data.files import keep_apart
         from auvid_cli.data.replacement import put_copy
-        from auvid_cli.data.results_folder import tables_and_figures
+        from auvid_cli.data.results_folder import folder_of_dataset, folder_of_run, tables_and_figures
 
         terminal = Terminal(quiet, verbose)
-        changes, path = overrides(settings, seed, use), pipeline.dataset_path(data)
+        changes, path = overrides(settings, seed, use), dataset_path(data)
         earlier = [] if at is None else [at]
         if path:
-            dataset, folder = read_dataset(path, *changes), output or pipeline.home_of(path)
+            dataset, folder = read_dataset(path, *changes), output or folder_of_dataset(path)
             files = [path, *dataset.experiment.data_files(), *earlier]
             put_copy(path, dataset, folder, files, overwrite)
         else:
             experiment, files = load_with_files(find_experiment(data), changes)
-            folder, files = pipeline.results_folder(experiment, output), [*files, *earlier]
+            folder, files = output or folder_of_run(experiment.name), [*files, *earlier]
             dataset = pipeline.simulate_to(folder, experiment, terminal, files, overwrite)
         keep_apart(tables_and_figures(folder), files)
-        pipeline.assess_to(folder, dataset, at, terminal)
+        coefficients, where = _at(dataset, at)
+        with terminal.compiling():
+            from auvid_cli.api.identifiability import identifiability as assess
+            from auvid_cli.cli.tables import write_and_draw
+            from auvid_cli.report.screen import print_identifiability
+        with terminal.stage("sensitivities"):
+            found = assess(dataset, coefficients)
+        paths = write_and_draw(folder, found.tables(), lambda figures: figures.add_identifiability(found), terminal)
+        terminal.say(f"{dataset.experiment.vehicle.name}, at {where}:")
+        print_identifiability(terminal.out, found)
+        terminal.say_all(paths)
+
+
+def _at(dataset: "Dataset", estimate: Path | None) -> tuple[dict[str, float] | None, str]:
+    """Return the coefficients of an estimate file, if one is named, and where all come from in words."""
+    from auvid_cli.api.files import read_estimate
+
+    if estimate is None:
+        return None, "the true coefficients" if dataset.truth is not None else "those of the vehicle file"
+    earlier, where = read_estimate(estimate), f"those of {estimate}"
+    vehicle = earlier.experiment.vehicle.name
+    if vehicle != dataset.experiment.vehicle.name:
+        where += f", which is of another vehicle ({vehicle})"
+    return earlier.final_coefficients(), where

@@ -13,6 +13,7 @@ from auvid_cli.cli.options import (
     SetOption,
     UseOption,
     VerboseOption,
+    dataset_path,
     overrides,
 )
 from auvid_cli.cli.terminal import Terminal, reporting_errors
@@ -33,32 +34,39 @@ def identify(
     with reporting_errors():
         from auvid_cli.api.files import read_dataset
         from auvid_cli.cli import pipeline
-        from auvid_cli.config.load import find_experiment, load_with_files
+        from auvid_cli.config.load import dump_experiment, find_experiment, load_with_files
         from auvid_cli.data.files import keep_apart
         from auvid_cli.data.replacement import put_copy
-        from auvid_cli.data.results_folder import products
+        from auvid_cli.data.results import read_simulated
+        from auvid_cli.data.results_folder import folder_of_dataset, folder_of_run, products
 
         changes = overrides(settings, use=use)
-        path = pipeline.dataset_path(source)
+        path = dataset_path(source)
         dataset = read_dataset(path, *changes) if path else None
         if dataset:
             experiment, files = dataset.experiment, dataset.experiment.data_files()
         else:
             experiment, files = load_with_files(find_experiment(source), changes)
         if dry_run:
-            pipeline.print_settings(experiment)
+            print(dump_experiment(experiment), end="")
             return
-        folder = output or (pipeline.home_of(path) if path else pipeline.results_folder(experiment, None))
+        folder = output or (folder_of_dataset(path) if path else folder_of_run(experiment.name))
         keep_apart(products(folder), files)
         if path and dataset:
             put_copy(path, dataset, folder, files, overwrite)
-        dataset = dataset or pipeline.dataset_of(experiment, folder)
+        dataset = dataset or read_simulated(folder, experiment)
         chosen = experiment.identification.with_judge(filters or experiment.identification.by_default())
         terminal = Terminal(quiet, verbose)
         pipeline.say_doubts(dataset.experiment.vehicle, terminal)
-        prepared = pipeline.prepare(dataset, terminal)
-        estimates = pipeline.identify_to(folder, prepared, chosen, terminal, overwrite)
-        code = pipeline.say_judgements(estimates, terminal)
+        with terminal.compiling():
+            from auvid_cli.api.preparation import prepare
+        estimates = pipeline.identify_to(folder, prepare(dataset), chosen, terminal, overwrite)
+        with terminal.compiling():
+            from auvid_cli.api.judgement import judge
+            from auvid_cli.report.judgements import judgement_sentences
+        judgements = judge(*estimates)
+        terminal.say_all(judgement_sentences(judgements, with_sound=True))
+        code = pipeline.exit_code(judgements)
         terminal.say(f"next: auvid report {folder}")
         if code == DONE:
             terminal.say(f"on another run: auvid validate {folder / 'estimates' / chosen[0].value}.h5 OTHER.h5")

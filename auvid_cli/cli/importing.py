@@ -3,15 +3,13 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from auvid_cli.api.logs import MappedLogs, suggest_map
 from auvid_cli.cli.pipeline import say_doubts
 from auvid_cli.cli.terminal import Terminal
-from auvid_cli.config.log_map import load_map
 from auvid_cli.data.files import keep_apart, write_text
 from auvid_cli.data.replacement import other_run, put_dataset
+from auvid_cli.data.results_folder import dataset_in, folder_of_run
 from auvid_cli.errors import FileError
-from auvid_cli.logs.dataset import dataset_from_logs, recorded_files
-from auvid_cli.logs.formats.open_log import open_log
-from auvid_cli.logs.suggest.suggest import suggest
 from auvid_cli.report.import_report import print_import_report
 
 
@@ -25,14 +23,12 @@ def import_logs(map_file: Path, given: Sequence[str], output: Path | None, overw
     FileError
         If a log cannot be read, or the dataset cannot be written, or another stands there and may not be replaced.
     """
-    settings, tree = load_map(map_file)
-    files = settings.files(map_file.parent, given)
-    path = output if output is not None else Path("results") / settings.name / "dataset.h5"
-    inputs = [*tree.files(), *recorded_files(files)]
+    logs = MappedLogs(map_file, given)
+    path, inputs = output or dataset_in(folder_of_run(logs.settings.name)), logs.inputs()
     keep_apart([path], inputs)
-    say_doubts(settings.vehicle, terminal)
+    say_doubts(logs.settings.vehicle, terminal)
     with terminal.stage("read the logs"):
-        dataset, report = dataset_from_logs(settings, tree, files)
+        dataset, report = logs.convert()
     with terminal.stage("write the dataset"):
         put_dataset(path, dataset, inputs, overwrite, other_run(path, dataset.experiment))
     print_import_report(terminal.out, report.summaries, report.remarks)
@@ -51,7 +47,7 @@ def suggest_to(files: Sequence[Path], output: Path | None, terminal: Terminal) -
     if output is not None and output.exists():
         raise FileError(f"{output}: exists already; name another file for the suggested map, or remove it")
     with terminal.stage("look at the logs"):
-        text = suggest([open_log(path) for path in files], output.parent if output is not None else Path())
+        text = suggest_map(files, output.parent if output is not None else Path())
     if output is None:
         print(text, end="")
         return

@@ -38,19 +38,17 @@ def inspect(
     knowing. The results folder gets all verdicts (tables/inspection.csv) and what was recorded when (figures/timeline).
     """
     with reporting_errors():
+        from auvid_cli.api import inspection as api
         from auvid_cli.api.files import read_dataset
-        from auvid_cli.cli import pipeline
+        from auvid_cli.cli.tables import write_and_draw
         from auvid_cli.data.files import keep_apart
         from auvid_cli.data.replacement import put_copy
-        from auvid_cli.data.results_folder import tables_and_figures
-        from auvid_cli.evaluation.estimate_checks import failed
-        from auvid_cli.inspection.inspect import inspect_dataset
-        from auvid_cli.inspection.time_window import within
-        from auvid_cli.report.csv_tables import write_csv_tables
+        from auvid_cli.data.results_folder import folder_of_dataset, tables_and_figures
+        from auvid_cli.data.time_window import within
         from auvid_cli.report.screen import print_checks
 
         terminal = Terminal(quiet, verbose)
-        folder = output or pipeline.home_of(dataset)
+        folder = output or folder_of_dataset(dataset)
         with terminal.stage("read the dataset"):
             read = read_dataset(dataset, *overrides(None, use=use))
         if use:
@@ -61,16 +59,13 @@ def inspect(
         put_copy(dataset, read, folder, files, overwrite)
         keep_apart(tables_and_figures(folder), files)
         with terminal.stage("inspect"):
-            inspection = inspect_dataset(read)
-        paths = write_csv_tables({"inspection": inspection.rows()}, folder / "tables")
-        with pipeline.drawing(folder) as figures, terminal.progress("figures") as (progress,):
-            figures.add_timeline(inspection)
-            paths += figures.finish(progress)
+            inspection = api.inspect(read)
+        tables = {"inspection": inspection.rows()}
+        paths = write_and_draw(folder, tables, lambda figures: figures.add_timeline(inspection), terminal)
         print_checks(terminal.out, inspection.checks, passed=verbose)
-        for path in paths:
-            terminal.say(str(path))
+        terminal.say_all(paths)
         part = "".join(f" --use {span}" for span in use or ())
-        fails = len(failed(inspection.checks))
+        fails = len(inspection.checks.failed())
         if fails:
             verdicts = "1 verdict fails" if fails == 1 else f"{fails} verdicts fail"
             terminal.say(

@@ -79,6 +79,11 @@ VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Also say h
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Print the resolved settings as YAML and stop.")]
 
 
+def dataset_path(source: str | None) -> Path | None:
+    """Return the path of a dataset file, or None where an experiment is meant."""
+    return Path(source) if source is not None and source.endswith((".h5", ".hdf5")) else None
+
+
 def overrides(settings: list[str] | None, seed: int | None = None, use: list[str] | None = None) -> tuple[str, ...]:
     """Return overrides in the order in which they apply; `--seed` and `--use` are short for one each.
 

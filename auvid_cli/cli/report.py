@@ -17,12 +17,16 @@ def report(
 
         load_ahead()
         from auvid_cli.cli import pipeline
+        from auvid_cli.data.results import read_results
+        from auvid_cli.report.figures.draw import drawing
 
         terminal = Terminal(quiet, verbose)
-        dataset, estimates = pipeline.read_results(results)
-        prepared = pipeline.prepare(dataset, terminal)
-        bounds_of = pipeline.bounds_of(prepared, terminal)
-        with pipeline.drawing(results) as figures:
+        dataset, estimates = read_results(results)
+        with terminal.compiling():
+            from auvid_cli.api.evaluation import Evaluator
+            from auvid_cli.api.preparation import prepare
+        evaluator = Evaluator(prepare(dataset))
+        with drawing(results) as figures:
             for estimate in estimates:
                 figures.add_innovations(estimate)
-            raise typer.Exit(pipeline.report_to(results, prepared, estimates, bounds_of, terminal, figures))
+            raise typer.Exit(pipeline.report_to(results, evaluator, estimates, terminal, figures))

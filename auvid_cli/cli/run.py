@@ -39,34 +39,38 @@ def run(
             from auvid_cli.report.figures.workers import load_ahead
 
             load_ahead()
+        from auvid_cli.api import core
         from auvid_cli.cli import pipeline
-        from auvid_cli.config.load import find_experiment, load_with_files
+        from auvid_cli.config.load import dump_experiment, find_experiment, load_with_files
         from auvid_cli.data.files import keep_apart
-        from auvid_cli.data.results_folder import products
+        from auvid_cli.data.results_folder import folder_of_run, products
+        from auvid_cli.report.figures.draw import drawing
 
         loaded, files = load_with_files(find_experiment(experiment), overrides(settings, seed))
         if dry_run:
-            pipeline.print_settings(loaded)
+            print(dump_experiment(loaded), end="")
             return
         chosen = loaded.identification.with_judge(filters or loaded.identification.by_default())
         loaded.identification.check_filters(chosen)
         terminal = Terminal(quiet, verbose)
-        folder = pipeline.results_folder(loaded, output)
+        folder = output or folder_of_run(loaded.name)
         keep_apart(products(folder), files)
-        with pipeline.drawing(folder) as figures:
-            # The filters know nothing of vehicles, so the halves have no function in common.
-            with terminal.compiling_beside("auvid_cli.filters.square_root", "auvid_cli.filters.information"):
+        with drawing(folder) as figures:
+            with terminal.compiling_beside(*core.FILTERS):
                 dataset = pipeline.simulate_to(folder, loaded, terminal, files, overwrite, chosen)
                 with terminal.compiling():
-                    import auvid_cli.identification.process  # noqa: F401
+                    core.load_vehicles()
             figures.add_path(dataset)
-            prepared = pipeline.prepare(dataset, terminal)
-            bounds_of = pipeline.bounds_of(prepared, terminal)
+            with terminal.compiling():
+                from auvid_cli.api.evaluation import Evaluator
+                from auvid_cli.api.preparation import prepare
+            prepared = prepare(dataset)
+            evaluator = Evaluator(prepared)
 
             def on_estimate(estimate: "Estimate") -> None:
                 figures.add_innovations(estimate)
                 # The same for all filters, and known before the slowest of them is done.
-                bounds_of(estimate)
+                evaluator.find_bounds(estimate)
 
             estimates = pipeline.identify_to(folder, prepared, chosen, terminal, overwrite, on_estimate)
-            raise typer.Exit(pipeline.report_to(folder, prepared, estimates, bounds_of, terminal, figures))
+            raise typer.Exit(pipeline.report_to(folder, evaluator, estimates, terminal, figures))

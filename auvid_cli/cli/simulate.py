@@ -27,11 +27,12 @@ def simulate(
     """Simulate an experiment's vehicle and sensors into results/NAME/dataset.h5."""
     with reporting_errors():
         from auvid_cli.cli import pipeline
-        from auvid_cli.config.load import find_experiment, load_with_files
+        from auvid_cli.config.load import dump_experiment, find_experiment, load_with_files
+        from auvid_cli.data.results_folder import folder_of_run
 
         loaded, files = load_with_files(find_experiment(experiment), overrides(settings, seed))
         if dry_run:
-            pipeline.print_settings(loaded)
+            print(dump_experiment(loaded), end="")
             return
-        folder = pipeline.results_folder(loaded, output)
+        folder = output or folder_of_run(loaded.name)
         pipeline.simulate_to(folder, loaded, Terminal(quiet, verbose), files, overwrite)

@@ -4,7 +4,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
 from types import FrameType
@@ -89,6 +89,11 @@ class Terminal:
     def say(self, message: str) -> None:
         """Print a line, as it is."""
         self.out.print(message, markup=False, soft_wrap=True)
+
+    def say_all(self, messages: Iterable[object]) -> None:
+        """Print a line for each, as it is."""
+        for message in messages:
+            self.say(str(message))
 
     @contextmanager
     def stage(self, label: str) -> Iterator[Callable[[str], None]]:

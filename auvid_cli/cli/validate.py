@@ -34,43 +34,36 @@ def validate(
     beside what the stated uncertainties amount to.
     """
     with reporting_errors():
-        from auvid_cli.cli import pipeline
-        from auvid_cli.data.dataset_file import read_dataset
-        from auvid_cli.data.estimate_file import read_estimate
+        from auvid_cli.api.files import read_dataset, read_estimate
         from auvid_cli.data.files import keep_apart
         from auvid_cli.data.replacement import put_copy
-        from auvid_cli.data.results_folder import tables_and_figures
+        from auvid_cli.data.results_folder import folder_of_dataset, tables_and_figures
         from auvid_cli.data.screening import screen
 
         terminal = Terminal(quiet, verbose)
         screen([estimate_file, dataset_file])
-        estimate, whole = read_estimate(estimate_file), read_dataset(dataset_file, overrides(None, use=use))
+        estimate, whole = read_estimate(estimate_file), read_dataset(dataset_file, *overrides(None, use=use))
         with terminal.compiling():
-            from auvid_cli.evaluation.estimate_checks import failed
-            from auvid_cli.report.csv_tables import write_csv_tables
+            from auvid_cli.api.validation import predict, unseen_data
+            from auvid_cli.cli.tables import write_and_draw
             from auvid_cli.report.validation_screen import print_validation
-            from auvid_cli.validation.data_leakage import unseen_data
-            from auvid_cli.validation.validate import validate as validated
         with terminal.stage("compare with the estimate's own data"):
             dataset = unseen_data(whole, estimate, _dataset_behind(estimate_file, estimate))
-        folder = output or pipeline.home_of(dataset_file)
+        folder = output or folder_of_dataset(dataset_file)
         put_copy(dataset_file, whole, folder, [estimate_file], overwrite)
         keep_apart(tables_and_figures(folder), [estimate_file, dataset_file])
         with terminal.stage("predict"):
-            validation = validated(dataset, estimate)
-        paths = write_csv_tables(validation.tables(), folder / "tables")
-        with pipeline.drawing(folder) as figures, terminal.progress("figures") as (progress,):
-            figures.add_validation(dataset, validation)
-            paths += figures.finish(progress)
+            validation = predict(dataset, estimate)
+        tables = validation.tables()
+        paths = write_and_draw(folder, tables, lambda figures: figures.add_validation(dataset, validation), terminal)
         print_validation(terminal.out, validation)
-        for path in paths:
-            terminal.say(str(path))
-        raise typer.Exit(VERDICT_FAILED if failed(validation.checks) else DONE)
+        terminal.say_all(paths)
+        raise typer.Exit(VERDICT_FAILED if validation.checks.failed() else DONE)
 
 
 def _dataset_behind(path: Path, estimate: "Estimate") -> "Dataset | None":
     """Read what an estimate of a results folder was made from, if it is still there."""
-    from auvid_cli.data.dataset_file import read_dataset
+    from auvid_cli.api.files import read_dataset
     from auvid_cli.data.netcdf import digest
 
     dataset = path.resolve().parents[1] / "dataset.h5"

@@ -28,6 +28,16 @@ _LONGEST_EXPORT = 10_000_000
 _EXPORTED_FROM = re.compile(r'dataset(?: with SHA-256 |_sha256": ")([0-9a-f]{64})\b')
 
 
+def folder_of_run(name: str) -> Path:
+    """Return where the results of a run go, unless the user says otherwise."""
+    return Path("results") / name
+
+
+def folder_of_dataset(path: Path) -> Path:
+    """Return the results folder of a dataset file: its own folder if it is one, else that of a run of its name."""
+    return path.parent if path.name == "dataset.h5" else folder_of_run(path.stem)
+
+
 def dataset_in(folder: Path) -> Path:
     """Return the path of a folder's dataset."""
     return folder / "dataset.h5"

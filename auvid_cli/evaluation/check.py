@@ -95,6 +95,10 @@ class Check(NamedTuple):
 class Checks(list[Check]):
     """Verdicts in the order in which they are reached."""
 
+    def failed(self) -> list[Check]:
+        """Return those that did not pass."""
+        return [check for check in self if check.passed is False]
+
     def to_pandas(self) -> "pd.DataFrame":
         """Return a table with a row for each verdict and the fields of `Check` as columns.
 

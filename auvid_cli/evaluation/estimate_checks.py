@@ -1,7 +1,5 @@
 """The list of verdicts on an estimate: each a number, what it may be, and what to do where it is not."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.stats import chi2
 
@@ -281,8 +279,3 @@ def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
             "run.",
         ),
     ]
-
-
-def failed(checks: Sequence[Check]) -> list[Check]:
-    """Return those that did not pass."""
-    return [check for check in checks if check.passed is False]

@@ -13,7 +13,7 @@ from auvid_cli.evaluation.accuracy import (
 from auvid_cli.evaluation.bounds import Bounds, bounds_with_process_noise
 from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor_consistency, status_of
 from auvid_cli.evaluation.free_run import VelocityError, free_run
-from auvid_cli.evaluation.judgement import Grade, judge, reference_among
+from auvid_cli.evaluation.judgement import Grade, Judgement, judge, reference_among
 from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.evaluation.sensor_errors import SensorErrorResult, sensor_error_results
 from auvid_cli.identification.prepared_data import PreparedData
@@ -70,6 +70,10 @@ class Evaluation(NamedTuple):
     faults: list[FaultResult]
     free_runs: dict[str, FreeRun]
     remarks: list[str]
+
+    def judgements(self) -> dict[str, Judgement]:
+        """Return the judgement of each filter."""
+        return {row.filter: Judgement(Grade(row.grade), row.reason, row.remedy) for row in self.summary}
 
     def tables(self) -> dict[str, NamedRows]:
         """Return the rows of each CSV file, by its name."""

@@ -17,8 +17,9 @@ from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.estimate import Estimate, FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.consistency import status_of
+from auvid_cli.evaluation.remedies import remedy_of_divergence, remedy_of_nonlinearity
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
-from auvid_cli.identification.faults import remedy
+from auvid_cli.identification.faults import remedy_of_fault
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 Array = NDArray[np.float64]
@@ -66,6 +67,11 @@ class Judgement(NamedTuple):
     remedy: str = ""
 
     @property
+    def is_against(self) -> bool:
+        """Say whether it speaks against the estimate; one that nobody was asked to judge has nothing against it."""
+        return self.grade not in (Grade.SOUND, Grade.UNJUDGED)
+
+    @property
     def advice(self) -> str:
         """Return reason and remedy, as far as there are such."""
         return "; ".join(part for part in (self.reason, self.remedy) if part)
@@ -101,11 +107,11 @@ def judge_one(estimate: Estimate, reference: Estimate | None) -> Judgement:
 def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | None) -> Judgement:
     status = status_of(estimate)
     if not estimate.completed:
-        return Judgement(Grade.DIVERGED, status.removeprefix("diverged "))
+        return Judgement(Grade.DIVERGED, status.removeprefix("diverged "), remedy_of_divergence(estimate))
     if status != "completed":
-        remedy = "do not use it; look at stated noise, biases, outliers and signs (auvid check)"
-        if doubt is not None:
-            remedy = f"{doubt.reason}; {doubt.remedy}"
+        known = [remedy_of_nonlinearity(estimate), "" if doubt is None else doubt.advice]
+        otherwise = "do not use it; look at stated noise, biases, outliers and signs (auvid check)"
+        remedy = "; ".join(filter(None, known)) or otherwise
         return Judgement(Grade.INCONSISTENT, status.removeprefix("inconsistent: "), remedy)
     if reference is None:
         remedy = "fit it as well (--filter smoother, without identification.gate)"
@@ -140,12 +146,12 @@ def _doubt_of_faults(reference: Estimate) -> Judgement | None:
         return None
     worst = beyond[0]
     if _is_other_answer(worst):
-        return Judgement(Grade.DOUBTFUL, _told(worst), remedy(worst.fault))
+        return Judgement(Grade.DOUBTFUL, _told(worst), remedy_of_fault(worst.fault))
     # A model that does not hold for all segments looks like many a fault.
     disagreeing = next((f", and {_told(test)}" for test in beyond if _is_other_answer(test)), "")
     without = _WITHOUT_AHRS if _is_from_ahrs(reference) else ""
     reason = f"{_ahrs_or(reference)}{_told(worst)}{disagreeing}"
-    return Judgement(Grade.DOUBTFUL, reason, f"{without}{remedy(worst.fault)}")
+    return Judgement(Grade.DOUBTFUL, reason, f"{without}{remedy_of_fault(worst.fault)}")
 
 
 def _limit(test: FaultTest) -> float:

@@ -4,9 +4,9 @@ import re
 from collections.abc import Callable
 from typing import NamedTuple
 
+from auvid_cli.config.format_name import FormatName
 from auvid_cli.errors import ConfigError
 from auvid_cli.export.as_json import json_losses, json_text
-from auvid_cli.export.format_name import FormatName
 from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
 from auvid_cli.export.losses import Losses, losses_of
 from auvid_cli.export.matlab_function import matlab_text

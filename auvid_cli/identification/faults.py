@@ -204,7 +204,7 @@ FAULTS: tuple[Fault, ...] = (
 _REMEDIES = {fault.name: fault.remedy for fault in FAULTS}
 
 
-def remedy(name: str) -> str:
+def remedy_of_fault(name: str) -> str:
     """Say what to do about what a test of an estimate is named for."""
     if name == ANOTHER_MINIMUM:
         return "it is nearly as probable, so these data decide nothing: use more of them, or a narrower prior"

@@ -9,7 +9,7 @@ from auvid_cli.config.experiment import ImportedRun, RunSettings
 from auvid_cli.config.plausibility import doubts
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
-from auvid_cli.evaluation.check import Check
+from auvid_cli.evaluation.check import Check, Checks
 from auvid_cli.evaluation.data_checks import data_checks
 from auvid_cli.inspection.agreement import rotation_checks
 from auvid_cli.inspection.alignment import aligned, alignment_checks, input_alignment
@@ -84,7 +84,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     every = slice(None, None, 1 + dataset.inputs.time.size // _MOST_INPUTS)
     inputs = InputRecord(dataset.inputs.time[every], dataset.inputs.values[every])
     presence = {name: _presence(record, span) for name, record in sensors.items()}
-    return Inspection(checks, marks, inputs, presence, span)
+    return Inspection(Checks(checks), marks, inputs, presence, span)
 
 
 def _sensor_checks(dataset: Dataset, name: str, screening: Screened) -> list[Check]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.data.named_rows import NamedRows
-from auvid_cli.evaluation.check import Check
+from auvid_cli.evaluation.check import Check, Checks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,7 +37,7 @@ class Inspection:
 
     Attributes
     ----------
-    checks : list of Check
+    checks : Checks
     marks : list of Mark
     inputs : InputRecord
         Of long ones evenly spaced samples.
@@ -47,7 +47,7 @@ class Inspection:
         First and last time of anything, s.
     """
 
-    checks: list[Check]
+    checks: Checks
     marks: list[Mark]
     inputs: InputRecord
     presence: dict[str, Array]

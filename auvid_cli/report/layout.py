@@ -2,7 +2,7 @@
 
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.evaluation.judgement import Grade, Judgement
+from auvid_cli.report.judgements import judgement_sentences
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.paper import NOTE, published, published_filters
 from auvid_cli.report.sentence import sentence
@@ -282,15 +282,5 @@ def _runs(evaluation: Evaluation) -> Table:
             Column("Judgement", numeric=False),
         ),
         rows,
-        notes=tuple(sentence(text) for text in judgements(evaluation)),
+        notes=tuple(judgement_sentences(evaluation.judgements(), with_sound=False)),
     )
-
-
-def judgements(evaluation: Evaluation) -> list[str]:
-    """Say what stands against the filters that are not sound, and what to do, all with the same in one sentence."""
-    labels_by_judgement: dict[Judgement, list[str]] = {}
-    for row in evaluation.summary:
-        judgement = Judgement(Grade(row.grade), row.reason, row.remedy)
-        if judgement.grade is not Grade.SOUND:
-            labels_by_judgement.setdefault(judgement, []).append(filter_label(row.filter))
-    return [f"{', '.join(labels)} {judgement}" for judgement, labels in labels_by_judgement.items()]

@@ -13,7 +13,8 @@ from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.assessment import CLASSES, Identifiability
 from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.report.layout import by_coefficient, judgements, mark_explained, marked, rejections, unobserved
+from auvid_cli.report.judgements import judgement_sentences
+from auvid_cli.report.layout import by_coefficient, mark_explained, marked, rejections, unobserved
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.screen_table import empty_table, encodable, first_that_fits, fits, narrowed, printed, screen_table
 from auvid_cli.report.sentence import sentence
@@ -39,8 +40,8 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
         for table in _tables_that_fit(console, evaluation, filters):
             console.print(table)
     console.print(screen_table(console, _runs(evaluation), unbroken=("filter", "judgement")))
-    for text in judgements(evaluation):
-        console.print(Text(sentence(text)))
+    for text in judgement_sentences(evaluation.judgements(), with_sound=False):
+        console.print(Text(text))
     console.print(screen_table(console, _consistency(evaluation, filters), unbroken=("NIS of",)))
     explained = [encodable(console, text) for text in mark_explained(evaluation)]
     for text in [*explained, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:

@@ -6,7 +6,6 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from auvid_cli.evaluation.estimate_checks import failed
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.screen import print_checks
 from auvid_cli.report.screen_table import narrowed, printed, screen_table
@@ -45,7 +44,7 @@ def _conclusion(validation: Validation) -> str:
     }
     unpredicted = {signal for signals in worse.values() for signal in signals}
     predicted = [s for s in dict.fromkeys(row.signal for row in validation.predictions) if s not in unpredicted]
-    if failed(validation.checks) or not predicted:
+    if validation.checks.failed() or not predicted:
         conclusion = "does not predict these data."
     elif unpredicted:
         conclusion = f"predicts {', '.join(predicted)} of these data."

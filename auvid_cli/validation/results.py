@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, NamedTuple
 
 from auvid_cli.data.named_rows import NamedRows, frames
-from auvid_cli.evaluation.check import Check
+from auvid_cli.evaluation.check import Check, Checks
 from auvid_cli.evaluation.predicted_motion import FreeRun
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class Validation(NamedTuple):
     predictions : list of Prediction
         Those of the free run, then by horizon.
     manoeuvres : list of ManoeuvreNumber
-    checks : list of Check
+    checks : Checks
     run : FreeRun
         Of the identified model, as the sensors read it, see `FreeRunFit`.
     remarks : list of str
@@ -103,7 +103,7 @@ class Validation(NamedTuple):
     filter: str
     predictions: list[Prediction]
     manoeuvres: list[ManoeuvreNumber]
-    checks: list[Check]
+    checks: Checks
     run: FreeRun
     remarks: list[str]
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
+from auvid_cli.evaluation.check import Checks
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.validation.data_leakage import other_vehicle
 from auvid_cli.validation.free_run_fit import fit_free_runs
@@ -69,7 +70,7 @@ def validate(dataset: Dataset, estimate: Estimate, starts: int = STARTS) -> Vali
         estimate.filter,
         rows,
         numbers,
-        verdicts(estimate.filter, rows, free.excursion, initial_states.nis, initial_states.status),
+        Checks(verdicts(estimate.filter, rows, free.excursion, initial_states.nis, initial_states.status)),
         free.run,
         remarks,
     )

@@ -14,10 +14,10 @@ from typer.testing import CliRunner
 
 from auvid_cli.cli.export import export
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.format_name import FormatName
 from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import write_estimate
-from auvid_cli.export.format_name import FormatName
 from auvid_cli.identification.identify import identify
 
 SUFFIXES = {"yaml": ".yaml", "json": ".json", "python": ".py", "matlab": ".m", "sdf": ".sdf"}

@@ -8,7 +8,8 @@ import pytest
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.estimate import FaultTest
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.estimate_checks import check_estimate, failed
+from auvid_cli.evaluation.check import Checks
+from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
@@ -50,7 +51,7 @@ def verdicts(dataset, filter_name=FilterName.TUKF, reference=None):
     """All, and the names of those that failed, as (subject, check)."""
     estimate, prepared = identify(dataset, filter_name), prepare(dataset)
     checks = check_estimate(prepared, estimate, BoundsOf(prepared)(estimate), judge_one(estimate, reference))
-    return checks, {(check.subject, check.check) for check in failed(checks)}
+    return checks, {(check.subject, check.check) for check in Checks(checks).failed()}
 
 
 def test_sound_data_pass_everything(long_enough, filter_name, smoothed):

@@ -61,7 +61,7 @@ def test_what_nothing_stands_against_is_sound(ckf, smoother):
 def test_one_that_diverged_is_called_so_whoever_judges(ckf, smoother):
     ended = replace(ckf, status="diverged at t = 3.000 s: why")
     for reference in (None, smoother):
-        assert str(judge_one(ended, reference)) == "diverged: at t = 3.000 s: why"
+        assert str(judge_one(ended, reference)).startswith("diverged: at t = 3.000 s: why; narrow the prior")
 
 
 def test_one_that_its_innovations_belie_is_inconsistent(ckf, smoother, rng):

@@ -1,7 +1,7 @@
 import pytest
 
+from auvid_cli.config.format_name import FormatName
 from auvid_cli.export.actuation import Actuation
-from auvid_cli.export.format_name import FormatName
 from auvid_cli.export.formats import FORMATS
 from auvid_cli.export.losses import loss_lines
 from auvid_cli.export.model import EstimatedState

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.evaluation.estimate_checks import failed
 from auvid_cli.inspection.alignment import input_alignment
 from auvid_cli.inspection.grid import Grid, Signals
 from auvid_cli.inspection.inspect import inspect_dataset
@@ -28,7 +27,7 @@ def with_columns(dataset, columns, factors=(1.0, 1.0, 1.0, 1.0)):
 
 def verdicts(dataset):
     checks = inspect_dataset(dataset).checks
-    return {(check.subject, check.check): check for check in checks}, {(c.subject, c.check) for c in failed(checks)}
+    return {(check.subject, check.check): check for check in checks}, {(c.subject, c.check) for c in checks.failed()}
 
 
 @pytest.mark.parametrize("seconds", [1.0, -1.0, 2.5])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.evaluation.estimate_checks import failed
 from auvid_cli.inspection.inspect import inspect_dataset
 
 
@@ -24,12 +23,12 @@ def dive(simulated_with):
 
 
 def fails_of(dataset):
-    return {(check.subject, check.check) for check in failed(inspect_dataset(dataset).checks)}
+    return {(check.subject, check.check) for check in inspect_dataset(dataset).checks.failed()}
 
 
 def test_sound_depth_passes(dive):
     checks = inspect_dataset(dive).checks
-    assert not failed(checks)
+    assert not checks.failed()
     assert {"depth against pitch and u", "w against depth", "pitch offset"} <= {check.check for check in checks}
 
 
@@ -53,7 +52,7 @@ def test_a_mistaken_unit_is_named(sensor, component, factor, words, dive, change
     def scale(time, values):
         values[:, component] *= factor
 
-    (check,) = failed(inspect_dataset(changed(dive, sensor, scale)).checks)
+    (check,) = inspect_dataset(changed(dive, sensor, scale)).checks.failed()
     assert (check.subject, check.check) == ("depth", "depth against pitch and u")
     assert words in check.advice
 
@@ -71,7 +70,7 @@ def test_pitch_mounted_12_degrees_off_is_caught(dive, changed):
 
     dataset = changed(dive, "attitude", lift)
     assert fails_of(dataset) == {("attitude", "pitch offset")}
-    (check,) = failed(inspect_dataset(dataset).checks)
+    (check,) = inspect_dataset(dataset).checks.failed()
     assert "-12 deg" in check.statistic
 
 
@@ -83,7 +82,7 @@ def test_pitch_that_is_wrong_for_a_while_is_caught_with_its_size_and_time(degree
         values[(time >= 80.0) & (time < 200.0), 1] += np.deg2rad(degrees)
 
     checks = inspect_dataset(changed(dive, "attitude", lift)).checks
-    fails = {(check.subject, check.check): check for check in failed(checks)}
+    fails = {(check.subject, check.check): check for check in checks.failed()}
     assert set(fails) == {("attitude", "pitch offset"), ("attitude", "steps of theta")}
     words = fails["attitude", "pitch offset"].statistic.split()
     assert float(words[2]) == pytest.approx(degrees, abs=0.5)

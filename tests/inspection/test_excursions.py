@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.evaluation.estimate_checks import failed
 from auvid_cli.inspection.inspect import inspect_dataset
 
 
@@ -20,7 +19,7 @@ def swing(column):
 
 
 def fails_of(dataset):
-    return {(check.subject, check.check): check.statistic for check in failed(inspect_dataset(dataset).checks)}
+    return {(check.subject, check.check): check.statistic for check in inspect_dataset(dataset).checks.failed()}
 
 
 @pytest.mark.parametrize(("sensor", "column", "symbol"), [("attitude", 2, "psi"), ("magnetometer", 0, "heading")])

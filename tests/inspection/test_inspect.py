@@ -7,7 +7,6 @@ import pytest
 
 from auvid_cli.config.experiment import ImportedRun, Recording
 from auvid_cli.config.load import find_experiment, load_experiment
-from auvid_cli.evaluation.estimate_checks import failed
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
@@ -23,7 +22,7 @@ PLACES = {
 def verdicts(dataset):
     """All, and those that failed as (subject, check)."""
     inspection = inspect_dataset(dataset)
-    return inspection, {(check.subject, check.check) for check in failed(inspection.checks)}
+    return inspection, {(check.subject, check.check) for check in inspection.checks.failed()}
 
 
 def advice_of(inspection, subject, check):

@@ -2,14 +2,13 @@
 
 import pytest
 
-from auvid_cli.evaluation.estimate_checks import failed
 from auvid_cli.inspection.inspect import inspect_dataset
 
 
 def judged(simulated_with, *overrides):
     """Verdicts by subject and name, and those that failed."""
     checks = inspect_dataset(simulated_with("sensors.attitude.source=direct", *overrides)).checks
-    return {(check.subject, check.check): check for check in checks}, failed(checks)
+    return {(check.subject, check.check): check for check in checks}, checks.failed()
 
 
 def test_outliers_are_spikes(simulated_with):

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.colors import to_rgba
 from rich.console import Console
 
-from auvid_cli.evaluation.check import Check
+from auvid_cli.evaluation.check import Check, Checks
 from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.report.csv_tables import write_csv_tables
 from auvid_cli.report.figures.validation import horizon_figure
@@ -40,7 +40,7 @@ def validation():
         advice="Look again.",
     )
     run = FreeRun(np.arange(3.0), np.zeros((3, 9)))
-    return Validation("ckf", rows, [*overshoots, turn], [check], run, ["one [thing] is missing"])
+    return Validation("ckf", rows, [*overshoots, turn], Checks([check]), run, ["one [thing] is missing"])
 
 
 def shown(validation, width):
@@ -93,7 +93,7 @@ def test_nothing_is_cut_off(validation, width):
 
 
 def test_a_model_that_passes_predicts(validation):
-    sound = validation._replace(checks=[check._replace(passed=True, advice="") for check in validation.checks])
+    sound = validation._replace(checks=Checks(check._replace(passed=True, advice="") for check in validation.checks))
     assert shown(sound, 80).splitlines()[-1] == "The model of the CKF predicts these data."
 
 
@@ -105,7 +105,7 @@ def test_what_is_worse_than_its_mean_is_not_predicted(validation, passed):
         row._replace(fit_percent=-0.1 if (row.signal, row.kind, row.horizon_s) in worse else row.fit_percent)
         for row in validation.predictions
     ]
-    checks = [check._replace(passed=passed) for check in validation.checks]
+    checks = Checks(check._replace(passed=passed) for check in validation.checks)
     text = " ".join(shown(validation._replace(predictions=rows, checks=checks), 200).split())
     assert "predicts these data" not in text
     assert ("predicts u, w, p, q, r, phi, theta of these data." in text) == passed
@@ -115,7 +115,7 @@ def test_what_is_worse_than_its_mean_is_not_predicted(validation, passed):
 
 def test_a_model_that_is_worse_than_every_mean_predicts_nothing(validation):
     rows = [row._replace(fit_percent=-5.0) for row in validation.predictions]
-    checks = [check._replace(passed=True) for check in validation.checks]
+    checks = Checks(check._replace(passed=True) for check in validation.checks)
     text = shown(validation._replace(predictions=rows, checks=checks), 200)
     assert "The model of the CKF does not predict these data. Worse" in text
 

@@ -8,7 +8,6 @@ from scipy.stats import chi2
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.errors import DataError
-from auvid_cli.evaluation.estimate_checks import failed
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.validation.horizon_prediction import HORIZONS
 from auvid_cli.validation.results import AHEAD, FREE_RUN
@@ -49,7 +48,7 @@ def test_true_coefficients_predict_to_within_the_noise(zigzag, with_coefficients
     assert np.mean(shares) == pytest.approx(0.9545, abs=0.01)
     for row in rows_of(validation, FREE_RUN):
         assert row.rmse == pytest.approx(row.noise, rel=0.15), row
-    assert not failed(validation.checks)
+    assert not validation.checks.failed()
     assert all(check.passed for check in validation.checks)
     assert validation.remarks == []
 
@@ -67,7 +66,7 @@ def test_a_spiral_teaches_the_zigzag(zigzag, identified):
     overshoots = np.array([(n.measured, n.predicted) for n in validation.manoeuvres])
     assert len(overshoots) > 10
     np.testing.assert_allclose(overshoots[:, 1], overshoots[:, 0], atol=np.deg2rad(0.2))
-    assert not failed(validation.checks)
+    assert not validation.checks.failed()
 
 
 def test_a_rudder_of_the_wrong_sign_is_worse_than_the_mean(zigzag, with_coefficients):
@@ -75,7 +74,7 @@ def test_a_rudder_of_the_wrong_sign_is_worse_than_the_mean(zigzag, with_coeffici
     validation = validate(zigzag, with_coefficients(true, N_uudr=-true["N_uudr"]))
     assert free_fits(validation)["r"] < 0.0
     assert {row.fit_percent < 0.0 for row in rows_of(validation, AHEAD) if row.signal == "r"} == {True}
-    assert "better than constant velocity" in {check.check for check in failed(validation.checks)}
+    assert "better than constant velocity" in {check.check for check in validation.checks.failed()}
     assert any("process noise" in remark for remark in validation.remarks)
     # What there was before is judged from the measurements, not from where the wrong model says that they are.
     known = next(row for row in rows_of(validation, AHEAD) if (row.signal, row.horizon_s) == ("r", 5.0))
@@ -115,7 +114,7 @@ def test_without_a_covariance_there_is_no_band(zigzag, with_coefficients):
 def test_a_model_that_runs_away_is_unstable(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
     validation = validate(zigzag, with_coefficients(true, **{"X_u|u|": 5.0}), starts=12)
-    assert "stable" in {check.check for check in failed(validation.checks)}
+    assert "stable" in {check.check for check in validation.checks.failed()}
     assert free_fits(validation)["u"] is None
 
 
@@ -158,7 +157,7 @@ def test_a_current_is_seen_through_where_the_settings_ask_for_it(simulated_with)
     assert min(row.fit_percent for row in velocities) > 97.0
     assert max(row.rmse for row in velocities) < 1e-2
     assert min(row.share_within_band for row in velocities if row.kind == AHEAD) > 0.85
-    assert not failed(validation.checks)
+    assert not validation.checks.failed()
 
 
 def test_a_turn_in_a_current_is_drawn_and_measured_over_ground(simulated_with, with_coefficients, experiment_with):

@@ -1,12 +1,14 @@
 """Which figures a run gets."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, as_completed
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.report.figures import workers
 from auvid_cli.report.figures.workers import Submit, draw_and_save
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, SENSORS, Quantity
@@ -114,6 +116,13 @@ class FigureQueue:
 
     def _add(self, name: str, kind: str, *arguments: Any) -> None:
         self._drawn[name] = self._submit(draw_and_save, kind, arguments, self._folder, name)
+
+
+@contextmanager
+def drawing(folder: Path) -> Iterator[FigureQueue]:
+    """Say where to put the figures of a results folder, with workers that draw them."""
+    with workers.figure_workers() as submit:
+        yield FigureQueue(folder / "figures", submit)
 
 
 def _records_of(quantities: Sequence[Quantity], sensors: dict[str, SensorRecord]) -> dict[str, SensorRecord]:

@@ -1,10 +1,24 @@
-"""Whether estimates were made from a dataset."""
+"""Data prepared once for all that goes through them, and whether estimates were made from them."""
 
 from collections.abc import Iterable
 
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
+from auvid_cli.identification import prepared_data
+from auvid_cli.identification.prepared_data import PreparedData
+
+
+def prepare(dataset: Dataset, *estimates: Estimate) -> PreparedData:
+    """Prepare a dataset for filters, or to evaluate estimates that were made from it.
+
+    Raises
+    ------
+    DataError
+        If the dataset of an estimate is another, or nothing of the data can be used.
+    """
+    refuse_estimates_of_others(dataset, estimates)
+    return prepared_data.prepare(dataset)
 
 
 def refuse_estimates_of_others(dataset: Dataset, estimates: Iterable[Estimate]) -> None:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from auvid_cli.data.dataset import InputRecord, SensorRecord
+from auvid_cli.data.time_window import within
 from auvid_cli.errors import DataError
-from auvid_cli.inspection.time_window import within
 
 
 @pytest.fixture

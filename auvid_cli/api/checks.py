@@ -1,0 +1,44 @@
+"""Verdicts on estimates."""
+
+from auvid_cli.api.preparation import prepare
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation.bounds import BoundsOf
+from auvid_cli.evaluation.check import Checks
+from auvid_cli.evaluation.estimate_checks import check_estimate
+from auvid_cli.evaluation.judgement import judge
+
+
+def check(dataset: Dataset, *estimates: Estimate) -> Checks:
+    """List verdicts on estimates: each a statistic, what it may be, and what to do where it is not.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        From which the estimates were made.
+    *estimates : Estimate
+        As of `evaluate`.
+
+    Returns
+    -------
+    Checks
+        A list of `Check`; ``passed`` is None of what is only worth knowing. ``to_pandas()`` makes a table.
+
+    Raises
+    ------
+    DataError
+        If an estimate was made from another dataset.
+
+    Examples
+    --------
+    >>> [verdict.check for verdict in auvid.check(dataset, estimate) if verdict.passed is False]
+    []
+    """
+    prepared = prepare(dataset, *estimates)
+    bounds_of = BoundsOf(prepared)
+    judgements = judge(estimates)
+    return Checks(
+        verdict
+        for estimate in estimates
+        for verdict in check_estimate(prepared, estimate, bounds_of(estimate), judgements[estimate.filter])
+    )

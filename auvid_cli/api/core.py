@@ -1,0 +1,11 @@
+"""The compiled core in two halves, which two processes can compile side by side.
+
+The filters know nothing of vehicles, so the halves have no function in common.
+"""
+
+FILTERS = "auvid_cli.filters.square_root", "auvid_cli.filters.information"
+
+
+def load_vehicles() -> None:
+    """Load, and compile where it has to be, what has to do with vehicles."""
+    import auvid_cli.identification.process  # noqa: F401

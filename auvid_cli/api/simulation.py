@@ -1,0 +1,34 @@
+"""Simulation."""
+
+from auvid_cli.config.experiment import Experiment
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.simulation import simulate as simulation
+
+
+def simulate(experiment: Experiment) -> Dataset:
+    """Simulate the vehicle and the sensors of an experiment.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        See `load_experiment`; the same seed gives the same data.
+
+    Returns
+    -------
+    Dataset
+        Inputs, sensors and truth, SI.
+
+    Raises
+    ------
+    SimulationError
+        If the vehicle leaves the model's validity.
+    ConfigError
+        If the vehicle's parameters are impossible or a recorded manoeuvre cannot be read.
+
+    Examples
+    --------
+    >>> dataset = auvid.simulate(auvid.load_experiment("spiral", "manoeuvre.duration=10 s"))
+    >>> dataset.sensors["dvl"].values.shape
+    (71, 3)
+    """
+    return simulation.simulate(experiment)

@@ -1,0 +1,24 @@
+"""Judgements of several filters in words."""
+
+from collections.abc import Mapping
+
+from auvid_cli.evaluation.judgement import Grade, Judgement
+from auvid_cli.report.notation import filter_label
+from auvid_cli.report.sentence import sentence
+
+
+def judgement_sentences(judgements: Mapping[str, Judgement], with_sound: bool) -> list[str]:
+    """Say what filters are worth, what stands against them and what to do, all with the same in one sentence.
+
+    Parameters
+    ----------
+    judgements : mapping of Judgement
+        By filter.
+    with_sound : bool
+        Whether those that are sound are named as well.
+    """
+    labels: dict[Judgement, list[str]] = {}
+    for name, judgement in judgements.items():
+        if with_sound or judgement.grade is not Grade.SOUND:
+            labels.setdefault(judgement, []).append(filter_label(name))
+    return [sentence(f"{', '.join(of_same)} {judgement}") for judgement, of_same in labels.items()]

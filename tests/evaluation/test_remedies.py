@@ -1,0 +1,94 @@
+"""What is said of filters that did not end well."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.data.estimate import FaultTest
+from auvid_cli.data.innovations import Innovations
+from auvid_cli.evaluation.judgement import judge, judge_one
+
+DIVERGED = "diverged at t = 3.000 s: the state was not finite"
+ALL = ("ekf", "ckf", "tukf", "ukf", "output_error")
+DVL, CURRENT = "identification.estimate.biases=[gyro, dvl]", "identification.estimate.biases=[current]"
+
+
+@pytest.fixture
+def ended(experiment_with, hand_made):
+    """Function: an estimate that ended as it is said, with overrides of the settings."""
+
+    def make(name, *overrides, status=DIVERGED):
+        estimate = hand_made([0, 1], {"Y_url": [0.0, 3.0]}, status=status)
+        return replace(estimate, filter=name, experiment=experiment_with(*overrides))
+
+    return make
+
+
+def belied(estimate):
+    """The same with innovations three times as large as their standard deviation."""
+    time = np.arange(300.0)
+    ones = np.ones((300, 3))
+    innovations = Innovations(time, 3.0 * ones, ones, np.full(300, 27.0), np.ones(3))
+    return replace(estimate, innovations={"dvl": innovations}, status="completed")
+
+
+def remedy(estimate):
+    return judge_one(estimate, None).remedy
+
+
+def test_filters_that_ended_well_need_nothing_but_a_judge(ended):
+    assert {remedy(ended(name, DVL, status="completed")) for name in ALL} == {
+        "fit it as well (--filter smoother, without identification.gate)"
+    }
+
+
+def test_a_wide_prior_is_to_be_narrowed_and_a_narrow_one_is_not(ended):
+    assert remedy(ended("ekf")).startswith("narrow the prior (--set identification.prior.factor=1)")
+    narrow = remedy(ended("ekf", "identification.prior.factor=0.5"))
+    assert "--set" not in narrow
+    assert "process noise" in narrow
+
+
+@pytest.mark.parametrize(("setting", "named"), [(DVL, "with dvl to"), (CURRENT, "with current to")])
+def test_blocks_that_make_a_dvl_nonlinear_need_a_narrower_prior_or_a_fit(setting, named, ended):
+    for estimate in (ended("ckf", setting), belied(ended("ckf", setting))):
+        assert named in remedy(estimate)
+        assert "identification.prior.factor=0.3" in remedy(estimate)
+        assert "--filter output_error" in remedy(estimate)
+    narrow = remedy(ended("ckf", setting, "identification.prior.factor=0.3"))
+    assert "prior.factor" not in narrow
+    assert "--filter output_error" in narrow
+
+
+def test_blocks_of_a_linear_sensor_ask_for_nothing_of_their_own(ended):
+    assert "output_error" not in remedy(ended("ukf", "identification.estimate.biases=[gyro, thrust]"))
+
+
+def test_innovations_that_belie_a_filter_have_many_causes(ended):
+    assert "look at stated noise" in remedy(belied(ended("ukf")))
+
+
+def test_what_led_a_filter_astray_and_what_the_smoother_doubts_are_one_remedy(ended):
+    fault = FaultTest("bias of r", "rad/s", 1.0, 0.1, "Y_url", 2.5)
+    smoother = replace(ended("smoother", DVL, status="completed"), faults=(fault,))
+    both = judge([smoother, belied(ended("ckf", DVL))])["ckf"].remedy
+    assert both.startswith("with dvl to be found")
+    assert "the data look like a fault: bias of r" in both
+    assert "look at stated noise" not in both
+
+
+def test_a_fit_is_not_told_of_the_factor_of_a_prior_that_it_does_not_use(ended):
+    unsettled = "unconverged: the fit did not settle"
+    for status in (DIVERGED, unsettled):
+        by_prior = remedy(ended("output_error", CURRENT, status=status))
+        assert by_prior.startswith("the data do not determine")
+        assert "output_error.use_prior=true" in by_prior
+        assert "factor" not in by_prior
+    assert "use_prior" not in remedy(ended("output_error", "identification.output_error.use_prior=true"))
+
+
+def test_a_factor_says_nothing_of_a_prior_from_an_earlier_estimate(ended):
+    without = remedy(ended("ekf", "identification.prior.from_estimate=earlier.h5"))
+    assert "from_estimate" in without
+    assert "factor" not in without
