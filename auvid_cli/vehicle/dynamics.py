@@ -7,7 +7,9 @@ with a length known only at run time the overlap checks between rows are too man
 stays scalar (four times slower).
 """
 
+from collections import namedtuple
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numba import types
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.lanes import LANES
-from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
 
@@ -26,10 +28,35 @@ N_CONSTANTS = 36 + 36 + 4
 N_FACTORS = N_COEFFICIENTS + 1
 _ROW = np.uint64(LANES)
 _vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+# Where the row of each of them begins in a block, by its name in code; were these unsigned, the loop would stay scalar.
+_FactorRows = namedtuple("_FactorRows", [*(coefficient.identifier for coefficient in COEFFICIENTS), "thrust"])
+_AT = _FactorRows(*range(0, N_FACTORS * LANES, LANES))
+
+
+class Constants(NamedTuple):
+    """What the compiled dynamics need of a vehicle.
+
+    Attributes
+    ----------
+    mass, inverse : ndarray, shape (6, 6)
+        Mass matrix, and its inverse.
+    excess : float
+        W - B, N.
+    lever_x, lever_y, lever_z : float
+        Of the restoring moments, N m.
+    """
+
+    mass: Array
+    inverse: Array
+    excess: float
+    lever_x: float
+    lever_y: float
+    lever_z: float
 
 
 def vehicle_constants(parameters: Mapping[str, float]) -> Array:
-    """Put what the compiled dynamics need of a vehicle into one vector.
+    """Put what the compiled dynamics need of a vehicle into one vector, in the order of `Constants`.
 
     Parameters
     ----------
@@ -39,12 +66,25 @@ def vehicle_constants(parameters: Mapping[str, float]) -> Array:
     Returns
     -------
     ndarray, shape (N_CONSTANTS,)
-        The mass matrix by rows, its inverse by rows, W - B (N) and the restoring levers (N m).
+        Matrices by rows.
     """
     mass = mass_matrix(parameters)
     levers = [parameters[f"{a}G"] * parameters["W"] - parameters[f"{a}B"] * parameters["B"] for a in "xyz"]
     excess = parameters["W"] - parameters["B"]
     return np.array([*mass.ravel(), *np.linalg.inv(mass).ravel(), excess, *levers])
+
+
+@compiled(types.NamedTuple((_matrix, _matrix, *[types.float64] * 4), Constants)(_vector), inline=True)
+def named_constants(constants):
+    """Name the parts of a vector from `vehicle_constants`."""
+    return Constants(
+        mass=constants[:36].reshape(6, 6),
+        inverse=constants[36:72].reshape(6, 6),
+        excess=constants[72],
+        lever_x=constants[73],
+        lever_y=constants[74],
+        lever_z=constants[75],
+    )
 
 
 def factors(coefficients: Mapping[str, float], thrust: float = 1.0) -> Array:
@@ -107,12 +147,11 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
     """
     n = _ROW
     rudder, elevator, surge_force, roll_moment = inputs[0], inputs[1], inputs[2], inputs[3]
-    m11, m15, m16 = constants[0], constants[4], constants[5]
-    m22, m24, m26 = constants[7], constants[9], constants[11]
-    m33, m34, m35 = constants[14], constants[15], constants[16]
-    m44, m55, m66 = constants[21], constants[28], constants[35]
-    inverse = constants[36:72]
-    excess, lever_x, lever_y, lever_z = constants[72], constants[73], constants[74], constants[75]
+    mass, inverse, excess, lever_x, lever_y, lever_z = named_constants(constants)
+    m11, m15, m16 = mass[0, 0], mass[0, 4], mass[0, 5]
+    m22, m24, m26 = mass[1, 1], mass[1, 3], mass[1, 5]
+    m33, m34, m35 = mass[2, 2], mass[2, 3], mass[2, 4]
+    m44, m55, m66 = mass[3, 3], mass[4, 4], mass[5, 5]
     omega = coefficients
     for k in range(n_lanes):
         u, v, w = motion[k], motion[n + k], motion[2 * n + k]
@@ -127,37 +166,40 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
 
         uu, uv, uw, uq, ur = u * u, u * v, u * w, u * q, u * r
         vv, ww, pp, qq, rr = abs(v) * v, abs(w) * w, abs(p) * p, abs(q) * q, abs(r) * r
-        x = r * a2 - q * a3 - excess * sin_theta + omega[N_COEFFICIENTS * n + k] * surge_force + omega[k] * abs(u) * u
+        x = r * a2 - q * a3 - excess * sin_theta + omega[_AT.thrust + k] * surge_force
+        x += omega[_AT.X_uu + k] * abs(u) * u
         y = p * a3 - r * a1 + excess * down_y
-        y += omega[n + k] * vv + omega[2 * n + k] * rr
-        y += omega[10 * n + k] * ur + omega[11 * n + k] * uv + omega[18 * n + k] * uu * rudder
+        y += omega[_AT.Y_vv + k] * vv + omega[_AT.Y_rr + k] * rr
+        y += omega[_AT.Y_url + k] * ur + omega[_AT.Y_uvl + k] * uv + omega[_AT.Y_uudr + k] * uu * rudder
         z = q * a1 - p * a2 + excess * down_z
-        z += omega[3 * n + k] * ww + omega[4 * n + k] * qq
-        z += omega[12 * n + k] * uq + omega[13 * n + k] * uw + omega[19 * n + k] * uu * elevator
+        z += omega[_AT.Z_ww + k] * ww + omega[_AT.Z_qq + k] * qq
+        z += omega[_AT.Z_uql + k] * uq + omega[_AT.Z_uwl + k] * uw + omega[_AT.Z_uude + k] * uu * elevator
         roll = r * b2 - q * b3 + w * a2 - v * a3 + lever_y * down_z - lever_z * down_y + roll_moment
-        roll += omega[5 * n + k] * pp
+        roll += omega[_AT.K_pp + k] * pp
         pitch = p * b3 - r * b1 + u * a3 - w * a1 - lever_z * sin_theta - lever_x * down_z
-        pitch += omega[6 * n + k] * qq + omega[7 * n + k] * ww
-        pitch += omega[14 * n + k] * uq + omega[15 * n + k] * uw + omega[20 * n + k] * uu * elevator
+        pitch += omega[_AT.M_qq + k] * qq + omega[_AT.M_ww + k] * ww
+        pitch += omega[_AT.M_uql + k] * uq + omega[_AT.M_uwl + k] * uw + omega[_AT.M_uude + k] * uu * elevator
         yaw = q * b1 - p * b2 + v * a1 - u * a2 + lever_x * down_y + lever_y * sin_theta
-        yaw += omega[8 * n + k] * rr + omega[9 * n + k] * vv
-        yaw += omega[16 * n + k] * ur + omega[17 * n + k] * uv + omega[21 * n + k] * uu * rudder
+        yaw += omega[_AT.N_rr + k] * rr + omega[_AT.N_vv + k] * vv
+        yaw += omega[_AT.N_url + k] * ur + omega[_AT.N_uvl + k] * uv + omega[_AT.N_uudr + k] * uu * rudder
 
         for i in range(np.uint64(6)):
-            j = np.uint64(6) * i
             derivative[i * n + k] = (
-                inverse[j] * x
-                + inverse[j + np.uint64(1)] * y
-                + inverse[j + np.uint64(2)] * z
-                + inverse[j + np.uint64(3)] * roll
-                + inverse[j + np.uint64(4)] * pitch
-                + inverse[j + np.uint64(5)] * yaw
+                inverse[i, 0] * x
+                + inverse[i, 1] * y
+                + inverse[i, 2] * z
+                + inverse[i, 3] * roll
+                + inverse[i, 4] * pitch
+                + inverse[i, 5] * yaw
             )
         turning = q * sin_phi + r * cos_phi
         derivative[6 * n + k] = p + sin_theta / cos_theta * turning
         derivative[7 * n + k] = q * cos_phi - r * sin_phi
         derivative[8 * n + k] = turning / cos_theta
 
+
+if unwritten := {*_FactorRows._fields} - {*getattr(motion_derivative, "py_func", motion_derivative).__code__.co_names}:
+    raise TypeError(f"the equations of motion have no term with {', '.join(sorted(unwritten))}")
 
 N_WORK = 3 * N_MOTION * LANES
 N_BLOCK = N_MOTION * LANES
