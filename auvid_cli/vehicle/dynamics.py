@@ -8,7 +8,7 @@ stays scalar (four times slower).
 """
 
 from collections import namedtuple
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -26,10 +26,9 @@ Array = NDArray[np.float64]
 N_CONSTANTS = 36 + 36 + 4
 # What the regressors are multiplied by: the coefficients, and how many times the stated surge force acts.
 N_FACTORS = N_COEFFICIENTS + 1
-_ROW = np.uint64(LANES)
 _vector = types.float64[::1]
-_matrix = types.float64[:, ::1]
-# Where the row of each of them begins in a block, by its name in code; were these unsigned, the loop would stay scalar.
+# Where the row of each of them begins in a block, by its name in code; signed like every index into a block, for with
+# unsigned ones among them the loop stays scalar.
 _FactorRows = namedtuple("_FactorRows", [*(coefficient.identifier for coefficient in COEFFICIENTS), "thrust"])
 _AT = _FactorRows(*range(0, N_FACTORS * LANES, LANES))
 
@@ -39,8 +38,8 @@ class Constants(NamedTuple):
 
     Attributes
     ----------
-    mass, inverse : ndarray, shape (6, 6)
-        Mass matrix, and its inverse.
+    mass, inverse : ndarray, shape (36,)
+        Mass matrix, and its inverse, by rows: as matrices they would lengthen `motion_derivative` by a third.
     excess : float
         W - B, N.
     lever_x, lever_y, lever_z : float
@@ -66,7 +65,6 @@ def vehicle_constants(parameters: Mapping[str, float]) -> Array:
     Returns
     -------
     ndarray, shape (N_CONSTANTS,)
-        Matrices by rows.
     """
     mass = mass_matrix(parameters)
     levers = [parameters[f"{a}G"] * parameters["W"] - parameters[f"{a}B"] * parameters["B"] for a in "xyz"]
@@ -74,12 +72,12 @@ def vehicle_constants(parameters: Mapping[str, float]) -> Array:
     return np.array([*mass.ravel(), *np.linalg.inv(mass).ravel(), excess, *levers])
 
 
-@compiled(types.NamedTuple((_matrix, _matrix, *[types.float64] * 4), Constants)(_vector), inline=True)
+@compiled(types.NamedTuple((_vector, _vector, *[types.float64] * 4), Constants)(_vector), inline=True)
 def named_constants(constants):
     """Name the parts of a vector from `vehicle_constants`."""
     return Constants(
-        mass=constants[:36].reshape(6, 6),
-        inverse=constants[36:72].reshape(6, 6),
+        mass=constants[:36],
+        inverse=constants[36:72],
         excess=constants[72],
         lever_x=constants[73],
         lever_y=constants[74],
@@ -145,15 +143,15 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
     derivative : ndarray, shape (9 * LANES,)
         Filled in.
     """
-    n = _ROW
+    n = LANES
     rudder, elevator, surge_force, roll_moment = inputs[0], inputs[1], inputs[2], inputs[3]
     mass, inverse, excess, lever_x, lever_y, lever_z = named_constants(constants)
-    m11, m15, m16 = mass[0, 0], mass[0, 4], mass[0, 5]
-    m22, m24, m26 = mass[1, 1], mass[1, 3], mass[1, 5]
-    m33, m34, m35 = mass[2, 2], mass[2, 3], mass[2, 4]
-    m44, m55, m66 = mass[3, 3], mass[4, 4], mass[5, 5]
+    m11, m15, m16 = mass[0], mass[4], mass[5]
+    m22, m24, m26 = mass[7], mass[9], mass[11]
+    m33, m34, m35 = mass[14], mass[15], mass[16]
+    m44, m55, m66 = mass[21], mass[28], mass[35]
     omega = coefficients
-    for k in range(n_lanes):
+    for k in range(np.int64(n_lanes)):
         u, v, w = motion[k], motion[n + k], motion[2 * n + k]
         p, q, r = motion[3 * n + k], motion[4 * n + k], motion[5 * n + k]
         sin_phi, cos_phi = sine_cosine(motion[6 * n + k])
@@ -184,13 +182,14 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
         yaw += omega[_AT.N_url + k] * ur + omega[_AT.N_uvl + k] * uv + omega[_AT.N_uudr + k] * uu * rudder
 
         for i in range(np.uint64(6)):
+            j = np.uint64(6) * i
             derivative[i * n + k] = (
-                inverse[i, 0] * x
-                + inverse[i, 1] * y
-                + inverse[i, 2] * z
-                + inverse[i, 3] * roll
-                + inverse[i, 4] * pitch
-                + inverse[i, 5] * yaw
+                inverse[j] * x
+                + inverse[j + np.uint64(1)] * y
+                + inverse[j + np.uint64(2)] * z
+                + inverse[j + np.uint64(3)] * roll
+                + inverse[j + np.uint64(4)] * pitch
+                + inverse[j + np.uint64(5)] * yaw
             )
         turning = q * sin_phi + r * cos_phi
         derivative[6 * n + k] = p + sin_theta / cos_theta * turning
@@ -198,8 +197,19 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
         derivative[8 * n + k] = turning / cos_theta
 
 
-if unwritten := {*_FactorRows._fields} - {*getattr(motion_derivative, "py_func", motion_derivative).__code__.co_names}:
-    raise TypeError(f"the equations of motion have no term with {', '.join(sorted(unwritten))}")
+def check_terms(names: Iterable[str], equations: Callable) -> None:
+    """Refuse coefficients that compiled equations do not name.
+
+    Raises
+    ------
+    TypeError
+        If there are such.
+    """
+    if missing := {*names} - {*getattr(equations, "py_func", equations).__code__.co_names}:
+        raise TypeError(f"the equations of motion have no term with {', '.join(sorted(missing))}")
+
+
+check_terms(_FactorRows._fields, motion_derivative)
 
 N_WORK = 3 * N_MOTION * LANES
 N_BLOCK = N_MOTION * LANES

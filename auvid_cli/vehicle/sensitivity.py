@@ -62,7 +62,8 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
     work : ndarray, shape (N_JACOBIAN_WORK,)
         Overwritten.
     """
-    mass, inverse, excess, lever_x, lever_y, lever_z = named_constants(constants)
+    by_rows, inverse_by_rows, excess, lever_x, lever_y, lever_z = named_constants(constants)
+    mass, inverse = by_rows.reshape(6, 6), inverse_by_rows.reshape(6, 6)
     # Of the forces by velocities, roll and pitch.
     force, momentum = work[:_N_FORCE].reshape(6, 8), work[_N_FORCE:]
     for i in range(6):

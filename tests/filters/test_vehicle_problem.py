@@ -35,7 +35,7 @@ def problem_of(simulated_with, run_whole):
             return FilterOutcome(np.eye(1), 0, OK)
 
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("auvid_cli.identification.choice.run_square_root_filter", keep)
+            patch.setattr("auvid_cli.filters.estimators.run_square_root_filter", keep)
             (run,) = set_up_filters(prepare(dataset), [name])
         run.estimator.estimate(run.segments, run.prior, None)
         point_set, process, sensors, (timeline,), prior, _ = handed
