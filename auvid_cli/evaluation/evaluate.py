@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
-from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.estimate import Estimate, FaultTest
 from auvid_cli.data.named_rows import NamedRows, frames
 from auvid_cli.evaluation.accuracy import (
     CoefficientResult,
@@ -37,28 +37,6 @@ class FilterSummary(NamedTuple):
     remedy: str
 
 
-class FaultResult(NamedTuple):
-    """A row of ``faults.csv``: what the innovations of an estimate say of something that may be wrong.
-
-    Attributes
-    ----------
-    filter : str
-    fault, unit, size, standard_deviation, coefficient, susceptibility
-        As of `auvid_cli.data.estimate.FaultTest`.
-    z : float
-        Size as a multiple of its standard deviation.
-    """
-
-    filter: str
-    fault: str
-    unit: str
-    size: float
-    standard_deviation: float
-    coefficient: str
-    susceptibility: float
-    z: float
-
-
 class Evaluation(NamedTuple):
     """Tables of all filters, the free runs behind one of them, and sentences on what is missing."""
 
@@ -67,7 +45,7 @@ class Evaluation(NamedTuple):
     velocity_errors: list[VelocityError]
     consistency: list[SensorConsistency]
     sensor_errors: list[SensorErrorResult]
-    faults: list[FaultResult]
+    faults: list[tuple[str, FaultTest]]
     free_runs: dict[str, FreeRun]
     remarks: list[str]
 
@@ -83,7 +61,9 @@ class Evaluation(NamedTuple):
             "velocity_error": NamedRows(VelocityError._fields, self.velocity_errors),
             "consistency": NamedRows(SensorConsistency._fields, self.consistency),
             "sensor_errors": NamedRows(SensorErrorResult._fields, self.sensor_errors),
-            "faults": NamedRows(FaultResult._fields, self.faults),
+            "faults": NamedRows(
+                ("filter", *FaultTest._fields, "z"), [(name, *fault, fault.z) for name, fault in self.faults]
+            ),
         }
 
     def to_pandas(self) -> "dict[str, pd.DataFrame]":
@@ -121,7 +101,7 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
         evaluation.velocity_errors.extend(errors)
         evaluation.consistency.extend(sensor_consistency(estimate))
         evaluation.sensor_errors.extend(sensor_error_results(estimate))
-        evaluation.faults.extend(FaultResult(estimate.filter, *fault, z=fault.z) for fault in estimate.faults)
+        evaluation.faults.extend((estimate.filter, fault) for fault in estimate.faults)
         evaluation.free_runs[estimate.filter] = run
     return evaluation
 

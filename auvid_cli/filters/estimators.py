@@ -1,23 +1,22 @@
 """Estimators as objects: what they are called, and their settings."""
 
-from collections.abc import Callable, Iterable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.filters.point_sets import PointSet
 from auvid_cli.filters.problem import FilterOutcome, Gaussian, OnChunk, Process, Sensors, Timeline
 from auvid_cli.filters.segments import one_after_the_other
+from auvid_cli.filters.square_root import run_square_root_filter
 
 if TYPE_CHECKING:
     from auvid_cli.filters.fault_scores import Faults
 
 Array = NDArray[np.float64]
-
-# Filters one segment of data: process, sensors, timelines, prior, receiver.
-FilterSegment = Callable[[Process, Sensors, Iterable[Timeline], Gaussian, OnChunk], FilterOutcome]
 
 
 class Estimator(Protocol):
@@ -26,6 +25,11 @@ class Estimator(Protocol):
     @property
     def name(self) -> str:
         """Return the name by which commands, settings and files know it."""
+        ...
+
+    @property
+    def in_one_batch(self) -> bool:
+        """Say whether it fits all data at once, instead of going from measurement to measurement."""
         ...
 
     @property
@@ -39,7 +43,7 @@ class Estimator(Protocol):
 
 
 @dataclass(frozen=True)
-class KalmanFilter:
+class KalmanFilter(ABC):
     """A filter that goes from measurement to measurement, and from segment to segment.
 
     Attributes
@@ -47,20 +51,49 @@ class KalmanFilter:
     name : str
     process : Process
     sensors : Sensors
-    filter_segment : callable
-        Such as `run_extended_filter`, or `run_square_root_filter` with a set of points.
     """
 
     name: str
     process: Process
     sensors: Sensors
-    filter_segment: FilterSegment
+    in_one_batch = False
     limit = ""
+
+    @abstractmethod
+    def filter_segment(self, timelines: Iterable[Timeline], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+        """Filter one segment, from a Gaussian about its own state."""
 
     def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
         """Filter one segment after the other."""
-        run = partial(self.filter_segment, self.process, self.sensors)
-        return one_after_the_other(run, self.process.noise_density.size, segments, prior, on_chunk)
+        return one_after_the_other(self.filter_segment, self.process.noise_density.size, segments, prior, on_chunk)
+
+
+class ExtendedKalmanFilter(KalmanFilter):
+    """The EKF, with whatever transition its process has; see `auvid_cli.filters.extended`."""
+
+    def filter_segment(self, timelines: Iterable[Timeline], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+        """Filter one segment, from a Gaussian about its own state."""
+        # filterpy is slow to load and large, and no other filter needs it.
+        from auvid_cli.filters.extended import run_extended_filter
+
+        return run_extended_filter(self.process, self.sensors, timelines, prior, on_chunk)
+
+
+@dataclass(frozen=True)
+class SigmaPointFilter(KalmanFilter):
+    """A filter with a set of sigma points; see `auvid_cli.filters.square_root`.
+
+    Attributes
+    ----------
+    points : PointSet
+        For the dimension of the state of a segment.
+    """
+
+    points: PointSet
+
+    def filter_segment(self, timelines: Iterable[Timeline], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
+        """Filter one segment, from a Gaussian about its own state."""
+        return run_square_root_filter(self.points, self.process, self.sensors, timelines, prior, on_chunk)
 
 
 @dataclass(frozen=True)
@@ -84,6 +117,7 @@ class OutputErrorMethod:
     max_evaluations: int
     bounds: tuple[Array, Array]
     use_prior: bool
+    in_one_batch = True
 
     @property
     def limit(self) -> str:
@@ -118,6 +152,7 @@ class IteratedSmoother:
     sensors: Sensors
     max_passes: int
     faults: "Faults"
+    in_one_batch = True
 
     @property
     def limit(self) -> str:

@@ -43,6 +43,25 @@ class FaultEffects(NamedTuple):
     added: Array
 
 
+class _Carried(NamedTuple):
+    """What is carried through the data: errors, and what is said of the faults.
+
+    Attributes
+    ----------
+    error : ndarray, shape (n, n_faults)
+        Of the state, per unit of each fault.
+    score, information : ndarray, shape (n_faults,)
+        As in `FaultScores`.
+    moved : ndarray, shape (n_moving, n_faults)
+        Overwritten.
+    """
+
+    error: Array
+    score: Array
+    information: Array
+    moved: Array
+
+
 class Faults(Protocol):
     """What may be wrong with a model or its data."""
 
@@ -61,9 +80,14 @@ class Faults(Protocol):
         ...
 
 
-@compiled(types.void(TIMELINE, LINEARISED, TRACE, _stack, _stack, _matrix, _matrix, _vector, _vector), reassociate=True)
-def _carry(timeline, about, trace, pushed, added, error, moved, score, information):
+_EFFECTS = types.NamedUniTuple(_stack, 2, FaultEffects)
+_CARRIED = types.NamedTuple((_matrix, _vector, _vector, _matrix), _Carried)
+
+
+@compiled(types.void(TIMELINE, LINEARISED, TRACE, _EFFECTS, _CARRIED), reassociate=True)
+def _carry(timeline, about, trace, effects, carried):
     """Carry the errors that faults make through a chunk of the data, and add to what is said of them."""
+    error, moved = carried.error, carried.moved
     n, n_faults = error.shape
     n_moving = moved.shape[0]
     n_parameters = n - n_moving
@@ -72,7 +96,7 @@ def _carry(timeline, about, trace, pushed, added, error, moved, score, informati
         if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
             for i in range(n_moving):
                 for f in range(n_faults):
-                    moved[i, f] = pushed[event, i, f]
+                    moved[i, f] = effects.pushed[event, i, f]
                 for j in range(n):
                     rate = trace.transition[event, i, j]
                     for f in range(n_faults):
@@ -85,7 +109,7 @@ def _carry(timeline, about, trace, pushed, added, error, moved, score, informati
                 if np.isnan(about.residual[k, c]):
                     continue
                 for f in range(n_faults):
-                    effect[f] = added[k, c, f]
+                    effect[f] = effects.added[k, c, f]
                 for j in range(n):
                     h = about.rows[k, c, j]
                     if h != 0.0:
@@ -94,8 +118,8 @@ def _carry(timeline, about, trace, pushed, added, error, moved, score, informati
                 total = trace.total[k, c]
                 innovation = trace.error[k, c] / total
                 for f in range(n_faults):
-                    score[f] += effect[f] * innovation
-                    information[f] += effect[f] * effect[f] / total
+                    carried.score[f] += effect[f] * innovation
+                    carried.information[f] += effect[f] * effect[f] / total
                 for j in range(n):
                     gain = trace.gain[k, c, j] / total
                     for f in range(n_faults):
@@ -114,14 +138,13 @@ def score_faults(problem: LinearSmoothing, filtered: Filtered, faults: Faults) -
     """
     n_faults = len(faults.names)
     n_parameters, n_moving = filtered.trajectory.parameters.size, filtered.trajectory.initial[0].size
-    error, moved = np.zeros((n_parameters + n_moving, n_faults)), np.zeros((n_moving, n_faults))
-    score, information = np.zeros(n_faults), np.zeros(n_faults)
+    error = np.zeros((n_parameters + n_moving, n_faults))
+    carried = _Carried(error, np.zeros(n_faults), np.zeros(n_faults), np.zeros((n_moving, n_faults)))
     started = -1
     for segment, timeline, about, trace in problem.traced(filtered):
         if segment > started:
             # The motion begins anew, as far off as what it owes to the parameters.
             error[n_parameters:] = filtered.by_parameters[segment] @ error[:n_parameters]
             started = segment
-        pushed, added = faults.effects(segment, timeline, about)
-        _carry(timeline, about, trace, pushed, added, error, moved, score, information)
-    return FaultScores(faults.names, faults.units, score, information, error[:n_parameters].copy())
+        _carry(timeline, about, trace, faults.effects(segment, timeline, about), carried)
+    return FaultScores(faults.names, faults.units, carried.score, carried.information, error[:n_parameters].copy())

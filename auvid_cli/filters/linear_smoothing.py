@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from auvid_cli.filters.problem import Gaussian, Process, Sensors, Timeline
+from auvid_cli.filters.problem import Gaussian, ModelData, Process, Sensors, Timeline
 from auvid_cli.filters.segments import of_segment, places, with_parameters
 from auvid_cli.filters.smoothing_backward import Adjoint, backward
 from auvid_cli.filters.smoothing_forward import Linearised, Trace, Work, forward, linearise_measurements
@@ -112,12 +112,13 @@ class LinearSmoothing:
     def __init__(
         self, process: Process, sensors: Sensors, segments: Sequence[Iterable[Timeline]], prior: Gaussian
     ) -> None:
-        self._process, self._sensors, self._segments, self._prior = process, sensors, segments, prior
+        self._process, self._segments, self._prior = process, segments, prior
+        self._data, self._n_components = ModelData.of(process, sensors), sensors.matrix.shape[1]
         self._n_moving = process.noise_density.size
         self._n_parameters = prior.mean.size - len(segments) * self._n_moving
         self._n = self._n_parameters + self._n_moving
         self._places = places(prior.mean.size, self._n_moving, len(segments))
-        self._work = _new_work(process, self._n, sensors.matrix.shape[1])
+        self._work = _new_work(process, self._n, self._n_components)
         self._kept, self._kept_of = dict[tuple[int, int], tuple[Linearised, Trace]](), None
 
     def filter(self, trajectory: Trajectory) -> Filtered | None:
@@ -195,9 +196,7 @@ class LinearSmoothing:
         before = chunks[chunk - 1][-1] if chunk else trajectory.initial[segment]
         residual, rows = np.full(shape, np.nan), np.zeros((*shape, self._n))
         about = Linearised(trajectory.parameters, before, chunks[chunk], residual, rows)
-        p = self._process
-        observation = p.linearise, p.constants, p.selection, self._sensors
-        linearise_measurements(*observation, timeline, about, np.zeros(shape[1]), self._work)
+        linearise_measurements(self._process.linearise, self._data, timeline, about, self._work)
         return about
 
     def _beginning(self, trajectory: Trajectory, segment: int, state: State | None) -> tuple[Gaussian, Array, float]:
@@ -213,12 +212,10 @@ class LinearSmoothing:
         return own._replace(mean=own.mean - nominal), owed, float(distance @ distance)
 
     def _state(self, gaussian: Gaussian) -> State:
-        return State.of(gaussian, self._n + self._n % 2, padded(self._n + self._sensors.matrix.shape[1]))
+        return State.of(gaussian, self._n + self._n % 2, padded(self._n + self._n_components))
 
     def _forward(self, timeline: Timeline, about: Linearised, state: State, trace: Trace) -> tuple[int, float, float]:
-        p = self._process
-        model = p.transition, p.constants, p.selection, p.noise_density
-        return forward(*model, self._sensors, timeline, about, state, trace, self._work)
+        return forward(self._process.transition, self._data, timeline, about, state, trace, self._work)
 
 
 def is_led_to(first: Timeline) -> bool:
@@ -251,5 +248,6 @@ def _new_work(process: Process, n: int, n_components: int) -> Work:
         gain=np.zeros(padded(n + n_components)),
         ratio=np.zeros(even),
         share=np.zeros(even),
+        predictions=np.zeros(n_components),
         process=np.zeros(process.scratch_size),
     )

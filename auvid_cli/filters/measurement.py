@@ -12,19 +12,15 @@ from numba import types
 
 from auvid_cli.angles import wrap
 from auvid_cli.compilation import compiled
+from auvid_cli.filters.basis import blocks_and_lanes
 from auvid_cli.filters.factor import carlson_update, triangularise
-from auvid_cli.filters.problem import Sensors
-from auvid_cli.filters.sigma_points import blocks_and_lanes, collect_points, draw_points
+from auvid_cli.filters.problem import RECORDS, TIMELINE
+from auvid_cli.filters.sigma_points import collect_points, draw_points
 from auvid_cli.filters.square_root_state import MODEL, STATE
 from auvid_cli.filters.workspace import WORKSPACE
 from auvid_cli.lanes import LANES
 
 _vector = types.float64[::1]
-_matrix = types.float64[:, ::1]
-SENSORS_TYPE = types.NamedTuple(
-    (types.float64[:, :, ::1], _matrix, types.boolean[:, ::1], types.boolean[::1], types.float64),
-    Sensors,
-)
 
 
 _wrap = compiled(types.float64(types.float64), inline=True)(wrap)
@@ -52,54 +48,46 @@ def predict_linearly(row, state, place):
     mean[place] = predicted
 
 
-@compiled(types.void(MODEL, STATE, types.int64, _vector, types.int64, WORKSPACE), reassociate=True, internal=True)
-def predict_nonlinearly(model, state, sensor, inputs, n_components, work):
+@compiled(types.void(MODEL, STATE, TIMELINE, types.int64, types.int64, WORKSPACE), reassociate=True, internal=True)
+def predict_nonlinearly(model, state, timeline, event, sensor, work):
     """Put a sensor's components behind the n-th place of mean and factor, and the even part in ``work.spread``."""
-    n, mean, columns, n_moving = state.n, state.mean, state.columns, model.noise_density.size
-    draw_points(model.basis, mean, columns, n, n_moving, work.product, work.points)
+    n, mean, columns, data = state.n, state.mean, state.columns, model.data
+    n_moving, n_components = data.noise_density.size, timeline.measurement.shape[1]
+    inputs = timeline.inputs[timeline.event_input[event]]
+    draw_points(model.basis, state, n_moving, work)
     n_blocks, last_lanes = blocks_and_lanes(model.basis)
     for b in range(n_blocks):
         moving, parameters = work.points[b, : n_moving * LANES], work.points[b, n_moving * LANES :]
         n_lanes = np.uint64(last_lanes if b == n_blocks - 1 else LANES)
         model.observe(
-            *(moving, parameters, sensor, inputs, model.constants, model.selection, n_lanes),
+            *(moving, parameters, sensor, inputs, data.constants, data.selection, n_lanes),
             work.images[b],
             work.process,
         )
     for i in range(work.spread.shape[0]):
         for k in range(work.spread.shape[1]):
             work.spread[i, k] = 0.0
-    collect_points(
-        work.images,
-        model.basis,
-        n_components,
-        0,
-        mean[n : n + n_components],
-        work.odd,
-        work.regression,
-        work.spread,
-        work.product,
-    )
+    collect_points(work.images, model.basis, n_components, 0, mean[n : n + n_components], work)
     for c in range(n_components):
         for j in range(n):
             columns[j, n + c] = work.regression[c, j]
 
 
 @compiled(
-    types.int64(MODEL, STATE, SENSORS_TYPE, types.int64, _vector, _vector, _vector, _vector, WORKSPACE),
-    reassociate=True,
-    inline=True,
+    types.int64(MODEL, STATE, TIMELINE, types.int64, types.int64, RECORDS, WORKSPACE), reassociate=True, inline=True
 )
-def select(model, state, sensors, sensor, inputs, measurement, innovation, variance, work):
+def select(model, state, timeline, event, k, records, work):
     """Predict the components of a measurement that are present and within the gate, one behind the other.
 
     ``work.error`` and ``work.noise`` get their innovations and the variances of their noise; returns how many they
     are. Parameters as of `update`.
     """
-    n, mean, columns, m = state.n, state.mean, state.columns, model.basis.present.size
+    n, mean, columns, m, sensors = state.n, state.mean, state.columns, model.basis.present.size, model.data.sensors
+    measurement, sensor = timeline.measurement[k], timeline.measurement_sensor[k]
+    innovation, variance = records.innovation[k], records.innovation_variance[k]
     nonlinear = sensors.nonlinear[sensor]
     if nonlinear:
-        predict_nonlinearly(model, state, sensor, inputs, measurement.size, work)
+        predict_nonlinearly(model, state, timeline, event, sensor, work)
     n_present = 0
     for c in range(measurement.size):
         innovation[c] = np.nan
@@ -172,11 +160,9 @@ def condition(state, n_present, work):
 
 
 @compiled(
-    types.float64(MODEL, STATE, SENSORS_TYPE, types.int64, _vector, _vector, _vector, _vector, WORKSPACE),
-    reassociate=True,
-    inline=True,
+    types.float64(MODEL, STATE, TIMELINE, types.int64, types.int64, RECORDS, WORKSPACE), reassociate=True, inline=True
 )
-def update(model, state, sensors, sensor, inputs, measurement, innovation, variance, work):
+def update(model, state, timeline, event, k, records, work):
     """Condition on one measurement; components that are missing or outside the gate are left out.
 
     Parameters
@@ -184,15 +170,11 @@ def update(model, state, sensors, sensor, inputs, measurement, innovation, varia
     model : Model
     state : State
         Conditioned in place.
-    sensors : Sensors
-    sensor : int
-        Its row there.
-    inputs : ndarray, shape (n_inputs,)
-        That hold from then on.
-    measurement : ndarray, shape (c,)
-        NaN where a component is missing.
-    innovation, variance : ndarray, shape (c,)
-        Filled with the joint innovation before the update and the variance of each component; the latter is
+    timeline : Timeline
+    event, k : int
+        The event, and the measurement taken there.
+    records : Records
+        Of that measurement is filled in: the joint innovation before the update, and the variance of each component,
         NaN for one outside the gate.
     work : Workspace
         Overwritten.
@@ -202,7 +184,7 @@ def update(model, state, sensors, sensor, inputs, measurement, innovation, varia
     float
         Normalised innovation squared of the whole measurement; NaN or negative where the update failed.
     """
-    n_present = select(model, state, sensors, sensor, inputs, measurement, innovation, variance, work)
-    if sensors.nonlinear[sensor] and not decorrelate(state, n_present, work):
+    n_present = select(model, state, timeline, event, k, records, work)
+    if model.data.sensors.nonlinear[timeline.measurement_sensor[k]] and not decorrelate(state, n_present, work):
         return np.nan
     return condition(state, n_present, work)

@@ -8,56 +8,54 @@ import numpy as np
 from numba import types
 
 from auvid_cli.compilation import compiled
+from auvid_cli.filters.basis import blocks_and_lanes
 from auvid_cli.filters.factor import triangularise
-from auvid_cli.filters.sigma_points import all_finite, blocks_and_lanes, collect_points, draw_points
+from auvid_cli.filters.problem import TIMELINE
+from auvid_cli.filters.sigma_points import all_finite, collect_points, draw_points
 from auvid_cli.filters.square_root_state import MODEL, STATE
 from auvid_cli.filters.workspace import WORKSPACE
 from auvid_cli.lanes import LANES
 
-_vector = types.float64[::1]
-_matrix = types.float64[:, ::1]
-_indices = types.int64[::1]
 
-
-@compiled(types.boolean(MODEL, STATE, _matrix, _indices, _vector, WORKSPACE), reassociate=True, inline=True)
-def predict(model, state, inputs, substep_input, substep_duration, work):
-    """Move a state over consecutive substeps of constant input, in place.
+@compiled(types.boolean(MODEL, STATE, TIMELINE, types.int64, WORKSPACE), reassociate=True, inline=True)
+def predict(model, state, timeline, event, work):
+    """Move a state over the substeps that lead to an event, in place.
 
     Returns
     -------
     bool
         False if the result is not finite or not positive definite.
     """
-    basis, noise_density = model.basis, model.noise_density
+    data, basis = model.data, model.basis
     n, mean, columns = state.n, state.mean, state.columns
-    n_moving = noise_density.size
+    n_moving = data.noise_density.size
     n_parameters = n - n_moving
     m = basis.present.size
+    first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
+    substep_input, substep_duration = timeline.substep_input[first:last], timeline.substep_duration[first:last]
     elapsed = 0.0
     for substep in range(substep_duration.size):
         elapsed += substep_duration[substep]
-    draw_points(basis, mean, columns, n, n_moving, work.product, work.points)
+    draw_points(basis, state, n_moving, work)
     n_blocks, last_lanes = blocks_and_lanes(basis)
     for b in range(n_blocks):
         moving, parameters = work.points[b, : n_moving * LANES], work.points[b, n_moving * LANES :]
         n_lanes = np.uint64(last_lanes if b == n_blocks - 1 else LANES)
         for substep in range(substep_duration.size):
-            held, duration = inputs[substep_input[substep]], substep_duration[substep]
-            model.advance(moving, parameters, held, model.constants, model.selection, n_lanes, duration, work.process)
+            held, duration = timeline.inputs[substep_input[substep]], substep_duration[substep]
+            model.advance(moving, parameters, held, data.constants, data.selection, n_lanes, duration, work.process)
 
     spread = work.spread
     for i in range(spread.shape[0]):
         for k in range(spread.shape[1]):
             spread[i, k] = 0.0
-    collect_points(
-        work.points, basis, n_moving, n_moving, mean[n_parameters:n], work.odd, work.regression, spread, work.product
-    )
+    collect_points(work.points, basis, n_moving, n_moving, mean[n_parameters:n], work)
     for i in range(n_moving):
         for j in range(n_parameters):
             columns[j, n_parameters + i] = work.regression[i, j]
         for j in range(n_moving):
             spread[i, j] = work.regression[i, n_parameters + j]
-        spread[i, n_moving + m + 1 + i] = noise_density[i] * np.sqrt(elapsed)
+        spread[i, n_moving + m + 1 + i] = data.noise_density[i] * np.sqrt(elapsed)
     if not all_finite(n, mean) or not triangularise(spread, n_moving, work.lower):
         return False
     for j in range(n_moving):

@@ -99,6 +99,35 @@ class Sensors(NamedTuple):
     gate: float = np.inf
 
 
+SENSORS_TYPE = types.NamedTuple(
+    (types.float64[:, :, ::1], _matrix, types.boolean[:, ::1], types.boolean[::1], types.float64), Sensors
+)
+
+
+class ModelData(NamedTuple):
+    """Process and sensors without the functions, which compiled code is handed apart: numba takes none in a tuple.
+
+    Attributes
+    ----------
+    constants, selection, noise_density
+        As in `Process`.
+    sensors : Sensors
+    """
+
+    constants: Array
+    selection: Indices
+    noise_density: Array
+    sensors: Sensors
+
+    @classmethod
+    def of(cls, process: Process, sensors: Sensors) -> "ModelData":
+        """Take them from a process."""
+        return cls(process.constants, process.selection, process.noise_density, sensors)
+
+
+MODEL_DATA = types.NamedTuple((_vector, _indices, _vector, SENSORS_TYPE), ModelData)
+
+
 class Timeline(NamedTuple):
     """Consecutive events in time order: all of a dataset, or a chunk of them that follows another.
 
@@ -173,6 +202,9 @@ class Records(NamedTuple):
     innovation: Array
     innovation_variance: Array
     nis: Array
+
+
+RECORDS = types.NamedTuple((_matrix, _matrix, _matrix, _matrix, _vector), Records)
 
 
 def empty_records(timeline: Timeline, n: int) -> Records:

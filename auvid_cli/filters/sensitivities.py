@@ -11,11 +11,13 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.measurement import SENSORS_TYPE, wrapped
+from auvid_cli.filters.measurement import wrapped
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
+    MODEL_DATA,
     TIMELINE,
     TRANSITION_SIGNATURE,
+    ModelData,
     Process,
     Sensors,
     Timeline,
@@ -25,7 +27,6 @@ Array = NDArray[np.float64]
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-_indices = types.int64[::1]
 _stack = types.float64[:, :, ::1]
 
 # Beyond this a motion counts as blown up: squares, and their sums over a long run, stay finite.
@@ -61,6 +62,15 @@ class Response(NamedTuple):
         """Say whether the motion is not finite, or beyond all measure, before the end of the chunk."""
         return len(self.mean) < self.timeline.time.size
 
+    def until(self, n_events: int) -> "Response":
+        """Keep the first events and their measurements."""
+        n_measurements = self.timeline.measurement_offset[n_events]
+        return Response(
+            self.timeline,
+            *(of_event[:n_events] for of_event in (self.mean, self.sensitivity)),
+            *(of_measurement[:n_measurements] for of_measurement in (self.innovation, self.whitened)),
+        )
+
 
 def responses(process: Process, sensors: Sensors, timelines: Iterable[Timeline], start: Array) -> Iterator[Response]:
     """Move a state along the data without correction, chunk by chunk, until the end or until the motion blows up.
@@ -74,43 +84,88 @@ def responses(process: Process, sensors: Sensors, timelines: Iterable[Timeline],
     start : ndarray, shape (n,)
         State at the first event.
     """
-    n, n_moving = start.size, process.noise_density.size
-    mean, matrix = np.array(start, dtype=np.float64), np.eye(n)
-    sensitivity = np.eye(n)[n - n_moving :].copy()
-    moved, scratch = np.empty((n_moving, n)), np.zeros(process.scratch_size)
+    n, n_moving, n_components = start.size, process.noise_density.size, sensors.matrix.shape[1]
+    data, here = (
+        ModelData.of(process, sensors),
+        _Here(np.array(start, dtype=np.float64), np.eye(n)[n - n_moving :].copy()),
+    )
+    work = _Workspace(
+        np.eye(n),
+        np.empty((n_moving, n)),
+        np.empty(n_components),
+        np.empty((n_components, n)),
+        np.zeros(process.scratch_size),
+    )
     for timeline in timelines:
-        n_events, (n_measurements, n_components) = timeline.time.size, timeline.measurement.shape
-        means, sensitivities = np.empty((n_events, n)), np.empty((n_events, n_moving, n))
-        innovation, whitened = np.empty((n_measurements, n_components)), np.zeros((n_measurements, n_components, n + 1))
-        model = process.transition, process.constants, process.selection
-        good = _move(*model, timeline, mean, sensitivity, matrix, moved, scratch, means, sensitivities)
-        n_measured = timeline.measurement_offset[good]
-        observation = process.linearise, process.constants, process.selection, sensors
-        work = np.empty(n_components), np.empty((n_components, n)), scratch
-        _predict_measurements(*observation, timeline, good, means, sensitivities, innovation, whitened, *work)
-        yield Response(timeline, means[:good], sensitivities[:good], innovation[:n_measured], whitened[:n_measured])
-        if good < n_events:
+        n_events, n_measurements = timeline.time.size, timeline.measurement_sensor.size
+        whole = Response(
+            timeline,
+            np.empty((n_events, n)),
+            np.empty((n_events, n_moving, n)),
+            np.empty((n_measurements, n_components)),
+            np.zeros((n_measurements, n_components, n + 1)),
+        )
+        response = whole.until(_move(process.transition, data, here, whole, work))
+        _predict_measurements(process.linearise, data, response, work)
+        yield response
+        if response.blew_up:
             return
 
 
-@compiled(
-    types.int64(
-        types.FunctionType(TRANSITION_SIGNATURE),
-        *(_vector, _indices, TIMELINE, _vector, _matrix, _matrix, _matrix, _vector, _matrix, _stack),
-    ),
-)
-def _move(transition, constants, selection, timeline, mean, sensitivity, matrix, moved, scratch, means, sensitivities):
-    """Fill in state and sensitivities of every event; returns how many are sound.
+class _Here(NamedTuple):
+    """The state where a chunk of the data begins and, afterwards, where it ends.
 
-    `mean` and `sensitivity` are where it starts and, afterwards, where it ends.
+    Attributes
+    ----------
+    mean : ndarray, shape (n,)
+    sensitivity : ndarray, shape (n_moving, n)
+        Derivative of its moving part by the state at the start.
     """
+
+    mean: Array
+    sensitivity: Array
+
+
+class _Workspace(NamedTuple):
+    """Arrays that hold nothing from one use to the next.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (n, n)
+        Transition matrix, the identity above its moving rows.
+    moved : ndarray, shape (n_moving, n)
+    predictions : ndarray, shape (c,)
+        What a sensor sees of a state.
+    derivative : ndarray, shape (c, n)
+        Of that, by the state.
+    process : ndarray
+        For the process itself.
+    """
+
+    matrix: Array
+    moved: Array
+    predictions: Array
+    derivative: Array
+    process: Array
+
+
+_RESPONSE = types.NamedTuple((TIMELINE, _matrix, _stack, _matrix, _stack), Response)
+_HERE = types.NamedTuple((_vector, _matrix), _Here)
+_WORKSPACE = types.NamedTuple((_matrix, _matrix, _vector, _matrix, _vector), _Workspace)
+
+
+@compiled(types.int64(types.FunctionType(TRANSITION_SIGNATURE), MODEL_DATA, _HERE, _RESPONSE, _WORKSPACE))
+def _move(transition, data, here, response, work):
+    """Fill in state and sensitivities of every event; returns how many are sound."""
+    timeline, mean, sensitivity, matrix, moved = response.timeline, here.mean, here.sensitivity, work.matrix, work.moved
     n_moving, n = sensitivity.shape
     n_parameters = n - n_moving
     for event in range(timeline.time.size):
         first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
         if last > first:
             substeps = timeline.substep_input[first:last], timeline.substep_duration[first:last]
-            transition(mean, timeline.inputs, substeps[0], substeps[1], constants, selection, matrix, scratch)
+            inputs, constants, selection = timeline.inputs, data.constants, data.selection
+            transition(mean, inputs, substeps[0], substeps[1], constants, selection, matrix, work.process)
             size = 0.0
             for i in range(n_moving):
                 row = matrix[n_parameters + i]
@@ -128,63 +183,45 @@ def _move(transition, constants, selection, timeline, mean, sensitivity, matrix,
                 for j in range(n):
                     sensitivity[i, j] = moved[i, j]
         for j in range(n):
-            means[event, j] = mean[j]
+            response.mean[event, j] = mean[j]
             for i in range(n_moving):
-                sensitivities[event, i, j] = sensitivity[i, j]
+                response.sensitivity[event, i, j] = sensitivity[i, j]
     return timeline.time.size
 
 
-@compiled(
-    types.void(
-        types.FunctionType(LINEARISATION_SIGNATURE),
-        *(_vector, _indices, SENSORS_TYPE, TIMELINE, types.int64, _matrix, _stack, _matrix, _stack),
-        *(_vector, _matrix, _vector),
-    ),
-)
-def _predict_measurements(
-    linearise,
-    constants,
-    selection,
-    sensors,
-    timeline,
-    n_events,
-    means,
-    sensitivities,
-    innovation,
-    whitened,
-    predictions,
-    derivative,
-    scratch,
-):
-    """Fill in what the sensors say at the first events."""
-    n = means.shape[1]
-    n_parameters = n - sensitivities.shape[1]
-    for event in range(n_events):
+@compiled(types.void(types.FunctionType(LINEARISATION_SIGNATURE), MODEL_DATA, _RESPONSE, _WORKSPACE))
+def _predict_measurements(linearise, data, response, work):
+    """Fill in what the sensors say at the events."""
+    timeline, innovation, sensors = response.timeline, response.innovation, data.sensors
+    n = response.mean.shape[1]
+    n_parameters = n - response.sensitivity.shape[1]
+    for event in range(response.mean.shape[0]):
+        mean = response.mean[event]
         for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
             sensor = timeline.measurement_sensor[k]
             nonlinear, rows = sensors.nonlinear[sensor], sensors.matrix[sensor]
             if nonlinear:
-                inputs = timeline.inputs[timeline.event_input[event]]
-                linearise(means[event], sensor, inputs, constants, selection, predictions, derivative, scratch)
-                rows = derivative
+                inputs, model = timeline.inputs[timeline.event_input[event]], (data.constants, data.selection)
+                linearise(mean, sensor, inputs, model[0], model[1], work.predictions, work.derivative, work.process)
+                rows = work.derivative
             for c in range(innovation.shape[1]):
                 measured = timeline.measurement[k, c]
                 innovation[k, c] = np.nan
                 if np.isnan(measured):
                     continue
-                weight, row = 1.0 / np.sqrt(sensors.variance[sensor, c]), whitened[k, c]
+                weight, row = 1.0 / np.sqrt(sensors.variance[sensor, c]), response.whitened[k, c]
                 predicted = 0.0
                 for i in range(n):
                     h = rows[c, i]
                     if h != 0.0:
-                        predicted += h * means[event, i]
+                        predicted += h * mean[i]
                         if i < n_parameters:
                             row[i] += weight * h
                         else:
-                            of_state = sensitivities[event, i - n_parameters]
+                            of_state = response.sensitivity[event, i - n_parameters]
                             for j in range(n):
                                 row[j] += weight * h * of_state[j]
                 if nonlinear:
-                    predicted = predictions[c]
+                    predicted = work.predictions[c]
                 innovation[k, c] = wrapped(measured - predicted, sensors.angular[sensor, c])
                 row[n] = weight * innovation[k, c]

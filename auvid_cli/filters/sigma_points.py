@@ -7,66 +7,18 @@ moves with each column of S, so it is a set of further rows of the factor; the e
 columns do not explain. The process and nonlinear measurements are both collected so.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import types
-from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.point_sets import PointSet
+from auvid_cli.filters.basis import BASIS, PAIRS
+from auvid_cli.filters.square_root_state import STATE
+from auvid_cli.filters.workspace import WORKSPACE
 from auvid_cli.lanes import LANES
 
-Array = NDArray[np.float64]
-
-# A block of lanes holds this many pairs.
-PAIRS = LANES // 2
 _ROW = np.uint64(PAIRS)
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-
-
-class Basis(NamedTuple):
-    """A point set laid out for the compiled loops, which work on whole tiles of `PAIRS` pairs.
-
-    Attributes
-    ----------
-    directions : ndarray, shape (n_tiles, m * PAIRS)
-        Tile t holds, for every coordinate j, that of the pairs from ``t * PAIRS`` on, at ``j * PAIRS``. The
-        dimension m is n, padded with zeros to whole tiles.
-    transposed : ndarray, shape (n_tiles, m * PAIRS)
-        Tile t holds, for every pair k, its coordinates from ``t * PAIRS`` on, at ``k * PAIRS``.
-    present : ndarray, shape (m,)
-        One for each pair, zero for padding.
-    weight, centred, curvature
-        As in `PointSet`.
-    """
-
-    directions: Array
-    transposed: Array
-    present: Array
-    weight: float
-    centred: bool
-    curvature: float
-
-
-BASIS = types.NamedTuple((_matrix, _matrix, _vector, types.float64, types.boolean, types.float64), Basis)
-
-
-def basis_of(point_set: PointSet) -> Basis:
-    """Lay out a point set."""
-    n = point_set.directions.shape[0]
-    n_tiles = -(-n // PAIRS)
-    padded = np.zeros((n_tiles * PAIRS, n_tiles * PAIRS))
-    padded[:n, :n] = point_set.directions
-
-    def in_tiles(matrix: Array) -> Array:
-        return np.ascontiguousarray(matrix.reshape(-1, n_tiles, PAIRS).swapaxes(0, 1)).reshape(n_tiles, -1)
-
-    present = (np.arange(n_tiles * PAIRS) < n).astype(float)
-    return Basis(
-        in_tiles(padded), in_tiles(padded.T), present, point_set.weight, point_set.centred, point_set.curvature
-    )
 
 
 @compiled(
@@ -93,17 +45,14 @@ def two_products(left, first, second, stride, n_terms, right, out):
             out[k + _ROW] += b0 * t0 + b1 * t1 + b2 * t2 + b3 * t3
 
 
-@compiled(
-    types.void(BASIS, _vector, _matrix, types.int64, types.int64, _vector, _matrix),
-    reassociate=True,
-    inline=True,
-)
-def draw_points(basis, mean, columns, n, n_moving, scratch, points):
+@compiled(types.void(BASIS, STATE, types.int64, WORKSPACE), reassociate=True, inline=True)
+def draw_points(basis, state, n_moving, work):
     """Fill blocks with the points ``mean +- S delta_k``, one block to a tile, and the centre behind them.
 
     +delta lies in the lower half of the lanes and -delta in the upper; lanes without a direction hold the
-    mean. Moving rows come first in a block, then the parameters. `scratch` has the shape (2 * PAIRS,).
+    mean. Moving rows come first in a block, then the parameters.
     """
+    n, mean, columns, points, scratch = state.n, state.mean, state.columns, work.points, work.product
     n_parameters, n_tiles = n - n_moving, basis.directions.shape[0]
     width = columns.shape[1]
     factor = columns.reshape(-1)
@@ -131,19 +80,12 @@ def all_finite(n, values):
     return np.isfinite(total)
 
 
-@compiled(types.UniTuple(types.int64, 2)(BASIS), internal=True)
-def blocks_and_lanes(basis):
-    """Count the blocks of points that a map has to work on, and the lanes of the last: the centre needs one."""
-    n_tiles = basis.directions.shape[0]
-    return (n_tiles, LANES) if basis.centred else (n_tiles + 1, 1)
-
-
 @compiled(
-    types.void(_matrix, BASIS, types.int64, types.int64, _vector, _matrix, _matrix, _matrix, _vector),
+    types.void(_matrix, BASIS, types.int64, types.int64, _vector, WORKSPACE),
     reassociate=True,
     inline=True,
 )
-def collect_points(images, basis, n_images, first_even, image_mean, odd, regression, spread, scratch):
+def collect_points(images, basis, n_images, first_even, image_mean, work):
     """Collect mean, odd and even part of what a map made of the points.
 
     Parameters
@@ -154,19 +96,15 @@ def collect_points(images, basis, n_images, first_even, image_mean, odd, regress
     n_images : int
         Number of rows that the map yields.
     first_even : int
-        Where in `spread` to begin.
+        Where in ``work.spread`` to begin.
     image_mean : ndarray, shape (n_images,)
         Filled in.
-    odd : ndarray, shape (n_images rounded up to even, m)
-        Overwritten.
-    regression : ndarray, shape (n_images rounded up to even, m)
-        Filled with the odd part in the basis of the factor: row i of the result moves by entry j with
-        column j of S.
-    spread : ndarray, shape (n_images, at least first_even + m + 1)
-        Filled, from `first_even` on, with rows whose Gram matrix is the covariance left to the even part.
-    scratch : ndarray, shape (2 * PAIRS,)
-        Overwritten.
+    work : Workspace
+        ``regression`` is filled with the odd part in the basis of the factor: row i of the result moves by entry j
+        with column j of S. ``spread`` is filled, from `first_even` on, with rows whose Gram matrix is the covariance
+        left to the even part.
     """
+    odd, regression, spread, scratch = work.odd, work.regression, work.spread, work.product
     n_tiles, m = basis.directions.shape[0], basis.present.size
     root, present = np.sqrt(2.0 * basis.weight), basis.present
     for i in range(n_images):

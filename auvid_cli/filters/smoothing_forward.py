@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import TILE, carlson_update, triangularise
-from auvid_cli.filters.measurement import SENSORS_TYPE, predict_linearly, wrapped
-from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, TIMELINE, TRANSITION_SIGNATURE
+from auvid_cli.filters.measurement import predict_linearly, wrapped
+from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, MODEL_DATA, TIMELINE, TRANSITION_SIGNATURE
 from auvid_cli.filters.square_root_state import STATE
 
 Array = NDArray[np.float64]
@@ -21,7 +21,6 @@ Array = NDArray[np.float64]
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
-_indices = types.int64[::1]
 
 
 class Linearised(NamedTuple):
@@ -89,6 +88,8 @@ class Work(NamedTuple):
     lower : ndarray, shape (as many, as many)
     gain : ndarray, shape (width of the factor,)
     ratio, share : ndarray, shape (even number of states,)
+    predictions : ndarray, shape (c,)
+        What a sensor sees of a state.
     process : ndarray
         For the process itself.
     """
@@ -102,22 +103,19 @@ class Work(NamedTuple):
     gain: Array
     ratio: Array
     share: Array
+    predictions: Array
     process: Array
 
 
 LINEARISED = types.NamedTuple((_vector, _vector, _matrix, _matrix, _stack), Linearised)
 TRACE = types.NamedTuple((_stack, _matrix, _stack, _stack, *[_matrix] * 4), Trace)
-WORK = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 4), Work)
+WORK = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 5), Work)
 
 
-@compiled(
-    types.void(
-        types.FunctionType(LINEARISATION_SIGNATURE),
-        *(_vector, _indices, SENSORS_TYPE, TIMELINE, LINEARISED, _vector, WORK),
-    )
-)
-def linearise_measurements(linearise, constants, selection, sensors, timeline, about, predictions, work):
-    """Fill in residuals and derivatives; `predictions` is overwritten."""
+@compiled(types.void(types.FunctionType(LINEARISATION_SIGNATURE), MODEL_DATA, TIMELINE, LINEARISED, WORK))
+def linearise_measurements(linearise, data, timeline, about, work):
+    """Fill in residuals and derivatives."""
+    sensors, constants, selection, predictions = data.sensors, data.constants, data.selection, work.predictions
     n, n_parameters = about.rows.shape[2], about.parameters.size
     for event in range(timeline.time.size):
         for i in range(n):
@@ -239,18 +237,18 @@ def _write_down(event, state, n_parameters, trace):
 @compiled(
     types.Tuple((types.int64, types.float64, types.float64))(
         types.FunctionType(TRANSITION_SIGNATURE),
-        *(_vector, _indices, _vector, SENSORS_TYPE, TIMELINE, LINEARISED, STATE, TRACE, WORK),
+        *(MODEL_DATA, TIMELINE, LINEARISED, STATE, TRACE, WORK),
     ),
     reassociate=True,
 )
-def forward(transition, constants, selection, noise_density, sensors, timeline, about, state, trace, work):
+def forward(transition, data, timeline, about, state, trace, work):
     """Filter the deviations from a trajectory through a chunk of the data.
 
     Parameters
     ----------
-    transition, constants, selection, noise_density
+    transition
         Of the process, see `auvid_cli.filters.problem`.
-    sensors : Sensors
+    data : ModelData
     timeline : Timeline
     about : Linearised
     state : State
@@ -268,7 +266,8 @@ def forward(transition, constants, selection, noise_density, sensors, timeline, 
     least : float
         What is left of it at the minimum of the linear problem: the sum of the NIS.
     """
-    n, n_moving = state.n, noise_density.size
+    n, noise_density, sensors = state.n, data.noise_density, data.sensors
+    n_moving = noise_density.size
     n_parameters = n - n_moving
     cost, least = 0.0, 0.0
     for event in range(timeline.time.size):
@@ -283,9 +282,8 @@ def forward(transition, constants, selection, noise_density, sensors, timeline, 
                 work.point[n_parameters + i] = about.before[i] if event == 0 else about.moving[event - 1, i]
             substeps = timeline.substep_input[first:last], timeline.substep_duration[first:last]
             moved = work.point
-            transition(
-                moved, timeline.inputs, substeps[0], substeps[1], constants, selection, work.matrix, work.process
-            )
+            inputs, constants, selection = timeline.inputs, data.constants, data.selection
+            transition(moved, inputs, substeps[0], substeps[1], constants, selection, work.matrix, work.process)
             for i in range(n_moving):
                 defect = moved[n_parameters + i] - about.moving[event, i]
                 cost += defect * defect / (noise_density[i] ** 2 * elapsed)

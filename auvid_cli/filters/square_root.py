@@ -10,30 +10,31 @@ import numpy as np
 from numba import types
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.measurement import SENSORS_TYPE, update
+from auvid_cli.filters.basis import basis_of
+from auvid_cli.filters.measurement import update
 from auvid_cli.filters.point_sets import PointSet
 from auvid_cli.filters.prediction import predict
 from auvid_cli.filters.problem import (
     OK,
     PREDICTION,
+    RECORDS,
     TIMELINE,
     FilterOutcome,
     Gaussian,
+    ModelData,
     OnChunk,
     Process,
-    Records,
     Sensors,
     Timeline,
     empty_records,
     until,
 )
-from auvid_cli.filters.sigma_points import all_finite, basis_of
+from auvid_cli.filters.sigma_points import all_finite
 from auvid_cli.filters.square_root_state import MODEL, STATE, SquareRootModel, State
 from auvid_cli.filters.workspace import WORKSPACE, new_workspace, padded
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-_RECORDS = types.NamedTuple((_matrix, _matrix, _matrix, _matrix, _vector), Records)
 
 
 @compiled(types.void(_matrix, types.int64, _vector, _vector), reassociate=True, internal=True)
@@ -51,48 +52,29 @@ def deviations(columns, n, squares, result):
 
 
 @compiled(
-    types.UniTuple(types.int64, 2)(
-        *(*MODEL.types, SENSORS_TYPE, TIMELINE, types.int64, STATE, _RECORDS, WORKSPACE),
-    ),
+    types.UniTuple(types.int64, 2)(*MODEL.types, TIMELINE, STATE, RECORDS, WORKSPACE),
     reassociate=True,
 )
-def _run(
-    advance,
-    observe,
-    constants,
-    selection,
-    noise_density,
-    basis,
-    sensors,
-    timeline,
-    stop,
-    state,
-    records,
-    work,
-):
-    """Filter the events before `stop`; returns (first event that failed or `stop`, what failed).
+def _run(advance, observe, data, basis, timeline, state, records, work):
+    """Filter a chunk; returns (first event that failed or how many there are, what failed).
 
     A model comes field by field, since numba takes no functions inside a tuple from Python.
     """
-    model = SquareRootModel(advance, observe, constants, selection, noise_density, basis)
+    model = SquareRootModel(advance, observe, data, basis)
     n, mean, columns = state.n, state.mean, state.columns
-    for event in range(stop):
-        first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
-        substeps = timeline.substep_input[first:last], timeline.substep_duration[first:last]
-        if last > first and not predict(model, state, timeline.inputs, substeps[0], substeps[1], work):
+    for event in range(timeline.time.size):
+        leads = timeline.substep_offset[event + 1] > timeline.substep_offset[event]
+        if leads and not predict(model, state, timeline, event, work):
             return event, PREDICTION
-        inputs = timeline.inputs[timeline.event_input[event]]
         for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
-            sensor = timeline.measurement_sensor[k]
-            innovation, variance = records.innovation[k], records.innovation_variance[k]
-            nis = update(model, state, sensors, sensor, inputs, timeline.measurement[k], innovation, variance, work)
+            nis = update(model, state, timeline, event, k, records, work)
             records.nis[k] = nis
             if not (all_finite(n, mean) and nis >= 0.0):
-                return event, sensor
+                return event, timeline.measurement_sensor[k]
         for i in range(n):
             records.mean[event, i] = mean[i]
         deviations(columns, n, work.gain, records.standard_deviation[event])
-    return stop, OK
+    return timeline.time.size, OK
 
 
 def run_square_root_filter(
@@ -123,18 +105,18 @@ def run_square_root_filter(
     """
     n, n_components = prior.mean.size, sensors.matrix.shape[1]
     width = padded(n + n_components)
-    model = SquareRootModel.of(process, basis_of(point_set))
+    model = SquareRootModel(process.advance, process.observe, ModelData.of(process, sensors), basis_of(point_set))
     work = new_workspace(model.basis, process, n, n_components, width)
     state = State.of(prior, model.basis.present.size, width)
     n_good, failure = 0, OK
     for timeline in timelines:
         before, records = state.copy(), empty_records(timeline, n)
-        done, failure = _run(*model, sensors, timeline, timeline.time.size, state, records, work)
+        done, failure = _run(*model, timeline, state, records, work)
         n_good += done
         on_chunk(timeline, until(records, done, int(timeline.measurement_offset[min(done + 1, timeline.time.size)])))
         if failure != OK:
             # Once more from before the chunk, to stop at the last good state.
             state = before
-            _run(*model, sensors, timeline, done, state, records, work)
+            _run(*model, timeline._replace(time=timeline.time[:done]), state, records, work)
             break
     return FilterOutcome(state.covariance(), n_good, failure)

@@ -6,45 +6,34 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.filters.problem import OBSERVATION_SIGNATURE, PROCESS_SIGNATURE, Gaussian, Indices, Process
-from auvid_cli.filters.sigma_points import BASIS, Basis
+from auvid_cli.filters.basis import BASIS, Basis
+from auvid_cli.filters.problem import MODEL_DATA, OBSERVATION_SIGNATURE, PROCESS_SIGNATURE, Gaussian, ModelData
 
 Array = NDArray[np.float64]
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-_indices = types.int64[::1]
 
 
 class SquareRootModel(NamedTuple):
-    """What `auvid_cli.filters.problem.Process` says of the moving states, and the sigma points.
+    """A process with its sensors, see `auvid_cli.filters.problem`, and the sigma points.
 
     Attributes
     ----------
-    advance, observe, constants, selection, noise_density
+    advance, observe
         As in `Process`.
+    data : ModelData
     basis : Basis
     """
 
     advance: Any
     observe: Any
-    constants: Array
-    selection: Indices
-    noise_density: Array
+    data: ModelData
     basis: Basis
-
-    @classmethod
-    def of(cls, process: Process, basis: Basis) -> "SquareRootModel":
-        """Join a process and a set of points."""
-        return cls(process.advance, process.observe, process.constants, process.selection, process.noise_density, basis)
 
 
 MODEL = types.NamedTuple(
-    (
-        types.FunctionType(PROCESS_SIGNATURE),
-        types.FunctionType(OBSERVATION_SIGNATURE),
-        *(_vector, _indices, _vector, BASIS),
-    ),
+    (types.FunctionType(PROCESS_SIGNATURE), types.FunctionType(OBSERVATION_SIGNATURE), MODEL_DATA, BASIS),
     SquareRootModel,
 )
 

@@ -6,9 +6,9 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from auvid_cli.filters.basis import PAIRS, Basis
 from auvid_cli.filters.factor import TILE
 from auvid_cli.filters.problem import Process
-from auvid_cli.filters.sigma_points import PAIRS, Basis
 from auvid_cli.lanes import LANES
 
 Array = NDArray[np.float64]

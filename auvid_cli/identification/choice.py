@@ -1,6 +1,5 @@
 """The estimator that settings name, for an augmented problem."""
 
-from functools import partial
 from typing import assert_never
 
 import numpy as np
@@ -8,9 +7,14 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import Identification
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.filters.estimators import Estimator, IteratedSmoother, KalmanFilter, OutputErrorMethod
-from auvid_cli.filters.point_sets import PointSet, cubature, transformed, unscented
-from auvid_cli.filters.square_root import run_square_root_filter
+from auvid_cli.filters.estimators import (
+    Estimator,
+    ExtendedKalmanFilter,
+    IteratedSmoother,
+    OutputErrorMethod,
+    SigmaPointFilter,
+)
+from auvid_cli.filters.point_sets import cubature, transformed, unscented
 from auvid_cli.identification.augmented import AugmentedProblem
 from auvid_cli.identification.process import first_order_transition
 
@@ -26,48 +30,31 @@ def chosen_estimator(name: FilterName, augmented: AugmentedProblem, settings: Id
     augmented : AugmentedProblem
     settings : Identification
     """
-    n = len(augmented.layout.symbols)
+    n, problem = len(augmented.layout.symbols), (augmented.process, augmented.sensors)
     match name:
         case FilterName.EKF:
-            return _extended(augmented, settings)
+            process, sensors = problem
+            if settings.ekf.transition == "first_order":
+                process = process._replace(transition=first_order_transition)
+            return ExtendedKalmanFilter(name.value, process, sensors)
         case FilterName.CKF:
-            return _sigma_point(name, augmented, cubature(n))
+            return SigmaPointFilter(name.value, *problem, cubature(n))
         case FilterName.TUKF:
-            return _sigma_point(name, augmented, transformed(n))
+            return SigmaPointFilter(name.value, *problem, transformed(n))
         case FilterName.UKF:
             points = unscented(n, settings.ukf.alpha, settings.ukf.beta, settings.ukf.kappa)
-            return _sigma_point(name, augmented, points)
+            return SigmaPointFilter(name.value, *problem, points)
         case FilterName.SMOOTHER:
-            return _smoother(augmented, settings)
+            # What it is compiled from serves no other estimator.
+            from auvid_cli.identification.faults import VehicleFaults
+
+            return IteratedSmoother(name.value, *problem, settings.smoother.max_passes, VehicleFaults(augmented))
         case FilterName.OUTPUT_ERROR:
             method = settings.output_error
             bounds = _bounds(augmented, method.bounds)
-            problem = augmented.process, augmented.sensors
             return OutputErrorMethod(name.value, *problem, method.max_evaluations, bounds, method.use_prior)
         case _:
             assert_never(name)
-
-
-def _extended(augmented: AugmentedProblem, settings: Identification) -> KalmanFilter:
-    # filterpy is slow to load and large, and no other filter needs it.
-    from auvid_cli.filters.extended import run_extended_filter
-
-    process = augmented.process
-    if settings.ekf.transition == "first_order":
-        process = process._replace(transition=first_order_transition)
-    return KalmanFilter(FilterName.EKF.value, process, augmented.sensors, run_extended_filter)
-
-
-def _smoother(augmented: AugmentedProblem, settings: Identification) -> IteratedSmoother:
-    # What it is compiled from serves no other estimator.
-    from auvid_cli.identification.faults import VehicleFaults
-
-    problem = augmented.process, augmented.sensors, settings.smoother.max_passes
-    return IteratedSmoother(FilterName.SMOOTHER.value, *problem, VehicleFaults(augmented))
-
-
-def _sigma_point(name: FilterName, augmented: AugmentedProblem, points: PointSet) -> KalmanFilter:
-    return KalmanFilter(name.value, augmented.process, augmented.sensors, partial(run_square_root_filter, points))
 
 
 def _bounds(augmented: AugmentedProblem, intervals: dict[str, tuple[float, float]]) -> tuple[Array, Array]:

@@ -20,6 +20,7 @@ from auvid_cli.identification.augmented import AugmentedProblem
 from auvid_cli.identification.dvl import current_in_body_axes
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import N_BLOCK, factors, motion_derivative, vehicle_constants
+from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION, SENSORS
 
 Array = NDArray[np.float64]
@@ -77,7 +78,7 @@ class FaultedVehicle:
     def by_force(self, at: Motion, row: int, force: Array) -> Array:
         """Return by how much more they change under a force, N, or moment, N m: the row-th of X Y Z K M N."""
         rates = np.zeros((len(force), N_MOTION))
-        rates[:, :6] = force[:, None] * self._constants[36:72].reshape(6, 6)[:, row]
+        rates[:, :6] = force[:, None] * np.linalg.inv(mass_matrix(self._parameters))[:, row]
         return rates
 
     def _rates(self, motion: Array, inputs: Array, constants: Array) -> Array:

@@ -105,7 +105,7 @@ class FilterRun:
                     f"unconverged: it did not settle within identification.{self.estimator.limit}; where it had got "
                     "to is no estimate"
                 )
-            case problem.PREDICTION if self.header.in_one_batch:
+            case problem.PREDICTION if self.estimator.in_one_batch:
                 return f"{at}: no fit was found whose motion reaches the end of the data"
             case problem.PREDICTION:
                 why = (

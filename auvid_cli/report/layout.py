@@ -198,14 +198,14 @@ def _consistency(evaluation: Evaluation) -> Table:
 def _faults(evaluation: Evaluation) -> Table:
     rows: list[list[Cell]] = [
         [
-            row.fault,
-            UnitCell(row.unit),
-            PlusMinus(row.size, row.standard_deviation),
-            row.z,
-            Symbol(row.coefficient),
-            row.susceptibility,
+            fault.fault,
+            UnitCell(fault.unit),
+            PlusMinus(fault.size, fault.standard_deviation),
+            fault.z,
+            Symbol(fault.coefficient),
+            fault.susceptibility,
         ]
-        for row in sorted(evaluation.faults, key=lambda row: -abs(row.z))
+        for _, fault in sorted(evaluation.faults, key=lambda row: -abs(row[1].z))
     ]
     return Table(
         "faults",

@@ -8,7 +8,7 @@ from numba import types
 from auvid_cli.compilation import compiled
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.simulation.manoeuvre_plan import ManoeuvrePlan
+from auvid_cli.simulation.manoeuvre_plan import WANTED, ManoeuvrePlan
 from auvid_cli.vehicle.matrices import mass_matrix
 
 
@@ -95,27 +95,33 @@ def within(value, limit):
     return min(max(value, -limit), limit)
 
 
-@compiled(types.void(CONTROLS, *[types.float64] * 5, _vector, _vector, _vector, _vector), internal=True)
-def steer(controls, time, period, speed, turn_rate, depth, motion, feedforward, memory, inputs):
+@compiled(
+    types.void(CONTROLS, WANTED, types.int64, types.float64, types.float64, _vector, _vector, _vector), internal=True
+)
+def steer(controls, wanted, tick, period, depth, motion, memory, inputs):
     """Command rudder and elevator, still without their limits, force and torque for one tick.
 
     Parameters
     ----------
     controls : Controls
-    time, period : float
+    wanted : Wanted
+    tick : int
+    period : float
         Of the tick, s.
-    speed, turn_rate : float
-        Wanted.
     depth : float
         m.
     motion : ndarray, shape (9,)
-    feedforward : ndarray, shape (4,)
-        Added to the inputs.
     memory : ndarray, shape (4,)
         Starts as `INITIAL_MEMORY`.
     inputs : ndarray, shape (4,)
         Filled in.
     """
+    time, speed, turn_rate, feedforward = (
+        wanted.time[tick],
+        wanted.speed[tick],
+        wanted.turn_rate[tick],
+        wanted.feedforward[tick],
+    )
     speed_error = speed - motion[0]
     memory[0] += 0.2 * controls.surge_gain * speed_error * period
     force = controls.drag * speed**2 + controls.surge_gain * speed_error + memory[0] + feedforward[2]
@@ -129,8 +135,8 @@ def steer(controls, time, period, speed, turn_rate, depth, motion, feedforward, 
             memory[3] = -memory[3]
         rudder += memory[3] * controls.zigzag_rudder
 
-    wanted = within(controls.depth_gain * depth, 0.35) if controls.depth_gain > 0.0 else controls.pitch
-    pitch_error = wanted - motion[7]
+    pitch = within(controls.depth_gain * depth, 0.35) if controls.depth_gain > 0.0 else controls.pitch
+    pitch_error = pitch - motion[7]
     memory[2] = within(memory[2] + 0.3 * pitch_error / controls.length_time * period, controls.fin_angle)
     elevator = 1.5 * pitch_error - 1.5 * controls.length_time * motion[4] + memory[2]
     inputs[0], inputs[1] = rudder, controls.elevator_gain * elevator + feedforward[1]

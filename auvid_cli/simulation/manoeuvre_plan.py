@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple, assert_never
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.config.manoeuvre import (
@@ -25,6 +26,21 @@ from auvid_cli.regular import check_regular
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
+
+
+_vector = types.float64[::1]
+
+
+class Wanted(NamedTuple):
+    """What a plan commands tick by tick, see `ManoeuvrePlan`."""
+
+    time: Array
+    feedforward: Array
+    speed: Array
+    turn_rate: Array
+
+
+WANTED = types.NamedTuple((_vector, types.float64[:, ::1], _vector, _vector), Wanted)
 
 
 class ManoeuvrePlan(NamedTuple):
@@ -50,6 +66,11 @@ class ManoeuvrePlan(NamedTuple):
     turn_rate: Array
     pitch: float = 0.0
     zigzag: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def wanted(self) -> Wanted:
+        """Return what it commands tick by tick."""
+        return Wanted(self.time, self.feedforward, self.speed, self.turn_rate)
 
 
 def make_plan(manoeuvre: AnyManoeuvre) -> ManoeuvrePlan:

@@ -12,7 +12,7 @@ from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import SimulationError
 from auvid_cli.lanes import LANES
 from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, controls_of, steer, within
-from auvid_cli.simulation.manoeuvre_plan import ManoeuvrePlan
+from auvid_cli.simulation.manoeuvre_plan import WANTED, ManoeuvrePlan
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
     N_WORK,
@@ -65,6 +65,33 @@ class Truth(NamedTuple):
     coefficients: Array
 
 
+_TRUTH = types.NamedTuple((_vector, *[_matrix] * 3, *[_vector] * 2), Truth)
+
+
+class _Workspace(NamedTuple):
+    """What a flight works with.
+
+    Attributes
+    ----------
+    memory : ndarray, shape (4,)
+        Of the autopilot, see `INITIAL_MEMORY`.
+    block : ndarray, shape (N_BLOCK,)
+        The motion in the first lane of a block.
+    velocity : ndarray, shape (3, 3)
+        Over ground, at the beginning, the middle and the end of a substep.
+    step : ndarray, shape (N_WORK,)
+        For a Runge-Kutta step.
+    """
+
+    memory: Array
+    block: Array
+    velocity: Array
+    step: Array
+
+
+_WORKSPACE = types.NamedTuple((_vector, _vector, _matrix, _vector), _Workspace)
+
+
 def simulate_motion(
     vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: ManoeuvrePlan, longest_step: float = LONGEST_STEP
 ) -> Truth:
@@ -84,25 +111,15 @@ def simulate_motion(
     motion, position, inputs = np.zeros((n, N_MOTION)), np.zeros((n, 3)), np.zeros((n, 4))
     motion[0, 0] = plan.speed[0] if manoeuvre.initial_speed is None else manoeuvre.initial_speed
     motion[0, 7] = manoeuvre.initial_pitch
-    reason, tick = _fly(
-        (plan.time, plan.speed, plan.turn_rate),
-        plan.feedforward,
-        controls,
-        np.array(INITIAL_MEMORY),
-        constants,
-        np.repeat(coefficients, LANES),
-        longest_step,
-        (motion, position, inputs),
-        np.zeros(N_BLOCK),
-        np.zeros((3, 3)),
-        np.zeros(N_WORK),
-    )
+    work = _Workspace(np.array(INITIAL_MEMORY), np.zeros(N_BLOCK), np.zeros((3, 3)), np.zeros(N_WORK))
+    truth = Truth(plan.time, inputs, motion, position, constants, np.repeat(coefficients, LANES))
+    reason, tick = _fly(plan.wanted, controls, truth, longest_step, work)
     if reason:
         raise SimulationError(
             f"the simulation of {vehicle.name} stopped at t = {plan.time[tick]:.2f} s: {_REASONS[reason]}; "
             "soften the excitation or let the autopilot hold pitch, turn rate and speed"
         )
-    return Truth(plan.time, inputs, motion, position, constants, coefficients)
+    return truth._replace(coefficients=coefficients)
 
 
 @compiled(types.void(_vector, _vector), internal=True)
@@ -119,12 +136,13 @@ def _velocity_over_ground(block, velocity):
     velocity[2] = -sin_theta * u + cos_theta * (sin_phi * v + cos_phi * w)
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, types.float64, _vector, _matrix, _vector), internal=True)
-def _move(block, coefficients, inputs, constants, step, position, velocity, work):
+@compiled(types.void(_TRUTH, types.int64, types.float64, _vector, _WORKSPACE), internal=True)
+def _move(truth, tick, step, position, work):
     """Integrate motion and position; Simpson's rule on half steps is as accurate as the motion itself."""
+    block, velocity, coefficients, inputs = work.block, work.velocity, truth.coefficients, truth.inputs[tick]
     _velocity_over_ground(block, velocity[0])
     for half in range(1, 3):
-        runge_kutta_step(block, coefficients, inputs, constants, 1, 0.5 * step, work)
+        runge_kutta_step(block, coefficients, inputs, truth.constants, 1, 0.5 * step, work.step)
         _velocity_over_ground(block, velocity[half])
     for axis in range(3):
         position[axis] += step / 6.0 * (velocity[0, axis] + 4.0 * velocity[1, axis] + velocity[2, axis])
@@ -142,34 +160,17 @@ def _reason_to_stop(motion):
     return 2 if abs(motion[6]) > LARGEST_ROLL else 0
 
 
-@compiled(
-    types.UniTuple(types.int64, 2)(
-        *(types.UniTuple(_vector, 3), _matrix, CONTROLS, _vector, _vector, _vector, types.float64),
-        *(types.UniTuple(_matrix, 3), _vector, _matrix, _vector),
-    ),
-)
-def _fly(wanted, feedforward, controls, memory, constants, coefficients, longest_step, record, block, velocity, work):
+@compiled(types.UniTuple(types.int64, 2)(WANTED, CONTROLS, _TRUTH, types.float64, _WORKSPACE))
+def _fly(wanted, controls, truth, longest_step, work):
     """Fill in motion, position and inputs; returns (reason, tick), reason 0 if all went well."""
-    time, speed, turn_rate = wanted
-    motion, position, inputs = record
+    time, motion, position, inputs, block = truth.time, truth.motion, truth.position, truth.inputs, work.block
     for i in range(N_MOTION):
         block[i * LANES] = motion[0, i]
     n = time.size
     for tick in range(n):
         period = time[tick + 1] - time[tick] if tick + 1 < n else time[tick] - time[tick - 1]
         now = inputs[tick]
-        steer(
-            controls,
-            time[tick],
-            period,
-            speed[tick],
-            turn_rate[tick],
-            position[tick, 2],
-            motion[tick],
-            feedforward[tick],
-            memory,
-            now,
-        )
+        steer(controls, wanted, tick, period, position[tick, 2], motion[tick], work.memory, now)
         for fin in range(2):
             now[fin] = within(now[fin], controls.fin_angle)
             if tick > 0:
@@ -182,7 +183,7 @@ def _fly(wanted, feedforward, controls, memory, constants, coefficients, longest
         for axis in range(3):
             position[tick + 1, axis] = position[tick, axis]
         for _ in range(substeps):
-            _move(block, coefficients, now, constants, period / substeps, position[tick + 1], velocity, work)
+            _move(truth, tick, period / substeps, position[tick + 1], work)
         for i in range(N_MOTION):
             motion[tick + 1, i] = block[i * LANES]
         reason = _reason_to_stop(motion[tick + 1])

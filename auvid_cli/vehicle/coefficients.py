@@ -42,6 +42,11 @@ class Coefficient(NamedTuple):
     group: CoefficientGroup
 
     @property
+    def identifier(self) -> str:
+        """The symbol as a name in code, for example ``X_uu``."""
+        return self.symbol.replace("|", "")
+
+    @property
     def signals(self) -> tuple[str, ...]:
         """Return the factors without their moduli."""
         return tuple(factor.strip("|") for factor in self.factors)

@@ -7,7 +7,9 @@ with a length known only at run time the overlap checks between rows are too man
 stays scalar (four times slower).
 """
 
-from collections.abc import Mapping
+from collections import namedtuple
+from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numba import types
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.lanes import LANES
-from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
 
@@ -24,12 +26,36 @@ Array = NDArray[np.float64]
 N_CONSTANTS = 36 + 36 + 4
 # What the regressors are multiplied by: the coefficients, and how many times the stated surge force acts.
 N_FACTORS = N_COEFFICIENTS + 1
-_ROW = np.uint64(LANES)
 _vector = types.float64[::1]
+# Where the row of each of them begins in a block, by its name in code; signed like every index into a block, for with
+# unsigned ones among them the loop stays scalar.
+_FactorRows = namedtuple("_FactorRows", [*(coefficient.identifier for coefficient in COEFFICIENTS), "thrust"])
+_AT = _FactorRows(*range(0, N_FACTORS * LANES, LANES))
+
+
+class Constants(NamedTuple):
+    """What the compiled dynamics need of a vehicle.
+
+    Attributes
+    ----------
+    mass, inverse : ndarray, shape (36,)
+        Mass matrix, and its inverse, by rows: as matrices they would lengthen `motion_derivative` by a third.
+    excess : float
+        W - B, N.
+    lever_x, lever_y, lever_z : float
+        Of the restoring moments, N m.
+    """
+
+    mass: Array
+    inverse: Array
+    excess: float
+    lever_x: float
+    lever_y: float
+    lever_z: float
 
 
 def vehicle_constants(parameters: Mapping[str, float]) -> Array:
-    """Put what the compiled dynamics need of a vehicle into one vector.
+    """Put what the compiled dynamics need of a vehicle into one vector, in the order of `Constants`.
 
     Parameters
     ----------
@@ -39,12 +65,24 @@ def vehicle_constants(parameters: Mapping[str, float]) -> Array:
     Returns
     -------
     ndarray, shape (N_CONSTANTS,)
-        The mass matrix by rows, its inverse by rows, W - B (N) and the restoring levers (N m).
     """
     mass = mass_matrix(parameters)
     levers = [parameters[f"{a}G"] * parameters["W"] - parameters[f"{a}B"] * parameters["B"] for a in "xyz"]
     excess = parameters["W"] - parameters["B"]
     return np.array([*mass.ravel(), *np.linalg.inv(mass).ravel(), excess, *levers])
+
+
+@compiled(types.NamedTuple((_vector, _vector, *[types.float64] * 4), Constants)(_vector), inline=True)
+def named_constants(constants):
+    """Name the parts of a vector from `vehicle_constants`."""
+    return Constants(
+        mass=constants[:36],
+        inverse=constants[36:72],
+        excess=constants[72],
+        lever_x=constants[73],
+        lever_y=constants[74],
+        lever_z=constants[75],
+    )
 
 
 def factors(coefficients: Mapping[str, float], thrust: float = 1.0) -> Array:
@@ -105,16 +143,15 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
     derivative : ndarray, shape (9 * LANES,)
         Filled in.
     """
-    n = _ROW
+    n = LANES
     rudder, elevator, surge_force, roll_moment = inputs[0], inputs[1], inputs[2], inputs[3]
-    m11, m15, m16 = constants[0], constants[4], constants[5]
-    m22, m24, m26 = constants[7], constants[9], constants[11]
-    m33, m34, m35 = constants[14], constants[15], constants[16]
-    m44, m55, m66 = constants[21], constants[28], constants[35]
-    inverse = constants[36:72]
-    excess, lever_x, lever_y, lever_z = constants[72], constants[73], constants[74], constants[75]
+    mass, inverse, excess, lever_x, lever_y, lever_z = named_constants(constants)
+    m11, m15, m16 = mass[0], mass[4], mass[5]
+    m22, m24, m26 = mass[7], mass[9], mass[11]
+    m33, m34, m35 = mass[14], mass[15], mass[16]
+    m44, m55, m66 = mass[21], mass[28], mass[35]
     omega = coefficients
-    for k in range(n_lanes):
+    for k in range(np.int64(n_lanes)):
         u, v, w = motion[k], motion[n + k], motion[2 * n + k]
         p, q, r = motion[3 * n + k], motion[4 * n + k], motion[5 * n + k]
         sin_phi, cos_phi = sine_cosine(motion[6 * n + k])
@@ -127,21 +164,22 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
 
         uu, uv, uw, uq, ur = u * u, u * v, u * w, u * q, u * r
         vv, ww, pp, qq, rr = abs(v) * v, abs(w) * w, abs(p) * p, abs(q) * q, abs(r) * r
-        x = r * a2 - q * a3 - excess * sin_theta + omega[N_COEFFICIENTS * n + k] * surge_force + omega[k] * abs(u) * u
+        x = r * a2 - q * a3 - excess * sin_theta + omega[_AT.thrust + k] * surge_force
+        x += omega[_AT.X_uu + k] * abs(u) * u
         y = p * a3 - r * a1 + excess * down_y
-        y += omega[n + k] * vv + omega[2 * n + k] * rr
-        y += omega[10 * n + k] * ur + omega[11 * n + k] * uv + omega[18 * n + k] * uu * rudder
+        y += omega[_AT.Y_vv + k] * vv + omega[_AT.Y_rr + k] * rr
+        y += omega[_AT.Y_url + k] * ur + omega[_AT.Y_uvl + k] * uv + omega[_AT.Y_uudr + k] * uu * rudder
         z = q * a1 - p * a2 + excess * down_z
-        z += omega[3 * n + k] * ww + omega[4 * n + k] * qq
-        z += omega[12 * n + k] * uq + omega[13 * n + k] * uw + omega[19 * n + k] * uu * elevator
+        z += omega[_AT.Z_ww + k] * ww + omega[_AT.Z_qq + k] * qq
+        z += omega[_AT.Z_uql + k] * uq + omega[_AT.Z_uwl + k] * uw + omega[_AT.Z_uude + k] * uu * elevator
         roll = r * b2 - q * b3 + w * a2 - v * a3 + lever_y * down_z - lever_z * down_y + roll_moment
-        roll += omega[5 * n + k] * pp
+        roll += omega[_AT.K_pp + k] * pp
         pitch = p * b3 - r * b1 + u * a3 - w * a1 - lever_z * sin_theta - lever_x * down_z
-        pitch += omega[6 * n + k] * qq + omega[7 * n + k] * ww
-        pitch += omega[14 * n + k] * uq + omega[15 * n + k] * uw + omega[20 * n + k] * uu * elevator
+        pitch += omega[_AT.M_qq + k] * qq + omega[_AT.M_ww + k] * ww
+        pitch += omega[_AT.M_uql + k] * uq + omega[_AT.M_uwl + k] * uw + omega[_AT.M_uude + k] * uu * elevator
         yaw = q * b1 - p * b2 + v * a1 - u * a2 + lever_x * down_y + lever_y * sin_theta
-        yaw += omega[8 * n + k] * rr + omega[9 * n + k] * vv
-        yaw += omega[16 * n + k] * ur + omega[17 * n + k] * uv + omega[21 * n + k] * uu * rudder
+        yaw += omega[_AT.N_rr + k] * rr + omega[_AT.N_vv + k] * vv
+        yaw += omega[_AT.N_url + k] * ur + omega[_AT.N_uvl + k] * uv + omega[_AT.N_uudr + k] * uu * rudder
 
         for i in range(np.uint64(6)):
             j = np.uint64(6) * i
@@ -158,6 +196,20 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
         derivative[7 * n + k] = q * cos_phi - r * sin_phi
         derivative[8 * n + k] = turning / cos_theta
 
+
+def check_terms(names: Iterable[str], equations: Callable) -> None:
+    """Refuse coefficients that compiled equations do not name.
+
+    Raises
+    ------
+    TypeError
+        If there are such.
+    """
+    if missing := {*names} - {*getattr(equations, "py_func", equations).__code__.co_names}:
+        raise TypeError(f"the equations of motion have no term with {', '.join(sorted(missing))}")
+
+
+check_terms(_FactorRows._fields, motion_derivative)
 
 N_WORK = 3 * N_MOTION * LANES
 N_BLOCK = N_MOTION * LANES

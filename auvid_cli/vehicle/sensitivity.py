@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 from auvid_cli.compilation import compiled
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, MOST_FACTORS, N_COEFFICIENTS, SIGNALS
-from auvid_cli.vehicle.dynamics import N_BLOCK, N_COEFFICIENT_BLOCK, N_FACTORS, motion_derivative, sine_cosine
+from auvid_cli.vehicle.dynamics import (
+    N_BLOCK,
+    N_COEFFICIENT_BLOCK,
+    N_FACTORS,
+    motion_derivative,
+    named_constants,
+    sine_cosine,
+)
 from auvid_cli.vehicle.parameters import N_MOTION
 
 _ROW = np.array([c.row for c in COEFFICIENTS])
@@ -28,7 +35,8 @@ _matrix = types.float64[:, ::1]
 
 
 N_COLUMNS = N_MOTION + N_FACTORS
-N_JACOBIAN_WORK = 6 * 8 + 6
+_N_FORCE = 6 * 8
+N_JACOBIAN_WORK = _N_FORCE + 6
 
 
 @compiled(types.float64(_vector, _vector, types.int64), inline=True)
@@ -54,10 +62,10 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
     work : ndarray, shape (N_JACOBIAN_WORK,)
         Overwritten.
     """
-    mass = constants[:36].reshape(6, 6)
-    inverse = constants[36:72].reshape(6, 6)
-    excess, lever_x, lever_y, lever_z = constants[72], constants[73], constants[74], constants[75]
-    force, momentum = work[:48].reshape(6, 8), work[48:]
+    by_rows, inverse_by_rows, excess, lever_x, lever_y, lever_z = named_constants(constants)
+    mass, inverse = by_rows.reshape(6, 6), inverse_by_rows.reshape(6, 6)
+    # Of the forces by velocities, roll and pitch.
+    force, momentum = work[:_N_FORCE].reshape(6, 8), work[_N_FORCE:]
     for i in range(6):
         momentum[i] = 0.0
         for j in range(6):

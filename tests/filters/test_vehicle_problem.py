@@ -8,7 +8,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.config.experiment import FilterName
-from auvid_cli.filters.problem import OK, FilterOutcome
 from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.identify import set_up_filters
 from auvid_cli.identification.prepared_data import prepare
@@ -28,17 +27,10 @@ def problem_of(simulated_with, run_whole):
     )  # fmt: skip
 
     def capture(name):
-        handed = []
-
-        def keep(*arguments):
-            handed.extend(arguments)
-            return FilterOutcome(np.eye(1), 0, OK)
-
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("auvid_cli.identification.choice.run_square_root_filter", keep)
-            (run,) = set_up_filters(prepare(dataset), [name])
-        run.estimator.estimate(run.segments, run.prior, None)
-        point_set, process, sensors, (timeline,), prior, _ = handed
+        (run,) = set_up_filters(prepare(dataset), [name])
+        point_set, process, sensors = run.estimator.points, run.estimator.process, run.estimator.sensors
+        (timelines,), prior = run.segments, run.prior
+        (timeline,) = timelines
         problem = SimpleNamespace(process=process, sensors=sensors, timeline=timeline, prior=prior)
         history = run_whole(partial(run_square_root_filter, point_set), problem, chunk=50)
         return dataset, process, sensors, timeline, prior, history

@@ -330,3 +330,9 @@ def test_outliers_are_gated_and_counted(short_run, short_estimates, with_setting
     assert good.innovations["gyroscope"].tally().rejected == 0
     shift = np.abs(good.mean[-1, :N_COEFFICIENTS] - short_estimates[kalman_filter].mean[-1, :N_COEFFICIENTS])
     assert (shift / good.standard_deviation[-1, :N_COEFFICIENTS]).max() < 1.0
+
+
+@pytest.mark.parametrize("name", FilterName)
+def test_an_estimator_and_its_name_say_alike_whether_it_takes_all_data_at_once(short_run, name):
+    (run,) = set_up_filters(prepare(short_run), [name])
+    assert (run.estimator.name, run.estimator.in_one_batch) == (name, name.in_one_batch)

@@ -4,6 +4,7 @@ import pint
 import pytest
 
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SYMBOLS, check_table
+from auvid_cli.vehicle.dynamics import check_terms, motion_derivative
 from auvid_cli.vehicle.parameters import INPUTS, MOTION, PARAMETERS
 
 UNITS = pint.UnitRegistry()
@@ -74,6 +75,12 @@ def test_a_row_that_nobody_could_read_is_refused_at_import(factors):
 def test_a_row_of_equations_that_does_not_exist_is_refused():
     with pytest.raises(ValueError, match="no row 6"):
         check_table([COEFFICIENTS[0]._replace(row=6)])
+
+
+def test_a_coefficient_without_its_term_in_the_equations_is_refused_at_import():
+    check_terms([coefficient.identifier for coefficient in COEFFICIENTS], motion_derivative)
+    with pytest.raises(TypeError, match="no term with Y_pp"):
+        check_terms(["X_uu", "Y_pp"], motion_derivative)
 
 
 @pytest.mark.parametrize("quantity", [*PARAMETERS, *MOTION, *INPUTS], ids=lambda q: q.symbol)

@@ -49,18 +49,21 @@ class FilterStyle(NamedTuple):
         return self.line() | self.mark() | {"markevery": every}
 
 
-FILTER_STYLES = {
-    "ekf": FilterStyle("#56B4E9", "-", 2.6, "o", 7.0),
-    "ckf": FilterStyle("#D55E00", "-", 1.2, "s", 5.0),
-    "tukf": FilterStyle("#000000", (0, (1, 1.3)), 1.5, "^", 5.0),
-    "ukf": FilterStyle("#009E73", (0, (5, 1.5, 1, 1.5)), 1.2, "D", 4.5),
-    "smoother": FilterStyle("#0072B2", (0, (3, 1, 1, 1, 1, 1)), 2.0, "P", 5.5),
-    "output_error": FilterStyle("#CC79A7", (0, (7, 2)), 1.8, "v", 5.5),
-}
+# In the order of the filters; the last is left for one more.
+_STYLES = (
+    FilterStyle("#56B4E9", "-", 2.6, "o", 7.0),
+    FilterStyle("#D55E00", "-", 1.2, "s", 5.0),
+    FilterStyle("#000000", (0, (1, 1.3)), 1.5, "^", 5.0),
+    FilterStyle("#009E73", (0, (5, 1.5, 1, 1.5)), 1.2, "D", 4.5),
+    FilterStyle("#0072B2", (0, (3, 1, 1, 1, 1, 1)), 2.0, "P", 5.5),
+    FilterStyle("#CC79A7", (0, (7, 2)), 1.8, "v", 5.5),
+    FilterStyle("#E69F00", (0, (9, 2, 3, 2)), 1.5, "X", 5.5),
+)
+FILTER_STYLES = {name.value: style for name, style in zip(FilterName, _STYLES, strict=False)}
 
 
-if {*FILTER_STYLES} != {*FilterName}:
-    raise TypeError("the filters that have a style are not those that there are")
+if len(FILTER_STYLES) < len(FilterName):
+    raise TypeError("there are more filters than styles")
 
 
 def new_figure(width: float, height: float) -> Figure:
