@@ -43,7 +43,7 @@ class Coefficient(NamedTuple):
 
     @property
     def identifier(self) -> str:
-        """The symbol as a name in code, for example ``X_uu``."""
+        """Return the symbol as a name in code, for example ``X_uu``."""
         return self.symbol.replace("|", "")
 
     @property
