@@ -1,10 +1,10 @@
 """Verdicts on estimates."""
 
 from auvid_cli.api.preparation import prepare
+from auvid_cli.data.check import Checks
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.check import Checks
 from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.judgement import judge
 

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.stats import chi2
 
+from auvid_cli.data.check import Check
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import (
@@ -11,13 +12,12 @@ from auvid_cli.evaluation.accuracy import (
     shares_of_value,
 )
 from auvid_cli.evaluation.bounds import Bounds
-from auvid_cli.evaluation.check import Check
-from auvid_cli.evaluation.data_checks import data_checks
 from auvid_cli.evaluation.innovation_checks import innovation_checks
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.prior import natural_magnitude, prior_standard_deviations
+from auvid_cli.inspection.data_checks import data_checks
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
 # Share of the prior's standard deviation that may be left.

@@ -4,10 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from auvid_cli.data.check import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import WINDOW, Innovations
-from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.consistency import LARGEST_NIS_IN_WINDOW, windowed_nis
 from auvid_cli.vehicle.parameters import INPUTS, SENSORS
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from auvid_cli.evaluation.check import Check
+from auvid_cli.data.check import Check
 from auvid_cli.inspection.grid import Signals
 from auvid_cli.inspection.inspection import judged
 from auvid_cli.inspection.kinematic_ties import attitude_rates, tied

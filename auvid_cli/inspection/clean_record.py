@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.evaluation.data_checks import gaps, stuck_times
+from auvid_cli.data.gaps import gaps, stuck_times
 from auvid_cli.inspection.inspection import Mark
 from auvid_cli.inspection.single_sensor import spikes
 from auvid_cli.inspection.timing import clock_jumps

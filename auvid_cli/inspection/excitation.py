@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.data.check import Check
 from auvid_cli.data.dataset import Dataset
-from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.grid import Signals
 from auvid_cli.inspection.inspection import judged
 from auvid_cli.inspection.timing import new_measurement_rate

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from auvid_cli.evaluation.check import Check
+from auvid_cli.data.check import Check
 from auvid_cli.inspection.grid import Signals, derivative, smoothed
 from auvid_cli.inspection.inspection import Mark, judged
 from auvid_cli.inspection.regression import fit

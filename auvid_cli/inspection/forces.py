@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.evaluation.check import Check
+from auvid_cli.data.check import Check
 from auvid_cli.inspection.grid import Signals, derivative
 from auvid_cli.inspection.inspection import judged
 

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from auvid_cli.config.experiment import ImportedRun, RunSettings
 from auvid_cli.config.plausibility import doubts
 from auvid_cli.config.vehicle import VehicleSettings
+from auvid_cli.data.check import Check, Checks
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
-from auvid_cli.evaluation.check import Check, Checks
-from auvid_cli.evaluation.data_checks import data_checks
 from auvid_cli.inspection.agreement import rotation_checks
 from auvid_cli.inspection.alignment import aligned, alignment_checks, input_alignment
 from auvid_cli.inspection.allan import bias_instability
 from auvid_cli.inspection.clean_record import Screened, screened
+from auvid_cli.inspection.data_checks import data_checks
 from auvid_cli.inspection.excitation import excitation_checks, fitness_checks
 from auvid_cli.inspection.excursions import excursion_checks
 from auvid_cli.inspection.forces import force_checks

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.data.check import Check, Checks
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.data.named_rows import NamedRows
-from auvid_cli.evaluation.check import Check, Checks
 
 if TYPE_CHECKING:
     import pandas as pd

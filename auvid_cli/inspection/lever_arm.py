@@ -1,6 +1,6 @@
 """How far the DVL sits from the accelerometer along the hull."""
 
-from auvid_cli.evaluation.check import Check
+from auvid_cli.data.check import Check
 from auvid_cli.inspection.grid import Signals, smoothed
 from auvid_cli.inspection.inspection import judged
 from auvid_cli.inspection.kinematic_ties import Tie, attitude_rates, swings

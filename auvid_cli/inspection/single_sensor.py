@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter
 
+from auvid_cli.data.check import Check
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.noise import quantisation_step
-from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.inspection import judged
 from auvid_cli.vehicle.parameters import SENSORS, Quantity
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
+from auvid_cli.data.check import Check
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.gaps import gap_limit
-from auvid_cli.evaluation.check import Check
 from auvid_cli.inspection.inspection import judged
 from auvid_cli.inspection.single_sensor import continuous
 from auvid_cli.vehicle.kinematics import euler_rates

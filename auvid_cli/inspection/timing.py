@@ -3,10 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.data.check import Check
 from auvid_cli.data.dataset import InputRecord, SensorRecord
-from auvid_cli.data.gaps import gap_limit
-from auvid_cli.evaluation.check import Check
-from auvid_cli.evaluation.data_checks import repeats
+from auvid_cli.data.gaps import gap_limit, repeats
 from auvid_cli.inspection.inspection import judged
 
 Array = NDArray[np.float64]

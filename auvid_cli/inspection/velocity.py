@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.evaluation.check import Check
+from auvid_cli.data.check import Check
 from auvid_cli.inspection.grid import Signals, derivative, smoothed
 from auvid_cli.inspection.inspection import judged
 from auvid_cli.inspection.kinematic_ties import Tie, diving_speed, measured_forces, swings, tied

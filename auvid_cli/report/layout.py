@@ -1,5 +1,7 @@
 """An evaluation laid out as the paper's Tables IV and V, and what else one wants to read."""
 
+import numpy as np
+
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.judgements import judgement_sentences
@@ -30,7 +32,7 @@ def lay_out(evaluation: Evaluation, with_paper: bool) -> list[Table]:
         _estimates(evaluation),
         _bounds(evaluation),
         _velocities(evaluation, with_paper),
-        _consistency(evaluation),
+        consistency(evaluation),
         *([_sensor_errors(evaluation)] if evaluation.sensor_errors else []),
         *([_faults(evaluation)] if evaluation.faults else []),
         _runs(evaluation),
@@ -76,7 +78,7 @@ def _accuracy(evaluation: Evaluation, with_paper: bool) -> Table:
         "accuracy",
         "Accuracy of the coefficients (as Table IV)",
         (
-            *(Column("Coefficient", numeric=False), Column("UnitCell", numeric=False), Column("True")),
+            *(Column("Coefficient", numeric=False), Column("Unit", numeric=False), Column("True")),
             *_columns(_RMSE, filters),
             *_columns(_ERROR, filters),
             *_columns(f"{_RMSE}, *paper*", in_paper),
@@ -113,7 +115,7 @@ def _estimates(evaluation: Evaluation) -> Table:
         "Estimates and their standard deviations at the end",
         (
             Column("Coefficient", numeric=False),
-            Column("UnitCell", numeric=False),
+            Column("Unit", numeric=False),
             *_columns("Estimate ± standard deviation", filters),
         ),
         rows,
@@ -140,7 +142,7 @@ def _bounds(evaluation: Evaluation) -> Table:
         "Least standard deviations that the data allow, and how many times as large those of the estimates are",
         (
             Column("Coefficient", numeric=False),
-            Column("UnitCell", numeric=False),
+            Column("Unit", numeric=False),
             *(_columns(_BOUND, filters) if differ else [Column(_BOUND)]),
             *([Column("With process noise")] if has_noise else []),
             *_columns("Times bound", filters),
@@ -169,7 +171,7 @@ def _velocities(evaluation: Evaluation, with_paper: bool) -> Table:
         "velocities",
         "Velocities of the free-running model against the measured ones (as Table V)",
         (
-            *(Column("Component", numeric=False), Column("UnitCell", numeric=False)),
+            *(Column("Component", numeric=False), Column("Unit", numeric=False)),
             *_columns(_VELOCITY, filters),
             *_columns(f"{_VELOCITY}, *paper*", in_paper),
         ),
@@ -178,18 +180,21 @@ def _velocities(evaluation: Evaluation, with_paper: bool) -> Table:
     )
 
 
-def _consistency(evaluation: Evaluation) -> Table:
+def consistency(evaluation: Evaluation) -> Table:
+    """Lay out the mean NIS by sensor and filter, as for the terminal so for files."""
     filters = _filters(evaluation)
     nis = {(row.sensor, row.filter): row.mean_nis for row in evaluation.consistency}
-    sensors = dict.fromkeys(row.sensor for row in evaluation.consistency)
-    expected = {row.sensor: f"{row.expected_low:.3f} to {row.expected_high:.3f}" for row in evaluation.consistency}
+    expected = {
+        row.sensor: "" if np.isnan(row.expected_low) else f"{row.expected_low:.3f} to {row.expected_high:.3f}"
+        for row in evaluation.consistency
+    }
     rows: list[list[Cell]] = [
-        [sensor, expected[sensor], *(nis.get((sensor, name)) for name in filters)] for sensor in sensors
+        [sensor, by_chance, *(nis.get((sensor, name)) for name in filters)] for sensor, by_chance in expected.items()
     ]
     return Table(
         "consistency",
         "Consistency: mean normalised innovation squared per component",
-        (Column("Sensor", numeric=False), Column("99 % of chance"), *_columns("Mean NIS", filters)),
+        (Column("NIS of", numeric=False), Column("99 % of chance"), *_columns("Mean NIS", filters)),
         rows,
         notes=tuple(rejections(evaluation)),
     )
@@ -211,7 +216,7 @@ def _faults(evaluation: Evaluation) -> Table:
         "faults",
         "What may be wrong, by what it would leave in the innovations of the smoother",
         (
-            *(Column("Fault", numeric=False), Column("UnitCell", numeric=False), Column("Size ± standard deviation")),
+            *(Column("Fault", numeric=False), Column("Unit", numeric=False), Column("Size ± standard deviation")),
             *(Column("Size / standard deviation"), Column("Moves most", numeric=False), Column("Susceptibility")),
         ),
         rows,
@@ -246,7 +251,7 @@ def _sensor_errors(evaluation: Evaluation) -> Table:
         "sensor-errors",
         "Errors of the sensors",
         (
-            *(Column("State", numeric=False), Column("UnitCell", numeric=False), Column("Prior standard deviation")),
+            *(Column("State", numeric=False), Column("Unit", numeric=False), Column("Prior standard deviation")),
             *_columns("Estimate ± standard deviation", filters),
         ),
         rows,

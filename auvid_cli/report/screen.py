@@ -9,12 +9,12 @@ from rich.console import Console
 from rich.table import Table as ScreenTable
 from rich.text import Text
 
+from auvid_cli.data.check import Check
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.assessment import CLASSES, Identifiability
-from auvid_cli.evaluation.check import Check
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.judgements import judgement_sentences
-from auvid_cli.report.layout import by_coefficient, mark_explained, marked, rejections, unobserved
+from auvid_cli.report.layout import by_coefficient, consistency, mark_explained, marked, rejections, unobserved
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.screen_table import empty_table, encodable, first_that_fits, fits, narrowed, printed, screen_table
 from auvid_cli.report.sentence import sentence
@@ -42,7 +42,7 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
     console.print(screen_table(console, _runs(evaluation), unbroken=("filter", "judgement")))
     for text in judgement_sentences(evaluation.judgements(), with_sound=False):
         console.print(Text(text))
-    console.print(screen_table(console, _consistency(evaluation, filters), unbroken=("NIS of",)))
+    console.print(screen_table(console, consistency(evaluation), _ERROR_DIGITS + 1, unbroken=("NIS of",)))
     explained = [encodable(console, text) for text in mark_explained(evaluation)]
     for text in [*explained, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:
         console.print(Text(text))
@@ -155,18 +155,6 @@ def _coefficients(evaluation: Evaluation, filters: list[str], deviations: bool) 
             results = (cell for name in filters for cell in cells(by_filter.get(name)))
             rows.append([Symbol(symbol), UnitCell(any_row.unit), *[any_row.true] * has_truth, *results])
     return Table("coefficients", "Coefficients", tuple(columns), rows)
-
-
-def _consistency(evaluation: Evaluation, filters: list[str]) -> Table:
-    nis = {(row.sensor, row.filter): row for row in evaluation.consistency}
-    rows: list[list[Cell]] = []
-    for sensor in dict.fromkeys(row.sensor for row in evaluation.consistency):
-        of_filters = [nis.get((sensor, name)) for name in filters]
-        low, high = next((row.expected_low, row.expected_high) for row in of_filters if row is not None)
-        expected = "" if np.isnan(low) else f"{low:.3f} - {high:.3f}"
-        rows.append([sensor, expected, *(row and printed(row.mean_nis, 3) for row in of_filters)])
-    columns = Column("NIS of", numeric=False), Column("by chance"), *(Column(filter_label(name)) for name in filters)
-    return Table("consistency", "Innovations", columns, rows)
 
 
 def _runs(evaluation: Evaluation) -> Table:

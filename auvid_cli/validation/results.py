@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from auvid_cli.data.check import Check, Checks
 from auvid_cli.data.named_rows import NamedRows, frames
-from auvid_cli.evaluation.check import Check, Checks
 from auvid_cli.evaluation.predicted_motion import FreeRun
 
 if TYPE_CHECKING:

@@ -5,10 +5,10 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.data.check import Checks
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from auvid_cli.evaluation.check import Checks
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.validation.data_leakage import other_vehicle
 from auvid_cli.validation.free_run_fit import fit_free_runs

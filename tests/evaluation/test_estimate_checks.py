@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.check import Checks
 from auvid_cli.data.estimate import FaultTest
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.check import Checks
 from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.identify import identify

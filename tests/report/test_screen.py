@@ -77,8 +77,8 @@ def test_what_differs_is_said_of_each_filter_by_itself(evaluation):
 def test_each_sensor_stands_beside_what_chance_makes_of_its_innovations(evaluation):
     lines = printed(evaluation, 100).splitlines()
     for row in evaluation.consistency:
-        (line,) = (line for line in lines if line.startswith(f" {row.sensor} ") and " - " in line)
-        assert f"{row.expected_low:.3f} - {row.expected_high:.3f}" in line
+        (line,) = (line for line in lines if line.startswith(f" {row.sensor} ") and " to " in line)
+        assert f"{row.expected_low:.3f} to {row.expected_high:.3f}" in line
         assert printed_number(row.mean_nis, 3) in line
 
 

@@ -7,7 +7,7 @@ from auvid_cli.report.layout import lay_out
 from auvid_cli.report.markdown import render_markdown
 from auvid_cli.report.notation import symbol_math, unit_latex, unit_text
 from auvid_cli.report.paper import published, published_filters
-from auvid_cli.report.table import number
+from auvid_cli.report.table import UnitCell, number
 from auvid_cli.report.write import write_tables
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
@@ -67,6 +67,17 @@ def test_markdown_tables_are_rectangular(evaluation):
     for block in re.findall(r"(?:^\|.*\n)+", render_markdown(lay_out(evaluation, with_paper=True)), re.MULTILINE):
         widths = {len(re.split(r"(?<!\\)\|", line)) for line in block.splitlines()}
         assert len(widths) == 1
+
+
+def test_a_column_of_units_is_called_so(evaluation):
+    named = {
+        column.header
+        for table in lay_out(evaluation, with_paper=True)
+        for row in table.rows
+        for column, cell in zip(table.columns, row, strict=True)
+        if isinstance(cell, UnitCell)
+    }
+    assert named == {"Unit"}
 
 
 def test_what_is_not_identified_is_marked_and_the_mark_explained(evaluation):

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.colors import to_rgba
 from rich.console import Console
 
-from auvid_cli.evaluation.check import Check, Checks
+from auvid_cli.data.check import Check, Checks
 from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.report.csv_tables import write_csv_tables
 from auvid_cli.report.figures.validation import horizon_figure

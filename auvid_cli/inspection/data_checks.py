@@ -3,16 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from auvid_cli.data.check import Check
 from auvid_cli.data.dataset import Dataset, SensorRecord
-from auvid_cli.data.gaps import gap_limit
-from auvid_cli.evaluation.check import Check
-
-Array = NDArray[np.float64]
-
-# A sensor with noise does not repeat itself to the last bit; some quantised ones do for a while.
-_LONGEST_REPEAT = 2.0
+from auvid_cli.data.gaps import LONGEST_REPEAT, gap_limit, repeats
 
 
 def data_checks(segments: Sequence[Dataset], filter_name: str, sensors: Sequence[str]) -> list[Check]:
@@ -28,29 +22,6 @@ def data_checks(segments: Sequence[Dataset], filter_name: str, sensors: Sequence
     return checks
 
 
-def repeats(record: SensorRecord) -> Array:
-    """Find first and last time, s, of every run of the same measurement, shape (n, 2); one alone is a run, too."""
-    present = np.isfinite(record.values).any(axis=1)
-    time, values = record.time[present], record.values[present]
-    moved = np.flatnonzero(np.any((values[1:] != values[:-1]) & np.isfinite(values[1:]), axis=1)) + 1
-    edges = np.concatenate([[0], moved, [len(values)]])
-    return np.stack([time[edges[:-1]], time[edges[1:] - 1]], axis=1)
-
-
-def stuck_times(record: SensorRecord) -> Array:
-    """Return those of the `repeats` that last too long."""
-    runs = repeats(record)
-    return runs[runs[:, 1] - runs[:, 0] > _LONGEST_REPEAT]
-
-
-def gaps(record: SensorRecord) -> Array:
-    """Find begin and end, s, of every time without a measurement, shape (n, 2)."""
-    time = record.time[np.isfinite(record.values).any(axis=1)]
-    intervals = np.diff(time)
-    long = np.flatnonzero(intervals > gap_limit(intervals)) if intervals.size else []
-    return np.stack([time[:-1][long], time[1:][long]], axis=1)
-
-
 def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Check]:
     """Return the longest time over which a measurement is repeated exactly, s, and the verdict on it."""
     runs = repeats(record)
@@ -60,8 +31,8 @@ def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Ch
         name,
         "stuck",
         statistic=f"{end - start:.4g} s from t = {start:.6g} s on",
-        threshold=f"<= {_LONGEST_REPEAT:g} s of the same measurement",
-        passed=bool(end - start <= _LONGEST_REPEAT),
+        threshold=f"<= {LONGEST_REPEAT:g} s of the same measurement",
+        passed=bool(end - start <= LONGEST_REPEAT),
         advice=f"{name} repeats one measurement from t = {start:.6g} s to {end:.6g} s: it has failed or was logged "
         "twice. Mark that time as not valid.",
     )
