@@ -22,7 +22,17 @@ import platformdirs
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, UserProvidedCacheLocator
 from numba.core.event import Event, EventStatus, broadcast
 
-CORE = "vehicle", "simulation", "filters", "identification", "angles.py", "lanes.py", "compilation.py", "code_cache.py"
+CORE = (
+    "vehicle",
+    "simulation",
+    "filters",
+    "identification",
+    "config/augmented_states.py",
+    "angles.py",
+    "lanes.py",
+    "compilation.py",
+    "code_cache.py",
+)
 DAMAGED = "auvid:damaged"
 """Kind of the event that something in the cache turned out to be damaged."""
 _KEPT = 5

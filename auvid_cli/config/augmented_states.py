@@ -49,8 +49,8 @@ class ErrorBlock(NamedTuple):
     sensor : str or None
         Whose error it is; None for one of the actuators, which the process knows.
     additive : bool
-        Whether component by component it adds to states that the sensor measures as they are; otherwise
-        `auvid_cli.identification.observation` knows it by its symbols.
+        Whether component by component it adds to states that the sensor measures as they are; otherwise compiled code
+        of `auvid_cli.identification` names the first of its symbols.
     """
 
     name: str
@@ -188,7 +188,6 @@ class AugmentedStates(Settings):
         return tuple(block for name in dict.fromkeys(self.biases) for block in getattr(self, name.value).blocks())
 
 
-# Every state that may be asked for, whatever the settings say.
-ERROR_STATES = tuple(
-    quantity for block in AugmentedStates(biases=tuple(BiasName)).blocks() for quantity in block.quantities
-)
+# Every block that may be asked for, whatever the settings say, and its states.
+ERROR_BLOCKS = AugmentedStates(biases=tuple(BiasName)).blocks()
+ERROR_STATES = tuple(quantity for block in ERROR_BLOCKS for quantity in block.quantities)

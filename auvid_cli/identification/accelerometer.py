@@ -13,13 +13,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.identification.compiled_coefficients import fill_in_all, fill_in_lanes, fill_in_row
-from auvid_cli.identification.compiled_layout import (
-    ROW_BIAS_F,
-    accelerometer_position,
-    first_moving_row,
-    row_of,
-    value_of,
-)
+from auvid_cli.identification.compiled_layout import ROW, accelerometer_position, first_moving_row, row_of, value_of
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
@@ -113,9 +107,9 @@ def measure_forces(moving, parameters, inputs, constants, selection, n_lanes, pr
     motion_derivative(moving, work.coefficient_block, inputs, constants[:N_CONSTANTS], n_lanes, work.slope)
     _specific_force(moving, work.slope, constants, n_lanes, predicted)
     for axis in range(3):
-        if row_of(constants, ROW_BIAS_F + axis) >= 0:
+        if row_of(constants, ROW.bias_fx + axis) >= 0:
             for k in range(n_lanes):
-                predicted[axis * LANES + k] += value_of(constants, ROW_BIAS_F + axis, parameters, moving, k)
+                predicted[axis * LANES + k] += value_of(constants, ROW.bias_fx + axis, parameters, moving, k)
 
 
 @compiled(types.void(_vector, _vector, _vector, _indices, _vector, _matrix, _vector), internal=True)
@@ -156,7 +150,7 @@ def linearise_force(mean, inputs, constants, selection, predicted, matrix, scrat
         row[7] += GRAVITY * by_pitch[i]
         fill_in_row(row, constants, selection, matrix[i])
         predicted[i] = work.force[i * LANES]
-        bias = row_of(constants, ROW_BIAS_F + i)
+        bias = row_of(constants, ROW.bias_fx + i)
         if bias >= 0:
             matrix[i, bias] = 1.0
             predicted[i] += mean[bias]

@@ -3,7 +3,7 @@
 from numba import types
 
 from auvid_cli.compilation import compiled
-from auvid_cli.identification.compiled_layout import HELD, ROW_THRUST, SCALE, first_moving_row, row_of, value_of
+from auvid_cli.identification.compiled_layout import HELD, ROW, SCALE, first_moving_row, row_of, value_of
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.parameters import N_MOTION
@@ -39,9 +39,9 @@ def fill_in_lanes(moving, parameters, constants, selection, n_lanes, coefficient
     thrust = coefficients[N_COEFFICIENTS * LANES :]
     for k in range(LANES):
         thrust[k] = 1.0
-    if row_of(constants, ROW_THRUST) >= 0:
+    if row_of(constants, ROW.thrust_scale) >= 0:
         for k in range(n_lanes):
-            thrust[k] += value_of(constants, ROW_THRUST, parameters, moving, k)
+            thrust[k] += value_of(constants, ROW.thrust_scale, parameters, moving, k)
 
 
 @compiled(types.void(_vector, _vector, _indices, _vector), internal=True)
@@ -51,7 +51,7 @@ def fill_in_all(mean, constants, selection, coefficients):
         coefficients[m] = constants[HELD + m]
     for j in range(selection.size):
         coefficients[selection[j]] = constants[SCALE + j] * mean[j]
-    row = row_of(constants, ROW_THRUST)
+    row = row_of(constants, ROW.thrust_scale)
     coefficients[N_COEFFICIENTS] = 1.0 + mean[row] if row >= 0 else 1.0
 
 
@@ -63,6 +63,6 @@ def fill_in_row(sensitivity, constants, selection, row):
         row[j] = sensitivity[N_MOTION + selection[j]] * constants[SCALE + j]
     for j in range(N_MOTION):
         row[n_parameters + j] = sensitivity[j]
-    thrust = row_of(constants, ROW_THRUST)
+    thrust = row_of(constants, ROW.thrust_scale)
     if thrust >= 0:
         row[thrust] = sensitivity[N_MOTION + N_COEFFICIENTS]

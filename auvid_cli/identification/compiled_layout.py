@@ -1,5 +1,9 @@
 """The state layout and the constants as the compiled vehicle model is handed them: one vector, read by name."""
 
+from collections import namedtuple
+from collections.abc import Iterable
+from inspect import isfunction
+from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -7,28 +11,30 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
+from auvid_cli.config.augmented_states import ERROR_BLOCKS, ErrorBlock
 from auvid_cli.identification.state_layout import StateLayout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import N_CONSTANTS
+from auvid_cli.vehicle.parameters import DEPTH
 
 Array = NDArray[np.float64]
 
 _vector = types.float64[::1]
 
-# States that compiled code looks for by name. Their rows stand at the end of the constants, behind the vehicle, the 22
-# held values, one scale for each estimated coefficient and the accelerometer, and before the number of parameters.
-ROWS = (
-    *("down", "dvl_scale", "dvl_yaw", "current_north", "current_east", "thrust_scale"),
-    *("bias_fx", "bias_fy", "bias_fz"),
+# States that compiled code looks for by name, with where their rows stand among themselves: the depth, and errors that
+# do not just add to a sensor. They stand at the end of the constants, behind the vehicle, the 22 held values, one scale
+# for each estimated coefficient and the accelerometer, and before the number of parameters.
+_SYMBOLS = (
+    DEPTH.symbol,
+    *(quantity.symbol for block in ERROR_BLOCKS if not block.additive for quantity in block.quantities),
 )
-ROW_DEPTH, ROW_DVL_SCALE, ROW_DVL_YAW, ROW_CURRENT_NORTH, ROW_CURRENT_EAST, ROW_THRUST = range(6)
-# Of the first axis; those of the others follow.
-ROW_BIAS_F = 6
+_Rows = namedtuple("_Rows", _SYMBOLS)
+ROW = _Rows(*range(len(_SYMBOLS)))
 HELD = N_CONSTANTS
 SCALE = N_CONSTANTS + N_COEFFICIENTS
 _NOWHERE = -1
-_N_ROWS = len(ROWS)
+_N_ROWS = len(ROW)
 _ACCELEROMETER = 1 + _N_ROWS + 4
 
 
@@ -62,12 +68,27 @@ def model_constants(vehicle: Array, held: Array, layout: StateLayout, accelerome
         if block.name not in _OF_EVERY_MODEL and not (block.error is not None and block.error.additive)
         for quantity in block.quantities
     }
-    if not compiled_in <= set(ROWS):
-        raise TypeError(f"no compiled code knows of {', '.join(sorted(compiled_in - set(ROWS)))}")
-    rows = [row if (row := layout.row(symbol)) is not None else _NOWHERE for symbol in ROWS]
+    if not compiled_in <= {*_SYMBOLS}:
+        raise TypeError(f"no compiled code knows of {', '.join(sorted(compiled_in - {*_SYMBOLS}))}")
+    rows = [row if (row := layout.row(symbol)) is not None else _NOWHERE for symbol in _SYMBOLS]
     scale = layout.scale[layout.rows_of("coefficients")]
     sensor = accelerometer.sensor, *accelerometer.position
     return np.concatenate([vehicle, held, scale, sensor, rows, [layout.n_parameters]])
+
+
+def check_named(blocks: Iterable[ErrorBlock], *modules: ModuleType) -> None:
+    """Refuse blocks of errors that do not just add, and that no compiled function of modules names.
+
+    Raises
+    ------
+    TypeError
+        If there are such.
+    """
+    functions = (getattr(value, "py_func", value) for module in modules for value in vars(module).values())
+    named = {name for function in functions if isfunction(function) for name in function.__code__.co_names}
+    first = [block.quantities[0].symbol for block in blocks if not block.additive]
+    if missing := [symbol for symbol in first if symbol not in named]:
+        raise TypeError(f"no compiled code knows of {', '.join(missing)}")
 
 
 @compiled(types.int64(_vector))
@@ -78,7 +99,7 @@ def first_moving_row(constants):
 
 @compiled(types.int64(_vector, types.int64))
 def row_of(constants, which):
-    """Return the row of the state at which one of `ROWS` stands; negative if nowhere."""
+    """Return the row of the state at which one of `ROW` stands; negative if nowhere."""
     return int(constants[constants.size - 1 - _N_ROWS + which])
 
 
@@ -98,12 +119,12 @@ def accelerometer_position(constants):
 @compiled(types.boolean(_vector), internal=True)
 def depth_is_state(constants):
     """Say whether it is."""
-    return row_of(constants, ROW_DEPTH) >= 0
+    return row_of(constants, ROW.down) >= 0
 
 
 @compiled(types.float64(_vector, types.int64, _vector, _vector, types.int64), internal=True)
 def value_of(constants, which, parameters, moving, k):
-    """Return one lane of one of `ROWS`, parameter or moving state; 0 if it is no state."""
+    """Return one lane of one of `ROW`, parameter or moving state; 0 if it is no state."""
     row, n_parameters = row_of(constants, which), first_moving_row(constants)
     if row < 0:
         return 0.0

@@ -8,15 +8,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.identification.compiled_layout import (
-    ROW_CURRENT_EAST,
-    ROW_CURRENT_NORTH,
-    ROW_DVL_SCALE,
-    ROW_DVL_YAW,
-    first_moving_row,
-    row_of,
-    value_of,
-)
+from auvid_cli.identification.compiled_layout import ROW, first_moving_row, row_of, value_of
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import sine_cosine
 from auvid_cli.vehicle.kinematics import earth_to_body, rotation_matrix
@@ -32,8 +24,8 @@ _three = types.UniTuple(types.float64, 3)
 def measure_velocities(moving, parameters, constants, n_lanes, predicted):
     """Predict what it measures of a block of states."""
     for k in range(n_lanes):
-        north = value_of(constants, ROW_CURRENT_NORTH, parameters, moving, k)
-        east = value_of(constants, ROW_CURRENT_EAST, parameters, moving, k)
+        north = value_of(constants, ROW.current_north, parameters, moving, k)
+        east = value_of(constants, ROW.current_east, parameters, moving, k)
         sin_phi, cos_phi = sine_cosine(moving[6 * LANES + k])
         sin_theta, cos_theta = sine_cosine(moving[7 * LANES + k])
         sin_psi, cos_psi = sine_cosine(moving[8 * LANES + k])
@@ -41,8 +33,8 @@ def measure_velocities(moving, parameters, constants, n_lanes, predicted):
         u = moving[k] + cos_theta * ahead
         v = moving[LANES + k] + sin_phi * sin_theta * ahead + cos_phi * aside
         w = moving[2 * LANES + k] + cos_phi * sin_theta * ahead - sin_phi * aside
-        sin_yaw, cos_yaw = sine_cosine(value_of(constants, ROW_DVL_YAW, parameters, moving, k))
-        gain = 1.0 + value_of(constants, ROW_DVL_SCALE, parameters, moving, k)
+        sin_yaw, cos_yaw = sine_cosine(value_of(constants, ROW.dvl_yaw, parameters, moving, k))
+        gain = 1.0 + value_of(constants, ROW.dvl_scale, parameters, moving, k)
         predicted[k] = gain * (cos_yaw * u + sin_yaw * v)
         predicted[LANES + k] = gain * (cos_yaw * v - sin_yaw * u)
         predicted[2 * LANES + k] = gain * w
@@ -69,11 +61,11 @@ def linearise_velocity(mean, constants, predicted, matrix):
     """Predict what it measures of one state, shape (3,), and the derivative by the state, whose other columns stay."""
     first, scale_row, yaw_row = (
         first_moving_row(constants),
-        row_of(constants, ROW_DVL_SCALE),
-        row_of(constants, ROW_DVL_YAW),
+        row_of(constants, ROW.dvl_scale),
+        row_of(constants, ROW.dvl_yaw),
     )
-    gain, yaw = 1.0 + _value(constants, mean, ROW_DVL_SCALE), _value(constants, mean, ROW_DVL_YAW)
-    north, east = _value(constants, mean, ROW_CURRENT_NORTH), _value(constants, mean, ROW_CURRENT_EAST)
+    gain, yaw = 1.0 + _value(constants, mean, ROW.dvl_scale), _value(constants, mean, ROW.dvl_yaw)
+    north, east = _value(constants, mean, ROW.current_north), _value(constants, mean, ROW.current_east)
     sin_phi, cos_phi = sine_cosine(mean[first + 6])
     sin_theta, cos_theta = sine_cosine(mean[first + 7])
     sin_psi, cos_psi = sine_cosine(mean[first + 8])
@@ -84,8 +76,8 @@ def linearise_velocity(mean, constants, predicted, matrix):
 
     # Along a horizontal direction with so much ahead and aside of the heading, in the vehicle's axes.
     for column, f, s in (
-        (row_of(constants, ROW_CURRENT_NORTH), cos_psi, -sin_psi),
-        (row_of(constants, ROW_CURRENT_EAST), sin_psi, cos_psi),
+        (row_of(constants, ROW.current_north), cos_psi, -sin_psi),
+        (row_of(constants, ROW.current_east), sin_psi, cos_psi),
         (first + 8, aside, -ahead),
     ):
         along = cos_theta * f, sin_phi * sin_theta * f + cos_phi * s, cos_phi * sin_theta * f - sin_phi * s

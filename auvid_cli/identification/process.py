@@ -9,13 +9,16 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
+from auvid_cli.config.augmented_states import ERROR_BLOCKS
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Process
+from auvid_cli.identification import accelerometer, compiled_coefficients, dvl
 from auvid_cli.identification.accelerometer import N_ACCELEROMETER_WORK
 from auvid_cli.identification.compiled_coefficients import fill_in_all, fill_in_lanes, fill_in_row
 from auvid_cli.identification.compiled_layout import (
     NO_ACCELEROMETER,
-    ROW_DEPTH,
+    ROW,
     CompiledAccelerometer,
+    check_named,
     depth_is_state,
     first_moving_row,
     model_constants,
@@ -36,6 +39,8 @@ from auvid_cli.vehicle.dynamics import (
 )
 from auvid_cli.vehicle.parameters import N_MOTION
 from auvid_cli.vehicle.sensitivity import N_COLUMNS, N_TRANSITION_WORK, motion_jacobian, transition_step
+
+check_named(ERROR_BLOCKS, accelerometer, compiled_coefficients, dvl)
 
 Array = NDArray[np.float64]
 
@@ -109,7 +114,7 @@ def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration
     # Not from `_workspace`: with slices that begin at an offset a step of the sigma-point filters is 2 to 4 % longer.
     coefficients, work = scratch[:N_COEFFICIENT_BLOCK], scratch[N_COEFFICIENT_BLOCK:]
     fill_in_lanes(motion, parameters, constants, selection, n_lanes, coefficients)
-    depth = row_of(constants, ROW_DEPTH) - first_moving_row(constants)
+    depth = row_of(constants, ROW.down) - first_moving_row(constants)
     if depth_is_state(constants):
         _sink(motion, depth, n_lanes, 0.5 * duration)
     runge_kutta_step(motion, coefficients, inputs, constants[:N_CONSTANTS], n_lanes, duration, work)
@@ -152,7 +157,7 @@ def _sink_rate(motion, sensitivity, duration, sinking):
 def _exact_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     """Integrate the variational equation along the motion."""
     work, vehicle = _workspace(scratch), constants[:N_CONSTANTS]
-    depth, motion = row_of(constants, ROW_DEPTH), mean[first_moving_row(constants) :][:N_MOTION]
+    depth, motion = row_of(constants, ROW.down), mean[first_moving_row(constants) :][:N_MOTION]
     fill_in_all(mean, constants, selection, work.coefficients)
     _before_moving(work.sensitivity, work.sinking)
     for substep in range(substep_duration.size):
@@ -172,7 +177,7 @@ def _exact_transition(mean, inputs, substep_input, substep_duration, constants, 
 def first_order_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     """Linearise once, where the interval begins: the paper's I + A dt, Table A1."""
     work, vehicle = _workspace(scratch), constants[:N_CONSTANTS]
-    depth, motion = row_of(constants, ROW_DEPTH), mean[first_moving_row(constants) :][:N_MOTION]
+    depth, motion = row_of(constants, ROW.down), mean[first_moving_row(constants) :][:N_MOTION]
     sensitivity, block, elapsed = work.sensitivity, work.block, 0.0
     fill_in_all(mean, constants, selection, work.coefficients)
     for substep in range(substep_duration.size):

@@ -13,7 +13,7 @@ from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.simulation.simulate import simulate
-from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
 TEXT = """\
 name: short
@@ -69,6 +69,17 @@ def test_runs_are_measured_as_the_report_does(performed):
         wanted_rmse = np.sqrt(np.mean((estimate.mean[:, estimate.state.index("phi")] - roll) ** 2))
         assert rows["motion", "phi"].rmse == pytest.approx(wanted_rmse)
         np.testing.assert_array_equal(result.estimate.mean, estimate.mean)
+
+
+def test_bounds_are_of_the_sensors_that_the_filter_uses(planned):
+    text = TEXT + "vary: [{setting: identification.attitude_from, values: [ahrs, inertial]}]\n"
+    for group in planned(text).groups():
+        experiment = Experiment.model_validate_json(group.assumed[0])
+        prepared = prepare(simulate(experiment))
+        wanted = BoundsOf(prepared)(identify(prepared.dataset, experiment.identification.filters[0])).of_data
+        for result in perform(group):
+            bounds = {row.name: row.cramer_rao_bound for row in result.rows if row.kind == "coefficient"}
+            assert bounds == pytest.approx({symbol: wanted[symbol] for symbol in SYMBOLS})
 
 
 def test_estimates_stay_where_they_are_unless_asked_for(planned):

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from auvid_cli.config.augmented_states import ERROR_STATES, ErrorBlock
+from auvid_cli.config.augmented_states import ERROR_BLOCKS, ErrorBlock
 from auvid_cli.config.experiment import Identification
-from auvid_cli.identification.compiled_layout import NO_ACCELEROMETER, ROWS, model_constants
+from auvid_cli.identification import accelerometer, compiled_coefficients, dvl
+from auvid_cli.identification.compiled_layout import NO_ACCELEROMETER, check_named, model_constants
 from auvid_cli.identification.state_layout import StateBlock, StateLayout, state_layout
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import N_CONSTANTS
-from auvid_cli.vehicle.parameters import DEPTH, MOTION_SYMBOLS, Quantity
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, Quantity
 
 
 @pytest.fixture
@@ -44,8 +45,12 @@ def test_scaled_components_have_a_prior_of_one(layout):
     assert (layout.scale[own] != 1.0).all()
 
 
-def test_compiled_code_looks_for_states_that_there_are():
-    assert set(ROWS) <= {DEPTH.symbol, *(quantity.symbol for quantity in ERROR_STATES)}
+def test_an_error_that_no_compiled_code_names_is_refused_at_import():
+    check_named(ERROR_BLOCKS, accelerometer, compiled_coefficients, dvl)
+    with pytest.raises(TypeError, match="no compiled code knows of dvl_pitch"):
+        check_named([ErrorBlock("dvl_pitch", (Quantity("dvl_pitch", "rad", "", ""),), 1.0, 0.0, "dvl")], dvl)
+    with pytest.raises(TypeError, match="no compiled code knows of dvl_scale, dvl_yaw, current_north"):
+        check_named(ERROR_BLOCKS, accelerometer, compiled_coefficients)
 
 
 @pytest.mark.parametrize("noise", [(), (0.1,)])
