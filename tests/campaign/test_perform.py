@@ -73,13 +73,13 @@ def test_runs_are_measured_as_the_report_does(performed):
 
 def test_bounds_are_of_the_sensors_that_the_filter_uses(planned):
     text = TEXT + "vary: [{setting: identification.attitude_from, values: [ahrs, inertial]}]\n"
-    for group in planned(text).groups():
-        experiment = Experiment.model_validate_json(group.assumed[0])
+    (group,) = planned(text).groups()
+    for assumed, result in zip(group.assumed, perform(group), strict=True):
+        experiment = Experiment.model_validate_json(assumed)
         prepared = prepare(simulate(experiment))
         wanted = BoundsOf(prepared)(identify(prepared.dataset, experiment.identification.filters[0])).of_data
-        for result in perform(group):
-            bounds = {row.name: row.cramer_rao_bound for row in result.rows if row.kind == "coefficient"}
-            assert bounds == pytest.approx({symbol: wanted[symbol] for symbol in SYMBOLS})
+        bounds = {row.name: row.cramer_rao_bound for row in result.rows if row.kind == "coefficient"}
+        assert bounds == pytest.approx({symbol: wanted[symbol] for symbol in SYMBOLS})
 
 
 def test_estimates_stay_where_they_are_unless_asked_for(planned):
