@@ -12,17 +12,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from auvid_cli.campaign.findings import in_order
-from auvid_cli.campaign.plan import CampaignPlan
-from auvid_cli.campaign.store import Store
-from auvid_cli.config.campaign import load_campaign
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.load import find_campaign, find_experiment, load_experiment
+from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.evaluation.judgement import judge
 from auvid_cli.identification.identify import identify
 from auvid_cli.report.notation import filter_label
 from auvid_cli.simulation.simulate import simulate
+from docs.campaign_rows import campaign_rows
 from docs.section import replace_section
 
 _MANOEUVRES = ("spiral", "multisine", "doublets", "zigzag_10_10", "zigzag_20_20", "turning_circle")
@@ -108,21 +105,16 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=Path("results/campaigns/judgement"))
     parser.add_argument("--seed", type=int, default=201, help="of the data into which faults are planted")
     options = parser.parse_args()
-    path = find_campaign("judgement")
-    plan = CampaignPlan(*load_campaign(path), path)
-    rows = in_order(Store(options.results, plan.columns).rows(plan.labels()).to_pandas(), plan.labels())
-    runs, coefficients = (rows[rows["kind"] == kind].copy() for kind in ("run", "coefficient"))
-    off = (coefficients["estimate"] - coefficients["true"]).abs()
-    coefficients["error"] = off / coefficients["standard_deviation"]
+    rows = campaign_rows("judgement", options.results)
     lines = [
-        f"{len(runs)} of the {plan.n_runs} runs of `auvid campaign judgement`: {runs['case'].nunique()} pairs of",
-        f"vehicle and manoeuvre, seeds {runs['seed'].min()} to {runs['seed'].max()}. Right: all coefficients within",
+        rows.said("judgement"),
+        f"They are of {rows.runs['case'].nunique()} pairs of vehicle and manoeuvre. Right: all coefficients within",
         f"{_RIGHT:g} standard deviations of the truth; wrong: one beyond {_WRONG:g}. The share within two standard",
         "deviations and the largest error are of the identified coefficients of sound runs.",
         "",
         "| attitude | filter | runs | right | and sound | wrong | and sound | within 2 sd | largest / sd | others |",
         "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |",
-        *judged(runs, coefficients),
+        *judged(rows.runs, rows.coefficients),
         "",
         f"One fault at a time, white angles, seed {options.seed}: what error it makes, the grade, what is named.",
         "",

@@ -1,0 +1,46 @@
+"""What biased sensors cost, into docs/studies.md: `python -m docs.make_biased`.
+
+From the runs of `auvid campaign biased` that there are, whichever share of them.
+"""
+
+import argparse
+from pathlib import Path
+
+import pandas as pd
+
+from auvid_cli.report.notation import filter_label
+from docs.campaign_rows import campaign_rows
+from docs.section import replace_section
+
+
+def row(attitude: str, name: str, runs: pd.DataFrame, coefficients: pd.DataFrame) -> str:
+    """Say what a filter makes of all seeds."""
+    percent = runs["steady_state_error_percent"]
+    grades = ", ".join(f"{count} {grade}" for grade, count in runs["grade"].value_counts().items())
+    within = (coefficients["error"] <= 2.0).groupby(coefficients["name"]).mean()
+    worst = str(within.idxmin()).replace("|", r"\|")
+    return (
+        f"| {attitude} | {filter_label(name)} | {len(runs)} | {percent.mean():.3g} ± {percent.std():.2g} | "
+        f"{percent.max():.3g} | {grades} | {(coefficients['error'] <= 2.0).mean():.1%} | {worst} {within.min():.0%} |"
+    )
+
+
+def main() -> None:
+    """Write the section."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--results", type=Path, default=Path("results/campaigns/biased"))
+    rows = campaign_rows("biased", parser.parse_args().results)
+    lines = [
+        rows.said("biased"),
+        "",
+        "| attitude | filter | runs | average error %, mean ± sd | largest | judged | within 2 sd | fewest |",
+        "| --- | --- | ---: | ---: | ---: | --- | ---: | --- |",
+    ]
+    for (attitude, name), runs in rows.runs.groupby(["attitude", "filter"], sort=False):
+        own = rows.coefficients[rows.coefficients["run"].isin(runs["run"])]
+        lines.append(row(str(attitude), str(name), runs, own))
+    replace_section("biased", "\n".join(lines), "studies")
+
+
+if __name__ == "__main__":
+    main()
