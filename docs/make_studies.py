@@ -67,7 +67,8 @@ def outcomes(job: tuple[str, int]) -> list[Outcome]:
     for name in FilterName:
         estimate = identify(dataset, name)
         bounds = bounds_of(estimate).of_data
-        results = coefficient_results(estimate, dataset.truth, bounds)
+        # Whether a coefficient counts as identified is nothing that is said here.
+        results = coefficient_results(estimate, dataset.truth, bounds, is_sound=False)
         found.append(
             Outcome(
                 estimate.filter,

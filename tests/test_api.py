@@ -18,7 +18,7 @@ from auvid_cli.config.load import shipped_configs
 from auvid_cli.data import screening
 from auvid_cli.data.estimate_file import write_estimate
 from auvid_cli.data.walk import flaw_of
-from auvid_cli.errors import AuvidError, ConfigError, DataError
+from auvid_cli.errors import AuvidError, ConfigError, DataError, FileError
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import INPUTS, SENSORS
 
@@ -83,7 +83,7 @@ def test_importing_the_package_loads_nothing_heavy_and_names_all_it_offers():
     assert not set(HEAVY) & set(run_python(code))
 
 
-def test_measurement_files_loads_no_compiled_code():
+def test_reading_files_loads_no_compiled_code():
     names = "load_experiment, read_dataset, read_estimate, Dataset, Estimate"
     assert run_python(f"import sys; from auvid_cli import {names}; print('numba' in sys.modules)") == ["False"]
 
@@ -180,6 +180,19 @@ def test_a_model_of_an_estimate_in_memory_says_so(short_run, estimate):
     assert "from an estimate in memory,\n# made from a dataset in memory\n" in auvid.export_model(
         short_run, estimate, "python"
     )
+
+
+def test_no_file_takes_the_place_of_the_dataset(here, short_run):
+    dataset = auvid.write_dataset("mine.h5", short_run)
+    content = Path("mine.h5").read_bytes()
+    estimate = auvid.identify(dataset, "ckf")
+    for write in (
+        lambda: auvid.identify(dataset, "ckf", "mine.h5"),
+        lambda: auvid.export_model(dataset, estimate, "json", "mine.h5"),
+    ):
+        with pytest.raises(FileError, match="is the dataset itself, and would be lost"):
+            write()
+    assert Path("mine.h5").read_bytes() == content
 
 
 def test_a_dataset_as_a_tree_is_what_xarray_opens_from_its_file(files):

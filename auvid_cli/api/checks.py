@@ -27,7 +27,7 @@ def check(dataset: Dataset, *estimates: Estimate) -> Checks:
     Raises
     ------
     DataError
-        If an estimate was made from another dataset.
+        If an estimate was made from another dataset, as far as files tell: of what was in no file nobody can.
 
     Examples
     --------

@@ -58,7 +58,7 @@ def evaluate(dataset: Dataset, *estimates: Estimate) -> Evaluation:
     Raises
     ------
     DataError
-        If an estimate was made from another dataset.
+        If an estimate was made from another dataset, as far as files tell: of what was in no file nobody can.
 
     Examples
     --------

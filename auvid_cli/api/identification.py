@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from auvid_cli.api.preparation import refuse_to_replace
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.named import named
 from auvid_cli.data.dataset import Dataset
@@ -20,7 +21,8 @@ def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None)
     filter_name : str
         ``"ekf"``, ``"ckf"``, ``"tukf"``, ``"ukf"``, ``"smoother"`` or ``"output_error"``.
     file : str or pathlib.Path, optional
-        To write the estimate to as it comes, which hours of data need; it is then as `read_estimate` reads it.
+        To write the estimate to as it comes, which hours of data need; one that stands there is replaced. It is then as
+        `read_estimate` reads it.
 
     Returns
     -------
@@ -35,7 +37,7 @@ def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None)
     DataError
         If no sensor can be used, or the inputs end too early.
     FileError
-        If the file cannot be written.
+        If the file cannot be written, or is the dataset itself.
 
     Examples
     --------
@@ -46,5 +48,6 @@ def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None)
     name = named(FilterName, filter_name, "filter")
     if file is None:
         return filters.identify(dataset, name)
+    refuse_to_replace(dataset, Path(file))
     (run,) = filters.set_up_filters(prepare(dataset), [name])
     return record_estimate(Path(file), run.header, run.run)

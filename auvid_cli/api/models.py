@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from auvid_cli.api.preparation import refuse_estimates_of_others
+from auvid_cli.api.preparation import refuse_estimates_of_others, refuse_to_replace
 from auvid_cli.config.format_name import FormatName
 from auvid_cli.config.named import named
 from auvid_cli.data.dataset import Dataset
@@ -88,7 +88,7 @@ def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str,
     DataError
         If the filter did not end well, or the estimate was made from another dataset.
     FileError
-        If a file cannot be read or written.
+        If a file cannot be read or written, or the model's is that of the dataset.
 
     Examples
     --------
@@ -105,5 +105,6 @@ def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str,
     text = export.text(Path(export.file_name if file is None else file))
     if file is not None:
         keep_apart([Path(file)], [] if source is None else [source])
+        refuse_to_replace(dataset, Path(file))
         write_text(Path(file), text)
     return text

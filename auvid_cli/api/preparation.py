@@ -1,10 +1,12 @@
 """Data prepared once for all that goes through them, and whether estimates were made from them."""
 
 from collections.abc import Iterable
+from pathlib import Path
 
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.errors import DataError
+from auvid_cli.data.netcdf import digest
+from auvid_cli.errors import DataError, FileError
 from auvid_cli.identification import prepared_data
 from auvid_cli.identification.prepared_data import PreparedData
 
@@ -32,3 +34,15 @@ def refuse_estimates_of_others(dataset: Dataset, estimates: Iterable[Estimate]) 
     for estimate in estimates:
         if estimate.dataset_sha256 and dataset.sha256 and estimate.dataset_sha256 != dataset.sha256:
             raise DataError(f"the estimate of {estimate.filter} was made from another dataset than this one")
+
+
+def refuse_to_replace(dataset: Dataset, file: Path) -> None:
+    """Refuse to write where the dataset stands: what was recorded cannot be made again.
+
+    Raises
+    ------
+    FileError
+        If the file is that of the dataset.
+    """
+    if dataset.sha256 and file.is_file() and digest(file) == dataset.sha256:
+        raise FileError(f"{file}: is the dataset itself, and would be lost; name another file")

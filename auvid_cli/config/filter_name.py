@@ -28,4 +28,10 @@ class FilterName(StrEnum):
     @property
     def is_free_run_fit(self) -> bool:
         """Say whether it fits the motion left to itself: without process noise and, unless asked, without the prior."""
-        return self is FilterName.OUTPUT_ERROR
+        match self:
+            case FilterName.OUTPUT_ERROR:
+                return True
+            case FilterName.EKF | FilterName.CKF | FilterName.TUKF | FilterName.UKF | FilterName.SMOOTHER:
+                return False
+            case _:
+                assert_never(self)

@@ -76,8 +76,8 @@ def _sound(estimate: Estimate, judgement: Judgement) -> Check:
         estimate.filter,
         "coefficients",
         "sound",
-        statistic=judgement.grade,
-        threshold=Grade.SOUND,
+        statistic=str(judgement.grade),
+        threshold=str(Grade.SOUND),
         passed=None if judgement.grade is Grade.UNJUDGED else judgement.grade is Grade.SOUND,
         advice=f"{judgement.advice}.",
     )

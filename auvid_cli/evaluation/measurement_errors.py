@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.augmented_states import CURRENT, DVL_SCALE, DVL_YAW
-from auvid_cli.identification.dvl import current_in_body_axes, dvl_axes
+from auvid_cli.identification.dvl import current_in_body_axes
+from auvid_cli.vehicle.kinematics import dvl_axes
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, state_of
 
 Array = NDArray[np.float64]

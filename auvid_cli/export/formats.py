@@ -45,6 +45,8 @@ FORMATS = {
     FormatName.MATLAB: Format(".m", losses_of, matlab_text),
     FormatName.SDF: Format(".sdf", gazebo_losses, gazebo_text),
 }
+if {*FORMATS} != {*FormatName}:
+    raise TypeError("each form of a model has a name in config/format_name.py and a row here")
 
 # Letters of a vehicle's name in that of a file: with the filter's, fewer than a function of MATLAB may have.
 _LONGEST = 40

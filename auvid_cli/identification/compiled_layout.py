@@ -1,6 +1,6 @@
 """The state layout and the constants as the compiled vehicle model is handed them: one vector, read by name."""
 
-from collections import namedtuple
+from collections import Counter, namedtuple
 from collections.abc import Iterable
 from inspect import isfunction
 from types import ModuleType
@@ -34,6 +34,7 @@ ROW = _Rows(*range(len(_SYMBOLS)))
 HELD = N_CONSTANTS
 SCALE = N_CONSTANTS + N_COEFFICIENTS
 _NOWHERE = -1
+_TWICE = 2
 _N_ROWS = len(ROW)
 _ACCELEROMETER = 1 + _N_ROWS + 4
 
@@ -77,7 +78,9 @@ def model_constants(vehicle: Array, held: Array, layout: StateLayout, accelerome
 
 
 def check_named(blocks: Iterable[ErrorBlock], *modules: ModuleType) -> None:
-    """Refuse blocks of errors that do not just add, and that no compiled function of modules names.
+    """Refuse blocks of errors that do not just add, and that fewer than two compiled functions of modules name.
+
+    One says what comes of an error, another the derivative by it; both name the first symbol of the block.
 
     Raises
     ------
@@ -85,10 +88,10 @@ def check_named(blocks: Iterable[ErrorBlock], *modules: ModuleType) -> None:
         If there are such.
     """
     functions = (getattr(value, "py_func", value) for module in modules for value in vars(module).values())
-    named = {name for function in functions if isfunction(function) for name in function.__code__.co_names}
+    named = Counter(name for function in functions if isfunction(function) for name in {*function.__code__.co_names})
     first = [block.quantities[0].symbol for block in blocks if not block.additive]
-    if missing := [symbol for symbol in first if symbol not in named]:
-        raise TypeError(f"no compiled code knows of {', '.join(missing)}")
+    if missing := [symbol for symbol in first if named[symbol] < _TWICE]:
+        raise TypeError(f"no compiled code says what comes of {', '.join(missing)}, or the derivative by it")
 
 
 @compiled(types.int64(_vector))

@@ -95,12 +95,6 @@ def linearise_velocity(mean, constants, predicted, matrix):
     predicted[0], predicted[1], predicted[2] = gain * (cosine * u + sine * v), gain * (cosine * v - sine * u), gain * w
 
 
-def dvl_axes(scale: float, yaw: float) -> Array:
-    """Return the matrix from the velocity over ground to what is measured of it, ``(1 + scale) Rz(yaw)'``."""
-    sine, cosine = np.sin(yaw), np.cos(yaw)
-    return (1.0 + scale) * np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-
-
 def current_in_body_axes(attitude: Array, north: float, east: float) -> Array:
     """Turn a current to x, y, z of the vehicle, shape (..., 3), at as many attitudes."""
     rows = attitude.reshape(-1, 3)

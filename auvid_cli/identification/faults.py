@@ -153,9 +153,14 @@ _FORCE = "estimate it (identification.estimate.biases: [accelerometer])"
 _PLACE = "state where it sits (`position` in the sensor's settings or map)"
 _DVL = "estimate scale and mounting of the DVL (identification.estimate.biases: [dvl])"
 _CURRENT = "estimate the current (identification.estimate.biases: [current])"
-_CLOCK = "shift the time of {} by that where it is recorded or imported"
+_LATE = "subtract it from the times of {} where they are recorded or imported"
+_EARLY = (
+    "add it to the times of the inputs where they are recorded or imported; fins that lag: "
+    "identification.fin_time_constant"
+)
 _LEVER = "move what the DVL measured to the origin of the vehicle"
-_TRIM = "subtract it from the recorded angle, or look at the zero of that fin"
+_TRIM = "add it to the recorded angle, or look at the zero of that fin"
+_THRUST = "add it to the recorded thrust, or estimate its scale (identification.estimate.biases: [thrust])"
 _TERM = "the model lacks this term, and others make up for it"
 _CHECK = "check vehicle.parameters.{}"
 
@@ -172,11 +177,11 @@ FAULTS: tuple[Fault, ...] = (
         Fault(f"position of the accelerometer, {axis}", "m", _PLACE, "", "accelerometer", _force_at(i))
         for i, axis in enumerate("xyz")
     ),
-    Fault("delay of the gyroscope", "s", _CLOCK.format("the gyroscope"), "", "gyroscope", _late(slice(3, 6))),
-    Fault("delay of the DVL", "s", _CLOCK.format("the DVL"), "", "dvl", _late(slice(0, 3))),
+    Fault("delay of the gyroscope", "s", _LATE.format("the gyroscope"), "", "gyroscope", _late(slice(3, 6))),
+    Fault("delay of the DVL", "s", _LATE.format("the DVL"), "", "dvl", _late(slice(0, 3))),
     Fault(
         "delay of the inputs",
-        *("s", f"{_CLOCK.format('the inputs')}; fins that lag: identification.fin_time_constant", "", ""),
+        *("s", _EARLY, "", ""),
         lambda model, at: -model.by_inputs(at, at.input_rate),
     ),
     Fault("scale of the DVL", "1", _DVL, "dvl_scale", "dvl", lambda model, at: at.motion[:, :3]),
@@ -192,7 +197,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault("trim of the elevator", "rad", _TRIM, "", "", _offset(1)),
     Fault(
         "constant thrust",
-        *("N", "check the thrust, or estimate its scale (identification.estimate.biases: [thrust])", "", ""),
+        *("N", _THRUST, "", ""),
         _offset(2),
     ),
     Fault("mass", "kg", _CHECK.format("m"), "", "", lambda model, at: model.by_parameter(at, m=1.0)),

@@ -75,6 +75,7 @@ def _filters_table(findings: Findings) -> Table:
         "failed %",
         "diverged %",
         "inconsistent %",
+        "sound %",
         "error %",
         "5 - 95 %",
         "in 2 sd %",
@@ -89,6 +90,7 @@ def _filters_table(findings: Findings) -> Table:
             100.0 * row["failed"],
             100.0 * row["diverged"],
             100.0 * row["inconsistent"],
+            100.0 * row["sound"],
             row["steady_state_error_percent"],
             _interval(row, "steady_state_error_percent"),
             100.0 * row["within_two_sigma"],
@@ -100,7 +102,8 @@ def _filters_table(findings: Findings) -> Table:
         for row in findings.filters.to_dict("records")
     ]
     notes = (
-        "Error: mean steady-state error of the coefficients, median over the runs; 90 % of them lie from 5 to 95 %. "
+        "Sound: share of the runs whose estimate may be used by its judgement. Error: mean steady-state error of the "
+        "coefficients, median over the runs; 90 % of them lie from 5 to 95 %. "
         "In 2 sd: share of all coefficients whose truth lies within two standard deviations; 95.4 if these are honest.",
         "sd / bound: median of the stated standard deviations in terms of Cramer-Rao's bound, of the data alone. "
         "Error / bound: root mean square of the errors in terms of it.",
@@ -115,9 +118,9 @@ def _comparison_table(findings: Findings) -> list[Table]:
     if not len(findings.comparisons):
         return []
     kept = [*findings.columns, "first", "second"]
-    headers = ("measure", "of first %", "of second %", "difference", "95 %", "p, adjusted", "seeds", "verdict")
+    headers = ("measure", "of first %", "of second %", "difference", "95 %", "p, adjusted", "seeds", "conclusion")
     columns = [Column(_heading(name), numeric=False) for name in kept]
-    columns += [Column(header, numeric=header not in ("measure", "verdict")) for header in headers]
+    columns += [Column(header, numeric=header not in ("measure", "conclusion")) for header in headers]
     rows: list[list[Cell]] = [
         [
             *(setting_text(row[name]) for name in kept),

@@ -8,7 +8,9 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _FINS = {"rudder": r"\delta_r", "elevator": r"\delta_e"}
 _WORDS = {"heading": r"$\psi$", "down": "depth"}
 _GREEK = ("phi", "theta", "psi")
-_SENSOR_ERRORS = {"dvl_scale": r"$s_{\mathrm{DVL}}$", "dvl_yaw": r"$\psi_{\mathrm{DVL}}$"}
+# Letters of a subscript that is no word.
+_SHORT = 2
+_DVL = {"dvl_scale": r"$s_{\mathrm{DVL}}$", "dvl_yaw": r"$\psi_{\mathrm{DVL}}$"}
 _COEFFICIENTS = {c.symbol: c for c in COEFFICIENTS}
 
 
@@ -24,11 +26,13 @@ def symbol_math(symbol: str) -> str:
         if coefficient.group == "control":
             subscript = "".join(_FINS.get(signal, signal) for signal in coefficient.signals)
         return f"${letter}_{{{subscript}}}$"
-    if symbol in _SENSOR_ERRORS:
-        return _SENSOR_ERRORS[symbol]
-    if symbol.startswith("bias_"):
-        component = symbol.removeprefix("bias_")
-        return rf"$b_{{\{component}}}$" if component in _GREEK else f"$b_{{{component}}}$"
+    if symbol in _DVL:
+        return _DVL[symbol]
+    if "_" in symbol:
+        # Of an error: a bias of a quantity, a current towards somewhere.
+        word, of = symbol.split("_", 1)
+        subscript = rf"\{of}" if of in _GREEK else of if len(of) <= _SHORT else rf"\mathrm{{{of}}}"
+        return f"${word[0]}_{{{subscript}}}$"
     letter, subscript = symbol[0], symbol[1:]
     return f"${letter}_{{{subscript}}}$" if subscript else f"${letter}$"
 

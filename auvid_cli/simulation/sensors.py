@@ -12,7 +12,7 @@ from auvid_cli.angles import wrap
 from auvid_cli.config.sensors import Accelerometer, Attitude, Dvl, SensorSettings, SensorSuite
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.simulation.true_motion import Truth, sample_motion
-from auvid_cli.vehicle.kinematics import GRAVITY, earth_to_body
+from auvid_cli.vehicle.kinematics import GRAVITY, dvl_axes, earth_to_body
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
 
 Array = NDArray[np.float64]
@@ -102,9 +102,7 @@ def _velocity_over_ground(sampled: _Sampled) -> Array:
     velocity = motion[:, :3]
     if current.any():
         velocity = velocity + earth_to_body(motion[:, 6:], np.broadcast_to(current, (len(motion), 3)))
-    sine, cosine = np.sin(dvl.mounting_yaw), np.cos(dvl.mounting_yaw)
-    turned = (1.0 + dvl.scale_error) * np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    return velocity @ turned.T
+    return velocity @ dvl_axes(dvl.scale_error, dvl.mounting_yaw).T
 
 
 def _heading(sampled: _Sampled) -> Array:

@@ -103,3 +103,9 @@ def body_rates(time: Array, angles: Array) -> Array:
             cos_roll * cos_pitch * yaw_rate - sin_roll * pitch_rate,
         )
     )
+
+
+def dvl_axes(scale: float, yaw: float) -> Array:
+    """Return the matrix from the velocity over ground to what a DVL measures of it, ``(1 + scale) Rz(yaw)'``."""
+    sine, cosine = np.sin(yaw), np.cos(yaw)
+    return (1.0 + scale) * np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])

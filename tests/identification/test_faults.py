@@ -12,13 +12,12 @@ from auvid_cli.evaluation.judgement import FARTHEST_SEGMENT, LARGEST_FAULT
 from auvid_cli.filters.problem import SEGMENT
 from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import augmented_problem
-from auvid_cli.identification.dvl import dvl_axes
-from auvid_cli.identification.faults import FAULTS, FaultedVehicle, Motion, VehicleFaults
+from auvid_cli.identification.faults import FAULTS, FaultedVehicle, Motion, VehicleFaults, remedy_of_fault
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.vehicle.dynamics import factors, vehicle_constants
-from auvid_cli.vehicle.kinematics import rotation_matrix
+from auvid_cli.vehicle.kinematics import dvl_axes, rotation_matrix
 from auvid_cli.vehicle.matrices import mass_matrix
 
 BY_NAME = {fault.name: fault for fault in FAULTS}
@@ -275,6 +274,42 @@ def test_a_fault_in_the_data_is_found_with_its_size_and_named_as_the_worst(plant
     worst = max(found.values(), key=lambda fault: abs(fault.z))
     assert (worst.fault, abs(worst.z) > LARGEST_FAULT) == (name, True), worst
     assert abs(worst.size - size) < 4.0 * worst.standard_deviation + 0.1 * size
+
+
+def earlier(data, size):
+    gyroscope = data.sensors["gyroscope"]
+    return replace(data, sensors=data.sensors | {"gyroscope": replace(gyroscope, time=gyroscope.time - size)})
+
+
+def later_inputs(data, size):
+    time = data.inputs.time
+    values = np.array([np.interp(time - size, time, column) for column in data.inputs.values.T])
+    return replace(data, inputs=replace(data.inputs, values=values.T.copy()))
+
+
+def turned(data, size):
+    return replace(data, inputs=replace(data.inputs, values=data.inputs.values + np.array([size, 0.0, 0.0, 0.0])))
+
+
+@pytest.mark.parametrize(
+    ("plant", "name", "obey"),
+    [
+        (late, "delay of the gyroscope", earlier),
+        (early_inputs, "delay of the inputs", later_inputs),
+        (trimmed, "trim of the rudder", turned),
+    ],
+)
+def test_who_obeys_the_remedy_of_a_fault_is_rid_of_most_of_it(plant, name, obey, clean):
+    said = {
+        "delay of the gyroscope": "subtract it from the times",
+        "delay of the inputs": "add it to the times",
+        "trim of the rudder": "add it to the recorded angle",
+    }
+    assert remedy_of_fault(name).startswith(said[name])
+    faulty = plant(clean)
+    fault = results_of(faulty)[name]
+    # Large ones are found to some percent only, for the test is linear.
+    assert abs(results_of(obey(faulty, fault.size))[name].z) < 0.1 * abs(fault.z)
 
 
 def test_of_clean_data_no_fault_looks_present(clean):

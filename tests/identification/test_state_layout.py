@@ -47,9 +47,9 @@ def test_scaled_components_have_a_prior_of_one(layout):
 
 def test_an_error_that_no_compiled_code_names_is_refused_at_import():
     check_named(ERROR_BLOCKS, accelerometer, compiled_coefficients, dvl)
-    with pytest.raises(TypeError, match="no compiled code knows of dvl_pitch"):
+    with pytest.raises(TypeError, match="no compiled code says what comes of dvl_pitch"):
         check_named([ErrorBlock("dvl_pitch", (Quantity("dvl_pitch", "rad", "", ""),), 1.0, 0.0, "dvl")], dvl)
-    with pytest.raises(TypeError, match="no compiled code knows of dvl_scale, dvl_yaw, current_north"):
+    with pytest.raises(TypeError, match="no compiled code says what comes of dvl_scale, dvl_yaw, current_north"):
         check_named(ERROR_BLOCKS, accelerometer, compiled_coefficients)
 
 

@@ -25,7 +25,7 @@ try:
     from pymavlink.DFReader import FORMAT_TO_STRUCT, DFFormat, DFReader_binary
     from pymavlink.dialects.v20 import ardupilotmega as mavlink
 except ModuleNotFoundError as error:
-    raise FileError("measurement ArduPilot logs needs the package pymavlink: pip install 'auvid[ardupilot]'") from error
+    raise FileError("reading ArduPilot logs needs the package pymavlink: pip install 'auvid[ardupilot]'") from error
 
 _SECONDS = {"TimeUS": 1e6, "TimeMS": 1e3}
 _HEADER_BYTES = 3

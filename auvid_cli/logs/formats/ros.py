@@ -19,7 +19,7 @@ try:
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 except ModuleNotFoundError as error:
-    raise FileError("measurement ROS bags needs the package rosbags: pip install 'auvid[ros]'") from error
+    raise FileError("reading ROS bags needs the package rosbags: pip install 'auvid[ros]'") from error
 
 # Longer lists are pictures, scans and the like: they can be read by their index, but are not offered.
 _LONGEST_OFFERED = 100

@@ -88,5 +88,5 @@ def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch, package, read
     monkeypatch.setitem(sys.modules, package, None)
     path = tmp_path / name
     path.write_bytes(content)
-    with pytest.raises(FileError, match=re.escape(f"needs the package {extra}")):
+    with pytest.raises(FileError, match=rf"^reading \w+ \w+ needs the package {re.escape(extra)}"):
         open_log(path)
