@@ -15,6 +15,7 @@ from auvid_cli.report.figures.limits import around, padded, value_range, with_ne
 from auvid_cli.report.figures.motion import motion_figure
 from auvid_cli.report.figures.path import path_figure
 from auvid_cli.report.figures.series import spaced, thin, unwrapped
+from auvid_cli.report.figures.style import new_figure, plain_log_ticks
 from auvid_cli.report.write import write_tables
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION
@@ -233,3 +234,15 @@ def test_limits():
     assert with_near_zero(-11.0, -1.0) == (-11.0, 0.0)
     assert around(None, None) == (-1.0, 1.0)
     assert around((0.0, 1.0), (-100.0, 1.5)) == padded(-1.0, 1.5)
+
+
+@pytest.mark.parametrize(("low", "high"), [(15.0, 19.0), (30.0, 300.0), (0.1, 2000.0)])
+def test_a_logarithmic_axis_has_numbers_however_little_it_spans(low, high):
+    axes = new_figure(5.0, 3.0).subplots()
+    axes.set_yscale("log")
+    axes.set_ylim(low, high)
+    plain_log_ticks(axes.yaxis)
+    axes.figure.canvas.draw()
+    said = [label.get_text() for label in axes.get_yticklabels() if low <= label.get_position()[1] <= high]
+    assert 2 <= len(said) <= 15
+    assert [float(text) for text in said] == sorted(float(text) for text in said)

@@ -11,24 +11,24 @@ from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log, LogColumn
 # By sensor and component: what the end of a column's name, in small letters, with blanks and dashes as underscores, is.
 SENSOR_NAMES: dict[str, dict[str, str]] = {
     "gyroscope": {
-        "p": r"p|(gyro?|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?x|roll_?(rate|speed)",
-        "q": r"q|(gyro?|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?y|pitch_?(rate|speed)",
-        "r": r"r|(gyro?|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?z|(yaw|turn)_?(rate|speed)",
+        "p": r"(gyro\w*_)?p|(gyro?|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?x|roll_?(rate|speed)",
+        "q": r"(gyro\w*_)?q|(gyro?|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?y|pitch_?(rate|speed)",
+        "r": r"(gyro\w*_)?r|(gyro?|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?z|(yaw|turn)_?(rate|speed)",
     },
     "accelerometer": {
-        "fx": r"fx|(acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?x",
-        "fy": r"fy|(acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?y",
-        "fz": r"fz|(acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?z",
+        "fx": r"(acc\w*_)?fx|(acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?x",
+        "fy": r"(acc\w*_)?fy|(acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?y",
+        "fz": r"(acc\w*_)?fz|(acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?z",
     },
     "dvl": {
-        "u": r"u|surge(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?x",
-        "v": r"v|sway(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?y",
-        "w": r"w|heave(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?z",
+        "u": r"(dvl_)?u|surge(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?x",
+        "v": r"(dvl_)?v|sway(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?y",
+        "w": r"(dvl_)?w|heave(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?z",
     },
     "attitude": {
-        "phi": r"phi|roll(_angle)?",
-        "theta": r"theta|pitch(_angle)?",
-        "psi": r"psi|yaw(_angle)?|((c_)?true_|magnetic_)?heading",
+        "phi": r"(attitude_)?phi|roll(_angle)?",
+        "theta": r"(attitude_)?theta|pitch(_angle)?",
+        "psi": r"(attitude_)?psi|yaw(_angle)?|((c_)?true_|magnetic_)?heading",
     },
     "depth": {"down": r"down|(dfs_)?depth|position\.z"},
 }

@@ -6,11 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from auvid_cli.campaign.status import ended
-from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure, plain
+from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure, plain, plain_log_ticks
 from auvid_cli.report.notation import setting_text
 
 if TYPE_CHECKING:
@@ -92,8 +91,7 @@ def _write_losses(axes: Axes, by_level: list["pd.DataFrame"], places: Array) -> 
 
 def _tidy_errors(axes: Axes) -> None:
     axes.set_yscale("log")
-    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    plain_log_ticks(axes.yaxis)
     axes.grid(axis="y", color="0.9", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)

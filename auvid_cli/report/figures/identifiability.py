@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from auvid_cli.evaluation.assessment import CLASSES, Identifiability
-from auvid_cli.report.figures.style import head, new_figure
+from auvid_cli.report.figures.style import head, new_figure, plain_log_ticks
 from auvid_cli.report.notation import symbol_math
 
 # Okabe and Ito's, from sure to unknown.
@@ -38,6 +38,7 @@ def bounds_figure(identifiability: Identifiability) -> Figure:
     growth.set_yscale("log")
     growth.set_xscale("log")
     _tidy_log(growth)
+    plain_log_ticks(growth.xaxis)
     head(growth, "bound over duration, each coefficient")
     growth.set_xlabel("duration (s)", fontsize=9)
     growth.set_ylabel("bound (%)", fontsize=9)

@@ -5,9 +5,10 @@ from typing import Any, NamedTuple
 
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.printable import printable
@@ -102,6 +103,13 @@ def tidy(axes: Axes) -> None:
 def plain(text: str) -> str:
     """Return a user's text as it is, its dollars no mathematics."""
     return printable(text).replace("$", r"\$")
+
+
+def plain_log_ticks(axis: Axis) -> None:
+    """Write plain numbers at a logarithmic axis: 1, 2 and 5 times powers of ten, or what is between two of them."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def head(axes: Axes, text: str) -> None:

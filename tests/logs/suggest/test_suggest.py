@@ -109,6 +109,12 @@ def test_ends_of_names_are_units(suggested):
     assert found["sensors"]["accelerometer"]["frame"] == "FRD"
 
 
+def test_columns_called_by_sensor_and_component_are_found(suggested):
+    names = "gyro_p", "gyroscope_r", "accelerometer_fx", "dvl_u", "attitude_psi"
+    _, found = suggested(t=TIME, **{name: WAVE for name in names})
+    assert {column for sensor in found["sensors"].values() for column in sensor["columns"].values()} == {*names}
+
+
 @pytest.mark.parametrize(
     ("thruster", "signal"),
     [
