@@ -17,22 +17,32 @@ class CampaignRows(NamedTuple):
 
     Attributes
     ----------
-    runs, coefficients : pandas.DataFrame
-        A row for each run, and for each coefficient of each; the latter with their `error`, standard deviations.
-    n_planned : int
-        Runs of the whole campaign.
+    plan : CampaignPlan
+        Of all of them.
+    rows : pandas.DataFrame
+        Of everything that was measured, in the order of the plan.
     """
 
-    runs: pd.DataFrame
-    coefficients: pd.DataFrame
-    n_planned: int
+    plan: CampaignPlan
+    rows: pd.DataFrame
 
-    def said(self, name: str) -> str:
+    @property
+    def runs(self) -> pd.DataFrame:
+        """Return a row for each run."""
+        return self.rows[self.rows["kind"] == "run"]
+
+    @property
+    def coefficients(self) -> pd.DataFrame:
+        """Return a row for each coefficient of each run, with its `error`, standard deviations."""
+        own = self.rows[self.rows["kind"] == "coefficient"]
+        return own.assign(error=(own["estimate"] - own["true"]).abs() / own["standard_deviation"])
+
+    def said(self) -> str:
         """Say how many runs there are, and of which seeds."""
         seeds = self.runs["seed"]
         return (
-            f"{len(self.runs)} of the {self.n_planned} runs of `auvid campaign {name}`, seeds {seeds.min()} to "
-            f"{seeds.max()}."
+            f"{len(seeds)} of the {self.plan.n_runs} runs of `auvid campaign {self.plan.campaign.name}`, seeds "
+            f"{seeds.min()} to {seeds.max()}."
         )
 
 
@@ -40,8 +50,5 @@ def campaign_rows(name: str, results: Path) -> CampaignRows:
     """Read them from a campaign's results folder."""
     path = find_campaign(name)
     plan = CampaignPlan(*load_campaign(path), path)
-    rows = in_order(Store(results, plan.columns).rows(plan.labels()).to_pandas(), plan.labels())
-    runs, coefficients = (rows[rows["kind"] == kind].copy() for kind in ("run", "coefficient"))
-    off = (coefficients["estimate"] - coefficients["true"]).abs()
-    coefficients["error"] = off / coefficients["standard_deviation"]
-    return CampaignRows(runs, coefficients, plan.n_runs)
+    labels = plan.labels()
+    return CampaignRows(plan, in_order(Store(results, plan.columns).rows(labels).to_pandas(), labels))

@@ -31,13 +31,14 @@ def main() -> None:
     parser.add_argument("--results", type=Path, default=Path("results/campaigns/biased"))
     rows = campaign_rows("biased", parser.parse_args().results)
     lines = [
-        rows.said("biased"),
+        rows.said(),
         "",
         "| attitude | filter | runs | average error %, mean ± sd | largest | judged | within 2 sd | fewest |",
         "| --- | --- | ---: | ---: | ---: | --- | ---: | --- |",
     ]
+    coefficients = rows.coefficients
     for (attitude, name), runs in rows.runs.groupby(["attitude", "filter"], sort=False):
-        own = rows.coefficients[rows.coefficients["run"].isin(runs["run"])]
+        own = coefficients[coefficients["run"].isin(runs["run"])]
         lines.append(row(str(attitude), str(name), runs, own))
     replace_section("biased", "\n".join(lines), "studies")
 

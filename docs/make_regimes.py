@@ -6,14 +6,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from auvid_cli.campaign.findings import Findings, find, in_order
-from auvid_cli.campaign.plan import CampaignPlan
-from auvid_cli.campaign.store import Store
-from auvid_cli.config.campaign import load_campaign
-from auvid_cli.config.load import find_campaign
+from auvid_cli.campaign.findings import Findings, find
 from auvid_cli.report.campaign_tables import comparison_sentences
 from auvid_cli.report.notation import setting_text
 from benchmarks.timing import described_machine
+from docs.campaign_rows import campaign_rows
 from docs.section import replace_section
 
 _IMAGES = Path(__file__).with_name("images")
@@ -56,11 +53,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--results", type=Path, default=Path("results/campaigns/regimes"))
     options = parser.parse_args()
-    path = find_campaign("regimes")
-    plan = CampaignPlan(*load_campaign(path), path)
-    labels = plan.labels()
-    rows = Store(options.results, plan.columns).rows(labels).to_pandas()
-    found = find(in_order(rows, labels), plan.fixed_columns)
+    plan, rows = campaign_rows("regimes", options.results)
+    found = find(rows, plan.fixed_columns)
     n_runs = len(found.runs)
     if n_runs < plan.n_runs:
         raise SystemExit(f"{options.results}: {n_runs} of {plan.n_runs} runs; finish it with `auvid campaign regimes`")

@@ -20,8 +20,8 @@ def identifiability(dataset: Dataset, at: Mapping[str, float] | None = None) -> 
     Returns
     -------
     Identifiability
-        Cramér-Rao bounds with verdicts, and groups that go together, which ``to_pandas()`` makes tables of; shares of
-        the sensors, correlation, and bounds by duration, which ``to_xarray()`` labels.
+        Cramér-Rao bounds with their classes, and groups that go together, which ``to_pandas()`` makes tables of; shares
+        of the sensors, correlation, and bounds by duration, which ``to_xarray()`` labels.
 
     Raises
     ------

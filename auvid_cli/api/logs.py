@@ -38,7 +38,7 @@ class MappedLogs:
         return [*self._tree.files(), *recorded_files(self._files)]
 
     def convert(self) -> tuple[Dataset, Conversion]:
-        """Return the dataset, and the account of what was done.
+        """Return the dataset, and a summary of what was done.
 
         Raises
         ------

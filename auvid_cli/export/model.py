@@ -192,8 +192,8 @@ def identified_model(
         )
     values = estimate.final_coefficients()
     judgement = judge_one(estimate, reference)
-    coefficients = coefficient_results(estimate, dataset.truth, bounds, judgement.grade is Grade.SOUND)
-    results = {result.coefficient: result for result in coefficients}
+    is_sound = judgement.grade is Grade.SOUND
+    results = {row.coefficient: row for row in coefficient_results(estimate, dataset.truth, bounds, is_sound)}
     coefficients = []
     for coefficient in COEFFICIENTS:
         result = results.get(coefficient.symbol)

@@ -15,8 +15,8 @@ _NONLINEAR = {
     *(name for name, measured in SENSORS.items() if not {state_of(quantity) for quantity in measured} <= _STATES),
     *(block.sensor for block in ERROR_BLOCKS if block.sensor is not None and not block.additive),
 }
-if not {*OBSERVED} >= _NONLINEAR:
-    raise TypeError(f"no compiled code says what {', '.join(sorted(_NONLINEAR - {*OBSERVED}))} measures")
+if _unknown := _NONLINEAR - {*OBSERVED}:
+    raise TypeError(f"no compiled code says what {', '.join(sorted(_unknown))} measures")
 
 
 @compiled(OBSERVATION_SIGNATURE)
