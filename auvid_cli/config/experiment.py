@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
@@ -17,6 +17,7 @@ from auvid_cli.config.spans import SeparateSpans
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.parameters import DEPTH, Quantity
 
 
 class Prior(Settings):
@@ -65,6 +66,31 @@ class InitialMotion(Settings):
     rate: Annotated[float, Amount("rad/s"), Field(gt=0)] = 0.05
     attitude: Annotated[float, Amount("rad"), Field(gt=0)] = 0.05
     depth: Annotated[float, Amount("m"), Field(gt=0)] = 0.5
+
+
+class FurtherState(NamedTuple):
+    """A moving state beside the motion, which is one wherever its sensor measures.
+
+    Attributes
+    ----------
+    name : str
+        Key of the density that drives it in `ProcessNoise`, and of where it starts in `InitialMotion`.
+    quantity : Quantity
+    sensor : str
+        Measures it, and nothing else.
+    """
+
+    name: str
+    quantity: Quantity
+    sensor: str
+
+
+# Each is moved by compiled code of `auvid_cli.identification.process`, which is asked for it at import.
+FURTHER_STATES = (FurtherState("depth", DEPTH, "depth"),)
+if _unset := [
+    s.name for s in FURTHER_STATES if not {s.name} <= ProcessNoise.model_fields.keys() & InitialMotion.model_fields
+]:
+    raise TypeError(f"neither noise nor start can be set of {', '.join(_unset)}")
 
 
 class Use(Settings):

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.augmented_states import ERROR_STATES, THRUST_SCALE
-from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.experiment import FURTHER_STATES, RunSettings
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.parameters import DEPTH, MOTION
+from auvid_cli.vehicle.parameters import MOTION
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 # Unit of everything that an augmented state may be made of: coefficients, motion, depth, errors of sensors and thrust.
-STATES = {quantity.symbol: quantity.unit for quantity in (*COEFFICIENTS, *MOTION, DEPTH, *ERROR_STATES)}
+_MOVING = *MOTION, *(state.quantity for state in FURTHER_STATES)
+STATES = {quantity.symbol: quantity.unit for quantity in (*COEFFICIENTS, *_MOVING, *ERROR_STATES)}
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli import __version__
+from auvid_cli.config.augmented_states import ERROR_STATES
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
@@ -20,7 +21,7 @@ from auvid_cli.export.actuation import Actuation, acting_inputs, actuation
 from auvid_cli.export.terms import TermSize, term_histories, term_sizes
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.parameters import DEPTH, MOTION_SYMBOLS
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -201,7 +202,8 @@ def identified_model(
         coefficients.append(
             IdentifiedCoefficient(coefficient.symbol, coefficient.unit, values[coefficient.symbol], *certainty)
         )
-    others = [i for i, symbol in enumerate(estimate.state) if symbol not in (*SYMBOLS, *MOTION_SYMBOLS, DEPTH.symbol)]
+    errors = {quantity.symbol for quantity in ERROR_STATES}
+    others = [i for i, symbol in enumerate(estimate.state) if symbol in errors]
     kept = [*(estimate.state.index(symbol) for symbol in SYMBOLS if symbol in results), *others]
     motion = estimate.mean[:, [estimate.state.index(symbol) for symbol in MOTION_SYMBOLS]]
     terms = term_histories(values, motion, acting_inputs(estimate, dataset.inputs))

@@ -82,7 +82,7 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     experiment, measuring = prepared.experiment, prepared.measuring
     settings = experiment.identification
     held = held_coefficients(experiment)
-    layout = state_layout(settings, experiment.vehicle.size, "depth" in measuring)
+    layout = state_layout(settings, experiment.vehicle.size, measuring)
     known = experiment.vehicle.known_parameters()
     process = vehicle_process(vehicle_constants(known), held, layout, _accelerometer(measuring))
     parameters = _prior_of_parameters(layout, prepared.dataset)

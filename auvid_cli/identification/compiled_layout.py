@@ -11,22 +11,22 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.config.augmented_states import ERROR_BLOCKS, ErrorBlock
+from auvid_cli.config.augmented_states import ERROR_BLOCKS
+from auvid_cli.config.experiment import FURTHER_STATES
 from auvid_cli.identification.state_layout import StateLayout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import N_CONSTANTS
-from auvid_cli.vehicle.parameters import DEPTH
 
 Array = NDArray[np.float64]
 
 _vector = types.float64[::1]
 
-# States that compiled code looks for by name, with where their rows stand among themselves: the depth, and errors that
-# do not just add to a sensor. They stand at the end of the constants, behind the vehicle, the 22 held values, one scale
-# for each estimated coefficient and the accelerometer, and before the number of parameters.
+# States that compiled code looks for by name, with where their rows stand among themselves: moving states beside the
+# motion, and errors that do not just add to a sensor. They stand at the end of the constants, behind the vehicle, the
+# 22 held values, one scale for each estimated coefficient and the accelerometer, and before the number of parameters.
 _SYMBOLS = (
-    DEPTH.symbol,
+    *(state.quantity.symbol for state in FURTHER_STATES),
     *(quantity.symbol for block in ERROR_BLOCKS if not block.additive for quantity in block.quantities),
 )
 _Rows = namedtuple("_Rows", _SYMBOLS)
@@ -34,7 +34,6 @@ ROW = _Rows(*range(len(_SYMBOLS)))
 HELD = N_CONSTANTS
 SCALE = N_CONSTANTS + N_COEFFICIENTS
 _NOWHERE = -1
-_TWICE = 2
 _N_ROWS = len(ROW)
 _ACCELEROMETER = 1 + _N_ROWS + 4
 
@@ -58,7 +57,7 @@ NO_ACCELEROMETER = CompiledAccelerometer(_NOWHERE, (0.0, 0.0, 0.0))
 
 
 # Blocks that the compiled process moves, or is made of, without being asked.
-_OF_EVERY_MODEL = "coefficients", "motion", "depth"
+_OF_EVERY_MODEL = "coefficients", "motion"
 
 
 def model_constants(vehicle: Array, held: Array, layout: StateLayout, accelerometer: CompiledAccelerometer) -> Array:
@@ -77,20 +76,26 @@ def model_constants(vehicle: Array, held: Array, layout: StateLayout, accelerome
     return np.concatenate([vehicle, held, scale, sensor, rows, [layout.n_parameters]])
 
 
-def check_named(blocks: Iterable[ErrorBlock], *modules: ModuleType) -> None:
-    """Refuse blocks of errors that do not just add, and that fewer than two compiled functions of modules name.
+def check_named(symbols: Iterable[str], modules: Iterable[ModuleType], by: int) -> None:
+    """Refuse states that fewer compiled functions of modules name than say what comes of one and the derivative by it.
 
-    One says what comes of an error, another the derivative by it; both name the first symbol of the block.
+    Parameters
+    ----------
+    symbols : iterable of str
+        The first of each block.
+    modules : iterable of module
+    by : int
+        As many functions of theirs.
 
     Raises
     ------
     TypeError
         If there are such.
     """
-    functions = (getattr(value, "py_func", value) for module in modules for value in vars(module).values())
-    named = Counter(name for function in functions if isfunction(function) for name in {*function.__code__.co_names})
-    first = [block.quantities[0].symbol for block in blocks if not block.additive]
-    if missing := [symbol for symbol in first if named[symbol] < _TWICE]:
+    members = [(module, getattr(value, "py_func", value)) for module in modules for value in vars(module).values()]
+    own = [f for module, f in members if isfunction(f) and f.__module__ == module.__name__]
+    named = Counter(name for function in own for name in {*function.__code__.co_names})
+    if missing := [symbol for symbol in symbols if named[symbol] < by]:
         raise TypeError(f"no compiled code says what comes of {', '.join(missing)}, or the derivative by it")
 
 

@@ -2,15 +2,16 @@
 
 from auvid_cli.compilation import compiled
 from auvid_cli.config.augmented_states import ERROR_BLOCKS
+from auvid_cli.config.experiment import FURTHER_STATES
 from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, OBSERVATION_SIGNATURE
 from auvid_cli.identification.accelerometer import linearise_force, measure_forces
 from auvid_cli.identification.compiled_layout import accelerometer_sensor
 from auvid_cli.identification.dvl import linearise_velocity, measure_velocities
-from auvid_cli.vehicle.parameters import DEPTH, MOTION, SENSORS, state_of
+from auvid_cli.vehicle.parameters import MOTION, SENSORS, state_of
 
 # Of all others each component is a state, and errors just add to it.
 OBSERVED = "dvl", "accelerometer"
-_STATES = {quantity.symbol for quantity in (*MOTION, DEPTH)}
+_STATES = {quantity.symbol for quantity in (*MOTION, *(state.quantity for state in FURTHER_STATES))}
 _NONLINEAR = {
     *(name for name, measured in SENSORS.items() if not {state_of(quantity) for quantity in measured} <= _STATES),
     *(block.sensor for block in ERROR_BLOCKS if block.sensor is not None and not block.additive),

@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.experiment import FURTHER_STATES, RunSettings
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.identification.actuators import lagged
 from auvid_cli.identification.segmentation import used_spans
-from auvid_cli.identification.timeline import Timelines, initial_depth, initial_motion, measuring_sensors
-from auvid_cli.vehicle.parameters import DEPTH, MOTION_SYMBOLS
+from auvid_cli.identification.timeline import Timelines, first_measured, initial_motion, measuring_sensors
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ class Segment(NamedTuple):
     timelines : Timelines
         Of the sensors that are listened to, with the fins where they were.
     measured : dict of float
-        Motion and, where a sensor measures it, depth as measured by the start, by symbol, SI.
+        Motion and moving states beside it, as the depth, as measured by the start, by symbol, SI.
     """
 
     dataset: Dataset
@@ -85,8 +85,9 @@ def prepare(dataset: Dataset) -> PreparedData:
         records = {name: data.sensors[name] for name in measuring}
         start, motion = initial_motion(data, records)
         measured = dict(zip(MOTION_SYMBOLS, motion.tolist(), strict=True))
-        if "depth" in measuring:
-            measured[DEPTH.symbol] = initial_depth(measuring["depth"], start)
+        for state in FURTHER_STATES:
+            if state.sensor in measuring:
+                measured[state.quantity.symbol] = first_measured(measuring[state.sensor], start)
         segments.append(Segment(data, Timelines(inputs, records, start, settings.integration_step), measured))
     return PreparedData(dataset, measuring, tuple(segments))
 

@@ -1,5 +1,6 @@
 """The vehicle as a filter's process: coefficients as parameters, motion as moving states."""
 
+import sys
 from collections.abc import Mapping
 from itertools import accumulate
 from typing import NamedTuple
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.config.augmented_states import ERROR_BLOCKS
+from auvid_cli.config.experiment import FURTHER_STATES
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Process
 from auvid_cli.identification import accelerometer, compiled_coefficients, dvl
 from auvid_cli.identification.accelerometer import N_ACCELEROMETER_WORK
@@ -39,8 +41,6 @@ from auvid_cli.vehicle.dynamics import (
 )
 from auvid_cli.vehicle.parameters import N_MOTION
 from auvid_cli.vehicle.sensitivity import N_COLUMNS, N_TRANSITION_WORK, motion_jacobian, transition_step
-
-check_named(ERROR_BLOCKS, accelerometer, compiled_coefficients, dvl)
 
 Array = NDArray[np.float64]
 
@@ -243,3 +243,12 @@ def vehicle_process(
         observe=observe,
         linearise=linearise,
     )
+
+
+# Of errors what comes of them and the derivative; of moving states how they advance, and both transitions.
+check_named(
+    [block.quantities[0].symbol for block in ERROR_BLOCKS if not block.additive],
+    (accelerometer, compiled_coefficients, dvl),
+    by=2,
+)
+check_named([state.quantity.symbol for state in FURTHER_STATES], (sys.modules[__name__],), by=3)

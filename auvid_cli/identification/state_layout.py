@@ -4,7 +4,7 @@ A block is all parameters, which are constant, or all moving states. Parameters 
 touches only the rows behind them; within either kind blocks keep their order. Whatever depends on this order asks here.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.augmented_states import ErrorBlock
-from auvid_cli.config.experiment import Identification
+from auvid_cli.config.experiment import FURTHER_STATES, Identification
 from auvid_cli.config.vehicle import Size
 from auvid_cli.identification.prior import prior_standard_deviations
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.parameters import DEPTH, MOTION, Quantity
+from auvid_cli.vehicle.parameters import MOTION, Quantity
 
 Array = NDArray[np.float64]
 
@@ -124,7 +124,7 @@ class StateLayout:
         return slice(0, 0)
 
 
-def state_layout(settings: Identification, size: Size, has_depth: bool) -> StateLayout:
+def state_layout(settings: Identification, size: Size, measuring: Collection[str]) -> StateLayout:
     """Lay out the augmented state that settings ask for.
 
     Parameters
@@ -132,8 +132,8 @@ def state_layout(settings: Identification, size: Size, has_depth: bool) -> State
     settings : Identification
     size : Size
         Of the vehicle, from which natural magnitudes of its coefficients follow.
-    has_depth : bool
-        Whether a sensor measures the depth, which then is a state.
+    measuring : collection of str
+        Sensors; what only one of them measures, as the depth, is a state where it does.
     """
     noise, initial = settings.process_noise, settings.initial_motion
     prior_std = prior_standard_deviations(size, settings.prior.factor, settings.prior.standard_deviation)
@@ -151,8 +151,10 @@ def state_layout(settings: Identification, size: Size, has_depth: bool) -> State
             starts_as_measured=True,
         ),
     ]
-    if has_depth:
-        blocks.append(StateBlock("depth", (DEPTH,), (initial.depth,), (noise.depth,), starts_as_measured=True))
+    for name, quantity, sensor in FURTHER_STATES:
+        if sensor in measuring:
+            start, density = getattr(initial, name), getattr(noise, name)
+            blocks.append(StateBlock(name, (quantity,), (start,), (density,), starts_as_measured=True))
     for error in settings.estimate.blocks():
         n = len(error.quantities)
         walk = (error.walk,) * n if error.walk > 0.0 else ()

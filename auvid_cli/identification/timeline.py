@@ -144,10 +144,10 @@ def _levelled(force: Array, motion: Array) -> tuple[float, float]:
     return float(np.arctan2(y, z)), float(np.arctan2(-x, np.hypot(y, z)))
 
 
-def initial_depth(record: SensorRecord, start: float) -> float:
-    """Find what a depth sensor measured last by a start, s; or, if it was silent until then, first."""
-    time, depth = (values[np.isfinite(record.values[:, 0])] for values in (record.time, record.values[:, 0]))
-    return float(depth[max(np.searchsorted(time, start, side="right") - 1, 0)])
+def first_measured(record: SensorRecord, start: float) -> float:
+    """Find what a sensor of one component measured last by a start, s; or, if it was silent until then, first."""
+    time, measured = (values[np.isfinite(record.values[:, 0])] for values in (record.time, record.values[:, 0]))
+    return float(measured[max(np.searchsorted(time, start, side="right") - 1, 0)])
 
 
 class Timelines:

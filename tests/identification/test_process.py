@@ -21,7 +21,7 @@ MOTION = np.array([2.0, 0.1, -0.1, 0.02, 0.03, -0.05, 0.1, -0.2, 0.3])
 def layout_of(vehicle, has_depth=False, **settings):
     """A state with coefficients in units of `SCALE`."""
     prior = {"standard_deviation": dict(zip(SYMBOLS, SCALE.tolist(), strict=True))}
-    return state_layout(Identification(prior=prior, **settings), vehicle.size, has_depth)
+    return state_layout(Identification(prior=prior, **settings), vehicle.size, ("depth",) if has_depth else ())
 
 
 @pytest.fixture(params=[False, True], ids=["motion", "depth"])

@@ -5,7 +5,7 @@ import pytest
 
 from auvid_cli.config.augmented_states import ERROR_BLOCKS, ErrorBlock
 from auvid_cli.config.experiment import Identification
-from auvid_cli.identification import accelerometer, compiled_coefficients, dvl
+from auvid_cli.identification import accelerometer, compiled_coefficients, dvl, process
 from auvid_cli.identification.compiled_layout import NO_ACCELEROMETER, check_named, model_constants
 from auvid_cli.identification.state_layout import StateBlock, StateLayout, state_layout
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
@@ -17,7 +17,7 @@ from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, Quantity
 def layout(experiment_with):
     asked = {"biases": ("gyro", "current", "dvl"), "dvl": {"yaw_walk": 1e-3}}
     settings = Identification(coefficients=("X_u|u|", "N_uvl"), estimate=asked)
-    return state_layout(settings, experiment_with().vehicle.size, has_depth=True)
+    return state_layout(settings, experiment_with().vehicle.size, ("depth",))
 
 
 def test_parameters_stand_before_moving_states(layout):
@@ -46,11 +46,18 @@ def test_scaled_components_have_a_prior_of_one(layout):
 
 
 def test_an_error_that_no_compiled_code_names_is_refused_at_import():
-    check_named(ERROR_BLOCKS, accelerometer, compiled_coefficients, dvl)
+    errors = [block.quantities[0].symbol for block in ERROR_BLOCKS if not block.additive]
+    check_named(errors, (accelerometer, compiled_coefficients, dvl), by=2)
     with pytest.raises(TypeError, match="no compiled code says what comes of dvl_pitch"):
-        check_named([ErrorBlock("dvl_pitch", (Quantity("dvl_pitch", "rad", "", ""),), 1.0, 0.0, "dvl")], dvl)
+        check_named(["dvl_pitch"], (dvl,), by=2)
     with pytest.raises(TypeError, match="no compiled code says what comes of dvl_scale, dvl_yaw, current_north"):
-        check_named(ERROR_BLOCKS, accelerometer, compiled_coefficients)
+        check_named(errors, (accelerometer, compiled_coefficients), by=2)
+
+
+def test_a_moving_state_that_no_compiled_code_moves_is_refused_at_import():
+    check_named(["down"], (process,), by=3)
+    with pytest.raises(TypeError, match="no compiled code says what comes of tether_tension"):
+        check_named(["tether_tension"], (process,), by=3)
 
 
 @pytest.mark.parametrize("noise", [(), (0.1,)])
