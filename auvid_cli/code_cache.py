@@ -28,6 +28,7 @@ CORE = (
     "filters",
     "identification",
     "config/augmented_states.py",
+    "config/moving_states.py",
     "angles.py",
     "lanes.py",
     "compilation.py",

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -10,6 +10,7 @@ from auvid_cli.config.augmented_states import AugmentedStates, BiasName
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.magnitudes import check_amount, check_size
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
+from auvid_cli.config.moving_states import InitialMotion, ProcessNoise
 from auvid_cli.config.quantity import Amount, Unit, parse_quantity
 from auvid_cli.config.sensors import SensorSuite
 from auvid_cli.config.settings import Settings
@@ -17,7 +18,6 @@ from auvid_cli.config.spans import SeparateSpans
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.parameters import DEPTH, Quantity
 
 
 class Prior(Settings):
@@ -48,49 +48,6 @@ class Prior(Settings):
             if not deviation > 0.0:
                 raise ValueError(f"the standard deviation of {symbol} must be greater than 0")
         return parsed
-
-
-class ProcessNoise(Settings):
-    """White-noise densities that drive the nine motion states: what the model leaves out."""
-
-    velocity: Annotated[float, Amount("m/s^2/Hz^0.5"), Field(gt=0, description="of u, v, w")] = 1e-4
-    rate: Annotated[float, Amount("rad/s^2/Hz^0.5"), Field(gt=0, description="of p, q, r")] = 1e-4
-    attitude: Annotated[float, Amount("rad/s/Hz^0.5"), Field(gt=0, description="of phi, theta, psi")] = 1e-5
-    depth: Annotated[float, Amount("m/s/Hz^0.5"), Field(gt=0, description="of the depth, where it is measured")] = 1e-3
-
-
-class InitialMotion(Settings):
-    """Standard deviations about the first sample of each sensor, from which a filter starts."""
-
-    velocity: Annotated[float, Amount("m/s"), Field(gt=0)] = 0.1
-    rate: Annotated[float, Amount("rad/s"), Field(gt=0)] = 0.05
-    attitude: Annotated[float, Amount("rad"), Field(gt=0)] = 0.05
-    depth: Annotated[float, Amount("m"), Field(gt=0)] = 0.5
-
-
-class FurtherState(NamedTuple):
-    """A moving state beside the motion, which is one wherever its sensor measures.
-
-    Attributes
-    ----------
-    name : str
-        Key of the density that drives it in `ProcessNoise`, and of where it starts in `InitialMotion`.
-    quantity : Quantity
-    sensor : str
-        Measures it, and nothing else.
-    """
-
-    name: str
-    quantity: Quantity
-    sensor: str
-
-
-# Each is moved by compiled code of `auvid_cli.identification.process`, which is asked for it at import.
-FURTHER_STATES = (FurtherState("depth", DEPTH, "depth"),)
-if _unset := [
-    s.name for s in FURTHER_STATES if not {s.name} <= ProcessNoise.model_fields.keys() & InitialMotion.model_fields
-]:
-    raise TypeError(f"neither noise nor start can be set of {', '.join(_unset)}")
 
 
 class Use(Settings):

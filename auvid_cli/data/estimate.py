@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.augmented_states import ERROR_STATES, THRUST_SCALE
-from auvid_cli.config.experiment import FURTHER_STATES, RunSettings
+from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION

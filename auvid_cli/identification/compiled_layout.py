@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.config.augmented_states import ERROR_BLOCKS
-from auvid_cli.config.experiment import FURTHER_STATES
+from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.identification.state_layout import StateLayout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS

@@ -2,7 +2,7 @@
 
 from auvid_cli.compilation import compiled
 from auvid_cli.config.augmented_states import ERROR_BLOCKS
-from auvid_cli.config.experiment import FURTHER_STATES
+from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, OBSERVATION_SIGNATURE
 from auvid_cli.identification.accelerometer import linearise_force, measure_forces
 from auvid_cli.identification.compiled_layout import accelerometer_sensor

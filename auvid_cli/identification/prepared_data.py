@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.experiment import FURTHER_STATES, RunSettings
+from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.identification.actuators import lagged
 from auvid_cli.identification.segmentation import used_spans

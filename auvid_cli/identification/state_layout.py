@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.augmented_states import ErrorBlock
-from auvid_cli.config.experiment import FURTHER_STATES, Identification
+from auvid_cli.config.experiment import Identification
+from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.config.vehicle import Size
 from auvid_cli.identification.prior import prior_standard_deviations
 from auvid_cli.vehicle.coefficients import COEFFICIENTS

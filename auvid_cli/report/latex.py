@@ -4,7 +4,17 @@ from itertools import groupby
 
 from auvid_cli.printable import one_line
 from auvid_cli.report.notation import symbol_math, unit_latex
-from auvid_cli.report.table import DEVIATION_DIGITS, Cell, PlusMinus, Symbol, Table, Unidentified, UnitCell, number
+from auvid_cli.report.table import (
+    DEVIATION_DIGITS,
+    Cell,
+    PlusMinus,
+    Symbol,
+    Table,
+    Unidentified,
+    UnitCell,
+    capitalised,
+    number,
+)
 
 MISSING = "--"
 
@@ -45,7 +55,7 @@ def _table(table: Table) -> str:
             rf"  \begin{{tabular}}{{{alignment}}}",
             r"    \toprule",
             *_group_headings(table),
-            "    " + _line([escape(column.header) for column in table.columns]),
+            "    " + _line([escape(capitalised(column.header)) for column in table.columns]),
             r"    \midrule",
             *("    " + _line([_cell(cell) for cell in row]) for row in table.rows),
             *([r"    \midrule"] if table.totals else []),

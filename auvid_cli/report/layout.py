@@ -1,5 +1,7 @@
 """An evaluation laid out as the paper's Tables IV and V, and what else one wants to read."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from auvid_cli.evaluation.accuracy import CoefficientResult
@@ -8,12 +10,24 @@ from auvid_cli.report.judgements import judgement_sentences
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.paper import NOTE, published, published_filters
 from auvid_cli.report.sentence import sentence
-from auvid_cli.report.table import UNIDENTIFIED, Cell, Column, PlusMinus, Symbol, Table, Unidentified, UnitCell
+from auvid_cli.report.table import (
+    ERROR_DIGITS,
+    UNIDENTIFIED,
+    Cell,
+    Column,
+    PlusMinus,
+    Symbol,
+    Table,
+    Unidentified,
+    UnitCell,
+    number,
+)
 
 _RMSE = "RMSE"
 _ERROR = "Steady-state error (%)"
 _VELOCITY = "Mean absolute error"
 _BOUND = "Cramér-Rao bound"
+_AVERAGE = "average error %"
 
 
 def lay_out(evaluation: Evaluation, with_paper: bool) -> list[Table]:
@@ -29,13 +43,13 @@ def lay_out(evaluation: Evaluation, with_paper: bool) -> list[Table]:
     accuracy = [_accuracy(evaluation, with_paper)] if has_truth else []
     return [
         *accuracy,
-        _estimates(evaluation),
+        estimates(evaluation, _filters(evaluation), with_truth=False),
         _bounds(evaluation),
         _velocities(evaluation, with_paper),
         consistency(evaluation),
         *([_sensor_errors(evaluation)] if evaluation.sensor_errors else []),
         *([_faults(evaluation)] if evaluation.faults else []),
-        _runs(evaluation),
+        runs(evaluation),
     ]
 
 
@@ -103,24 +117,39 @@ def mark_explained(evaluation: Evaluation) -> list[str]:
     return [] if all(row.identified for row in evaluation.coefficients) else [UNIDENTIFIED]
 
 
-def _estimates(evaluation: Evaluation) -> Table:
-    filters = _filters(evaluation)
+def estimates(evaluation: Evaluation, filters: Sequence[str], with_truth: bool, with_deviations: bool = True) -> Table:
+    """Lay out what filters found, as for the terminal so for files.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+    filters : sequence of str
+    with_truth : bool
+        Whether the true values, where they are known, and the errors stand beside it.
+    with_deviations : bool
+        Whether the standard deviations do.
+    """
+    has_truth = with_truth and any(row.true is not None for row in evaluation.coefficients)
+    columns = [Column("symbol", numeric=False), Column("unit", numeric=False), *[Column("true")] * has_truth]
+    for name in filters:
+        columns.append(Column(f"{filter_label(name)}{' ± sd' if with_deviations else ''}"))
+        columns += [Column("error %")] * has_truth
+
+    def cells(row: CoefficientResult | None) -> list[Cell]:
+        if row is None:
+            return [None] * (1 + has_truth)
+        estimate = PlusMinus(row.estimate, row.standard_deviation) if with_deviations else row.estimate
+        error = row.steady_state_error_percent
+        return [marked(row, estimate), *[None if error is None else number(error, ERROR_DIGITS)] * has_truth]
+
     rows: list[list[Cell]] = []
     for symbol, by_filter in by_coefficient(evaluation).items():
-        results = [by_filter.get(name) for name in filters]
-        values = [row and marked(row, PlusMinus(row.estimate, row.standard_deviation)) for row in results]
-        rows.append([Symbol(symbol), UnitCell(next(iter(by_filter.values())).unit), *values])
-    return Table(
-        "estimates",
-        "Estimates and their standard deviations at the end",
-        (
-            Column("Coefficient", numeric=False),
-            Column("Unit", numeric=False),
-            *_columns("Estimate ± standard deviation", filters),
-        ),
-        rows,
-        notes=tuple(mark_explained(evaluation)),
-    )
+        any_row = next((by_filter[name] for name in filters if name in by_filter), None)
+        if any_row is not None:
+            results = (cell for name in filters for cell in cells(by_filter.get(name)))
+            rows.append([Symbol(symbol), UnitCell(any_row.unit), *[any_row.true] * has_truth, *results])
+    notes = tuple(mark_explained(evaluation))
+    return Table("estimates", "Estimates and their standard deviations at the end", tuple(columns), rows, notes=notes)
 
 
 def _bounds(evaluation: Evaluation) -> Table:
@@ -271,21 +300,22 @@ def unobserved(evaluation: Evaluation) -> list[str]:
     return sentences
 
 
-def _runs(evaluation: Evaluation) -> Table:
+def runs(evaluation: Evaluation) -> Table:
+    """Lay out error, cost and judgement of each filter, as for the terminal so for files."""
+    headers = _AVERAGE, "CPU time s", "steps", "µs/step"
+    columns = Column("filter", numeric=False), *map(Column, headers), Column("judgement", numeric=False)
     rows: list[list[Cell]] = [
-        [filter_label(row.filter), row.cpu_time_s, row.steps, row.microseconds_per_step, row.grade]
+        [
+            filter_label(row.filter),
+            row.average_steady_state_error_percent,
+            row.cpu_time_s,
+            row.steps,
+            row.microseconds_per_step,
+            row.grade,
+        ]
         for row in evaluation.summary
     ]
-    return Table(
-        "runs",
-        "Cost and judgement",
-        (
-            Column("Filter", numeric=False),
-            Column("CPU time (s)"),
-            Column("Steps"),
-            Column("CPU time per step (µs)"),
-            Column("Judgement", numeric=False),
-        ),
-        rows,
-        notes=tuple(judgement_sentences(evaluation.judgements(), with_sound=False)),
-    )
+    notes = tuple(judgement_sentences(evaluation.judgements(), with_sound=False))
+    table = Table("runs", "Error, cost and judgement", columns, rows, notes=notes)
+    has_average = any(row.average_steady_state_error_percent is not None for row in evaluation.summary)
+    return table if has_average else table.without(_AVERAGE)

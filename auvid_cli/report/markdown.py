@@ -4,7 +4,17 @@ import re
 
 from auvid_cli.printable import one_line
 from auvid_cli.report.notation import unit_text
-from auvid_cli.report.table import DEVIATION_DIGITS, Cell, PlusMinus, Symbol, Table, Unidentified, UnitCell, number
+from auvid_cli.report.table import (
+    DEVIATION_DIGITS,
+    Cell,
+    PlusMinus,
+    Symbol,
+    Table,
+    Unidentified,
+    UnitCell,
+    capitalised,
+    number,
+)
 
 MISSING = "—"
 
@@ -18,7 +28,7 @@ def render_markdown(tables: list[Table]) -> str:
 
 
 def _table(table: Table) -> str:
-    headers = [f"{column.group}, {column.header}" if column.group else column.header for column in table.columns]
+    headers = [f"{c.group}, {c.header}" if c.group else capitalised(c.header) for c in table.columns]
     marks = ["---:" if column.numeric else "---" for column in table.columns]
     body = [[_cell(cell) for cell in row] for row in [*table.rows, *table.totals]]
     lines = ["| " + " | ".join(row) + " |" for row in [[_in_a_cell(h) for h in headers], marks, *body]]

@@ -10,20 +10,26 @@ from rich.table import Table as ScreenTable
 from rich.text import Text
 
 from auvid_cli.data.check import Check
-from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.assessment import CLASSES, Identifiability
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.judgements import judgement_sentences
-from auvid_cli.report.layout import by_coefficient, consistency, mark_explained, marked, rejections, unobserved
+from auvid_cli.report.layout import (
+    consistency,
+    estimates,
+    mark_explained,
+    rejections,
+    runs,
+    unobserved,
+)
 from auvid_cli.report.notation import filter_label
-from auvid_cli.report.screen_table import empty_table, encodable, first_that_fits, fits, narrowed, printed, screen_table
+from auvid_cli.report.screen_table import encodable, first_that_fits, fits, narrowed, printed, screen_table
 from auvid_cli.report.sentence import sentence
-from auvid_cli.report.table import Cell, Column, PlusMinus, Symbol, Table, UnitCell
+from auvid_cli.report.table import ERROR_DIGITS, Cell, Column, Symbol, Table, UnitCell
 
-_AVERAGE = "average error %"
 # What gives way where the terminal is narrow, first to last.
 _LEAST_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
-_ERROR_DIGITS = 2
+_VERDICTS = {True: "pass", False: "FAIL", None: "note"}
+_STYLES = {"FAIL": "bold red", "note": "yellow"}
 
 
 def print_summary(console: Console, evaluation: Evaluation) -> None:
@@ -39,10 +45,10 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
     if evaluation.coefficients:
         for table in _tables_that_fit(console, evaluation, filters):
             console.print(table)
-    console.print(screen_table(console, _runs(evaluation), unbroken=("filter", "judgement")))
+    console.print(screen_table(console, runs(evaluation), unbroken=("filter", "judgement")))
     for text in judgement_sentences(evaluation.judgements(), with_sound=False):
         console.print(Text(text))
-    console.print(screen_table(console, consistency(evaluation), _ERROR_DIGITS + 1, unbroken=("NIS of",)))
+    console.print(screen_table(console, consistency(evaluation), ERROR_DIGITS + 1, unbroken=("NIS of",)))
     explained = [encodable(console, text) for text in mark_explained(evaluation)]
     for text in [*explained, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:
         console.print(Text(text))
@@ -61,20 +67,20 @@ def print_checks(console: Console, checks: Sequence[Check], passed: bool = True)
         of_filter = [check for check in checks if check.filter == name]
         whose = filter_label(name) if name else "data"
         console.print(Text(f"{whose}: {sum(check.passed is True for check in of_filter)} of {len(of_filter)} passed"))
-        table = empty_table()
-        for header in ("", "of", "check", "found", "may be"):
-            table.add_column(header, overflow="fold")
-        for check in of_filter if passed else [check for check in of_filter if not check.passed]:
-            verdict = {True: "pass", False: "FAIL", None: "note"}[check.passed]
-            style = {True: "", False: "bold red", None: "yellow"}[check.passed]
-            cells = check.subject, check.check, check.statistic, check.threshold
-            table.add_row(Text(verdict, style=style), *(Text(cell) for cell in cells))
-        if table.rows:
-            console.print(table)
+        if shown := [check for check in of_filter if passed or not check.passed]:
+            console.print(screen_table(console, _checks(shown), styles=_STYLES))
         for check in of_filter:
             if not check.passed:
                 console.print(Text(f"{check.check} of {check.subject}: {check.advice}"))
                 console.print()
+
+
+def _checks(checks: Sequence[Check]) -> Table:
+    columns = tuple(Column(header, numeric=False) for header in ("", "of", "check", "found", "may be"))
+    rows: list[list[Cell]] = [
+        [_VERDICTS[check.passed], check.subject, check.check, check.statistic, check.threshold] for check in checks
+    ]
+    return Table("checks", "Checks", columns, rows)
 
 
 def print_identifiability(console: Console, identifiability: Identifiability) -> None:
@@ -124,53 +130,12 @@ def _bounds(identifiability: Identifiability) -> Table:
 
 def _tables_that_fit(console: Console, evaluation: Evaluation, filters: list[str]) -> list[ScreenTable]:
     """Make one table with as much in it as there is room for, or else one for each filter."""
-    full = _coefficients(evaluation, filters, deviations=True)
+    full = estimates(evaluation, filters, with_truth=True)
     has_truth = any(row.true is not None for row in evaluation.coefficients)
-    wide = [full, *([_coefficients(evaluation, filters, deviations=False)] if has_truth else [])]
+    wide = [full, *([estimates(evaluation, filters, with_truth=True, with_deviations=False)] if has_truth else [])]
     narrower = (narrow for table in wide for narrow in (table, table.without("unit")))
     unbroken = ("symbol", "unit", "true", "error %")
     table = first_that_fits(console, (screen_table(console, table, unbroken=unbroken) for table in narrower))
     if len(filters) == 1 or fits(console, table):
         return [table]
     return [table for name in filters for table in _tables_that_fit(console, evaluation, [name])]
-
-
-def _coefficients(evaluation: Evaluation, filters: list[str], deviations: bool) -> Table:
-    has_truth = any(row.true is not None for row in evaluation.coefficients)
-    columns = [Column("symbol", numeric=False), Column("unit", numeric=False)]
-    columns += [Column("true")] * has_truth
-    for name in filters:
-        columns += [Column(f"{filter_label(name)}{' ± sd' if deviations else ''}"), *[Column("error %")] * has_truth]
-
-    def cells(row: CoefficientResult | None) -> list[Cell]:
-        if row is None:
-            return [None] * (1 + has_truth)
-        estimate = marked(row, PlusMinus(row.estimate, row.standard_deviation) if deviations else row.estimate)
-        return [estimate, *[printed(row.steady_state_error_percent, _ERROR_DIGITS)] * has_truth]
-
-    rows: list[list[Cell]] = []
-    for symbol, by_filter in by_coefficient(evaluation).items():
-        any_row = next((by_filter[name] for name in filters if name in by_filter), None)
-        if any_row is not None:
-            results = (cell for name in filters for cell in cells(by_filter.get(name)))
-            rows.append([Symbol(symbol), UnitCell(any_row.unit), *[any_row.true] * has_truth, *results])
-    return Table("coefficients", "Coefficients", tuple(columns), rows)
-
-
-def _runs(evaluation: Evaluation) -> Table:
-    columns = [Column("filter", numeric=False)]
-    columns += [Column(header) for header in (_AVERAGE, "CPU time s", "steps", "µs/step")]
-    rows: list[list[Cell]] = [
-        [
-            filter_label(row.filter),
-            row.average_steady_state_error_percent,
-            row.cpu_time_s,
-            row.steps,
-            row.microseconds_per_step,
-            row.grade,
-        ]
-        for row in evaluation.summary
-    ]
-    table = Table("runs", "Filters", (*columns, Column("judgement", numeric=False)), rows)
-    has_average = any(row.average_steady_state_error_percent is not None for row in evaluation.summary)
-    return table if has_average else table.without(_AVERAGE)

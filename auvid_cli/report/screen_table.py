@@ -1,7 +1,8 @@
 """Printed tables on the terminal: alike, and with as much in them as there is room for."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import accumulate
+from types import MappingProxyType
 
 from rich import box
 from rich.console import Console
@@ -22,19 +23,21 @@ from auvid_cli.report.table import (
 )
 
 MISSING = "-"
+NO_STYLES: Mapping[str, str] = MappingProxyType({})
 # Columns; wider than any table, so that none is measured as it would be squeezed.
 _UNLIMITED = 10_000
 # What stands for auvid's own signs on a terminal that lacks them.
 _PLAIN = str.maketrans({"±": "+-", "µ": "u", "†": "?"})
 
 
-def empty_table() -> ScreenTable:
-    """Make an empty table as all of them look: a rule under the headings, and nothing else."""
-    return ScreenTable(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-
-
-def screen_table(console: Console, table: Table, digits: int = DIGITS, unbroken: Collection[str] = ()) -> ScreenTable:
-    """Render a table for a console.
+def screen_table(
+    console: Console,
+    table: Table,
+    digits: int = DIGITS,
+    unbroken: Collection[str] = (),
+    styles: Mapping[str, str] = NO_STYLES,
+) -> ScreenTable:
+    """Render a table for a console: a rule under the headings, and nothing else.
 
     Parameters
     ----------
@@ -44,13 +47,16 @@ def screen_table(console: Console, table: Table, digits: int = DIGITS, unbroken:
         Significant ones of a number.
     unbroken : collection of str
         Headings of columns whose lines are not broken, however narrow the console is.
+    styles : mapping
+        How cells stand out, by their text.
     """
-    screen = empty_table()
+    screen = ScreenTable(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for column in table.columns:
         header, justify = Text(encodable(console, column.header)), "right" if column.numeric else "left"
-        screen.add_column(header, justify=justify, no_wrap=column.header in unbroken)
+        screen.add_column(header, justify=justify, no_wrap=column.header in unbroken, overflow="fold")
     for row in table.rows:
-        screen.add_row(*(Text(_cell(console, cell, digits)) for cell in row))
+        texts = (_cell(console, cell, digits) for cell in row)
+        screen.add_row(*(Text(text, styles.get(text, "")) for text in texts))
     return screen
 
 

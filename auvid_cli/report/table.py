@@ -5,9 +5,10 @@ from itertools import compress
 from math import floor, isfinite, log10
 from typing import NamedTuple, TypeAlias
 
-# Digits that the printed tables show of a value and of a standard deviation.
+# Digits that the printed tables show of a value, of a standard deviation and of an error in percent.
 DIGITS = 4
 DEVIATION_DIGITS = 2
+ERROR_DIGITS = 2
 
 
 class Symbol(NamedTuple):
@@ -79,6 +80,11 @@ class Table(NamedTuple):
         kept = [column.header != header for column in self.columns]
         rows, totals = ([list(compress(row, kept)) for row in body] for body in (self.rows, self.totals))
         return self._replace(columns=tuple(compress(self.columns, kept)), rows=rows, totals=totals)
+
+
+def capitalised(header: str) -> str:
+    """Return a heading as documents write it; on the terminal it begins small."""
+    return header[:1].upper() + header[1:] if header[:1].isascii() else header
 
 
 def number(value: float, digits: int = DIGITS) -> str | None:

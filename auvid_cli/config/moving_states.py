@@ -1,0 +1,52 @@
+"""Moving states of the augmented state: what drives them, how unsure they are at first, and which there are."""
+
+from typing import Annotated, NamedTuple
+
+from pydantic import Field
+
+from auvid_cli.config.quantity import Amount
+from auvid_cli.config.settings import Settings
+from auvid_cli.vehicle.parameters import DEPTH, Quantity
+
+
+class ProcessNoise(Settings):
+    """White-noise densities that drive the nine motion states: what the model leaves out."""
+
+    velocity: Annotated[float, Amount("m/s^2/Hz^0.5"), Field(gt=0, description="of u, v, w")] = 1e-4
+    rate: Annotated[float, Amount("rad/s^2/Hz^0.5"), Field(gt=0, description="of p, q, r")] = 1e-4
+    attitude: Annotated[float, Amount("rad/s/Hz^0.5"), Field(gt=0, description="of phi, theta, psi")] = 1e-5
+    depth: Annotated[float, Amount("m/s/Hz^0.5"), Field(gt=0, description="of the depth, where it is measured")] = 1e-3
+
+
+class InitialMotion(Settings):
+    """Standard deviations about the first sample of each sensor, from which a filter starts."""
+
+    velocity: Annotated[float, Amount("m/s"), Field(gt=0)] = 0.1
+    rate: Annotated[float, Amount("rad/s"), Field(gt=0)] = 0.05
+    attitude: Annotated[float, Amount("rad"), Field(gt=0)] = 0.05
+    depth: Annotated[float, Amount("m"), Field(gt=0)] = 0.5
+
+
+class FurtherState(NamedTuple):
+    """A moving state beside the motion, which is one wherever its sensor measures.
+
+    Attributes
+    ----------
+    name : str
+        Key of the density that drives it in `ProcessNoise`, and of where it starts in `InitialMotion`.
+    quantity : Quantity
+    sensor : str
+        Measures it, and nothing else.
+    """
+
+    name: str
+    quantity: Quantity
+    sensor: str
+
+
+# Each is moved by compiled code of `auvid_cli.identification.process`, which is asked for it at import.
+FURTHER_STATES = (FurtherState("depth", DEPTH, "depth"),)
+if _unset := [
+    s.name for s in FURTHER_STATES if not {s.name} <= ProcessNoise.model_fields.keys() & InitialMotion.model_fields
+]:
+    raise TypeError(f"neither noise nor start can be set of {', '.join(_unset)}")
