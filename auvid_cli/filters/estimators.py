@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.filters.point_sets import PointSet
 from auvid_cli.filters.problem import FilterOutcome, Gaussian, OnChunk, Process, Sensors, Timeline
-from auvid_cli.filters.segments import one_after_the_other
+from auvid_cli.filters.segments import JointProblem, one_after_the_other
 from auvid_cli.filters.square_root import run_square_root_filter
 
 if TYPE_CHECKING:
@@ -65,7 +65,8 @@ class KalmanFilter(ABC):
 
     def estimate(self, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
         """Filter one segment after the other."""
-        return one_after_the_other(self.filter_segment, self.process.noise_density.size, segments, prior, on_chunk)
+        problem = JointProblem(self.process, self.sensors, segments, prior)
+        return one_after_the_other(self.filter_segment, problem, on_chunk)
 
 
 class ExtendedKalmanFilter(KalmanFilter):
@@ -129,8 +130,8 @@ class OutputErrorMethod:
         # No other estimator needs scipy's optimisers.
         from auvid_cli.filters.output_error import run_output_error
 
-        problem = self.process, self.sensors, segments, prior, on_chunk
-        return run_output_error(*problem, self.max_evaluations, self.bounds, self.use_prior)
+        problem = JointProblem(self.process, self.sensors, segments, prior)
+        return run_output_error(problem, on_chunk, self.max_evaluations, self.bounds, self.use_prior)
 
 
 @dataclass(frozen=True)
@@ -164,5 +165,5 @@ class IteratedSmoother:
         # What it is compiled from serves no other estimator.
         from auvid_cli.filters.smoother import run_smoother
 
-        problem = self.process, self.sensors, segments, prior, on_chunk
-        return run_smoother(*problem, self.max_passes, self.faults)
+        problem = JointProblem(self.process, self.sensors, segments, prior)
+        return run_smoother(problem, on_chunk, self.max_passes, self.faults)

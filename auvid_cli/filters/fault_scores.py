@@ -126,12 +126,12 @@ def _carry(timeline, about, trace, effects, carried):
                         error[j, f] -= gain * effect[f]
 
 
-def score_faults(problem: LinearSmoothing, filtered: Filtered, faults: Faults) -> FaultScores:
+def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults) -> FaultScores:
     """Find what the data say of faults.
 
     Parameters
     ----------
-    problem : LinearSmoothing
+    smoothing : LinearSmoothing
     filtered : Filtered
         About the most probable trajectory.
     faults : Faults
@@ -141,7 +141,7 @@ def score_faults(problem: LinearSmoothing, filtered: Filtered, faults: Faults) -
     error = np.zeros((n_parameters + n_moving, n_faults))
     carried = _Carried(error, np.zeros(n_faults), np.zeros(n_faults), np.zeros((n_moving, n_faults)))
     started = -1
-    for segment, timeline, about, trace in problem.traced(filtered):
+    for segment, timeline, about, trace in smoothing.traced(filtered):
         if segment > started:
             # The motion begins anew, as far off as what it owes to the parameters.
             error[n_parameters:] = filtered.by_parameters[segment] @ error[:n_parameters]

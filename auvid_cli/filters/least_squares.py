@@ -1,6 +1,5 @@
 """Nonlinear least squares of motions left to themselves, on compressed rows."""
 
-from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,8 +7,8 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from auvid_cli.filters.information import Information, jointly
-from auvid_cli.filters.problem import Gaussian, Process, Sensors, Timeline
-from auvid_cli.filters.segments import places
+from auvid_cli.filters.problem import Gaussian
+from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.sensitivities import responses
 
 Array = NDArray[np.float64]
@@ -38,9 +37,7 @@ class LeastSquaresFit(NamedTuple):
 
 
 def fit(
-    process: Process,
-    sensors: Sensors,
-    segments: Sequence[Iterable[Timeline]],
+    problem: JointProblem,
     start: Array,
     gaussian: Gaussian | None,
     bounds: tuple[Array, Array],
@@ -51,12 +48,10 @@ def fit(
 
     Parameters
     ----------
-    process, sensors
-        See `auvid_cli.filters.problem`.
-    segments : sequence of iterable of Timeline
-        Gone through once for each evaluation.
+    problem : JointProblem
+        Its segments are gone through once for each evaluation; its prior does not count.
     start : ndarray, shape (n,)
-        Of the joint state, see `auvid_cli.filters.segments`; within the bounds.
+        Of the joint state; within the bounds.
     gaussian : Gaussian or None
     bounds : tuple of ndarray, shape (n,)
         Lower and upper.
@@ -71,13 +66,13 @@ def fit(
     LeastSquaresFit or None
         None if the motion from `start` blows up. A trial step from which it does is taken back and made shorter.
     """
-    problem = _Problem(process, sensors, segments, start.size, gaussian)
-    if problem.information(start) is None:
+    squares = _SumOfSquares(problem, gaussian)
+    if squares.information(start) is None:
         return None
     solution = least_squares(
-        problem.residuals,
+        squares.residuals,
         start,
-        problem.jacobian,
+        squares.jacobian,
         bounds,
         # Columns differ by orders of magnitude, with the length of the run too.
         x_scale="jac",
@@ -87,26 +82,17 @@ def fit(
         gtol=None,
         max_nfev=max_evaluations,
     )
-    information = problem.information(solution.x)
+    information = squares.information(solution.x)
     assert information is not None, "least squares ends where it has been"
     return LeastSquaresFit(solution.x, information, solution.status > 0, solution.nfev)
 
 
-class _Problem:
+class _SumOfSquares:
     """What the solver asks for; it asks for residuals and derivative at one state after the other."""
 
-    def __init__(
-        self,
-        process: Process,
-        sensors: Sensors,
-        segments: Sequence[Iterable[Timeline]],
-        n: int,
-        gaussian: Gaussian | None,
-    ) -> None:
-        self._model, self._segments = (process, sensors), segments
-        self._n, n_moving = n, process.noise_density.size
-        self._n_parameters = n - len(segments) * n_moving
-        self._places = places(n, n_moving, len(segments))
+    def __init__(self, problem: JointProblem, gaussian: Gaussian | None) -> None:
+        self._problem, self._n = problem, problem.prior.mean.size
+        n = self._n
         self._mean = np.zeros(n) if gaussian is None else gaussian.mean
         self._weight = np.zeros((0, n)) if gaussian is None else np.linalg.inv(gaussian.factor).astype(np.float64)
         self._latest: tuple[Array, Information | None] | None = None
@@ -115,15 +101,16 @@ class _Problem:
         """Return the information of all measurements; None if the motion from that state blows up."""
         if self._latest is None or not np.array_equal(self._latest[0], state):
             by_segment = self._by_segment(state)
-            self._latest = state.copy(), jointly(by_segment, self._n_parameters) if by_segment else None
+            self._latest = state.copy(), jointly(by_segment, self._problem.n_parameters) if by_segment else None
         return self._latest[1]
 
     def _by_segment(self, state: Array) -> list[Information]:
         """Return the information of each segment; none if the motion or its squares blow up in one."""
+        process, sensors, segments, _ = self._problem
         by_segment = []
-        for timelines, place in zip(self._segments, self._places, strict=True):
+        for timelines, place in zip(segments, self._problem.places, strict=True):
             information = Information.none(place.size)
-            for response in responses(*self._model, timelines, state[place]):
+            for response in responses(process, sensors, timelines, state[place]):
                 if response.blew_up:
                     return []
                 information = information.with_response(response)

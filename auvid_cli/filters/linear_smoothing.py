@@ -5,7 +5,7 @@ backward its adjoint, see `auvid_cli.filters.smoothing_backward`. Segments share
 these from one to the next, the adjoint what later ones say of them back.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from auvid_cli.filters.problem import Gaussian, ModelData, Process, Sensors, Timeline
-from auvid_cli.filters.segments import of_segment, places, with_parameters
+from auvid_cli.filters.problem import Gaussian, ModelData, Process, Timeline
+from auvid_cli.filters.segments import JointProblem, with_parameters
 from auvid_cli.filters.smoothing_backward import Adjoint, backward
 from auvid_cli.filters.smoothing_forward import Linearised, Trace, Work, forward, linearise_measurements
 from auvid_cli.filters.square_root_state import State
@@ -105,19 +105,15 @@ class LinearSmoothing:
 
     Parameters
     ----------
-    process, sensors, segments, prior
-        As of `auvid_cli.filters.smoother.run_smoother`.
+    problem : JointProblem
     """
 
-    def __init__(
-        self, process: Process, sensors: Sensors, segments: Sequence[Iterable[Timeline]], prior: Gaussian
-    ) -> None:
-        self._process, self._segments, self._prior = process, segments, prior
+    def __init__(self, problem: JointProblem) -> None:
+        process, sensors, self._segments, _ = problem
+        self._process, self._priors = process, [alone.prior for alone in problem.alone()]
         self._data, self._n_components = ModelData.of(process, sensors), sensors.matrix.shape[1]
-        self._n_moving = process.noise_density.size
-        self._n_parameters = prior.mean.size - len(segments) * self._n_moving
-        self._n = self._n_parameters + self._n_moving
-        self._places = places(prior.mean.size, self._n_moving, len(segments))
+        self._n_parameters = problem.n_parameters
+        self._n = problem.n_parameters + problem.n_moving
         self._work = _new_work(process, self._n, self._n_components)
         self._kept, self._kept_of = dict[tuple[int, int], tuple[Linearised, Trace]](), None
 
@@ -202,7 +198,7 @@ class LinearSmoothing:
     def _beginning(self, trajectory: Trajectory, segment: int, state: State | None) -> tuple[Gaussian, Array, float]:
         """Find what is known of the deviation before a segment, what its motion owes to the parameters, its cost."""
         n = self._n_parameters
-        own = of_segment(self._prior, self._places[segment])
+        own = self._priors[segment]
         nominal = np.concatenate([trajectory.parameters, trajectory.initial[segment]])
         distance = solve_triangular(own.factor, nominal - own.mean, lower=True)
         owed = solve_triangular(own.factor[:n, :n].T, own.factor[n:, :n].T, lower=False).T

@@ -5,14 +5,14 @@ segment's data and the prior. If all are of one model, `b` is the best that can 
 covariance of `a` and `b` is P, and that of their difference `C - P` (Hausman, Econometrica 46(6), 1978).
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory
-from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT, Gaussian, OtherAnswer, Process, Sensors, Timeline
-from auvid_cli.filters.segments import of_segment, places
+from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT, OtherAnswer
+from auvid_cli.filters.segments import JointProblem
 
 Array = NDArray[np.float64]
 
@@ -22,31 +22,24 @@ _RIVAL = -2.0 * np.log(0.01)
 _LEAST = 1e-6
 
 
-def answers_of_segments(
-    process: Process, sensors: Sensors, segments: Sequence[Iterable[Timeline]], prior: Gaussian, answer: Filtered
-) -> Iterator[OtherAnswer]:
+def answers_of_segments(problem: JointProblem, answer: Filtered) -> Iterator[OtherAnswer]:
     """Find what each of several segments says by itself, about the answer that all give.
 
     Parameters
     ----------
-    process, sensors, segments, prior
-        As of `auvid_cli.filters.smoother.run_smoother`.
+    problem : JointProblem
     answer : Filtered
     """
     trajectory, n = answer.trajectory, answer.trajectory.parameters.size
     together, variance = answer.final.mean[:n], np.diagonal(answer.final.covariance())[:n]
-    own_states = places(prior.mean.size, process.noise_density.size, len(segments))
-    for segment, place, initial, moving in zip(
-        segments, own_states, trajectory.initial, trajectory.moving, strict=True
-    ):
-        problem = LinearSmoothing(process, sensors, [segment], of_segment(prior, place))
-        own = problem.filter(Trajectory(trajectory.parameters, [initial], [moving]))
+    for alone, initial, moving in zip(problem.alone(), trajectory.initial, trajectory.moving, strict=True):
+        own = LinearSmoothing(alone).filter(Trajectory(trajectory.parameters, [initial], [moving]))
         assert own is not None, "with the others its trajectory has a finite cost"
         own_variance = np.diagonal(own.final.covariance())[:n]
         more = own_variance - variance
         told = more > _LEAST * own_variance
         deviation = np.sqrt(np.where(told, more, np.inf))
-        begin = next(iter(segment)).time[0]
+        begin = next(iter(alone.segments[0])).time[0]
         moved = np.where(told, deviation, 0.0) * variance / own_variance
         yield OtherAnswer(f"{SEGMENT} {begin:g} s", own.final.mean[:n] - together, deviation, moved)
 

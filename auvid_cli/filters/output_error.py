@@ -19,13 +19,11 @@ from auvid_cli.filters.problem import (
     FilterOutcome,
     Gaussian,
     OnChunk,
-    Process,
     Records,
-    Sensors,
     Timeline,
 )
 from auvid_cli.filters.residuals import hand_over
-from auvid_cli.filters.segments import one_after_the_other, places
+from auvid_cli.filters.segments import JointProblem, one_after_the_other
 from auvid_cli.filters.sensitivities import responses
 from auvid_cli.filters.square_root import run_square_root_filter
 
@@ -41,10 +39,7 @@ _COARSE, _FINE = 1e-5, 1e-9
 
 
 def run_output_error(
-    process: Process,
-    sensors: Sensors,
-    segments: Sequence[Iterable[Timeline]],
-    prior: Gaussian,
+    problem: JointProblem,
     on_chunk: OnChunk,
     max_evaluations: int = 100,
     bounds: tuple[Array, Array] | None = None,
@@ -59,13 +54,10 @@ def run_output_error(
 
     Parameters
     ----------
-    process, sensors, on_chunk
-        As of `run_square_root_filter`. The process noise serves only the CKF. What is received is the solution, see
-        `hand_over`, segment after segment.
-    segments : sequence of iterable of Timeline
-        In time order; gone through many times.
-    prior : Gaussian
-        About their joint state, see `auvid_cli.filters.segments`. It serves only the CKF, unless `use_prior`.
+    problem : JointProblem
+        The process noise serves only the CKF, and so does the prior, unless `use_prior`.
+    on_chunk : callable
+        What it receives is the solution, see `hand_over`, segment after segment.
     max_evaluations : int
         Of the motion along the data.
     bounds : tuple of ndarray, shape (n,)
@@ -79,24 +71,24 @@ def run_output_error(
         `NOT_CONVERGED` if `max_evaluations` were not enough; `PREDICTION` if a motion from the best state blows
         up. The covariance is of the state of the last segment.
     """
-    n = prior.mean.size
-    box = bounds or (np.full(n, -np.inf), np.full(n, np.inf))
-    sizes = [sum(timeline.time.size for timeline in timelines) for timelines in segments]
+    prior = problem.prior
+    box = bounds or (np.full(prior.mean.size, -np.inf), np.full(prior.mean.size, np.inf))
+    sizes = [sum(timeline.time.size for timeline in timelines) for timelines in problem.segments]
     longest = max(sizes)
 
     def fit_first(n_events: int, start: Array, evaluations: int) -> LeastSquaresFit | None:
-        firsts = [FirstEvents(timelines, n_events) for timelines in segments]
+        firsts = problem._replace(segments=[FirstEvents(timelines, n_events) for timelines in problem.segments])
         if n_events < longest:
             about_start, evaluations = Gaussian(start, prior.factor), min(evaluations, _EVALUATIONS_OF_A_SPAN)
-            return fit(process, sensors, firsts, start, about_start, box, _COARSE, evaluations)
-        return fit(process, sensors, firsts, start, prior if use_prior else None, box, _FINE, evaluations)
+            return fit(firsts, start, about_start, box, _COARSE, evaluations)
+        return fit(firsts, start, prior if use_prior else None, box, _FINE, evaluations)
 
-    guess = _filtered(process, sensors, segments, prior)
+    guess = _filtered(problem)
     start, span = (prior.mean, _FIRST_SPAN_FROM_AFAR) if guess is None else (guess, _FIRST_SPAN)
     best = _fit_longer_and_longer(fit_first, np.clip(start, *box), span, longest, max_evaluations)
     if use_prior:
         best = best._replace(information=best.information.join(Information.of_gaussian(prior, best.state)))
-    return _hand_over_segments(process, sensors, segments, sizes, best, on_chunk)
+    return _hand_over_segments(problem, sizes, best, on_chunk)
 
 
 def _fit_longer_and_longer(
@@ -135,38 +127,29 @@ def _fit_longer_and_longer(
 
 
 def _hand_over_segments(
-    process: Process,
-    sensors: Sensors,
-    segments: Sequence[Iterable[Timeline]],
-    sizes: Sequence[int],
-    best: LeastSquaresFit,
-    on_chunk: OnChunk,
+    problem: JointProblem, sizes: Sequence[int], best: LeastSquaresFit, on_chunk: OnChunk
 ) -> FilterOutcome:
     """Pass on the motion from the fitted state, segment after segment, up to where it blows up."""
     uncertainty, n_good, covariance = best.information.uncertainty(), 0, np.zeros((0, 0))
-    rows = places(best.state.size, process.noise_density.size, len(segments))
-    for timelines, size, place in zip(segments, sizes, rows, strict=True):
-        solution = responses(process, sensors, timelines, best.state[place])
-        covariance, reached = hand_over(solution, sensors, uncertainty.of(place), on_chunk)
+    for timelines, size, place in zip(problem.segments, sizes, problem.places, strict=True):
+        solution = responses(problem.process, problem.sensors, timelines, best.state[place])
+        covariance, reached = hand_over(solution, problem.sensors, uncertainty.of(place), on_chunk)
         n_good += reached
         if reached < size:
             return FilterOutcome(covariance, n_good, PREDICTION)
     return FilterOutcome(covariance, n_good, OK if best.converged else NOT_CONVERGED)
 
 
-def _filtered(
-    process: Process, sensors: Sensors, segments: Sequence[Iterable[Timeline]], prior: Gaussian
-) -> Array | None:
+def _filtered(problem: JointProblem) -> Array | None:
     """Return the parameters as a CKF leaves them and the motions as the prior has them; None if the CKF fails."""
-    guess, n_moving = prior.mean.copy(), process.noise_density.size
-    n_parameters = guess.size - len(segments) * n_moving
+    guess, n_parameters = problem.prior.mean.copy(), problem.n_parameters
 
     def keep_last(timeline: Timeline, records: Records) -> None:
         if len(records.mean):
             guess[:n_parameters] = records.mean[-1, :n_parameters]
 
-    run = partial(run_square_root_filter, cubature(n_parameters + n_moving), process, sensors)
-    outcome = one_after_the_other(run, n_moving, segments, prior, keep_last)
+    run = partial(run_square_root_filter, cubature(n_parameters + problem.n_moving), *problem[:2])
+    outcome = one_after_the_other(run, problem, keep_last)
     return guess if outcome.failure == OK else None
 
 

@@ -5,16 +5,69 @@ state that a filter knows.
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.filters.problem import OK, PREDICTION, FilterOutcome, Gaussian, Indices, OnChunk, Records, Timeline
+from auvid_cli.filters.problem import (
+    OK,
+    PREDICTION,
+    FilterOutcome,
+    Gaussian,
+    Indices,
+    OnChunk,
+    Process,
+    Records,
+    Sensors,
+    Timeline,
+)
 
 Array = NDArray[np.float64]
 
 # Filters a segment from a Gaussian about its own state.
 FilterPass = Callable[[Iterable[Timeline], Gaussian, OnChunk], FilterOutcome]
+
+
+class JointProblem(NamedTuple):
+    """What an estimator of all segments is given.
+
+    Attributes
+    ----------
+    process, sensors
+        See `auvid_cli.filters.problem`.
+    segments : sequence of iterable of Timeline
+        In time order; each may be gone through many times.
+    prior : Gaussian
+        About the joint state.
+    """
+
+    process: Process
+    sensors: Sensors
+    segments: Sequence[Iterable[Timeline]]
+    prior: Gaussian
+
+    @property
+    def n_moving(self) -> int:
+        """Return the number of moving states, which each segment has of its own."""
+        return self.process.noise_density.size
+
+    @property
+    def n_parameters(self) -> int:
+        """Return the number of parameters, which all segments share."""
+        return self.prior.mean.size - len(self.segments) * self.n_moving
+
+    @property
+    def places(self) -> list[Indices]:
+        """Return where in the joint state the state of each segment stands."""
+        return places(self.prior.mean.size, self.n_moving, len(self.segments))
+
+    def alone(self) -> "list[JointProblem]":
+        """Return the problem that each segment is by itself."""
+        return [
+            self._replace(segments=[timelines], prior=of_segment(self.prior, place))
+            for timelines, place in zip(self.segments, self.places, strict=True)
+        ]
 
 
 def places(n_joint: int, n_moving: int, n_segments: int) -> list[Indices]:
@@ -39,18 +92,13 @@ def of_segment(joint: Gaussian, place: Indices) -> Gaussian:
     return Gaussian(joint.mean[place], joint.factor[np.ix_(place, place)])
 
 
-def one_after_the_other(
-    run: FilterPass, n_moving: int, segments: Sequence[Iterable[Timeline]], prior: Gaussian, on_chunk: OnChunk
-) -> FilterOutcome:
+def one_after_the_other(run: FilterPass, problem: JointProblem, on_chunk: OnChunk) -> FilterOutcome:
     """Filter segments in their order; each begins with what the one before says of the parameters.
 
     Parameters
     ----------
     run : callable
-    n_moving : int
-    segments : sequence of iterable of Timeline
-    prior : Gaussian
-        About the joint state.
+    problem : JointProblem
     on_chunk : callable
         Told every chunk of every segment.
 
@@ -59,8 +107,7 @@ def one_after_the_other(
     FilterOutcome
         That of the last segment, or of the one at which a filter failed.
     """
-    n_parameters = prior.mean.size - len(segments) * n_moving
-    final, n_good = prior.mean, 0
+    final, n_good = problem.prior.mean, 0
     outcome = FilterOutcome(np.zeros((0, 0)), 0, OK)
 
     def keep_and_pass_on(timeline: Timeline, records: Records) -> None:
@@ -69,14 +116,14 @@ def one_after_the_other(
             final = records.mean[-1]
         on_chunk(timeline, records)
 
-    for k, place in enumerate(places(prior.mean.size, n_moving, len(segments))):
-        gaussian = of_segment(prior, place)
+    for k, alone in enumerate(problem.alone()):
+        gaussian = alone.prior
         if k:
             try:
-                gaussian = with_parameters(gaussian, _marginal(final, outcome.covariance, n_parameters))
+                gaussian = with_parameters(gaussian, _marginal(final, outcome.covariance, problem.n_parameters))
             except np.linalg.LinAlgError:
                 return outcome._replace(n_good=n_good, failure=PREDICTION)
-        outcome = run(segments[k], gaussian, keep_and_pass_on)
+        outcome = run(alone.segments[0], gaussian, keep_and_pass_on)
         n_good += outcome.n_good
         if outcome.failure != OK:
             break

@@ -6,7 +6,7 @@ about the last trajectory, see `auvid_cli.filters.linear_smoothing`. A filter ca
 from the answer; this linearises anew where the data have led it.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -24,13 +24,11 @@ from auvid_cli.filters.problem import (
     FilterOutcome,
     Gaussian,
     OnChunk,
-    Process,
     Records,
-    Sensors,
     Timeline,
     until,
 )
-from auvid_cli.filters.segments import of_segment, one_after_the_other, places
+from auvid_cli.filters.segments import JointProblem, one_after_the_other
 from auvid_cli.filters.square_root import run_square_root_filter
 
 Array = NDArray[np.float64]
@@ -47,13 +45,7 @@ _LOOSE, _HELD = 100.0, 1e-3
 
 
 def run_smoother(
-    process: Process,
-    sensors: Sensors,
-    segments: Sequence[Iterable[Timeline]],
-    prior: Gaussian,
-    on_chunk: OnChunk,
-    max_passes: int = 50,
-    faults: Faults | None = None,
+    problem: JointProblem, on_chunk: OnChunk, max_passes: int = 50, faults: Faults | None = None
 ) -> FilterOutcome:
     """Find the most probable parameters and motion.
 
@@ -63,13 +55,10 @@ def run_smoother(
 
     Parameters
     ----------
-    process, sensors, on_chunk
-        As of `run_square_root_filter`; every measurement counts, whatever the gate. What is received has constant
-        parameters, the smoothed motion, and the innovations of the last filter pass.
-    segments : sequence of iterable of Timeline
-        In time order; gone through many times.
-    prior : Gaussian
-        About their joint state, see `auvid_cli.filters.segments`.
+    problem : JointProblem
+        Every measurement counts, whatever the gate.
+    on_chunk : callable
+        What it receives has constant parameters, the smoothed motion, and the innovations of the last filter pass.
     max_passes : int
         Of the filter through the data, from each start.
     faults : Faults, optional
@@ -81,40 +70,37 @@ def run_smoother(
         `NOT_CONVERGED` if `max_passes` were not enough; `PREDICTION` if no start has a finite cost, or where rounding
         leaves nothing of a variance of the smoothed motion.
     """
-    problem = LinearSmoothing(process, sensors, segments, prior)
-    starts = _starts(process, sensors, segments, prior)
+    smoothing = LinearSmoothing(problem)
     answers = []
-    for start in starts:
-        if (answer := _minimise(problem, start, max_passes)) is not None:
+    for start in _starts(problem):
+        if (answer := _minimise(smoothing, start, max_passes)) is not None:
             answers.append(answer)
             if _is_near(start, answer[0]):
                 break
     if not answers:
-        factor = of_segment(prior, places(prior.mean.size, process.noise_density.size, len(segments))[0]).factor
+        factor = problem.alone()[0].prior.factor
         return FilterOutcome(factor @ factor.T, 0, PREDICTION)
     answers.sort(key=lambda answer: answer[0].cost)
     (best, converged), *others = answers
-    outcome = _hand_over(problem, best, on_chunk, OK if converged else NOT_CONVERGED)
+    outcome = _hand_over(smoothing, best, on_chunk, OK if converged else NOT_CONVERGED)
     if outcome.failure != OK:
         return outcome
     found = [other for rival, _ in others if (other := other_minimum(best, rival)) is not None]
-    if len(segments) > 1:
-        found += answers_of_segments(process, sensors, segments, prior, best)
-    scores = None if faults is None else score_faults(problem, best, faults)
+    if len(problem.segments) > 1:
+        found += answers_of_segments(problem, best)
+    scores = None if faults is None else score_faults(smoothing, best, faults)
     return outcome._replace(faults=scores, others=tuple(found))
 
 
-def _starts(
-    process: Process, sensors: Sensors, segments: Sequence[Iterable[Timeline]], prior: Gaussian
-) -> Iterator[Trajectory]:
+def _starts(problem: JointProblem) -> Iterator[Trajectory]:
     """Yield trajectories to start from: as a CKF has it, and with the prior's parameters along the measurements."""
-    n_parameters = prior.mean.size - len(segments) * process.noise_density.size
-    if (filtered := _ckf(process, sensors, segments, prior)) is not None:
+    if (filtered := _ckf(problem)) is not None:
         yield filtered
+    process, prior, n_parameters = problem.process, problem.prior, problem.n_parameters
     loose = process._replace(noise_density=_LOOSE * process.noise_density)
     held = prior.factor.copy()
     held[:, :n_parameters] *= _HELD
-    if (followed := _ckf(loose, sensors, segments, prior._replace(factor=held))) is not None:
+    if (followed := _ckf(problem._replace(process=loose, prior=prior._replace(factor=held)))) is not None:
         yield replace(followed, parameters=prior.mean[:n_parameters])
 
 
@@ -126,13 +112,10 @@ def _is_near(start: Trajectory, answer: Filtered) -> bool:
     return bool((np.abs(moved) <= _FAR * deviation).all())
 
 
-def _ckf(
-    process: Process, sensors: Sensors, segments: Sequence[Iterable[Timeline]], prior: Gaussian
-) -> Trajectory | None:
+def _ckf(problem: JointProblem) -> Trajectory | None:
     """Filter the data; None if the filter fails."""
-    n_moving = process.noise_density.size
-    n_parameters = prior.mean.size - len(segments) * n_moving
-    parameters, initial, moving = prior.mean[:n_parameters], list[Array](), list[list[Array]]()
+    n_parameters, priors = problem.n_parameters, [alone.prior for alone in problem.alone()]
+    parameters, initial, moving = problem.prior.mean[:n_parameters], list[Array](), list[list[Array]]()
 
     def keep(timeline: Timeline, records: Records) -> None:
         nonlocal parameters
@@ -140,28 +123,28 @@ def _ckf(
             parameters = records.mean[-1, :n_parameters].copy()
         states = records.mean[:, n_parameters:].copy()
         if not moving[-1] and len(states):
-            place = rows[len(moving) - 1][n_parameters:]
-            initial.append(prior.mean[place] if is_led_to(timeline) else states[0])
+            before = priors[len(moving) - 1].mean[n_parameters:]
+            initial.append(before if is_led_to(timeline) else states[0])
         moving[-1].append(states)
 
     def run(timelines: Iterable[Timeline], gaussian: Gaussian, on_chunk: OnChunk) -> FilterOutcome:
         moving.append([])
-        return run_square_root_filter(points, process, sensors, timelines, gaussian, on_chunk)
+        return run_square_root_filter(points, problem.process, problem.sensors, timelines, gaussian, on_chunk)
 
-    points, rows = cubature(n_parameters + n_moving), places(prior.mean.size, n_moving, len(segments))
-    outcome = one_after_the_other(run, n_moving, segments, prior, keep)
+    points = cubature(n_parameters + problem.n_moving)
+    outcome = one_after_the_other(run, problem, keep)
     return Trajectory(parameters, initial, moving) if outcome.failure == OK else None
 
 
-def _minimise(problem: LinearSmoothing, start: Trajectory, max_passes: int) -> tuple[Filtered, bool] | None:
+def _minimise(smoothing: LinearSmoothing, start: Trajectory, max_passes: int) -> tuple[Filtered, bool] | None:
     """Step down from a trajectory: where that ends, and whether at a minimum; None if its cost is not finite."""
-    here, passes = problem.filter(start), 1
+    here, passes = smoothing.filter(start), 1
     if here is None:
         return None
     while here.cost - here.least > _NEGLIGIBLE:
-        step, share, lower = problem.step(here), 1.0, None
+        step, share, lower = smoothing.step(here), 1.0, None
         while lower is None and share >= _SHORTEST and passes < max_passes:
-            tried = problem.filter(here.trajectory.stepped(step, share))
+            tried = smoothing.filter(here.trajectory.stepped(step, share))
             if tried is not None and tried.cost < here.cost:
                 lower = tried
             share, passes = share / 2.0, passes + 1
@@ -173,14 +156,14 @@ def _minimise(problem: LinearSmoothing, start: Trajectory, max_passes: int) -> t
     return here, True
 
 
-def _hand_over(problem: LinearSmoothing, filtered: Filtered, on_chunk: OnChunk, failure: int) -> FilterOutcome:
+def _hand_over(smoothing: LinearSmoothing, filtered: Filtered, on_chunk: OnChunk, failure: int) -> FilterOutcome:
     """Pass on the smoothed trajectory, chunk by chunk, from the first to the last."""
     covariance = filtered.final.covariance()
     n_parameters = filtered.trajectory.parameters.size
     parameters = filtered.trajectory.parameters + filtered.final.mean[:n_parameters]
     deviation = np.sqrt(np.diagonal(covariance)[:n_parameters])
     nominal = [moving for segment in filtered.trajectory.moving for moving in segment]
-    chunks = [_answer(chunk) for chunk in problem.smooth(filtered, with_variance=True)]
+    chunks = [_answer(chunk) for chunk in smoothing.smooth(filtered, with_variance=True)]
     n_good = 0
     for moving, chunk in zip(nominal, reversed(chunks), strict=True):
         lost = np.flatnonzero(~(chunk.variance > 0.0).all(axis=1))

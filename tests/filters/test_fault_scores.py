@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.problem import OK, Gaussian
-from auvid_cli.filters.segments import joint_gaussian, places
+from auvid_cli.filters.segments import JointProblem, joint_gaussian, places
 from auvid_cli.filters.smoother import run_smoother
 
 N_MOVING, N_FAULTS = 4, 3
@@ -89,7 +89,7 @@ def dense(request, linear_problem, events_of):
 
 def scores_of(dense, faults):
     p = dense.problem
-    outcome = run_smoother(p.process, p.sensors, p.segments, p.joint, lambda *chunk: None, faults=faults)
+    outcome = run_smoother(JointProblem(p.process, p.sensors, p.segments, p.joint), lambda *chunk: None, faults=faults)
     assert outcome.failure == OK
     return outcome.faults
 

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.filters.other_answers import other_minimum
-from auvid_cli.filters.segments import joint_gaussian
+from auvid_cli.filters.segments import JointProblem, joint_gaussian
 from auvid_cli.filters.smoother import run_smoother
 
 
@@ -27,9 +27,8 @@ def final(records, outcome, n):
 
 def smoothed(problem, segments, prior, n):
     records = []
-    outcome = run_smoother(
-        problem.process, problem.sensors, segments, prior, lambda timeline, chunk: records.append(chunk)
-    )
+    joint = JointProblem(problem.process, problem.sensors, segments, prior)
+    outcome = run_smoother(joint, lambda timeline, chunk: records.append(chunk))
     return *final(records, outcome, n), outcome
 
 
@@ -48,7 +47,7 @@ def test_a_segment_says_by_itself_what_it_says_alone(two_segments):
 
 def test_one_segment_has_no_other_to_disagree_with(linear_problem):
     p = linear_problem
-    outcome = run_smoother(p.process, p.sensors, [[p.timeline]], p.prior, lambda timeline, chunk: None)
+    outcome = run_smoother(JointProblem(p.process, p.sensors, [[p.timeline]], p.prior), lambda timeline, chunk: None)
     assert outcome.others == ()
 
 

@@ -11,13 +11,14 @@ from scipy.optimize import least_squares
 from auvid_cli.filters.extended import run_extended_filter
 from auvid_cli.filters.output_error import FirstEvents, run_output_error
 from auvid_cli.filters.problem import NOT_CONVERGED, OK, PREDICTION, Gaussian
+from auvid_cli.filters.segments import JointProblem
 
 EVENTS = 30
 
 
 def fit_one(process, sensors, timelines, prior, on_chunk, **settings):
     """Of a single segment."""
-    return run_output_error(process, sensors, [timelines], prior, on_chunk, **settings)
+    return run_output_error(JointProblem(process, sensors, [timelines], prior), on_chunk, **settings)
 
 
 def least_squares_by_hand(problem, by_hand, with_prior):

@@ -13,7 +13,7 @@ from auvid_cli.filters.information import Information, jointly
 from auvid_cli.filters.output_error import run_output_error
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import OK, PREDICTION, Gaussian
-from auvid_cli.filters.segments import joint_gaussian, of_segment, one_after_the_other, places
+from auvid_cli.filters.segments import JointProblem, joint_gaussian, of_segment, one_after_the_other, places
 from auvid_cli.filters.smoother import run_smoother
 from auvid_cli.filters.square_root import run_square_root_filter
 
@@ -92,7 +92,7 @@ def test_all_are_fitted_at_once(cut_in_two):
     p = cut_in_two
     state, covariance = best(p)
     on_chunk, means, deviations = received()
-    outcome = run_output_error(p.process, p.sensors, p.segments, p.joint, on_chunk, use_prior=True)
+    outcome = run_output_error(JointProblem(p.process, p.sensors, p.segments, p.joint), on_chunk, use_prior=True)
     assert (outcome.n_good, outcome.failure) == (30, OK)
     mean = np.concatenate([o + t @ state[place] for o, t, place in zip(p.offset, p.transition, p.places, strict=True)])
     own = [
@@ -117,7 +117,7 @@ def test_without_process_noise_a_filter_knows_in_the_end_what_the_fit_knows(kind
         "extended": partial(run_extended_filter, process, p.sensors),
     }[kind]
     on_chunk, means, _ = received()
-    outcome = one_after_the_other(run, N_MOVING, p.segments, p.joint, on_chunk)
+    outcome = one_after_the_other(run, JointProblem(process, p.sensors, p.segments, p.joint), on_chunk)
     assert (outcome.n_good, outcome.failure) == (30, OK)
     own = p.transition[1][-1] @ covariance[np.ix_(p.places[1], p.places[1])] @ p.transition[1][-1].T
     deviation = np.sqrt(np.diag(own))
@@ -136,7 +136,7 @@ def test_a_motion_that_cannot_go_on_ends_the_fit_of_all(cut_in_two):
     inputs = np.vstack([second.inputs, np.full((1, second.inputs.shape[1]), np.nan)])
     p.segments[1] = [second._replace(inputs=inputs, substep_input=substep_input)]
     on_chunk, means, _ = received()
-    outcome = run_output_error(p.process, p.sensors, p.segments, p.joint, on_chunk, use_prior=True)
+    outcome = run_output_error(JointProblem(p.process, p.sensors, p.segments, p.joint), on_chunk, use_prior=True)
     assert (outcome.n_good, outcome.failure) == (CUT + 4, PREDICTION)
     assert [len(mean) for mean in means] == [6, 7, 4]
 
@@ -228,7 +228,7 @@ def test_a_smoother_solves_the_joint_problem_of_segments(cut_in_two):
     process = p.process._replace(noise_density=1e-7 * p.process.noise_density)
     state, covariance = best(p)
     on_chunk, means, deviations = received()
-    outcome = run_smoother(process, p.sensors, p.segments, p.joint, on_chunk)
+    outcome = run_smoother(JointProblem(process, p.sensors, p.segments, p.joint), on_chunk)
     assert (outcome.failure, outcome.n_good) == (OK, 30)
     assert len(means) == 3
     n_parameters = p.prior.mean.size - N_MOVING

@@ -8,13 +8,14 @@ from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
 from auvid_cli.filters.problem import OK, PREDICTION
+from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoother import run_smoother
 from auvid_cli.filters.smoothing_backward import backward
 
 
 def smooth_one(process, sensors, timelines, prior, on_chunk):
     """Of a single segment."""
-    return run_smoother(process, sensors, [timelines], prior, on_chunk)
+    return run_smoother(JointProblem(process, sensors, [timelines], prior), on_chunk)
 
 
 @pytest.fixture
