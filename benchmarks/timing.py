@@ -42,7 +42,7 @@ def processor() -> str:
 
 
 def described_machine() -> dict[str, str]:
-    """What a measurement was made on, and when."""
+    """Say what a measurement was made on, and when."""
     return {
         "date": datetime.now(UTC).strftime("%Y-%m-%d"),
         "processor": f"{processor()}, {os.cpu_count()} cores",

@@ -51,7 +51,7 @@ class Keeper:
 
 
 def _pipes(folder: str, names: list[str]) -> list[str]:
-    """What cannot be copied."""
+    """Say what cannot be copied."""
     return [name for name in names if (Path(folder) / name).is_fifo()]
 
 

@@ -24,7 +24,7 @@ def _sound(path: Path) -> tuple[bytes, tuple[int, ...]]:
 
 
 def damage(rng: random.Random, content: bytes, records: tuple[int, ...] = ()) -> tuple[bytes, str]:
-    """Some bytes changed, zeroed, repeated, put in or left out, or the end cut off."""
+    """Return the bytes with some changed, zeroed, repeated, put in or left out, or the end cut off."""
     data = bytearray(content)
     kind = rng.choice(("flip", "flip", "flip", "bit", "zero", "cut", "insert", "remove", "repeat"))
     if kind == "cut":
@@ -54,7 +54,7 @@ def damage(rng: random.Random, content: bytes, records: tuple[int, ...] = ()) ->
 
 
 def make(rng: random.Random, material: Material, folder: Path) -> Case:
-    """A case."""
+    """Make a case."""
     if rng.random() < 0.5:
         content, records = _sound(material.results / "dataset.h5")
         on = on_dataset

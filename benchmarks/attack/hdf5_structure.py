@@ -215,7 +215,7 @@ def _add(rng: random.Random, file: h5py.File) -> tuple[str, bool]:
 
 
 def make(rng: random.Random, material: Material, folder: Path) -> Case:
-    """A case."""
+    """Make a case."""
     on, sound = rng.choice(
         (
             (on_dataset, material.results / "dataset.h5"),

@@ -104,7 +104,7 @@ def _killed(home: Path, command: tuple[str, ...], number: signal.Signals, moment
 
 
 def _run(home: Path, command: tuple[str, ...], number: signal.Signals | None, moment: float) -> tuple[Ended, str]:
-    """A command in a process of its own; which of its processes are still there a moment after its end."""
+    """Run a command in a process of its own, and say which of its processes are still there a moment after its end."""
     mark = uuid.uuid4().hex
     start = time.perf_counter()
     killed = False
@@ -141,7 +141,7 @@ def _run(home: Path, command: tuple[str, ...], number: signal.Signals | None, mo
 
 
 def _living(mark: str) -> Iterable[tuple[int, str]]:
-    """Processes that a command started, whoever their parent is by now."""
+    """Find the processes that a command started, whoever their parent is by now."""
     for entry in Path("/proc").iterdir():
         if not entry.name.isdigit():
             continue

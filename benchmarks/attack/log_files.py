@@ -30,7 +30,7 @@ def _columns() -> dict[str, NDArray[np.float64]]:
 
 
 def _map(name: str, log: str, vehicle: Path, time: str, tables: dict[str, str], pick: dict[str, str]) -> str:
-    """A map; `tables` by sensor, `pick` the names of columns in the log where they differ."""
+    """Write a map; `tables` by sensor, `pick` the names of columns in the log where they differ."""
 
     def columns(names: tuple[str, ...]) -> str:
         return ", ".join(f"{name}: '{pick.get(name, name)}'" for name in names)

@@ -68,7 +68,7 @@ _RECORDS = re.compile(rb"CREATE TABLE|MCAP|#ROSBAG|PK|conn=|op=|\xa3\x95\x80|MAT
 
 
 def _damage_text(rng: random.Random, text: str) -> tuple[bytes, str, bool]:
-    """A CSV file changed as text; also whether it can be no recorded manoeuvre any more."""
+    """Change a CSV file as text; say also whether it can be no recorded manoeuvre any more."""
     rows = [line.split(",") for line in text.splitlines()]
     kind = rng.choice(_TEXT_DAMAGE)
     row, column = rng.randrange(1, len(rows)), rng.randrange(len(rows[0]))
@@ -149,7 +149,7 @@ def _damage_arrays(rng: random.Random, path: Path) -> str:
 
 
 def make(rng: random.Random, material: Material, folder: Path) -> Case:
-    """A case."""
+    """Make a case."""
     kind = rng.choice(KINDS)
     name = _FILES[kind]
     source, copy = material.logs / name, folder / name
@@ -188,7 +188,7 @@ def make(rng: random.Random, material: Material, folder: Path) -> Case:
 
 
 def _recorded(path: Path, what: str, refused: bool) -> Case:
-    """The damaged file as the inputs of a simulation."""
+    """Take the damaged file as the inputs of a simulation."""
     manoeuvre = f"{{name: recorded, type: recorded, duration: 2 s, speed: 2 m/s, file: {path.name}}}"
     command = "simulate", "--set", f"manoeuvre={manoeuvre}", "-o", "out"
     return Case(f"recorded manoeuvre, {what}", (command,), refused)

@@ -39,7 +39,7 @@ class Outcome:
 
 
 def faults_of(ended: Ended, refused: bool, must_end: bool) -> dict[str, str]:
-    """What was wrong, by column; `must_end` where Ctrl-C may not be needed."""
+    """Say what was wrong, by column; `must_end` where Ctrl-C may not be needed."""
     if ended.killed or (ended.interrupted and must_end):
         how = "deaf to Ctrl-C" if ended.killed else "no end"
         return {"hang": f"{how} after {ended.seconds:.0f} s"}
@@ -79,7 +79,7 @@ def _first(text: str) -> str:
 
 
 def _place(said: str) -> str:
-    """The error and the innermost line of auvid's own code in a traceback."""
+    """Return the error and the innermost line of auvid's own code in a traceback."""
     last = said[said.rfind(_TRACEBACK) :]
     errors = _ERROR.findall(last)
     frames = [f for f in _FRAME.findall(last) if "/auvid_cli/" in f[0]]
@@ -90,7 +90,7 @@ def _place(said: str) -> str:
 
 
 def unsound_files(paths: Iterable[Path]) -> str | None:
-    """The first file that is half written, or a temporary that was left."""
+    """Find the first file that is half written, or a temporary that was left."""
     for path in paths:
         if path.name == ".lock":
             continue
@@ -111,7 +111,7 @@ def opens(path: Path) -> bool:
 
 
 def unsound_numbers(paths: Iterable[Path]) -> str | None:
-    """An estimate that says it is completed and holds numbers that are none."""
+    """Find an estimate that says it is completed and holds numbers that are none."""
     for path in paths:
         if path.parent.name != "estimates" or path.suffix != ".h5":
             continue

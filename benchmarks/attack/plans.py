@@ -59,7 +59,7 @@ _SEEDS: tuple[Any, ...] = (
 
 
 def make(rng: random.Random, material: Material, folder: Path) -> Case:
-    """A case."""
+    """Make a case."""
     runs = 1.0
     campaign: dict[str, Any] = {
         "name": "plan",

@@ -29,7 +29,7 @@ class Worker:
         self._process: subprocess.Popen[str] | None = None
 
     def attack(self, kind: str, index: int) -> Outcome:
-        """What a case comes to."""
+        """Return what a case comes to."""
         self.start()
         if answer := self._answer(f"{kind} {index}"):
             return Outcome(**json.loads(answer))
@@ -37,7 +37,7 @@ class Worker:
         return Outcome(kind, index, "", [], faults={"hang": "the process that ran it had to be ended"})
 
     def _answer(self, question: str = "") -> str:
-        """The next line that the process says; empty if it ends, or says nothing for too long."""
+        """Return the next line that the process says; empty if it ends, or says nothing for too long."""
         process = self._process
         assert process is not None
         assert process.stdin is not None

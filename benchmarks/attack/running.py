@@ -74,7 +74,7 @@ def _text(path: Path) -> str:
 
 
 def _become(arguments: tuple[str, ...], folder: Path, out: Path, err: Path) -> NoReturn:
-    """The forked process: nothing of it comes back."""
+    """Run the forked process: nothing of it comes back."""
     code = 1
     try:
         os.setsid()

@@ -52,12 +52,12 @@ def _is_quantity(path: Keys, value: Any) -> bool:
 
 @cache
 def _files(configs: Path) -> dict[str, str]:
-    """What ships, by its path."""
+    """Return what ships, by its path."""
     return {str(path.relative_to(configs)): path.read_text("utf-8") for path in sorted(configs.rglob("*.yaml"))}
 
 
 def _mutate(rng: random.Random, tree: Any) -> tuple[str, bool]:
-    """Change something in a tree; says what, and whether it must be refused."""
+    """Change something in a tree; say what, and whether it must be refused."""
     places = list(_walk(tree))
     path, value = rng.choice(places)
     parent, key = _parent(tree, path), path[-1]
@@ -170,7 +170,7 @@ def _resolved(rng: random.Random, material: Material, folder: Path) -> _Place:
 
 
 def _shipped(rng: random.Random, material: Material, folder: Path) -> _Place:
-    """A file of its own that an experiment names."""
+    """Put a file of its own where an experiment names it."""
     files = [name for name in _files(material.configs) if not name.startswith("campaigns")]
     name = rng.choice(files)
     shutil.copytree(material.configs, folder, dirs_exist_ok=True)
@@ -186,7 +186,7 @@ def _dump(tree: Any) -> bytes:
 
 
 def make(rng: random.Random, material: Material, folder: Path) -> Case:
-    """A case of a file."""
+    """Make a case of a file."""
     place = rng.choices((_resolved, _shipped, _map, _campaign), _WEIGHTS)[0]
     name, text, command = place(rng, material, folder)
     if rng.random() < 0.3:
@@ -206,7 +206,7 @@ def make(rng: random.Random, material: Material, folder: Path) -> Case:
 
 
 def _further(rng: random.Random, command: tuple[str, ...], absurd: bool) -> tuple[tuple[str, ...], ...]:
-    """A short run after the dry run, now and then."""
+    """Add a short run after the dry run, now and then."""
     if command[0] != "run" or rng.random() > _RUNS[absurd]:
         return ()
     settings = tuple(word for word in command[1:] if word != "--dry-run")
@@ -220,7 +220,7 @@ def _places(material: Material, experiment: str) -> list[tuple[Keys, Any]]:
 
 
 def make_override(rng: random.Random, material: Material, folder: Path) -> Case:
-    """A case of `--set`."""
+    """Make a case of `--set`."""
     experiment = rng.choice(EXPERIMENTS)
     path, value = rng.choice(_places(material, experiment))
     key = ".".join(map(str, path))

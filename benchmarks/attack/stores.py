@@ -30,7 +30,7 @@ _FAILURES = (
 
 
 def _finished(material: Material, folder: Path) -> Path:
-    """A campaign that has been done, made by whoever needs it first."""
+    """Return a campaign that has been done, made by whoever needs it first."""
     sound = material.folder / "campaign"
     if not sound.is_dir():
         made = folder.with_name("made")
@@ -45,7 +45,7 @@ def _finished(material: Material, folder: Path) -> Path:
 
 
 def make(rng: random.Random, material: Material, folder: Path) -> Case:
-    """A case."""
+    """Make a case."""
     shutil.copytree(_finished(material, folder), folder, dirs_exist_ok=True)
     parts = sorted((folder / "out" / "results").glob("*.parquet"))
     kind = rng.choice(("damage", "damage", "failures", "odd", "foreign", "gone"))

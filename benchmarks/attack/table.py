@@ -34,7 +34,7 @@ def groups(outcomes: Sequence[Outcome]) -> dict[tuple[str, str, str], list[Outco
 
 
 def alike(text: str) -> str:
-    """A failure without what differs from case to case; lines of the program stay."""
+    """Return a failure without what differs from case to case; lines of the program stay."""
     text = re.sub(r"^(again: )?[a-z]+: ", "", text)
     place = text.rpartition(" at auvid_cli/")
     said, rest = (place[0], " at auvid_cli/" + place[2]) if place[1] else (text, "")

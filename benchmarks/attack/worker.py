@@ -95,7 +95,7 @@ def _digests(folder: Path) -> dict[Path, str]:
 
 
 def _changed(home: Path, folder: Path, given: dict[Path, str], rewritten: bool, code: int) -> dict[str, str]:
-    """What a command did to files that it must not do."""
+    """Say what a command did to files that it must not do."""
     allowed = {home / "sentinel", *(folder.with_name(name) for name in ("out.txt", "err.txt"))}
     outside = [
         path for path in home.rglob("*") if path.is_file() and folder not in path.parents and path not in allowed

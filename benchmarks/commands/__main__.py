@@ -136,7 +136,7 @@ def _growth(folder: Path, durations: list[int]) -> list[str]:
 
 
 def _sensors(folder: Path, duration: int) -> list[str]:
-    """The same run with one sensor more each time."""
+    """Time the same run with one sensor more each time."""
     rows = []
     whole = read_dataset(folder / str(duration) / "dataset.h5")
     for count in range(1, 1 + len(_SENSORS)):

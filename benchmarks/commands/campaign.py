@@ -76,7 +76,7 @@ def _seconds_on(workers: int, groups: list[RunGroup], folder: Path) -> float:
 
 
 def _warm(folder: Path, workers: int) -> Iterator[RunGroup]:
-    """Groups of other seeds, a few for each worker."""
+    """Make groups of other seeds, a few for each worker."""
     return planned(folder, f"seeds: [{', '.join(str(_OTHER_SEEDS + k) for k in range(3 * workers))}]\n").groups()
 
 

@@ -25,7 +25,7 @@ _PROCESSOR = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx,+avx2,+fm
 
 
 def run_filter(name: str, passes: int) -> None:
-    """What is counted: a filter over the same few seconds, several times; prints how many events it has."""
+    """Do what is counted: run a filter over the same few seconds, several times, and print how many events it has."""
     from auvid_cli.config.filter_name import FilterName
     from auvid_cli.config.load import find_experiment, load_experiment
     from auvid_cli.identification.identify import set_up_filters

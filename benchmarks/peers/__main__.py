@@ -74,7 +74,7 @@ def _environment(problem: "Problem", repetitions: int) -> dict[str, str]:
 
 
 def _overhead(bare: Sequence[float], auvid: Sequence[float], n_events: int) -> list[str]:
-    """auvid's EKF against the filterpy that it is built on."""
+    """Say how long the EKF takes beside the filterpy that it is built on."""
     alone, whole = (median(seconds) / n_events * 1e6 for seconds in (bare, auvid))
     multiple = median((b - a) / a for a, b in zip(bare, auvid, strict=True))
     return [

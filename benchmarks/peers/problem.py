@@ -95,7 +95,7 @@ class Problem:
     unscented: tuple[float, float, float]
 
     def first(self, n_events: int) -> "Problem":
-        """The same with fewer events."""
+        """Return the same with fewer events."""
         return replace(self, timeline=_first(self.timeline, n_events), events=self.events[:n_events])
 
 
@@ -133,7 +133,7 @@ class Peer:
 
 
 def make_problem(n_events: int) -> Problem:
-    """The beginning of the default experiment, with its own prior, noise and settings."""
+    """Set up the beginning of the default experiment, with its own prior, noise and settings."""
     dataset = simulate(load_experiment(find_experiment(None), []))
     runs = set_up_filters(prepare(dataset), list(FilterName))
     settings = dataset.experiment.identification
@@ -164,7 +164,7 @@ def units_of(process: Process) -> Array:
 
 
 def _from_prior(run: FilterRun, prior: Gaussian) -> Callable[[list[Timeline], OnChunk], FilterOutcome]:
-    """auvid's filter with other data than its own."""
+    """Turn a run of ours into a filter of any data."""
     return lambda timelines, receive: run.estimator.estimate([timelines], prior, receive)
 
 

@@ -80,7 +80,7 @@ class Row:
 
 
 def compare(entry: Entry, same_filter: Entry, tukf: Entry) -> Row:
-    """A line of the table."""
+    """Write a line of the table."""
     peer, own = entry.peer, entry.per_event
     deviation = np.sqrt(np.diagonal(entry.reference.covariance))[:N_COEFFICIENTS]
     difference = np.abs(entry.answer.mean - entry.reference.mean)[:N_COEFFICIENTS] / deviation
@@ -109,7 +109,7 @@ def as_json(rows: Sequence[Row], environment: dict[str, str], remarks: Sequence[
 
 
 def markdown(rows: Sequence[Row], environment: dict[str, str], remarks: Sequence[str]) -> str:
-    """The table, what it was measured on, and what is to be said of it."""
+    """Write the table, what it was measured on, and what is to be said of it."""
     notes = list(dict.fromkeys(row.note for row in rows if row.note))
     compilations = [
         f"{row.library} {row.filter}: compilation takes {row.compilation:.1f} s more, anew for another number of events"
