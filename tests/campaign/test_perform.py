@@ -17,7 +17,7 @@ from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
 TEXT = """\
 name: short
-settings: {manoeuvre.duration: 20 s, sensors.attitude.source: direct}
+settings: {manoeuvre.duration: 20 s, sensors.attitude.source: direct, identification.judge: false}
 seeds: [4]
 filters: [ckf, {name: wide, filter: ckf, settings: {identification.prior.factor: 10}}]
 """

@@ -56,6 +56,7 @@ def test_a_good_model_passes_and_leaves_tables_and_figures(results, tmp_path):
     assert float(numbers["radius"]["predicted"]) == pytest.approx(float(numbers["radius"]["measured"]), rel=0.01)
 
 
+@pytest.mark.usefixtures("without_figures")
 def test_a_changed_vehicle_fails_with_exit_code_1(results, simulated_with, tmp_path):
     mass = simulated_with("manoeuvre.duration=2 s").experiment.vehicle.known_parameters()["m"]
     changed = simulated_with(
@@ -87,11 +88,13 @@ def test_a_missing_file_is_said(results, tmp_path):
         assert "no.h5" in result.stderr
 
 
+@pytest.mark.usefixtures("without_figures")
 def test_quiet_prints_nothing(results, tmp_path):
     result = run(results / "estimates/ckf.h5", results / "circle.h5", "-q", "-o", tmp_path)
     assert (result.exit_code, result.output) == (0, "")
 
 
+@pytest.mark.usefixtures("without_figures")
 def test_what_an_estimate_left_out_of_a_dataset_is_new_to_it(results, tmp_path):
     dataset = read_dataset(results / "dataset.h5")
     half = 0.5 * float(dataset.inputs.time[-1])

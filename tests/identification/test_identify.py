@@ -132,7 +132,7 @@ def test_holding_a_coefficient_without_a_value_is_refused(short_run, with_settin
 
 
 # Those that go through the data many times take their time.
-WIDE = [(name, factor) for name in FilterName for factor in ((1, 100) if name.in_one_batch else (1, 10, 30, 100, 300))]
+WIDE = [(name, factor) for name in FilterName for factor in ((1, 100) if name.in_one_batch else (1, 30, 300))]
 
 
 @pytest.mark.parametrize(("name", "factor"), WIDE)
