@@ -73,10 +73,10 @@ def identifiability(
             from auvid_cli.cli.tables import write_and_draw
             from auvid_cli.report.screen import print_identifiability
         with terminal.stage("sensitivities"):
-            found = assess(dataset, coefficients)
-        paths = write_and_draw(folder, found.tables(), lambda figures: figures.add_identifiability(found), terminal)
+            assessment = assess(dataset, coefficients)
+        paths = write_and_draw(folder, assessment.tables(), lambda figures: figures.add_identifiability(assessment), terminal)
         terminal.say(f"{dataset.experiment.vehicle.name}, at {where}:")
-        print_identifiability(terminal.out, found)
+        print_identifiability(terminal.out, assessment)
         terminal.say_all(paths)
 
 

@@ -37,10 +37,10 @@ def answers_of_segments(problem: JointProblem, answer: Filtered) -> Iterator[Oth
         assert own is not None, "with the others its trajectory has a finite cost"
         own_variance = np.diagonal(own.final.covariance())[:n]
         more = own_variance - variance
-        told = more > _LEAST * own_variance
-        deviation = np.sqrt(np.where(told, more, np.inf))
+        comparable = more > _LEAST * own_variance
+        deviation = np.sqrt(np.where(comparable, more, np.inf))
         begin = next(iter(alone.segments[0])).time[0]
-        moved = np.where(told, deviation, 0.0) * variance / own_variance
+        moved = np.where(comparable, deviation, 0.0) * variance / own_variance
         yield OtherAnswer(f"{SEGMENT} {begin:g} s", own.final.mean[:n] - together, deviation, moved)
 
 

@@ -85,11 +85,11 @@ def run_smoother(
     outcome = _hand_over(smoothing, best, on_chunk, OK if converged else NOT_CONVERGED)
     if outcome.failure != OK:
         return outcome
-    found = [other for rival, _ in others if (other := other_minimum(best, rival)) is not None]
+    rivals = [other for rival, _ in others if (other := other_minimum(best, rival)) is not None]
     if len(problem.segments) > 1:
-        found += answers_of_segments(problem, best)
+        rivals += answers_of_segments(problem, best)
     scores = None if faults is None else score_faults(smoothing, best, faults)
-    return outcome._replace(faults=scores, others=tuple(found))
+    return outcome._replace(faults=scores, others=tuple(rivals))
 
 
 def _starts(problem: JointProblem) -> Iterator[Trajectory]:

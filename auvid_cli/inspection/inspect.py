@@ -179,6 +179,6 @@ def _presence(record: SensorRecord, span: tuple[float, float]) -> Array:
     time = record.time[np.isfinite(record.values).any(axis=1)]
     usual = float(np.median(np.diff(record.time))) if record.time.size > 1 else np.inf
     expected = (span[1] - span[0]) / usual
-    pieces = int(np.clip(expected / _MEASUREMENTS, 1, _PIECES))
-    count, _ = np.histogram(time, pieces, span)
-    return np.minimum((count + 1) * pieces / max(expected, 1.0), 1.0) * (count > 0)
+    intervals = int(np.clip(expected / _MEASUREMENTS, 1, _PIECES))
+    count, _ = np.histogram(time, intervals, span)
+    return np.minimum((count + 1) * intervals / max(expected, 1.0), 1.0) * (count > 0)
