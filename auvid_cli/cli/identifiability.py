@@ -73,10 +73,10 @@ def identifiability(
             from auvid_cli.cli.tables import write_and_draw
             from auvid_cli.report.screen import print_identifiability
         with terminal.stage("sensitivities"):
-            assessment = assess(dataset, coefficients)
-        paths = write_and_draw(folder, assessment.tables(), lambda figures: figures.add_identifiability(assessment), terminal)
+            bounds = assess(dataset, coefficients)
+        paths = write_and_draw(folder, bounds.tables(), lambda figures: figures.add_identifiability(bounds), terminal)
         terminal.say(f"{dataset.experiment.vehicle.name}, at {where}:")
-        print_identifiability(terminal.out, assessment)
+        print_identifiability(terminal.out, bounds)
         terminal.say_all(paths)
 
 

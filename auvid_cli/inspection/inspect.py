@@ -29,7 +29,7 @@ from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
 
-_PIECES, _MEASUREMENTS = 600, 10
+_INTERVALS, _MEASUREMENTS = 600, 10
 _MOST_INPUTS = 100_000
 
 
@@ -175,10 +175,10 @@ def _stability(signals: Signals) -> list[Check]:
 
 
 def _presence(record: SensorRecord, span: tuple[float, float]) -> Array:
-    """Count, over the usual, the measurements in each piece of the span, 0 to 1; a piece has room for a few."""
+    """Count, over the usual, the measurements in each interval of the span, 0 to 1; each has room for a few."""
     time = record.time[np.isfinite(record.values).any(axis=1)]
     usual = float(np.median(np.diff(record.time))) if record.time.size > 1 else np.inf
     expected = (span[1] - span[0]) / usual
-    intervals = int(np.clip(expected / _MEASUREMENTS, 1, _PIECES))
+    intervals = int(np.clip(expected / _MEASUREMENTS, 1, _INTERVALS))
     count, _ = np.histogram(time, intervals, span)
     return np.minimum((count + 1) * intervals / max(expected, 1.0), 1.0) * (count > 0)
