@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 
 # s; innovations are also judged by windows of this length.
 WINDOW = 20.0
+# So many places apart innovations are compared, where there are more than these.
+LAGS, _FEWEST = 20, 200
 
 
 class Tally(NamedTuple):
@@ -24,6 +26,10 @@ class Tally(NamedTuple):
         Sum of the NIS, and number of components used, in each `WINDOW` from `start` on.
     measurements, rejected : int
         Measurements used; components beyond the gate.
+    correlation : ndarray, shape (c, LAGS)
+        Of the normalised innovations of each component with those so many places later, of what was used.
+    correlated : ndarray, shape (c,)
+        Of how many; 0 where there are too few to say.
     """
 
     start: float
@@ -31,6 +37,8 @@ class Tally(NamedTuple):
     components: Array
     measurements: int
     rejected: int
+    correlation: Array
+    correlated: Array
 
     def plus(self, other: "Tally") -> "Tally":
         """Add later ones, of windows from the same start on."""
@@ -40,7 +48,10 @@ class Tally(NamedTuple):
             squares[: part.squares.size] += part.squares
             components[: part.components.size] += part.components
         measurements, rejected = self.measurements + other.measurements, self.rejected + other.rejected
-        return Tally(self.start, squares, components, measurements, rejected)
+        correlated = self.correlated + other.correlated
+        weighted = (part.correlation * part.correlated[:, None] for part in (self, other))
+        correlation = sum(weighted, np.zeros(self.correlation.shape)) / np.maximum(correlated, 1.0)[:, None]
+        return Tally(self.start, squares, components, measurements, rejected, correlation, correlated)
 
 
 @dataclass(frozen=True)
@@ -77,7 +88,20 @@ class Innovations:
         window = ((self.time - start) // WINDOW).astype(int)
         squares, components = (np.bincount(window, w).astype(np.float64) for w in (np.nan_to_num(self.nis), used))
         rejected = int((np.isfinite(self.innovation) & ~self.used()).sum())
-        return Tally(start, squares, components, int(np.isfinite(self.nis).sum()), rejected)
+        correlation, correlated = self._correlation()
+        measurements = int(np.isfinite(self.nis).sum())
+        return Tally(start, squares, components, measurements, rejected, correlation, correlated)
+
+    def _correlation(self) -> tuple[Array, Array]:
+        n_components = self.innovation.shape[1]
+        correlation, correlated = np.zeros((n_components, LAGS)), np.zeros(n_components)
+        for c, used in enumerate((self.used() & np.isfinite(self.innovation)).T):
+            values = self.innovation[used, c] / np.sqrt(self.variance[used, c])
+            if values.size >= _FEWEST and values.std() > 0.0:
+                centred = values - values.mean()
+                products = [float(centred[lag:] @ centred[:-lag]) for lag in range(1, LAGS + 1)]
+                correlation[c], correlated[c] = np.array(products) / float(centred @ centred), values.size
+        return correlation, correlated
 
     def used(self) -> NDArray[np.bool_]:
         """Say which components the filter took, shape (k, c)."""

@@ -7,7 +7,7 @@ from scipy.stats import chi2
 from auvid_cli.data.check import Check
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.innovations import WINDOW, Innovations
+from auvid_cli.data.innovations import LAGS, WINDOW, Innovations
 from auvid_cli.evaluation.consistency import LARGEST_NIS_IN_WINDOW, windowed_nis
 from auvid_cli.vehicle.parameters import INPUTS, SENSORS
 
@@ -18,7 +18,6 @@ _TOLERANCE = 0.05
 _CONFIDENCE = 0.99
 # Correlation that is allowed beyond chance (three standard deviations of a white sequence's).
 _LARGEST_CORRELATION = 0.1
-_LAGS = 20
 _LARGEST_REJECTED = 0.05
 # So many samples say enough of a correlation.
 _FEWEST = 50
@@ -98,12 +97,12 @@ def _gate(filter_name: str, sensor: str, innovations: Innovations) -> Check:
 
 def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check:
     """Judge the largest autocorrelation of the normalised innovations over some lags."""
-    largest = {}
-    for column, quantity in enumerate(SENSORS[sensor]):
-        values = _normalised(innovations, column)
-        if np.isfinite(values).sum() >= _FEWEST:
-            correlations = [_correlation(values[lag:], values[:-lag]) for lag in range(1, _LAGS + 1)]
-            largest[quantity.symbol] = float(np.max(np.abs(correlations)))
+    tally = innovations.tally()
+    largest = {
+        quantity.symbol: float(np.abs(tally.correlation[column]).max())
+        for column, quantity in enumerate(SENSORS[sensor])
+        if tally.correlated[column] > 0.0
+    }
     if not largest:
         return Check.of(
             filter_name, sensor, "whiteness", statistic="too few measurements", threshold="", passed=True, advice=""
@@ -114,7 +113,7 @@ def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check
         "whiteness",
         innovations,
         largest,
-        f"correlation over {_LAGS} lags",
+        f"correlation over {LAGS} lags",
         f"Errors of {sensor} last from sample to sample: standard deviations of the coefficients are too small, unless "
         "its noise was stated larger for that. Estimate its bias (`identification.estimate.biases`) or state more.",
     )

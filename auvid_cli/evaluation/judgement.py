@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.estimate import Estimate, FaultTest
-from auvid_cli.data.innovations import Innovations
+from auvid_cli.data.innovations import LAGS, Innovations
 from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.evaluation.remedies import remedy_of_divergence, remedy_of_nonlinearity
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
@@ -30,14 +30,11 @@ Array = NDArray[np.float64]
 LARGEST_FAULT, LARGEST_NIS, LARGEST_PORTMANTEAU, FARTHEST = 3.5, 4.0, 10.0, 2.5
 # And of the coefficient that one of several segments finds farthest from all of them.
 FARTHEST_SEGMENT = 4.0
-_LAGS = 20
 # Errors of an AHRS are no noise, and what a smoother makes of them may look like anything.
 _WITHOUT_AHRS = (
     "first do without the AHRS, from recorded accelerometer and magnetometer (identification.attitude_from=inertial) "
     "or a better attitude; if the fault is still named, "
 )
-# So many measurements say enough of correlations.
-_FEWEST = 200
 
 
 class Grade(StrEnum):
@@ -226,26 +223,10 @@ def whiteness(innovations: Innovations) -> Whiteness:
     squares, components = float(tally.squares.sum()), float(tally.components.sum())
     if not components:
         return Whiteness(0.0, 0.0)
-    enough = (values for values in _normalised(innovations) if values.size >= _FEWEST and values.std() > 0.0)
-    memories = [_squared_correlations(values) for values in enough]
+    enough = tally.correlated > 0.0
+    squared, n = tally.correlation[enough] ** 2, tally.correlated[enough]
     # The squares of a Gaussian sequence correlate by the square of its own correlation.
-    memory = max((float(squared.sum()) for squared, _ in memories), default=0.0)
+    memory = float(squared.sum(axis=1).max(initial=0.0))
     nis = (squares - components) / np.sqrt(2.0 * components * (1.0 + 2.0 * memory))
-    statistics = [
-        (n * (n + 2) * float(np.sum(squared / (n - np.arange(1, _LAGS + 1)))) - _LAGS) / np.sqrt(2.0 * _LAGS)
-        for squared, n in memories
-    ]
-    return Whiteness(float(nis), max(statistics, default=0.0))
-
-
-def _normalised(innovations: Innovations) -> Iterator[Array]:
-    """Yield the innovations of each component that are there, by their stated standard deviation."""
-    for values, variance in zip(innovations.innovation.T, innovations.variance.T, strict=True):
-        used = np.isfinite(values) & np.isfinite(variance)
-        yield values[used] / np.sqrt(variance[used])
-
-
-def _squared_correlations(values: Array) -> tuple[Array, int]:
-    centred = values - values.mean()
-    power = float(centred @ centred)
-    return np.array([float(centred[lag:] @ centred[:-lag]) / power for lag in range(1, _LAGS + 1)]) ** 2, values.size
+    sums = n * (n + 2.0) * (squared / (n[:, None] - np.arange(1, LAGS + 1))).sum(axis=1)
+    return Whiteness(float(nis), float(((sums - LAGS) / np.sqrt(2.0 * LAGS)).max(initial=0.0)))

@@ -95,10 +95,12 @@ def linearise_velocity(mean, constants, predicted, matrix):
     predicted[0], predicted[1], predicted[2] = gain * (cosine * u + sine * v), gain * (cosine * v - sine * u), gain * w
 
 
-def current_in_body_axes(attitude: Array, north: float, east: float) -> Array:
-    """Turn a current to x, y, z of the vehicle, shape (..., 3), at as many attitudes."""
+def current_in_body_axes(attitude: Array, north: float | Array, east: float | Array) -> Array:
+    """Turn a current, or one for each, to x, y, z of the vehicle, shape (..., 3), at as many attitudes."""
     rows = attitude.reshape(-1, 3)
-    return earth_to_body(rows, np.broadcast_to([north, east, 0.0], rows.shape)).reshape(attitude.shape)
+    earth = np.zeros(rows.shape)
+    earth[:, 0], earth[:, 1] = north, east
+    return earth_to_body(rows, earth).reshape(attitude.shape)
 
 
 def earth_in_body_axes(attitude: Array) -> Array:

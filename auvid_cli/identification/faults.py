@@ -13,6 +13,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
+from auvid_cli.config.augmented_states import CURRENT, THRUST_SCALE
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT, Timeline
 from auvid_cli.filters.smoothing_forward import Linearised
@@ -21,7 +22,7 @@ from auvid_cli.identification.dvl import current_in_body_axes
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import N_BLOCK, factors, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.matrices import mass_matrix
-from auvid_cli.vehicle.parameters import N_MOTION, SENSORS
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, INPUTS, N_MOTION, SENSORS
 
 Array = NDArray[np.float64]
 
@@ -39,12 +40,30 @@ class Motion(NamedTuple):
         And how fast they change, per second.
     rates : ndarray, shape (n, 9)
         How fast the states change.
+    current : ndarray, shape (n, 2)
+        North and east, in which the vehicle moves, as far as it is estimated.
     """
 
     motion: Array
     inputs: Array
     input_rate: Array
     rates: Array
+    current: Array
+
+    @property
+    def drift(self) -> Array:
+        """Return the current in the axes of the vehicle, shape (n, 3)."""
+        return current_in_body_axes(self.motion[:, 6:9], *self.current.T)
+
+    @property
+    def over_ground(self) -> Array:
+        """Return the velocity that a DVL measures, shape (n, 3)."""
+        return self.motion[:, :3] + self.drift
+
+    @property
+    def over_ground_rate(self) -> Array:
+        """Return how fast that changes, shape (n, 3): seen from a vehicle that turns, a steady current turns back."""
+        return self.rates[:, :3] - np.cross(self.motion[:, 3:6], self.drift)
 
 
 class FaultedVehicle:
@@ -119,10 +138,6 @@ def _constant(component: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: np.tile(np.eye(3)[component], (len(at.motion), 1))
 
 
-def _late(columns: slice) -> Callable[[FaultedVehicle, Motion], Array]:
-    return lambda model, at: -at.rates[:, columns]
-
-
 def _lever(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: np.asarray(np.cross(at.motion[:, 3:6], np.eye(3)[axis]), dtype=np.float64)
 
@@ -136,8 +151,8 @@ def _force_at(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return effect
 
 
-def _current(north: float, east: float) -> Callable[[FaultedVehicle, Motion], Array]:
-    return lambda model, at: current_in_body_axes(at.motion[:, 6:9], north, east)
+def _current(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
+    return lambda model, at: at._replace(current=np.tile(np.eye(2)[axis], (len(at.motion), 1))).drift
 
 
 def _offset(given: int) -> Callable[[FaultedVehicle, Motion], Array]:
@@ -147,6 +162,9 @@ def _offset(given: int) -> Callable[[FaultedVehicle, Motion], Array]:
 def _cross_flow(row: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: model.by_force(at, row, np.abs(at.motion[:, 1]) * at.motion[:, 5])
 
+
+_CURRENTS = tuple(quantity.symbol for quantity in CURRENT)
+_THRUST_INPUT = INPUT_SYMBOLS.index("surge_force")
 
 _GYRO = "estimate it (identification.estimate.biases: [gyro])"
 _FORCE = "estimate it (identification.estimate.biases: [accelerometer])"
@@ -177,22 +195,26 @@ FAULTS: tuple[Fault, ...] = (
         Fault(f"position of the accelerometer, {axis}", "m", _PLACE, "", "accelerometer", _force_at(i))
         for i, axis in enumerate("xyz")
     ),
-    Fault("delay of the gyroscope", "s", _LATE.format("the gyroscope"), "", "gyroscope", _late(slice(3, 6))),
-    Fault("delay of the DVL", "s", _LATE.format("the DVL"), "", "dvl", _late(slice(0, 3))),
+    Fault(
+        "delay of the gyroscope",
+        *("s", _LATE.format("the gyroscope"), "", "gyroscope"),
+        lambda model, at: -at.rates[:, 3:6],
+    ),
+    Fault("delay of the DVL", "s", _LATE.format("the DVL"), "", "dvl", lambda model, at: -at.over_ground_rate),
     Fault(
         "delay of the inputs",
         *("s", _EARLY, "", ""),
         lambda model, at: -model.by_inputs(at, at.input_rate),
     ),
-    Fault("scale of the DVL", "1", _DVL, "dvl_scale", "dvl", lambda model, at: at.motion[:, :3]),
+    Fault("scale of the DVL", "1", _DVL, "dvl_scale", "dvl", lambda model, at: at.over_ground),
     Fault(
         "mounting yaw of the DVL",
         *("rad", _DVL, "dvl_yaw", "dvl"),
-        lambda model, at: at.motion[:, [1, 0, 2]] * [1.0, -1.0, 0.0],
+        lambda model, at: at.over_ground[:, [1, 0, 2]] * [1.0, -1.0, 0.0],
     ),
     *(Fault(f"lever arm of the DVL, {axis}", "m", _LEVER, "", "dvl", _lever(i)) for i, axis in enumerate("xyz")),
-    Fault("current, north", "m/s", _CURRENT, "current_north", "dvl", _current(1.0, 0.0)),
-    Fault("current, east", "m/s", _CURRENT, "current_east", "dvl", _current(0.0, 1.0)),
+    Fault("current, north", "m/s", _CURRENT, "current_north", "dvl", _current(0)),
+    Fault("current, east", "m/s", _CURRENT, "current_east", "dvl", _current(1)),
     Fault("trim of the rudder", "rad", _TRIM, "", "", _offset(0)),
     Fault("trim of the elevator", "rad", _TRIM, "", "", _offset(1)),
     Fault(
@@ -266,17 +288,23 @@ class VehicleFaults:
 
     def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
         """Say what they do to a chunk of a segment, along a trajectory."""
-        model = FaultedVehicle(self._problem.known, self._factors(about.parameters))
+        model = FaultedVehicle(self._problem.known, factors(self._problem.held | self._identified(about.parameters)))
         rate = self._problem.segments[segment].timelines.input_rate
-        states = np.vstack([about.before, about.moving])[:, self._motion]
+        states = np.vstack([about.before, about.moving])
+        motion = states[:, self._motion]
+        current = np.column_stack([self._along(symbol, about.parameters, states) for symbol in _CURRENTS])
+        # What the thrust is more than stated acts like more of it.
+        acting = np.ones((len(states), len(INPUTS)))
+        acting[:, _THRUST_INPUT] += self._along(THRUST_SCALE.symbol, about.parameters, states)
 
-        def under(motion: Array, given: NDArray[np.int64]) -> Motion:
-            inputs = timeline.inputs[given]
-            return Motion(motion, inputs, rate[given], model.rates(motion, inputs))
+        def under(place: NDArray[np.int64], given: NDArray[np.int64]) -> Motion:
+            inputs = acting[place] * timeline.inputs[given]
+            rates = model.rates(motion[place], inputs)
+            return Motion(motion[place], inputs, acting[place] * rate[given], rates, current[place])
 
         # Over a substep the motion is taken for that at the event before: faults are small, and substeps short.
         n_substeps, held = np.diff(timeline.substep_offset), timeline.substep_input
-        on_the_way = under(np.repeat(states[:-1], n_substeps, axis=0), held)
+        on_the_way = under(np.repeat(np.arange(timeline.time.size), n_substeps), held)
         led, duration = n_substeps > 0, timeline.substep_duration[:, None]
         first = timeline.substep_offset[:-1][led]
         event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
@@ -289,7 +317,7 @@ class VehicleFaults:
         # An accelerometer depends on the inputs that hold from then on.
         inputs = {sensor: timeline.event_input if sensor == "accelerometer" else last for sensor in measured}
         at_measurements = {
-            sensor: under(states[1:][event[rows]], inputs[sensor][event[rows]])
+            sensor: under(1 + event[rows], inputs[sensor][event[rows]])
             for sensor, rows in measured.items()
             if any(fault.sensor == sensor for fault in self._faults)
         }
@@ -306,9 +334,14 @@ class VehicleFaults:
                 added[measured["accelerometer"], :3, f] = pull[:, :3] + np.cross(pull[:, 3:6], arm)
         return FaultEffects(pushed, added)
 
-    def _factors(self, parameters: Array) -> Array:
-        """Return what the regressors are multiplied by, from parameters as filters see them."""
+    def _identified(self, parameters: Array) -> dict[str, float]:
+        """Return parameters by symbol, SI, as filters see them."""
         layout, n = self._problem.layout, parameters.size
-        identified = dict(zip(layout.symbols[:n], parameters * layout.scale[:n], strict=True))
-        thrust = float(parameters[layout.rows_of("thrust")].sum())
-        return factors(self._problem.held | identified, 1.0 + thrust)
+        return dict(zip(layout.symbols[:n], (parameters * layout.scale[:n]).tolist(), strict=True))
+
+    def _along(self, symbol: str, parameters: Array, states: Array) -> Array:
+        """Return an error at each of some moving states, constant or walking; 0 where it is not estimated."""
+        row, n = self._problem.layout.row(symbol), parameters.size
+        if row is None:
+            return np.zeros(len(states))
+        return states[:, row - n] if row >= n else np.full(len(states), parameters[row])

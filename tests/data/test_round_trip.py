@@ -13,6 +13,7 @@ from auvid_cli.data import estimate_file
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate import FaultTest
 from auvid_cli.data.estimate_file import read_estimate
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import ConfigError
 from auvid_cli.identification.identify import identify
 from auvid_cli.vehicle.coefficients import SYMBOLS
@@ -163,6 +164,24 @@ def test_sums_over_innovations_are_of_all_however_few_are_read(estimate, write_e
         assert (got.measurements, got.rejected, got.start) == (expected.measurements, expected.rejected, expected.start)
         assert np.allclose(got.squares, expected.squares, rtol=1e-12)
         assert np.array_equal(got.components, expected.components)
+
+
+def test_what_innovations_remember_is_of_neighbours_however_few_are_read(
+    estimate, write_estimate, tmp_path, monkeypatch, rng
+):
+    n = 4000
+    noise = rng.standard_normal((n + 1, 3))
+    coloured = noise[1:] + 0.5 * noise[:-1]
+    one = np.ones((n, 3))
+    long = Innovations(np.arange(n) / 100.0, coloured, one, (coloured**2).sum(axis=1), np.ones(3))
+    innovations = estimate.innovations | {"gyroscope": long}
+    write_estimate(tmp_path / "estimate.h5", replace(estimate, innovations=innovations))
+    monkeypatch.setattr(estimate_file, "_MOST_ROWS", 500)
+    got, expected = read_estimate(tmp_path / "estimate.h5").innovations["gyroscope"].tally(), long.tally()
+    assert np.array_equal(got.correlated, expected.correlated)
+    # But for those at the edges of the blocks that are read.
+    assert np.allclose(got.correlation, expected.correlation, atol=0.01)
+    assert np.allclose(got.correlation[:, 0], 0.4, atol=0.05)
 
 
 def test_faults_come_back_as_they_were_tested(estimate, write_estimate, tmp_path):

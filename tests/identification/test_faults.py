@@ -40,7 +40,13 @@ def at(model, rng):
     """Some motions, as different as a vehicle makes."""
     motion = 0.2 * rng.standard_normal((N, 9)) + [2.0, *np.zeros(8)]
     inputs = 0.1 * rng.standard_normal((N, 4)) + [0.0, 0.0, 30.0, 0.0]
-    return Motion(motion, inputs, rng.standard_normal((N, 4)), model.rates(motion, inputs))
+    current = np.tile([0.3, -0.2], (N, 1))
+    return Motion(motion, inputs, rng.standard_normal((N, 4)), model.rates(motion, inputs), current)
+
+
+def over_ground(motion):
+    """What a DVL measures of motions in that current."""
+    return motion[:, :3] + [rotation_matrix(attitude).T @ [0.3, -0.2, 0.0] for attitude in motion[:, 6:9]]
 
 
 def effect(name, model, at):
@@ -52,10 +58,10 @@ def by_step(function, step):
     return (function(step) - function(-step)) / (2.0 * step)
 
 
-@pytest.mark.parametrize(("name", "columns"), [("gyroscope", slice(3, 6)), ("DVL", slice(0, 3))])
-def test_a_late_sensor_measures_what_was(name, columns, model, at):
-    measured = by_step(lambda delay: (at.motion - delay * at.rates)[:, columns], 1e-3)
-    assert_allclose(effect(f"delay of the {name}", model, at), measured, atol=1e-9)
+@pytest.mark.parametrize(("name", "measured"), [("gyroscope", lambda motion: motion[:, 3:6]), ("DVL", over_ground)])
+def test_a_late_sensor_measures_what_was(name, measured, model, at):
+    expected = by_step(lambda delay: measured(at.motion - delay * at.rates), 1e-4)
+    assert_allclose(effect(f"delay of the {name}", model, at), expected, atol=1e-8)
 
 
 def test_late_inputs_act_as_they_were(model, at):
@@ -69,7 +75,7 @@ def test_biases_are_added_to_one_axis_each(model, at):
 
 
 def test_scale_and_mounting_are_those_of_the_block_that_estimates_them(model, at):
-    velocity = at.motion[:, :3]
+    velocity = over_ground(at.motion)
     for name, turned in (("scale", lambda e: dvl_axes(e, 0.0)), ("mounting yaw", lambda e: dvl_axes(0.0, e))):
         expected = by_step(lambda e, turned=turned: velocity @ turned(e).T, 1e-4)
         assert_allclose(effect(f"{name} of the DVL", model, at), expected, atol=1e-7)
@@ -178,32 +184,36 @@ def test_what_is_added_is_added_to_its_sensor_at_its_events(along):
     for name, sensor, columns in (("lever arm of the DVL, x", "dvl", 3), ("bias of q", "gyroscope", 3)):
         f = faults.names.index(name)
         own = timeline.measurement_sensor == [*problem.measuring].index(sensor)
-        at = Motion(about.moving[event[own]], *(np.zeros((own.sum(), k)) for k in (4, 4, 9)))
+        at = Motion(about.moving[event[own]], *(np.zeros((own.sum(), k)) for k in (4, 4, 9, 2)))
         assert own.any()
         assert_allclose(added[own, :columns, f], BY_NAME[name].effect(None, at), atol=1e-15)
         assert not added[~own, :, f].any()
         assert not pushed[..., f].any()
 
 
-def test_a_propeller_drives_by_the_thrust_that_was_found(simulated_with, along):
+@pytest.mark.parametrize("walk", [0.0, 1e-3])
+def test_a_propeller_drives_by_the_thrust_that_was_found(walk, simulated_with, along):
     _, _, before = along
-    dataset = simulated_with("manoeuvre.duration=1 s", "identification.estimate.biases=[thrust]")
+    asked = f"{{biases: [thrust], thrust: {{walk: {walk}}}}}"
+    dataset = simulated_with("manoeuvre.duration=1 s", f"identification.estimate={asked}")
     problem = augmented_problem(prepare(dataset))
     timeline, n = next(iter(problem.segments[0].timelines)), problem.layout.n_parameters
     values = {symbol: dataset.truth.coefficients.get(symbol, 0.2) for symbol in problem.layout.symbols[:n]}
-    assert values["thrust_scale"] == 0.2
-    states = np.tile(before.before, (timeline.time.size, 1))
+    # Among the parameters, or behind the motion.
+    assert values.get("thrust_scale") == (None if walk else 0.2)
+    start = np.append(before.before, 0.2) if walk else before.before
+    states = np.tile(start, (timeline.time.size, 1))
     shape = timeline.measurement.shape
     rows = np.zeros((*shape, problem.layout.scale.size))
     parameters = np.array([*values.values()]) / problem.layout.scale[:n]
-    about = Linearised(parameters, before.before, states, np.zeros(shape), rows)
+    about = Linearised(parameters, start, states, np.zeros(shape), rows)
     faults = VehicleFaults(problem)
     late = faults.effects(0, timeline, about).added[..., faults.names.index("delay of the DVL")]
     (last,) = np.flatnonzero(timeline.measurement_sensor == [*problem.measuring].index("dvl"))[-1:]
     event = np.searchsorted(timeline.measurement_offset, last, side="right") - 1
     inputs = timeline.inputs[timeline.substep_input[timeline.substep_offset[event + 1] - 1]]
     model = FaultedVehicle(problem.known, factors(values, 1.2))
-    assert_allclose(late[last], -model.rates(states[:1], inputs[None])[0, :3], rtol=1e-12)
+    assert_allclose(late[last], -model.rates(states[:1, :9], inputs[None])[0, :3], rtol=1e-12)
 
 
 def names_with(dataset):
