@@ -50,7 +50,7 @@ class ErrorBlock(NamedTuple):
         Whose error it is; None for one of the actuators, which the process knows.
     additive : bool
         Whether component by component it adds to states that the sensor measures as they are; otherwise compiled code
-        of `auvid_cli.identification` names the first of its symbols.
+        of `auvid_cli.identification` names each of its symbols.
     """
 
     name: str

@@ -6,12 +6,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.augmented_states import CURRENT, DVL_SCALE, DVL_YAW
+from auvid_cli.config.augmented_states import CURRENT, DVL_SCALE, DVL_YAW, ERROR_BLOCKS
 from auvid_cli.identification.dvl import current_in_body_axes
 from auvid_cli.vehicle.kinematics import dvl_axes
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, state_of
 
 Array = NDArray[np.float64]
+
+# What is measured of which motion state an error adds to, and how the velocity is measured over ground.
+_ADDED = {
+    quantity.symbol: state_of(measured)
+    for block in ERROR_BLOCKS
+    if block.additive and block.sensor is not None
+    for quantity, measured in zip(block.quantities, SENSORS[block.sensor], strict=True)
+}
+_OF_DVL = tuple(quantity.symbol for quantity in (DVL_SCALE, DVL_YAW, *CURRENT))
+_OF_MOTION = {name for name, measured in SENSORS.items() if {state_of(q) for q in measured} <= {*MOTION_SYMBOLS}}
+_ERRORS = {quantity.symbol for block in ERROR_BLOCKS if block.sensor in _OF_MOTION for quantity in block.quantities}
+if _unknown := _ERRORS - _ADDED.keys() - {*_OF_DVL}:
+    raise TypeError(f"no measured motion has {', '.join(sorted(_unknown))}")
 
 
 class MeasurementErrors(NamedTuple):
@@ -32,11 +45,10 @@ class MeasurementErrors(NamedTuple):
 def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
     """Pick them from the components of a state, shape (len(state),)."""
     by_symbol = dict(zip(state, values, strict=True))
-    biases = {f"bias_{quantity.symbol}": state_of(quantity) for measured in SENSORS.values() for quantity in measured}
-    offset = {biases[symbol]: value for symbol, value in by_symbol.items() if symbol in biases}
+    offset = {_ADDED[symbol]: value for symbol, value in by_symbol.items() if symbol in _ADDED}
     return MeasurementErrors(
         np.array([offset.get(symbol, 0.0) for symbol in MOTION_SYMBOLS]),
-        np.array([by_symbol.get(quantity.symbol, 0.0) for quantity in (DVL_SCALE, DVL_YAW, *CURRENT)]),
+        np.array([by_symbol.get(symbol, 0.0) for symbol in _OF_DVL]),
     )
 
 

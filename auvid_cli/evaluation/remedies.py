@@ -1,10 +1,14 @@
 """What may help a filter that diverged or was led astray."""
 
-from auvid_cli.config.augmented_states import BiasName
+from auvid_cli.config.augmented_states import AugmentedStates, BiasName
 from auvid_cli.data.estimate import Estimate
 
 # Errors with which a DVL is no linear sensor.
-_NONLINEAR = (BiasName.DVL, BiasName.CURRENT)
+_NONLINEAR = [
+    name
+    for name in BiasName
+    if any(block.sensor == "dvl" and not block.additive for block in AugmentedStates(biases=(name,)).blocks())
+]
 # Times the natural magnitudes: a prior that suits most runs, and one for these errors.
 _NARROW, _NARROWER = 1.0, 0.3
 

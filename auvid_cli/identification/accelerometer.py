@@ -106,10 +106,10 @@ def measure_forces(moving, parameters, inputs, constants, selection, n_lanes, pr
     fill_in_lanes(moving, parameters, constants, selection, n_lanes, work.coefficient_block)
     motion_derivative(moving, work.coefficient_block, inputs, constants[:N_CONSTANTS], n_lanes, work.slope)
     _specific_force(moving, work.slope, constants, n_lanes, predicted)
-    for axis in range(3):
-        if row_of(constants, ROW.bias_fx + axis) >= 0:
+    for axis, bias in enumerate((ROW.bias_fx, ROW.bias_fy, ROW.bias_fz)):
+        if row_of(constants, bias) >= 0:
             for k in range(n_lanes):
-                predicted[axis * LANES + k] += value_of(constants, ROW.bias_fx + axis, parameters, moving, k)
+                predicted[axis * LANES + k] += value_of(constants, bias, parameters, moving, k)
 
 
 @compiled(types.void(_vector, _vector, _vector, _indices, _vector, _matrix, _vector), internal=True)
@@ -150,7 +150,7 @@ def linearise_force(mean, inputs, constants, selection, predicted, matrix, scrat
         row[7] += GRAVITY * by_pitch[i]
         fill_in_row(row, constants, selection, matrix[i])
         predicted[i] = work.force[i * LANES]
-        bias = row_of(constants, ROW.bias_fx + i)
+        bias = row_of(constants, (ROW.bias_fx, ROW.bias_fy, ROW.bias_fz)[i])
         if bias >= 0:
             matrix[i, bias] = 1.0
             predicted[i] += mean[bias]

@@ -82,7 +82,6 @@ def check_named(symbols: Iterable[str], modules: Iterable[ModuleType], by: int) 
     Parameters
     ----------
     symbols : iterable of str
-        The first of each block.
     modules : iterable of module
     by : int
         As many functions of theirs.

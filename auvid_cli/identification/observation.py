@@ -10,14 +10,16 @@ from auvid_cli.identification.dvl import linearise_velocity, measure_velocities
 from auvid_cli.vehicle.parameters import MOTION, SENSORS, state_of
 
 # Of all others each component is a state, and errors just add to it.
-OBSERVED = "dvl", "accelerometer"
+OBSERVED = {"dvl": (measure_velocities, linearise_velocity), "accelerometer": (measure_forces, linearise_force)}
 _STATES = {quantity.symbol for quantity in (*MOTION, *(state.quantity for state in FURTHER_STATES))}
 _NONLINEAR = {
     *(name for name, measured in SENSORS.items() if not {state_of(quantity) for quantity in measured} <= _STATES),
     *(block.sensor for block in ERROR_BLOCKS if block.sensor is not None and not block.additive),
 }
-if _unknown := _NONLINEAR - {*OBSERVED}:
+if _unknown := _NONLINEAR - OBSERVED.keys():
     raise TypeError(f"no compiled code says what {', '.join(sorted(_unknown))} measures")
+if _added := [block.name for block in ERROR_BLOCKS if block.additive and block.sensor in OBSERVED]:
+    raise TypeError(f"what is added to a sensor that compiled code knows it has to name: {', '.join(_added)}")
 
 
 @compiled(OBSERVATION_SIGNATURE)
@@ -39,3 +41,8 @@ def linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scr
         linearise_force(mean, inputs, constants, selection, predicted, matrix, scratch)
     else:
         linearise_velocity(mean, constants, predicted, matrix)
+
+
+_called = {*observe.py_func.__code__.co_names, *linearise.py_func.__code__.co_names}
+if _uncalled := [name for name, both in OBSERVED.items() if not {f.py_func.__name__ for f in both} <= _called]:
+    raise TypeError(f"nothing calls what says what {', '.join(_uncalled)} measures")

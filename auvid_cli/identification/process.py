@@ -247,7 +247,7 @@ def vehicle_process(
 
 # Of errors what comes of them and the derivative; of moving states how they advance, and both transitions.
 check_named(
-    [block.quantities[0].symbol for block in ERROR_BLOCKS if not block.additive],
+    [quantity.symbol for block in ERROR_BLOCKS if not block.additive for quantity in block.quantities],
     (accelerometer, compiled_coefficients, dvl),
     by=2,
 )
