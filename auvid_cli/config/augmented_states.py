@@ -65,6 +65,7 @@ class _Bias(Settings):
     """One bias of each component of a sensor, which adds to what it measures."""
 
     sensor: ClassVar[str]
+    prefix: ClassVar[str] = "bias"
     is_linear: ClassVar[bool] = True
     spread: float
     walk: float
@@ -73,7 +74,10 @@ class _Bias(Settings):
         """Return the states, a bias for each component."""
         biases = tuple(
             Quantity(
-                f"bias_{measured.symbol}", measured.unit, f"bias of the measured {measured.meaning}", "measurement"
+                f"{self.prefix}_{measured.symbol}",
+                measured.unit,
+                f"bias of the measured {measured.meaning}",
+                "measurement",
             )
             for measured in SENSORS[self.sensor]
         )
@@ -191,3 +195,5 @@ class AugmentedStates(Settings):
 # Every block that may be asked for, whatever the settings say, and its states.
 ERROR_BLOCKS = AugmentedStates(biases=tuple(BiasName)).blocks()
 ERROR_STATES = tuple(quantity for block in ERROR_BLOCKS for quantity in block.quantities)
+if len({quantity.symbol for quantity in ERROR_STATES}) < len(ERROR_STATES):
+    raise TypeError("two errors have the same symbol: a second sensor of the same states needs a `prefix` of its own")

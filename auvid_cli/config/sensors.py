@@ -197,5 +197,7 @@ class SensorSuite(Settings):
         return {name: settings for name, settings in fields.items() if isinstance(settings, SensorSettings)}
 
 
-if {*SensorSuite.model_fields} - {"name"} != {*SENSORS}:
-    raise TypeError("the sensors that have settings are not those that have components")
+if _half := ({*SensorSuite.model_fields} - {"name"}) ^ SENSORS.keys():
+    raise TypeError(f"sensors have settings and components, but of these one is missing: {', '.join(sorted(_half))}")
+if _mixed := [name for name, measured in SENSORS.items() if len({quantity.unit for quantity in measured}) > 1]:
+    raise TypeError(f"a sensor has one unit, but components of these differ: {', '.join(_mixed)}")

@@ -109,6 +109,6 @@ class VehicleSettings(Settings):
         if missing:
             raise ConfigError(
                 f"vehicle {self.name!r} states no value for {', '.join(missing)}: "
-                "a simulation needs all 22 coefficients"
+                f"a simulation needs all {len(COEFFICIENTS)} coefficients"
             )
         return given

@@ -106,6 +106,11 @@ class Dataset:
     truth: TruthRecord | None = None
     sha256: str = ""
 
+    def __repr__(self) -> str:
+        duration, sensors = self.inputs.time[-1] - self.inputs.time[0], ", ".join(self.sensors)
+        truth = "known" if self.truth is not None else "unknown"
+        return f"<Dataset of {self.experiment.name!r}: {duration:g} s, sensors {sensors}, truth {truth}>"
+
     def without_truth(self) -> "Dataset":
         """Return the same as a vehicle would have logged it."""
         return replace(self, truth=None)

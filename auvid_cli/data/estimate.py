@@ -187,6 +187,10 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         Of the file of the dataset that it comes from; empty if there is none.
     """
 
+    def __repr__(self) -> str:
+        states, end = len(self.state), f"t = {self.time[-1]:g} s" if self.time.size else "no event"
+        return f"<Estimate of {self.experiment.name!r} by {self.filter!r}: {states} states to {end}, {self.status}>"
+
     @classmethod
     def of(cls, header: EstimateHeader, chunks: Sequence[EstimateChunk], outcome: Outcome) -> "Estimate":
         """Join the chunks of a run."""

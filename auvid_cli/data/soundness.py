@@ -9,7 +9,7 @@ from auvid_cli.config.magnitudes import magnitude_of
 from auvid_cli.data.dataset import Array, Dataset, SensorRecord, TruthRecord
 from auvid_cli.data.estimate import STATES, Estimate, FaultTest
 from auvid_cli.data.innovations import Innovations
-from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import INPUTS, MOTION_SYMBOLS, SENSORS
 
 # s, from the beginning of the data: three years.
@@ -68,8 +68,12 @@ def _check_truth(truth: TruthRecord) -> None:
     _check_times("/truth", truth.time, increasing=True)
     _check_shapes("/truth", (truth.motion, (n, 9)), (truth.position, (n, 3)))
     _check_finite("/truth", truth.motion, truth.position, np.array(list(truth.coefficients.values())))
-    if not n or set(truth.coefficients) != set(SYMBOLS):
-        raise ValueError("/truth needs a motion and all of the 22 coefficients")
+    if not n:
+        raise ValueError("/truth needs a motion")
+    if missing := [symbol for symbol in SYMBOLS if symbol not in truth.coefficients]:
+        raise ValueError(f"/truth needs each coefficient of the model: there is no {', '.join(missing)}")
+    if unknown := sorted({*truth.coefficients} - {*SYMBOLS}):
+        raise ValueError(f"/truth has coefficients that the model does not know: {', '.join(unknown)}")
 
 
 def check_estimate(estimate: Estimate) -> None:
@@ -144,7 +148,7 @@ def _check_state(state: Sequence[str], unit: Sequence[str], held: dict[str, floa
     if len(set(state)) < len(state) or not set(MOTION_SYMBOLS) <= set(state):
         raise ValueError("the state does not have each component once")
     if sorted([*held, *(symbol for symbol in state if symbol in SYMBOLS)]) != sorted(SYMBOLS):
-        raise ValueError("each of the 22 coefficients must be either estimated or held")
+        raise ValueError(f"each of the {N_COEFFICIENTS} coefficients must be either estimated or held")
 
 
 def _check_fault(test: FaultTest) -> None:

@@ -12,8 +12,10 @@ def within(dataset: Dataset, begin: float, end: float) -> Dataset:
     Raises
     ------
     DataError
-        If no sensor says anything in that time, or no input has begun by its end.
+        If it ends before it begins, no sensor says anything in that time, or no input has begun by its end.
     """
+    if not begin < end:
+        raise DataError(f"a part begins before it ends, and not at t = {begin:g} s for an end at {end:g} s")
     if not dataset.inputs.time[0] < end:
         raise DataError(f"the inputs begin at t = {dataset.inputs.time[0]:g} s, after the end at {end:g} s")
     window = dataset.sensors_between(begin, end)

@@ -16,7 +16,7 @@ from auvid_cli.filters.information import Information
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.prior import natural_magnitude
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -43,6 +43,8 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     """
     of_vehicle = dataset.experiment.vehicle.coefficients.by_symbol()
     coefficients = at if at is not None else dataset.truth.coefficients if dataset.truth is not None else of_vehicle
+    if unknown := [str(symbol) for symbol in coefficients if symbol not in SYMBOLS]:
+        raise DataError(f"not coefficients: {', '.join(unknown)}; there are {', '.join(SYMBOLS)}")
     missing = [symbol for symbol in dataset.experiment.identification.estimated() if symbol not in coefficients]
     if missing:
         raise DataError(

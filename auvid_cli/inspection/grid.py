@@ -76,7 +76,8 @@ def signals_of(inputs: InputRecord, sensors: Mapping[str, SensorRecord], span: t
         for component, quantity in enumerate(SENSORS[name]):
             column = record.values[:, component]
             time = record.time[np.isfinite(column)]
-            if time.size > 1:
+            # Of two sensors of one state the first, as those of a vehicle's motion stand before others.
+            if time.size > 1 and quantity.symbol not in intervals:
                 values[quantity.symbol] = _on(grid, time, continuous(column, quantity))
                 intervals[quantity.symbol] = float(np.median(np.diff(time)))
     return Signals(grid, values, intervals)

@@ -76,7 +76,7 @@ def _accuracy(evaluation: Evaluation, with_paper: bool) -> Table:
     paper = published("table_iv")
 
     def theirs(row: str) -> list[Cell]:
-        return [paper[row].get(key, "") for key in keys]
+        return [paper.get(row, {}).get(key, "") for key in keys]
 
     rows: list[list[Cell]] = []
     for symbol, by_filter in by_coefficient(evaluation).items():

@@ -53,7 +53,8 @@ class ManoeuvrePlan(NamedTuple):
     feedforward : ndarray, shape (n, 4)
         Rudder, elevator (rad), surge force (N), roll moment (N m), before the autopilot's share.
     speed, turn_rate : ndarray, shape (n,)
-        What the thrust and rudder loops hold, m/s and rad/s.
+        What the thrust and rudder loops hold, m/s and rad/s; to hold less speed the thrust may also brake, and is cut
+        only where the manoeuvre has the thrust loop off.
     pitch : float
         What the elevator loop holds, rad; with a depth loop, pitch at the start only.
     zigzag : tuple of float

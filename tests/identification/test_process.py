@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.config.augmented_states import AugmentedStates, ThrustScale
 from auvid_cli.config.experiment import Identification
+from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.identification.process import first_order_transition, vehicle_process
 from auvid_cli.identification.state_layout import state_layout
 from auvid_cli.lanes import LANES
@@ -18,13 +19,15 @@ INPUTS = np.array([[0.1, -0.05, 30.0, 1.0], [-0.1, 0.07, 35.0, -1.0]])
 MOTION = np.array([2.0, 0.1, -0.1, 0.02, 0.03, -0.05, 0.1, -0.2, 0.3])
 
 
-def layout_of(vehicle, has_depth=False, **settings):
+def layout_of(vehicle, measuring=(), **settings):
     """A state with coefficients in units of `SCALE`."""
     prior = {"standard_deviation": dict(zip(SYMBOLS, SCALE.tolist(), strict=True))}
-    return state_layout(Identification(prior=prior, **settings), vehicle.size, ("depth",) if has_depth else ())
+    return state_layout(Identification(prior=prior, **settings), vehicle.size, measuring)
 
 
-@pytest.fixture(params=[False, True], ids=["motion", "depth"])
+@pytest.fixture(
+    params=[(), *((state.sensor,) for state in FURTHER_STATES)], ids=lambda sensors: "".join(sensors) or "motion"
+)
 def state_and_flow(request, experiment_with):
     """A state, and a function from it, a duration and a kind of transition to the next state and the matrix."""
     vehicle = experiment_with().vehicle
@@ -42,7 +45,7 @@ def state_and_flow(request, experiment_with):
         process.transition(moved, inputs, *substeps, process.constants, process.selection, matrix, scratch)
         return moved, matrix
 
-    state = np.concatenate([np.array([true[symbol] for symbol in SYMBOLS]) / SCALE, MOTION, [7.0] * request.param])
+    state = np.concatenate([np.array([true[symbol] for symbol in SYMBOLS]) / SCALE, MOTION, [7.0] * len(request.param)])
     return state, flow
 
 
@@ -82,7 +85,7 @@ def test_the_depth_follows_the_vertical_velocity_in_every_way_of_moving_it(exper
     vehicle = experiment_with().vehicle
     true, constants = vehicle.all_coefficients(), vehicle_constants(vehicle.known_parameters())
     coefficients = np.array([true[symbol] for symbol in SYMBOLS]) / SCALE
-    process = vehicle_process(constants, {}, layout_of(vehicle, has_depth=True))
+    process = vehicle_process(constants, {}, layout_of(vehicle, measuring=("depth",)))
     state, scratch = np.concatenate([coefficients, MOTION, [7.0]]), np.zeros(process.scratch_size)
     depth, n, duration = 7.0, 4000, 0.4
     fine = state.copy()

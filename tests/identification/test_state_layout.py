@@ -50,9 +50,7 @@ def test_an_error_that_no_compiled_code_names_is_refused_at_import():
     check_named(errors, (accelerometer, compiled_coefficients, dvl), by=2)
     with pytest.raises(TypeError, match="no compiled code says what comes of dvl_pitch"):
         check_named(["dvl_pitch"], (dvl,), by=2)
-    with pytest.raises(
-        TypeError, match="says what comes of dvl_scale, dvl_yaw, current_north, current_east"
-    ):
+    with pytest.raises(TypeError, match="says what comes of dvl_scale, dvl_yaw, current_north, current_east"):
         check_named(errors, (accelerometer, compiled_coefficients), by=2)
 
 

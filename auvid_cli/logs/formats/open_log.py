@@ -4,8 +4,9 @@ import gzip
 import re
 import zipfile
 import zlib
+from enum import Enum
 from pathlib import Path
-from typing import NamedTuple
+from typing import assert_never
 
 from auvid_cli.data.damage import refusing_damage
 from auvid_cli.errors import FileError
@@ -19,29 +20,26 @@ _NEVER_IN_TEXT = re.compile(rb"[\x00-\x08]")
 _MAVLINK_MARKERS = b"\xfe\xfd"
 
 
-class _Kind(NamedTuple):
+class _Kind(Enum):
     """What a file looks like, and how such files must be called: the libraries that read them go by the name."""
 
-    description: str
-    suffix: str
+    BAG1 = "a ROS 1 bag", ".bag"
+    MCAP = "an MCAP bag", ".mcap"
+    SQLITE = "a SQLite file such as a ROS 2 bag", ".db3"
+    MAT = "a MATLAB file", ".mat"
+    MAT_HDF5 = "a MATLAB 7.3 file", ".mat"
+    NPZ = "a NumPy archive", ".npz"
+    DATAFLASH = "an ArduPilot DataFlash log", ".bin"
+    TELEMETRY = "a MAVLink telemetry log", ".tlog"
 
-
-_BAG1 = _Kind("a ROS 1 bag", ".bag")
-_MCAP = _Kind("an MCAP bag", ".mcap")
-_SQLITE = _Kind("a SQLite file such as a ROS 2 bag", ".db3")
-_MAT = _Kind("a MATLAB file", ".mat")
-_MAT_HDF5 = _Kind("a MATLAB 7.3 file", ".mat")
-_NPZ = _Kind("a NumPy archive", ".npz")
-_DATAFLASH = _Kind("an ArduPilot DataFlash log", ".bin")
-_TELEMETRY = _Kind("a MAVLink telemetry log", ".tlog")
 
 _BY_MAGIC = {
-    b"#ROSBAG V2.0": _BAG1,
-    b"\x89MCAP0\r\n": _MCAP,
-    b"SQLite format 3\0": _SQLITE,
-    b"MATLAB 5.0 MAT-file": _MAT,
-    b"MATLAB 7.3 MAT-file": _MAT_HDF5,
-    b"\xa3\x95\x80": _DATAFLASH,
+    b"#ROSBAG V2.0": _Kind.BAG1,
+    b"\x89MCAP0\r\n": _Kind.MCAP,
+    b"SQLite format 3\0": _Kind.SQLITE,
+    b"MATLAB 5.0 MAT-file": _Kind.MAT,
+    b"MATLAB 7.3 MAT-file": _Kind.MAT_HDF5,
+    b"\xa3\x95\x80": _Kind.DATAFLASH,
 }
 # What people hand over by mistake, and what they can do about it.
 _ADVICE_BY_MAGIC = {
@@ -83,17 +81,25 @@ def open_log(path: Path, layout: TextLayout | None = None) -> Log:
         from auvid_cli.logs.formats.delimited import DelimitedLog
 
         return DelimitedLog(path, layout or TextLayout())
-    if path.suffix.lower() != kind.suffix:
-        raise FileError(f"{path}: looks like {kind.description}, whose name must end in {kind.suffix}: rename it")
-    if kind in (_BAG1, _MCAP, _SQLITE):
-        return _open_bag(path)
-    if kind in (_DATAFLASH, _TELEMETRY):
-        from auvid_cli.logs.formats.ardupilot import DataFlashLog, TelemetryLog
+    description, suffix = kind.value
+    if path.suffix.lower() != suffix:
+        raise FileError(f"{path}: looks like {description}, whose name must end in {suffix}: rename it")
+    return _open(path, kind)
 
-        return DataFlashLog(path) if kind is _DATAFLASH else TelemetryLog(path)
-    from auvid_cli.logs.formats.arrays import MatlabHdf5Log, MatlabLog, NumpyLog
 
-    return {_NPZ: NumpyLog, _MAT: MatlabLog, _MAT_HDF5: MatlabHdf5Log}[kind](path)
+def _open(path: Path, kind: _Kind) -> Log:
+    match kind:
+        case _Kind.BAG1 | _Kind.MCAP | _Kind.SQLITE:
+            return _open_bag(path)
+        case _Kind.DATAFLASH | _Kind.TELEMETRY:
+            from auvid_cli.logs.formats.ardupilot import DataFlashLog, TelemetryLog
+
+            return DataFlashLog(path) if kind is _Kind.DATAFLASH else TelemetryLog(path)
+        case _Kind.NPZ | _Kind.MAT | _Kind.MAT_HDF5:
+            from auvid_cli.logs.formats.arrays import MatlabHdf5Log, MatlabLog, NumpyLog
+
+            return {_Kind.NPZ: NumpyLog, _Kind.MAT: MatlabLog, _Kind.MAT_HDF5: MatlabHdf5Log}[kind](path)
+    assert_never(kind)
 
 
 def _check_regular(path: Path) -> None:
@@ -135,7 +141,7 @@ def _kind_of(path: Path) -> _Kind | None:
     if head.startswith(b"PK\x03\x04"):
         raise FileError(f"{path}: looks like a NumPy archive or another zip file that is cut short: copy it again")
     if len(head) > 8 and head[8] in _MAVLINK_MARKERS and not _is_text(head):
-        return _TELEMETRY
+        return _Kind.TELEMETRY
     if not _is_text(head):
         raise FileError(f"{path}: is of no kind that can be read; readable are {_READABLE}")
     return None
@@ -145,7 +151,7 @@ def _kind_of_zip(path: Path) -> _Kind:
     with refusing_damage(lambda reason: f"{path}: is a damaged archive: {reason}"), zipfile.ZipFile(path) as archive:
         names = archive.namelist()
     if any(name.endswith(".npy") for name in names):
-        return _NPZ
+        return _Kind.NPZ
     if any(name.startswith("xl/") for name in names):
         raise FileError(f"{path}: looks like an Excel workbook: save it as CSV")
     raise FileError(f"{path}: is a zip archive: unpack it first")
