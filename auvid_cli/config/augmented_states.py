@@ -29,6 +29,7 @@ class BiasName(StrEnum):
     GYRO = "gyro"
     ATTITUDE = "attitude"
     ACCELEROMETER = "accelerometer"
+    ACCELEROMETER_SCALE = "accelerometer_scale"
     MAGNETOMETER = "magnetometer"
     DVL = "dvl"
     CURRENT = "current"
@@ -118,6 +119,21 @@ class AccelerometerBias(_Bias):
     ] = 0.0
 
 
+class AccelerometerScale(Settings):
+    """Scale errors of the accelerometer, three axes."""
+
+    spread: Annotated[float, Field(ge=1e-9, le=1e3, description="standard deviation before any data")] = 0.01
+    walk: Annotated[float, Amount("1/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
+
+    def blocks(self) -> tuple[ErrorBlock, ...]:
+        """Return the states, a scale error for each axis."""
+        scales = tuple(
+            Quantity(f"scale_{measured.symbol}", "1", f"scale error of the measured {measured.meaning}", "measurement")
+            for measured in SENSORS["accelerometer"]
+        )
+        return (ErrorBlock("accelerometer_scale", scales, self.spread, self.walk, "accelerometer"),)
+
+
 class MagnetometerBias(_Bias):
     """Offset of the compass."""
 
@@ -174,14 +190,12 @@ class AugmentedStates(Settings):
 
     biases: Annotated[
         tuple[BiasName, ...],
-        Field(
-            description="blocks of further states: `gyro`, `attitude`, `accelerometer`, `magnetometer`, `dvl`, "
-            "`current`, `thrust`"
-        ),
+        Field(description="blocks of further states: " + ", ".join(f"`{name}`" for name in BiasName)),
     ] = ()
     gyro: GyroBias = GyroBias()
     attitude: AttitudeBias = AttitudeBias()
     accelerometer: AccelerometerBias = AccelerometerBias()
+    accelerometer_scale: AccelerometerScale = AccelerometerScale()
     magnetometer: MagnetometerBias = MagnetometerBias()
     dvl: DvlError = DvlError()
     current: Current = Current()

@@ -111,6 +111,7 @@ class Accelerometer(SensorSettings):
         Lever,
         Field(description="[forward, starboard, down] from the vehicle's origin; estimators are told, an AHRS not"),
     ] = (0.0, 0.0, 0.0)
+    scale_error: Annotated[float, Field(gt=-1, le=10, description="of all components: 0.01 is 1 % too much")] = 0.0
 
 
 class Magnetometer(SensorSettings):

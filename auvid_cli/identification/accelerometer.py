@@ -1,7 +1,8 @@
 """What an accelerometer measures: the acceleration of where it sits, less gravity, in the axes of the vehicle.
 
-``nu1' + omega x nu1 + omega' x l + omega x (omega x l) - R(phi, theta, psi)' g + bias`` with the lever arm l. The
-accelerations are those of the model, so that the forces on the hull are measured, and through them the coefficients.
+``(1 + scale) (nu1' + omega x nu1 + omega' x l + omega x (omega x l) - R(phi, theta, psi)' g) + bias``, axis by axis,
+with the lever arm l. The accelerations are those of the model, so that the forces on the hull are measured, and through
+them the coefficients.
 """
 
 from itertools import accumulate
@@ -106,10 +107,12 @@ def measure_forces(moving, parameters, inputs, constants, selection, n_lanes, pr
     fill_in_lanes(moving, parameters, constants, selection, n_lanes, work.coefficient_block)
     motion_derivative(moving, work.coefficient_block, inputs, constants[:N_CONSTANTS], n_lanes, work.slope)
     _specific_force(moving, work.slope, constants, n_lanes, predicted)
-    for axis, bias in enumerate((ROW.bias_fx, ROW.bias_fy, ROW.bias_fz)):
-        if row_of(constants, bias) >= 0:
-            for k in range(n_lanes):
-                predicted[axis * LANES + k] += value_of(constants, bias, parameters, moving, k)
+    scales, biases = (ROW.scale_fx, ROW.scale_fy, ROW.scale_fz), (ROW.bias_fx, ROW.bias_fy, ROW.bias_fz)
+    for axis in range(3):
+        for k in range(n_lanes):
+            gain = 1.0 + value_of(constants, scales[axis], parameters, moving, k)
+            bias = value_of(constants, biases[axis], parameters, moving, k)
+            predicted[axis * LANES + k] = gain * predicted[axis * LANES + k] + bias
 
 
 @compiled(types.void(_vector, _vector, _vector, _indices, _vector, _matrix, _vector), internal=True)
@@ -126,6 +129,7 @@ def linearise_force(mean, inputs, constants, selection, predicted, matrix, scrat
     _specific_force(work.block, work.slope, constants, 1, work.force)
     motion_jacobian(motion, work.coefficients, inputs, vehicle, jacobian, work.for_jacobian)
 
+    scales, biases = (ROW.scale_fx, ROW.scale_fy, ROW.scale_fz), (ROW.bias_fx, ROW.bias_fy, ROW.bias_fz)
     arm = accelerometer_position(constants)
     sin_phi, cos_phi = sine_cosine(motion[6])
     sin_theta, cos_theta = sine_cosine(motion[7])
@@ -148,9 +152,14 @@ def linearise_force(mean, inputs, constants, selection, predicted, matrix, scrat
             row[3 + axis] += motion[3 + i] * arm[axis] - 2.0 * arm[i] * motion[3 + axis]
         row[6] += GRAVITY * by_roll[i]
         row[7] += GRAVITY * by_pitch[i]
+        scale, bias = row_of(constants, scales[i]), row_of(constants, biases[i])
+        gain = 1.0 + mean[scale] if scale >= 0 else 1.0
+        for column in range(N_COLUMNS):
+            row[column] *= gain
         fill_in_row(row, constants, selection, matrix[i])
-        predicted[i] = work.force[i * LANES]
-        bias = row_of(constants, (ROW.bias_fx, ROW.bias_fy, ROW.bias_fz)[i])
+        predicted[i] = gain * work.force[i * LANES]
+        if scale >= 0:
+            matrix[i, scale] = work.force[i * LANES]
         if bias >= 0:
             matrix[i, bias] = 1.0
             predicted[i] += mean[bias]

@@ -121,7 +121,9 @@ def _specific_force(sampled: _Sampled) -> Array:
     at_origin = rate[:, :3] + np.cross(motion[:, 3:6], motion[:, :3]) - GRAVITY * down
     arm = np.array(accelerometer.position)
     carried = np.cross(motion[:, 3:6], arm)
-    return at_origin + np.cross(rate[:, 3:6], arm) + np.cross(motion[:, 3:6], carried) if arm.any() else at_origin
+    if arm.any():
+        at_origin += np.cross(rate[:, 3:6], arm) + np.cross(motion[:, 3:6], carried)
+    return (1.0 + accelerometer.scale_error) * at_origin
 
 
 # Sensors that measure something else than motion states as they are.

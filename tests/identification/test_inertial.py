@@ -99,16 +99,17 @@ def test_of_the_true_motion_the_accelerometer_is_predicted_at_every_instant(mano
 
 @pytest.mark.parametrize("name", ["ekf", "ckf", "ukf", "tukf", "smoother", "output_error"])
 def test_every_estimator_finds_coefficients_and_biases(name, raw_run, with_settings):
-    biases = "identification.estimate.biases=[gyro, accelerometer, magnetometer]"
+    biases = "identification.estimate.biases=[gyro, accelerometer, accelerometer_scale, magnetometer]"
     dataset = with_settings(raw_run, biases, "identification.ekf.transition=exact", "identification.prior.factor=1")
     shifted = {name: dataset.sensors[name].values.copy() for name in ("accelerometer", "magnetometer")}
+    shifted["accelerometer"] *= [1.01, 0.99, 1.005]
     shifted["accelerometer"] += [0.02, -0.03, 0.01]
     shifted["magnetometer"] += 0.02
     records = {name: replace(dataset.sensors[name], values=values) for name, values in shifted.items()}
     estimate = identify(replace(dataset, sensors=dataset.sensors | records), FilterName(name))
     assert estimate.completed
     assert dataset.truth is not None
-    expected = {"bias_fx": 0.02, "bias_fy": -0.03, "bias_fz": 0.01} | {
+    expected = {"bias_fx": 0.02, "bias_fy": -0.03, "scale_fx": 0.01, "scale_fy": -0.01, "scale_fz": 0.005} | {
         symbol: dataset.truth.coefficients[symbol] for symbol in estimate.state[:3]
     }
     for symbol, value in expected.items():

@@ -5,7 +5,14 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from auvid_cli.config.augmented_states import AccelerometerBias, AugmentedStates, Current, DvlError, ThrustScale
+from auvid_cli.config.augmented_states import (
+    AccelerometerBias,
+    AccelerometerScale,
+    AugmentedStates,
+    Current,
+    DvlError,
+    ThrustScale,
+)
 from auvid_cli.config.experiment import Identification
 from auvid_cli.identification.compiled_layout import CompiledAccelerometer
 from auvid_cli.identification.process import vehicle_process
@@ -113,8 +120,9 @@ def felt_by_a_passenger(experiment, coefficients, thrust):
 def test_an_accelerometer_feels_what_a_passenger_at_its_place_does(coefficients, walk, has_depth, experiment_with):
     experiment = experiment_with()
     asked = AugmentedStates(
-        biases=("thrust", "accelerometer", "gyro"),
+        biases=("thrust", "accelerometer", "accelerometer_scale", "gyro"),
         accelerometer=AccelerometerBias(walk=walk),
+        accelerometer_scale=AccelerometerScale(walk=walk),
         thrust=ThrustScale(walk=walk),
     )
     process, layout = process_and_layout(
@@ -122,10 +130,12 @@ def test_an_accelerometer_feels_what_a_passenger_at_its_place_does(coefficients,
     )
     true = experiment.vehicle.coefficients.by_symbol()
     errors = {"thrust_scale": 0.2, "bias_fx": 0.03, "bias_fy": -0.02, "bias_fz": 0.01}
+    errors |= {"scale_fx": 0.02, "scale_fy": -0.01, "scale_fz": 0.03}
     values = dict(zip(MOTION_SYMBOLS, MOTION, strict=True)) | errors
     values |= {symbol: 1.3 * true[symbol] for symbol in layout.symbols if symbol in SYMBOLS}
     state = np.array([values.get(symbol, 0.7) for symbol in layout.symbols]) / layout.scale
     felt = felt_by_a_passenger(experiment, {symbol: values.get(symbol, true[symbol]) for symbol in SYMBOLS}, 1.2)
     predicted, _ = linearised(process, state, ACCELEROMETER)
-    assert_allclose(predicted, felt + np.array([0.03, -0.02, 0.01]), rtol=1e-7, atol=1e-7)
+    scaled = np.array([1.02, 0.99, 1.03]) * felt
+    assert_allclose(predicted, scaled + np.array([0.03, -0.02, 0.01]), rtol=1e-7, atol=1e-7)
     assert_seen_alike(process, state, layout.n_parameters, predicted, ACCELEROMETER)
