@@ -31,6 +31,7 @@ class BiasName(StrEnum):
     ACCELEROMETER = "accelerometer"
     ACCELEROMETER_SCALE = "accelerometer_scale"
     MAGNETOMETER = "magnetometer"
+    MAGNETIC_FIELD = "magnetic_field"
     DVL = "dvl"
     CURRENT = "current"
     THRUST = "thrust"
@@ -145,6 +146,18 @@ class MagnetometerBias(_Bias):
     ] = 0.0
 
 
+class HardIron(_Bias):
+    """Field of the vehicle itself, in its own axes: what is magnetic in it turns with it."""
+
+    sensor = "magnetic_field"
+    is_linear = False
+
+    spread: Annotated[float, Amount("T"), Field(gt=0, description="standard deviation before any data")] = 5e-6
+    walk: Annotated[
+        float, Amount("T/s^0.5"), Field(ge=0, description="growth per square root of a second; 0: constant")
+    ] = 0.0
+
+
 class DvlError(Settings):
     """Scale error and mounting yaw of the DVL."""
 
@@ -197,6 +210,7 @@ class AugmentedStates(Settings):
     accelerometer: AccelerometerBias = AccelerometerBias()
     accelerometer_scale: AccelerometerScale = AccelerometerScale()
     magnetometer: MagnetometerBias = MagnetometerBias()
+    magnetic_field: HardIron = HardIron()
     dvl: DvlError = DvlError()
     current: Current = Current()
     thrust: ThrustScale = ThrustScale()

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from auvid_cli.config.augmented_states import AugmentedStates, BiasName
+from auvid_cli.config.augmented_states import AugmentedStates
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.magnitudes import check_amount, check_size
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
@@ -18,6 +18,7 @@ from auvid_cli.config.spans import SeparateSpans
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.parameters import INERTIAL
 
 
 class Prior(Settings):
@@ -194,12 +195,12 @@ class Identification(Settings):
 
     @model_validator(mode="after")
     def _biases_of_sensors_in_use(self) -> "Identification":
-        inertial = self.attitude_from == "inertial"
+        unused = ("attitude",) if self.attitude_from == "inertial" else INERTIAL
         for name in self.estimate.biases:
-            if name in ((BiasName.ATTITUDE,) if inertial else (BiasName.ACCELEROMETER, BiasName.MAGNETOMETER)):
+            if any(block.sensor in unused for block in AugmentedStates(biases=(name,)).blocks()):
                 raise ValueError(
                     f"estimate.biases has {name}, which is not used with attitude_from: {self.attitude_from}; leave "
-                    f"it out, or set attitude_from: {'ahrs' if inertial else 'inertial'}"
+                    f"it out, or set attitude_from: {'ahrs' if self.attitude_from == 'inertial' else 'inertial'}"
                 )
         return self
 

@@ -150,6 +150,12 @@ class Acceleration(LogSignal):
     si = "m/s^2"
 
 
+class MagneticFlux(LogSignal):
+    """Density of a magnetic flux."""
+
+    si = "T"
+
+
 class Length(LogSignal):
     """A signal of a length; of a depth also a pressure, by its scale in metres."""
 
@@ -162,7 +168,9 @@ class Number(LogSignal):
     si = "dimensionless"
 
 
-LOG_SIGNALS: dict[str, type[LogSignal]] = {kind.si: kind for kind in (Angle, AngularRate, Speed, Acceleration, Length)}
+LOG_SIGNALS: dict[str, type[LogSignal]] = {
+    kind.si: kind for kind in (Angle, AngularRate, Speed, Acceleration, MagneticFlux, Length)
+}
 
 
 class TimeSource(Settings):

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, create_model, field_validator, model_validator
 
+from auvid_cli.config.earth_field import EarthField
 from auvid_cli.config.lever import Lever
 from auvid_cli.config.log_columns import LOG_SIGNALS, LogRows, LogSignal, Number, Validity, check_unit
 from auvid_cli.config.magnitudes import check_amount
@@ -80,12 +81,13 @@ if TYPE_CHECKING:
     Rates = Columns
     SpecificForces = Columns
     Heading = Columns
+    Fields = Columns
     Velocity = Columns
     Angles = Columns
     Down = Columns
 else:
-    Rates, SpecificForces, Heading, Velocity, Angles, Down = map(
-        _columns_of, ("gyroscope", "accelerometer", "magnetometer", "dvl", "attitude", "depth")
+    Rates, SpecificForces, Heading, Fields, Velocity, Angles, Down = map(
+        _columns_of, ("gyroscope", "accelerometer", "magnetometer", "magnetic_field", "dvl", "attitude", "depth")
     )
 
 
@@ -154,6 +156,13 @@ class AccelerometerMap(InBody):
     position: Annotated[
         Lever, Field(description="[forward, starboard, down] from the vehicle's origin, which estimators are told")
     ] = (0.0, 0.0, 0.0)
+
+
+class MagneticFieldMap(EarthField, InBody):
+    """Magnetic field along three axes."""
+
+    sensor = "magnetic_field"
+    columns: Fields
 
 
 class MagnetometerMap(SensorMap):
@@ -237,6 +246,7 @@ class _SensorMaps(Settings):
     gyroscope: GyroscopeMap | None = None
     accelerometer: AccelerometerMap | None = None
     magnetometer: MagnetometerMap | None = None
+    magnetic_field: MagneticFieldMap | None = None
     dvl: DvlMap | None = None
     attitude: AttitudeMap | None = None
     depth: DepthMap | None = None

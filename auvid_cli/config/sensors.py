@@ -4,6 +4,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from auvid_cli.config.earth_field import EarthField
 from auvid_cli.config.lever import Lever
 from auvid_cli.config.magnitudes import check_amount
 from auvid_cli.config.quantity import Amount, Unit, parse_components
@@ -120,6 +121,12 @@ class Magnetometer(SensorSettings):
     sensor = "magnetometer"
 
 
+class MagneticField(EarthField, SensorSettings):
+    """Magnetic field along three axes."""
+
+    sensor = "magnetic_field"
+
+
 class Dvl(SensorSettings):
     """Velocity over ground in body axes."""
 
@@ -190,6 +197,7 @@ class SensorSuite(Settings):
     magnetometer: Magnetometer
     dvl: Dvl
     attitude: Attitude
+    magnetic_field: MagneticField | None = None
     depth: Depth | None = None
 
     def given(self) -> dict[str, SensorSettings]:

@@ -1,7 +1,7 @@
 """What was commanded and what was measured: the value object between simulation and identification."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,27 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-# Of `SensorRecord.position`, where it is written.
-AXES, AXES_MEANING = ("forward", "starboard", "down"), "from the origin of the vehicle"
-POSITION_MEANING = "where the sensor sits"
+class Vector(NamedTuple):
+    """What is known of a sensor along three axes: a field of `SensorRecord`, which is zero where it does not matter."""
+
+    name: str
+    meaning: str
+    unit: str
+    dimension: str
+    axes: tuple[str, str, str]
+    along: str
+
+
+VECTORS = (
+    Vector(
+        *("position", "where the sensor sits", "m"),
+        *("axis", ("forward", "starboard", "down"), "from the origin of the vehicle"),
+    ),
+    Vector(
+        *("earth_field", "magnetic field of the earth", "T"),
+        *("direction", ("north", "east", "down"), "in the axes of the earth"),
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -35,12 +53,15 @@ class SensorRecord:
     position : tuple of float
         Where the sensor sits, forward, starboard and down of the origin of the vehicle, m. That of the origin where
         the samples are as if taken there, and where it does not matter.
+    earth_field : tuple of float
+        Magnetic field of the earth, north, east and down, T, of a sensor that measures it.
     """
 
     time: Array
     values: Array
     standard_deviation: Array
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    earth_field: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def between(self, begin: float, end: float) -> "SensorRecord":
         """Return the samples from one time to another, s, both included."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.load import dump_experiment, parse_run
-from auvid_cli.data.dataset import AXES, AXES_MEANING, POSITION_MEANING, Dataset, InputRecord, SensorRecord, TruthRecord
+from auvid_cli.data.dataset import VECTORS, Dataset, InputRecord, SensorRecord, TruthRecord
 from auvid_cli.data.netcdf import digest, new_file, write_dimension, write_variable
 from auvid_cli.data.netcdf_reading import (
     FileAttributes,
@@ -62,9 +62,10 @@ def _write_sensor(group: h5py.Group, name: str, record: SensorRecord) -> None:
         write_variable(group, quantity.symbol, values, ("time",), quantity.meaning, quantity.unit)
     meaning = "stated standard deviation of the noise"
     write_variable(group, "standard_deviation", record.standard_deviation, ("component",), meaning, quantities[0].unit)
-    if any(record.position):
-        write_dimension(group, "axis", np.array(AXES), AXES_MEANING)
-        write_variable(group, "position", np.array(record.position), ("axis",), POSITION_MEANING, "m")
+    for vector in VECTORS:
+        if any(values := getattr(record, vector.name)):
+            write_dimension(group, vector.dimension, np.array(vector.axes), vector.along)
+            write_variable(group, vector.name, np.array(values), (vector.dimension,), vector.meaning, vector.unit)
     valid = np.isfinite(record.values).astype(np.int8)
     write_variable(group, "valid", valid, ("time", "component"), "1 where the component was measured")
 
@@ -122,7 +123,7 @@ def _read_sensor(group: h5py.Group, name: str) -> SensorRecord:
     check_units(group, SENSORS[name])
     values[~np.isfinite(values)] = np.nan
     record = SensorRecord(read_array(group, "time"), values, read_array(group, "standard_deviation"))
-    return replace(record, position=tuple(read_array(group, "position"))) if "position" in group else record
+    return replace(record, **{v.name: tuple(read_array(group, v.name)) for v in VECTORS if v.name in group})
 
 
 def _read_truth(group: h5py.Group) -> TruthRecord:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.dataset import AXES, AXES_MEANING, POSITION_MEANING, Dataset
+from auvid_cli.data.dataset import VECTORS, Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError
@@ -95,10 +95,12 @@ def dataset_tree(dataset: Dataset) -> "xr.DataTree":
             .assign_coords(component=_components(name))
             .assign(standard_deviation=("component", record.standard_deviation, attributes))
         )
-        if any(record.position):
-            axes = "axis", list(AXES), {"long_name": AXES_MEANING}
-            place = "axis", list(record.position), {"long_name": POSITION_MEANING, "units": "m"}
-            groups[f"sensors/{name}"] = groups[f"sensors/{name}"].assign_coords(axis=axes).assign(position=place)
+        for vector in VECTORS:
+            if any(values := getattr(record, vector.name)):
+                axes = {vector.dimension: (vector.dimension, list(vector.axes), {"long_name": vector.along})}
+                named = vector.dimension, list(values), {"long_name": vector.meaning, "units": vector.unit}
+                group = groups[f"sensors/{name}"].assign_coords(axes)
+                groups[f"sensors/{name}"] = group.assign({vector.name: named})
     if dataset.truth is not None:
         true, units = [dataset.truth.coefficients[symbol] for symbol in SYMBOLS], [c.unit for c in COEFFICIENTS]
         named = "coefficient", list(SYMBOLS), {"long_name": "hydrodynamic coefficient"}

@@ -6,7 +6,7 @@ import numpy as np
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.magnitudes import magnitude_of
-from auvid_cli.data.dataset import Array, Dataset, SensorRecord, TruthRecord
+from auvid_cli.data.dataset import VECTORS, Array, Dataset, SensorRecord, TruthRecord
 from auvid_cli.data.estimate import STATES, Estimate, FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
@@ -47,10 +47,11 @@ def _check_sensor(name: str, record: SensorRecord) -> None:
     _check_times(where, record.time, increasing=True)
     _check_shapes(where, (record.values, (n, width)), (record.standard_deviation, (width,)))
     _check_deviations(where, record.standard_deviation)
-    position = np.array(record.position)
-    _check_shapes(f"{where}/position", (position, (3,)))
-    _check_finite(f"{where}/position", position)
-    _check_sizes(f"{where}/position", position, "m")
+    for vector in VECTORS:
+        values = np.array(getattr(record, vector.name))
+        _check_shapes(f"{where}/{vector.name}", (values, (3,)))
+        _check_finite(f"{where}/{vector.name}", values)
+        _check_sizes(f"{where}/{vector.name}", values, vector.unit)
     for column, quantity in enumerate(SENSORS[name]):
         _check_sizes(f"{where}/{quantity.symbol}", record.values[:, column], quantity.unit)
 

@@ -10,7 +10,7 @@ from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import ConfigError
 from auvid_cli.filters.problem import Gaussian, Indices, Process, Sensors
 from auvid_cli.filters.segments import joint_gaussian, places
-from auvid_cli.identification.compiled_layout import NO_ACCELEROMETER, CompiledAccelerometer
+from auvid_cli.identification.compiled_layout import NOT_USED, KnownSensor, KnownSensors
 from auvid_cli.identification.initial_state import initial_gaussian
 from auvid_cli.identification.prepared_data import PreparedData, Segment
 from auvid_cli.identification.prior import earlier_gaussian
@@ -84,7 +84,7 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     held = held_coefficients(experiment)
     layout = state_layout(settings, experiment.vehicle.size, measuring)
     known = experiment.vehicle.known_parameters()
-    process = vehicle_process(vehicle_constants(known), held, layout, _accelerometer(measuring))
+    process = vehicle_process(vehicle_constants(known), held, layout, _known_sensors(measuring))
     parameters = _prior_of_parameters(layout, prepared.dataset)
     gaussians = [initial_gaussian(layout, parameters, segment.measured) for segment in prepared.segments]
     return AugmentedProblem(
@@ -99,10 +99,13 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     )
 
 
-def _accelerometer(measuring: dict[str, SensorRecord]) -> CompiledAccelerometer:
-    if "accelerometer" not in measuring:
-        return NO_ACCELEROMETER
-    return CompiledAccelerometer(list(measuring).index("accelerometer"), measuring["accelerometer"].position)
+def _known_sensors(measuring: dict[str, SensorRecord]) -> KnownSensors:
+    row = {name: number for number, name in enumerate(measuring)}
+    force, field = measuring.get("accelerometer"), measuring.get("magnetic_field")
+    return KnownSensors(
+        NOT_USED if force is None else KnownSensor(row["accelerometer"], force.position),
+        NOT_USED if field is None else KnownSensor(row["magnetic_field"], field.earth_field),
+    )
 
 
 def _prior_of_parameters(layout: StateLayout, dataset: Dataset) -> Gaussian:

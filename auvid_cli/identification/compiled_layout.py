@@ -24,7 +24,7 @@ _vector = types.float64[::1]
 
 # States that compiled code looks for by name, with where their rows stand among themselves: moving states beside the
 # motion, and errors that do not just add to a sensor. They stand at the end of the constants, behind the vehicle, the
-# 22 held values, one scale for each estimated coefficient and the accelerometer, and before the number of parameters.
+# 22 held values, one scale for each estimated coefficient and the known sensors, and before the number of parameters.
 _SYMBOLS = (
     *(state.quantity.symbol for state in FURTHER_STATES),
     *(quantity.symbol for block in ERROR_BLOCKS if not block.additive for quantity in block.quantities),
@@ -35,32 +35,44 @@ HELD = N_CONSTANTS
 SCALE = N_CONSTANTS + N_COEFFICIENTS
 _NOWHERE = -1
 _N_ROWS = len(ROW)
-_ACCELEROMETER = 1 + _N_ROWS + 4
+_MAGNETOMETER = 1 + _N_ROWS + 4
+_ACCELEROMETER = _MAGNETOMETER + 4
 
 
-class CompiledAccelerometer(NamedTuple):
-    """The accelerometer that is used.
+class KnownSensor(NamedTuple):
+    """A sensor of which compiled code knows a vector.
 
     Attributes
     ----------
     sensor : int
         Its row in `auvid_cli.filters.problem.Sensors`; negative if none is used.
-    position : tuple of float
-        Forward, starboard and down of the origin, m.
+    vector : tuple of float
+        Of an accelerometer where it sits, forward, starboard and down of the origin, m; of a magnetometer the field of
+        the earth, north, east and down, T.
     """
 
     sensor: int
-    position: tuple[float, float, float]
+    vector: tuple[float, float, float]
 
 
-NO_ACCELEROMETER = CompiledAccelerometer(_NOWHERE, (0.0, 0.0, 0.0))
+NOT_USED = KnownSensor(_NOWHERE, (0.0, 0.0, 0.0))
+
+
+class KnownSensors(NamedTuple):
+    """The accelerometer and the magnetometer of three axes that are used."""
+
+    accelerometer: KnownSensor = NOT_USED
+    magnetometer: KnownSensor = NOT_USED
+
+
+NONE_KNOWN = KnownSensors()
 
 
 # Blocks that the compiled process moves, or is made of, without being asked.
 _OF_EVERY_MODEL = "coefficients", "motion"
 
 
-def model_constants(vehicle: Array, held: Array, layout: StateLayout, accelerometer: CompiledAccelerometer) -> Array:
+def model_constants(vehicle: Array, held: Array, layout: StateLayout, known: KnownSensors) -> Array:
     """Lay out the constants of an augmented model; see `auvid_cli.identification.process.vehicle_process`."""
     compiled_in = {
         quantity.symbol
@@ -72,8 +84,8 @@ def model_constants(vehicle: Array, held: Array, layout: StateLayout, accelerome
         raise TypeError(f"no compiled code knows of {', '.join(sorted(compiled_in - {*_SYMBOLS}))}")
     rows = [row if (row := layout.row(symbol)) is not None else _NOWHERE for symbol in _SYMBOLS]
     scale = layout.scale[layout.rows_of("coefficients")]
-    sensor = accelerometer.sensor, *accelerometer.position
-    return np.concatenate([vehicle, held, scale, sensor, rows, [layout.n_parameters]])
+    sensors = [number for sensor in known for number in (sensor.sensor, *sensor.vector)]
+    return np.concatenate([vehicle, held, scale, sensors, rows, [layout.n_parameters]])
 
 
 def check_named(symbols: Iterable[str], modules: Iterable[ModuleType], by: int) -> None:
@@ -120,6 +132,19 @@ def accelerometer_sensor(constants):
 def accelerometer_position(constants):
     """Return where it sits, forward, starboard and down of the origin, m."""
     place = constants.size - _ACCELEROMETER + 1
+    return constants[place], constants[place + 1], constants[place + 2]
+
+
+@compiled(types.int64(_vector))
+def magnetometer_sensor(constants):
+    """Return which sensor the magnetometer of three axes is; negative if none."""
+    return int(constants[constants.size - _MAGNETOMETER])
+
+
+@compiled(types.UniTuple(types.float64, 3)(_vector))
+def earth_field(constants):
+    """Return the magnetic field of the earth, north, east and down, T."""
+    place = constants.size - _MAGNETOMETER + 1
     return constants[place], constants[place + 1], constants[place + 2]
 
 

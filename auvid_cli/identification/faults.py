@@ -168,6 +168,7 @@ _THRUST_INPUT = INPUT_SYMBOLS.index("surge_force")
 
 _GYRO = "estimate it (identification.estimate.biases: [gyro])"
 _FORCE = "estimate it (identification.estimate.biases: [accelerometer])"
+_IRON = "estimate the field of the vehicle (identification.estimate.biases: [magnetic_field])"
 _PLACE = "state where it sits (`position` in the sensor's settings or map)"
 _DVL = "estimate scale and mounting of the DVL (identification.estimate.biases: [dvl])"
 _CURRENT = "estimate the current (identification.estimate.biases: [current])"
@@ -190,6 +191,10 @@ FAULTS: tuple[Fault, ...] = (
     *(
         Fault(f"bias of {quantity.symbol}", "m/s^2", _FORCE, f"bias_{quantity.symbol}", "accelerometer", _constant(i))
         for i, quantity in enumerate(SENSORS["accelerometer"])
+    ),
+    *(
+        Fault(f"bias of {quantity.symbol}", "T", _IRON, f"bias_{quantity.symbol}", "magnetic_field", _constant(i))
+        for i, quantity in enumerate(SENSORS["magnetic_field"])
     ),
     *(
         Fault(f"position of the accelerometer, {axis}", "m", _PLACE, "", "accelerometer", _force_at(i))

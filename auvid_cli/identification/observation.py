@@ -1,16 +1,21 @@
-"""What the nonlinear sensors measure of the augmented state: the accelerometer where one is used, else the DVL."""
+"""What nonlinear sensors measure of the state: accelerometer and magnetometer of three axes if used, else the DVL."""
 
 from auvid_cli.compilation import compiled
 from auvid_cli.config.augmented_states import ERROR_BLOCKS
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, OBSERVATION_SIGNATURE
 from auvid_cli.identification.accelerometer import linearise_force, measure_forces
-from auvid_cli.identification.compiled_layout import accelerometer_sensor
+from auvid_cli.identification.compiled_layout import accelerometer_sensor, magnetometer_sensor
 from auvid_cli.identification.dvl import linearise_velocity, measure_velocities
+from auvid_cli.identification.magnetic_field import linearise_field, measure_field
 from auvid_cli.vehicle.parameters import MOTION, SENSORS, state_of
 
 # Of all others each component is a state, and errors just add to it.
-OBSERVED = {"dvl": (measure_velocities, linearise_velocity), "accelerometer": (measure_forces, linearise_force)}
+OBSERVED = {
+    "dvl": (measure_velocities, linearise_velocity),
+    "accelerometer": (measure_forces, linearise_force),
+    "magnetic_field": (measure_field, linearise_field),
+}
 _STATES = {quantity.symbol for quantity in (*MOTION, *(state.quantity for state in FURTHER_STATES))}
 _NONLINEAR = {
     *(name for name, measured in SENSORS.items() if not {state_of(quantity) for quantity in measured} <= _STATES),
@@ -27,6 +32,8 @@ def observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, p
     """Predict what a sensor measures of a block of states."""
     if sensor == accelerometer_sensor(constants):
         measure_forces(moving, parameters, inputs, constants, selection, n_lanes, predicted, scratch)
+    elif sensor == magnetometer_sensor(constants):
+        measure_field(moving, parameters, constants, n_lanes, predicted)
     else:
         measure_velocities(moving, parameters, constants, n_lanes, predicted)
 
@@ -39,6 +46,8 @@ def linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scr
             matrix[i, j] = 0.0
     if sensor == accelerometer_sensor(constants):
         linearise_force(mean, inputs, constants, selection, predicted, matrix, scratch)
+    elif sensor == magnetometer_sensor(constants):
+        linearise_field(mean, constants, predicted, matrix)
     else:
         linearise_velocity(mean, constants, predicted, matrix)
 

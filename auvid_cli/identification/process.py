@@ -13,13 +13,13 @@ from auvid_cli.compilation import compiled
 from auvid_cli.config.augmented_states import ERROR_BLOCKS
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Process
-from auvid_cli.identification import accelerometer, compiled_coefficients, dvl
+from auvid_cli.identification import accelerometer, compiled_coefficients, dvl, magnetic_field
 from auvid_cli.identification.accelerometer import N_ACCELEROMETER_WORK
 from auvid_cli.identification.compiled_coefficients import fill_in_all, fill_in_lanes, fill_in_row
 from auvid_cli.identification.compiled_layout import (
-    NO_ACCELEROMETER,
+    NONE_KNOWN,
     ROW,
-    CompiledAccelerometer,
+    KnownSensors,
     check_named,
     depth_is_state,
     first_moving_row,
@@ -213,7 +213,7 @@ def vehicle_process(
     vehicle: Array,
     held: Mapping[str, float],
     layout: StateLayout,
-    accelerometer: CompiledAccelerometer = NO_ACCELEROMETER,
+    known: KnownSensors = NONE_KNOWN,
 ) -> Process:
     """Make the augmented model of Sabet et al. 2018, eq. (10), with coefficients in units of their scales, and errors.
 
@@ -224,7 +224,7 @@ def vehicle_process(
     held : mapping
         Values, SI, of the coefficients that are not states.
     layout : StateLayout
-    accelerometer : CompiledAccelerometer
+    known : KnownSensors
         By default none.
 
     Notes
@@ -236,7 +236,7 @@ def vehicle_process(
     return Process(
         advance=_advance,
         transition=_exact_transition,
-        constants=model_constants(vehicle, of_symbols, layout, accelerometer),
+        constants=model_constants(vehicle, of_symbols, layout, known),
         selection=np.array([SYMBOLS.index(symbol) for symbol in estimated], dtype=np.int64),
         noise_density=layout.noise_density,
         scratch_size=_N_SCRATCH,
@@ -248,7 +248,7 @@ def vehicle_process(
 # Of errors what comes of them and the derivative; of moving states how they advance, and both transitions.
 check_named(
     [quantity.symbol for block in ERROR_BLOCKS if not block.additive for quantity in block.quantities],
-    (accelerometer, compiled_coefficients, dvl),
+    (accelerometer, compiled_coefficients, dvl, magnetic_field),
     by=2,
 )
 check_named([state.quantity.symbol for state in FURTHER_STATES], (sys.modules[__name__],), by=3)

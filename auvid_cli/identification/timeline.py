@@ -7,20 +7,21 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
 from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Indices, Sensors, Timeline
 from auvid_cli.identification.state_layout import StateLayout
-from auvid_cli.vehicle.kinematics import GRAVITY
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, state_of
+from auvid_cli.vehicle.kinematics import GRAVITY, body_to_earth
+from auvid_cli.vehicle.parameters import COMPASSES, INERTIAL, MOTION_SYMBOLS, SENSORS, state_of
 
 Array = NDArray[np.float64]
 # Times in whole nanoseconds.
 Ticks = NDArray[np.int64]
 
 # In place of an attitude, if settings say so.
-INERTIAL = ("accelerometer", "magnetometer")
 _FORCES = tuple(quantity.symbol for quantity in SENSORS["accelerometer"])
+_FIELDS = tuple(quantity.symbol for quantity in SENSORS["magnetic_field"])
 # Heading is known modulo a turn; roll and pitch are treated alike, which costs nothing.
 _ANGULAR = ("phi", "theta", "psi")
 _NANOSECOND = 1e-9
@@ -35,7 +36,7 @@ def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
     """Return the sensors that estimators listen to and that have at least one valid sample.
 
     These are the sensors of motion states and of the depth; with ``attitude_from: inertial`` accelerometer and
-    magnetometer in place of an attitude, whatever that comes from.
+    magnetometer, of one axis or three, in place of an attitude, whatever that comes from.
 
     Raises
     ------
@@ -50,12 +51,12 @@ def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
             if not (record.standard_deviation > 0.0).all():
                 raise DataError(f"sensor {name}: its standard deviation must be greater than 0 for a filter")
             measuring[name] = record
-    for name in INERTIAL:
-        if is_inertial and name not in measuring:
-            raise DataError(
-                "identification.attitude_from: inertial needs an accelerometer and a magnetometer, and the dataset "
-                f"has no valid sample of {name}"
-            )
+    if is_inertial and not ("accelerometer" in measuring and any(name in measuring for name in COMPASSES)):
+        missing = "accelerometer" if "accelerometer" not in measuring else " or ".join(COMPASSES)
+        raise DataError(
+            "identification.attitude_from: inertial needs an accelerometer and a magnetometer, and the dataset "
+            f"has no valid sample of {missing}"
+        )
     if not measuring:
         raise DataError("the dataset has no valid sample of a sensor that measures motion (dvl, gyroscope, attitude)")
     return measuring
@@ -126,7 +127,7 @@ def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tupl
     whole = [rows[:, rows.any(axis=0)].all(axis=1) & rows.any(axis=1) for rows in known]
     firsts = [record.time[rows] for record, rows in zip(measuring.values(), whole, strict=True)]
     start = max([float(dataset.inputs.time[0]), *(float(times[0]) for times in firsts if times.size)])
-    motion = dict.fromkeys((*MOTION_SYMBOLS, *_FORCES), 0.0) | {_FORCES[2]: -GRAVITY}
+    motion = dict.fromkeys((*MOTION_SYMBOLS, *_FORCES, *_FIELDS), 0.0) | {_FORCES[2]: -GRAVITY}
     for name, record in measuring.items():
         for component, quantity in enumerate(SENSORS[name]):
             symbol, measured = state_of(quantity), np.isfinite(record.values[:, component]) & (record.time <= start)
@@ -135,6 +136,9 @@ def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tupl
     values = np.array([motion[symbol] for symbol in MOTION_SYMBOLS])
     if "accelerometer" in measuring:
         values[6:8] = _levelled(np.array([motion[symbol] for symbol in _FORCES]), values)
+    if "magnetic_field" in measuring and "magnetometer" not in measuring:
+        field = np.array([motion[symbol] for symbol in _FIELDS])
+        values[8] = _heading(field, values[6:8], np.array(measuring["magnetic_field"].earth_field))
     return start, values
 
 
@@ -142,6 +146,12 @@ def _levelled(force: Array, motion: Array) -> tuple[float, float]:
     """Return roll and pitch by which gravity is all that is measured, but for the turning of the velocity, rad."""
     x, y, z = np.cross(motion[3:6], motion[:3]) - force
     return float(np.arctan2(y, z)), float(np.arctan2(-x, np.hypot(y, z)))
+
+
+def _heading(field: Array, tilt: Array, earth: Array) -> float:
+    """Return the yaw by which the level part of a field is that of the earth, rad."""
+    ahead, aside, _ = body_to_earth(np.append(tilt, 0.0)[None], field[None])[0]
+    return float(wrap(np.arctan2(earth[1], earth[0]) - np.arctan2(aside, ahead)))
 
 
 def first_measured(record: SensorRecord, start: float) -> float:

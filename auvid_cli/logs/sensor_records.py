@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.log_map import LogMap
-from auvid_cli.config.log_sensors import AccelerometerMap, DepthMap, DvlMap, SensorMap
+from auvid_cli.config.log_sensors import AccelerometerMap, DepthMap, DvlMap, MagneticFieldMap, SensorMap
 from auvid_cli.config.position import Path
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.noise import Noise, estimate_noise
@@ -124,7 +124,13 @@ def _finished(
 ) -> tuple[SensorRecord, tuple[Noise, ...]]:
     """Return what is used of a record, with its noise, and where that was estimated from each component."""
     time, values = record.time, record.values
-    place = {"position": sensor.position} if isinstance(sensor, AccelerometerMap) else {}
+    match sensor:
+        case AccelerometerMap():
+            place = {"position": sensor.position}
+        case MagneticFieldMap():
+            place = {"earth_field": sensor.earth_field}
+        case _:
+            place = {}
     if use:
         used = _within(time, use)
         time, values = time[used], values[used]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
-from auvid_cli.config.sensors import Accelerometer, Attitude, Dvl, SensorSettings, SensorSuite
+from auvid_cli.config.sensors import Accelerometer, Attitude, Dvl, MagneticField, SensorSettings, SensorSuite
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.simulation.true_motion import Truth, sample_motion
 from auvid_cli.vehicle.kinematics import GRAVITY, dvl_axes, earth_to_body
@@ -84,7 +84,12 @@ def corrupt(times: Array, true: Array, settings: SensorSettings, name: str, seed
         values[:, component] = step[component] * np.round(values[:, component] / step[component])
     values[stream("dropouts").random(n) < settings.dropout_probability] = np.nan
     record = SensorRecord(times, values, np.array(settings.stated_standard_deviation()))
-    return replace(record, position=settings.position) if isinstance(settings, Accelerometer) else record
+    match settings:
+        case Accelerometer():
+            return replace(record, position=settings.position)
+        case MagneticField():
+            return replace(record, earth_field=settings.earth_field)
+    return record
 
 
 def _motion_states(quantities: Sequence[Quantity], sampled: _Sampled) -> Array:
@@ -109,6 +114,13 @@ def _heading(sampled: _Sampled) -> Array:
     return wrap(sampled.motion[:, 8:9])
 
 
+def _magnetic_field(sampled: _Sampled) -> Array:
+    settings = sampled.settings
+    assert isinstance(settings, MagneticField)
+    earth = np.broadcast_to(settings.earth_field, (len(sampled.motion), 3))
+    return earth_to_body(sampled.motion[:, 6:], earth)
+
+
 def _depth(sampled: _Sampled) -> Array:
     return np.interp(sampled.times, sampled.truth.time, sampled.truth.position[:, 2])[:, None]
 
@@ -130,6 +142,7 @@ def _specific_force(sampled: _Sampled) -> Array:
 _RULES: dict[str, Callable[[_Sampled], Array]] = {
     "accelerometer": _specific_force,
     "magnetometer": _heading,
+    "magnetic_field": _magnetic_field,
     "dvl": _velocity_over_ground,
     "depth": _depth,
 }

@@ -94,10 +94,20 @@ SENSORS: dict[str, tuple[Quantity, ...]] = {
         Quantity("fz", "m/s^2", "specific force, down", "AHRS"),
     ),
     "magnetometer": (HEADING,),
+    "magnetic_field": (
+        Quantity("mx", "T", "magnetic field, forward", "R(eta)' m"),
+        Quantity("my", "T", "magnetic field, starboard", "R(eta)' m"),
+        Quantity("mz", "T", "magnetic field, down", "R(eta)' m"),
+    ),
     "dvl": (_MOTION["u"], _MOTION["v"], _MOTION["w"]),
     "attitude": (_MOTION["phi"], _MOTION["theta"], _MOTION["psi"]),
     "depth": (DEPTH,),
 }
+
+
+# Sensors that say which way is north, and those that say with it what an attitude reference says.
+COMPASSES = "magnetometer", "magnetic_field"
+INERTIAL = "accelerometer", *COMPASSES
 
 
 def state_of(measured: Quantity) -> str:

@@ -11,10 +11,11 @@ from auvid_cli.config.augmented_states import (
     AugmentedStates,
     Current,
     DvlError,
+    HardIron,
     ThrustScale,
 )
 from auvid_cli.config.experiment import Identification
-from auvid_cli.identification.compiled_layout import CompiledAccelerometer
+from auvid_cli.identification.compiled_layout import KnownSensor, KnownSensors
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.state_layout import state_layout
 from auvid_cli.lanes import LANES
@@ -24,6 +25,7 @@ from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 DVL, ACCELEROMETER, POSITION = 0, 1, (0.4, -0.2, 0.1)
+MAGNETOMETER, FIELD = 2, (0.6, -0.3, 1.1)
 MOTION = np.array([2.0, 0.1, -0.1, 0.02, 0.03, -0.05, 0.1, -0.2, 0.3])
 
 
@@ -35,7 +37,7 @@ def process_and_layout(asked, has_depth, experiment, **given):
     settings = Identification(**{"coefficients": ("X_u|u|", "N_uvl"), "estimate": asked} | given)
     layout = state_layout(settings, experiment.vehicle.size, ("depth",) if has_depth else ())
     held = experiment.vehicle.coefficients.by_symbol()
-    position = CompiledAccelerometer(ACCELEROMETER, POSITION)
+    position = KnownSensors(KnownSensor(ACCELEROMETER, POSITION), KnownSensor(MAGNETOMETER, FIELD))
     return vehicle_process(vehicle_constants(experiment.vehicle.known_parameters()), held, layout, position), layout
 
 
@@ -139,3 +141,14 @@ def test_an_accelerometer_feels_what_a_passenger_at_its_place_does(coefficients,
     scaled = np.array([1.02, 0.99, 1.03]) * felt
     assert_allclose(predicted, scaled + np.array([0.03, -0.02, 0.01]), rtol=1e-7, atol=1e-7)
     assert_seen_alike(process, state, layout.n_parameters, predicted, ACCELEROMETER)
+
+
+@pytest.mark.parametrize("walk", [0.0, 1e-3])
+@pytest.mark.parametrize("has_depth", [False, True])
+def test_a_magnetometer_sees_the_earth_turn_and_the_hull_stand_still(walk, has_depth, experiment_with):
+    asked = AugmentedStates(biases=("magnetic_field", "thrust"), magnetic_field=HardIron(walk=walk))
+    process, layout = process_and_layout(asked, has_depth, experiment_with(), attitude_from="inertial")
+    values = dict(zip(MOTION_SYMBOLS, MOTION, strict=True)) | {"bias_mx": 0.2, "bias_my": -0.1, "bias_mz": 0.05}
+    state = np.array([values.get(symbol, 0.7) for symbol in layout.symbols]) / layout.scale
+    seen = Rotation.from_euler("ZYX", MOTION[:5:-1]).apply(FIELD, inverse=True) + np.array([0.2, -0.1, 0.05])
+    assert_seen_alike(process, state, layout.n_parameters, seen, MAGNETOMETER)

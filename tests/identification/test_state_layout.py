@@ -5,8 +5,8 @@ import pytest
 
 from auvid_cli.config.augmented_states import ERROR_BLOCKS, ErrorBlock
 from auvid_cli.config.experiment import Identification
-from auvid_cli.identification import accelerometer, compiled_coefficients, dvl, process
-from auvid_cli.identification.compiled_layout import NO_ACCELEROMETER, check_named, model_constants
+from auvid_cli.identification import accelerometer, compiled_coefficients, dvl, magnetic_field, process
+from auvid_cli.identification.compiled_layout import KnownSensors, check_named, model_constants
 from auvid_cli.identification.state_layout import StateBlock, StateLayout, state_layout
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import N_CONSTANTS
@@ -47,11 +47,11 @@ def test_scaled_components_have_a_prior_of_one(layout):
 
 def test_an_error_that_no_compiled_code_names_is_refused_at_import():
     errors = [quantity.symbol for block in ERROR_BLOCKS if not block.additive for quantity in block.quantities]
-    check_named(errors, (accelerometer, compiled_coefficients, dvl), by=2)
+    check_named(errors, (accelerometer, compiled_coefficients, dvl, magnetic_field), by=2)
     with pytest.raises(TypeError, match="no compiled code says what comes of dvl_pitch"):
         check_named(["dvl_pitch"], (dvl,), by=2)
     with pytest.raises(TypeError, match="says what comes of dvl_scale, dvl_yaw, current_north, current_east"):
-        check_named(errors, (accelerometer, compiled_coefficients), by=2)
+        check_named(errors, (accelerometer, compiled_coefficients, magnetic_field), by=2)
 
 
 def test_a_moving_state_that_no_compiled_code_moves_is_refused_at_import():
@@ -65,7 +65,7 @@ def test_a_state_that_no_compiled_code_moves_is_no_random_walk(layout, noise):
     new = StateBlock("trim", (Quantity("rudder_trim", "rad", "", ""),), (0.1,), noise)
     wider = StateLayout([*layout.blocks, new])
     with pytest.raises(TypeError, match="rudder_trim"):
-        model_constants(np.zeros(N_CONSTANTS), np.zeros(N_COEFFICIENTS), wider, NO_ACCELEROMETER)
+        model_constants(np.zeros(N_CONSTANTS), np.zeros(N_COEFFICIENTS), wider, KnownSensors())
 
 
 def test_an_error_that_no_compiled_code_knows_is_never_left_out_silently(layout):
@@ -73,5 +73,5 @@ def test_an_error_that_no_compiled_code_knows_is_never_left_out_silently(layout)
     new = StateBlock("new", (quantity,), (0.1,), error=ErrorBlock("new", (quantity,), 0.1, 0.0, "dvl"))
     with pytest.raises(TypeError, match="dvl_pitch"):
         model_constants(
-            np.zeros(N_CONSTANTS), np.zeros(N_COEFFICIENTS), StateLayout([*layout.blocks, new]), NO_ACCELEROMETER
+            np.zeros(N_CONSTANTS), np.zeros(N_COEFFICIENTS), StateLayout([*layout.blocks, new]), KnownSensors()
         )

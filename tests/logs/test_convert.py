@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from auvid_cli.config.load import shipped_configs
@@ -240,6 +241,22 @@ def test_where_an_accelerometer_sits_is_kept_for_estimators(converted):
     assert np.array_equal(found["accelerometer"].values, felt)
     assert np.array_equal(found["magnetometer"].values[:, 0], angles[:, 2])
     assert converted(log, accelerometer % "", compass).sensors["accelerometer"].position == (0.0, 0.0, 0.0)
+
+
+def test_the_field_of_the_earth_that_a_map_states_is_kept_for_estimators(converted):
+    _, rates, angles = motion()
+    field = 1e-6 * np.array([20.0, -3.0, 40.0]) + 1e-7 * rates
+    named = dict(zip(("t", "x", "y", "z"), (TIME, *(1e6 * field * [1.0, -1.0, -1.0]).T), strict=True))
+    log = MemoryLog(**{"imu": imu(rates, angles), "mag": named, "in": INPUTS})
+    magnetometer = (
+        "magnetic_field: {table: mag, columns: {mx: x, my: y, mz: z}, unit: uT, frame: FLU, "
+        "standard_deviation: 0.2 uT, strength: 50 uT, declination: -4 deg, dip: 66 deg}"
+    )
+    record = converted(log, GYROSCOPE % "", magnetometer).sensors["magnetic_field"]
+    assert_allclose(record.values, field, rtol=1e-12)
+    level = 50e-6 * np.cos(np.deg2rad(66.0))
+    expected = [level * np.cos(np.deg2rad(4.0)), -level * np.sin(np.deg2rad(4.0)), 50e-6 * np.sin(np.deg2rad(66.0))]
+    assert_allclose(record.earth_field, expected, rtol=1e-12)
 
 
 def test_lever_arm_without_gyroscope_follows_the_attitude(converted):

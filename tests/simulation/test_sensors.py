@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 from scipy import stats
 
 from auvid_cli.simulation.sensors import measure
+from auvid_cli.simulation.true_motion import sample_motion
 from auvid_cli.vehicle.kinematics import GRAVITY
 
 RAW = ("gyroscope", "accelerometer", "magnetometer", "dvl")
@@ -209,6 +210,16 @@ def test_specific_force_ahead_of_the_origin_is_that_of_a_passenger_there(fly, ex
     expected = [rotation(attitude).T @ (a - down) for attitude, a in zip(middle, acceleration, strict=True)]
     assert_allclose(record.values[: len(expected)], expected, atol=2e-3)
     assert record.position == tuple(arm)
+
+
+def test_a_magnetometer_measures_the_field_of_the_earth_as_it_is_turned(fly, experiment_with):
+    truth = fly(None, "manoeuvre.duration=20 s")
+    field = "{rate: 10 Hz, noise: 0, strength: 50 uT, declination: 90 deg, dip: 60 deg}"
+    suite = experiment_with(f"sensors.magnetic_field={field}").sensors
+    record = measure(truth, suite, STILL_WATER, 1)["magnetic_field"]
+    assert_allclose(record.earth_field, [0.0, 25e-6, 50e-6 * np.sin(np.pi / 3)], atol=1e-18)
+    expected = [rotation(m[6:]).T @ record.earth_field for m in sample_motion(truth, record.time)[0]]
+    assert_allclose(record.values, expected, atol=1e-12)
 
 
 def test_the_other_sensors_read_the_motion_itself(fly, experiment_with):
