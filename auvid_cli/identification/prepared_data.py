@@ -10,7 +10,7 @@ from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.identification.actuators import lagged
-from auvid_cli.identification.segmentation import used_spans
+from auvid_cli.identification.segmentation import used_segments
 from auvid_cli.identification.timeline import Timelines, first_measured, initial_motion, measuring_sensors
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
@@ -81,8 +81,7 @@ def prepare(dataset: Dataset) -> PreparedData:
     settings, measuring = dataset.experiment.identification, measuring_sensors(dataset)
     inputs = lagged(dataset.inputs, settings.fin_time_constant, settings.integration_step)
     segments = []
-    for span in used_spans(measuring, settings.use):
-        data = dataset.sensors_between(*span)
+    for data in used_segments(dataset, measuring):
         records = {name: data.sensors[name] for name in measuring}
         start, motion = initial_motion(data, records)
         measured = dict(zip(MOTION_SYMBOLS, motion.tolist(), strict=True))

@@ -23,21 +23,27 @@ def the_only_segment(dataset: Dataset) -> Dataset:
     DataError
         If there are several, or none.
     """
-    spans = used_spans(measuring_sensors(dataset), dataset.experiment.identification.use)
-    if len(spans) > 1:
-        raise DataError(f"one segment of data is looked at here, and there are {len(spans)}: name one with --use")
-    return dataset.sensors_between(*spans[0])
+    segments = used_segments(dataset, measuring_sensors(dataset))
+    if len(segments) > 1:
+        raise DataError(f"one segment of data is looked at here, and there are {len(segments)}: name one with --use")
+    return segments[0]
 
 
 def used_data(dataset: Dataset) -> Dataset:
     """Return all that is used of a dataset, as one."""
-    spans = used_spans(measuring_sensors(dataset), dataset.experiment.identification.use)
+    segments = used_segments(dataset, measuring_sensors(dataset))
     sensors = {}
     for name, record in dataset.sensors.items():
-        cut = [record.between(*span) for span in spans]
+        cut = [segment.sensors[name] for segment in segments]
         time, values = (np.concatenate([getattr(record, of) for record in cut]) for of in ("time", "values"))
         sensors[name] = replace(record, time=time, values=values)
     return replace(dataset, sensors=sensors)
+
+
+def used_segments(dataset: Dataset, measuring: Mapping[str, SensorRecord]) -> list[Dataset]:
+    """Return what is used of a dataset, a segment each; see `used_spans`."""
+    spans = used_spans(measuring, dataset.experiment.identification.use)
+    return [dataset.sensors_between(*span) for span in spans]
 
 
 def used_spans(measuring: Mapping[str, SensorRecord], use: Use) -> list[Span]:

@@ -215,6 +215,13 @@ class Timelines:
         other._chunk = n
         return other
 
+    def between(self, begin: float, end: float) -> "Timelines":
+        """Return the same measurements from one time to another, s, both within the span and included."""
+        other = copy(self)
+        other.span = begin, end
+        other._begin, other._end = _nanoseconds(np.array(other.span))
+        return other
+
     def __iter__(self) -> Iterator[Timeline]:
         used = [ticks[slice(*np.searchsorted(ticks, [self._begin + 1, self._end + 1]))] for ticks in self._ticks]
         cuts = np.concatenate([[self._begin, self._end + 1], *(ticks[self._chunk :: self._chunk] for ticks in used)])

@@ -6,11 +6,11 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.evaluation.free_run import Keeper, free_motion
 from auvid_cli.evaluation.measurement_errors import MeasurementErrors, measured_motion
 from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.filters.problem import Timeline
+from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.timeline import Timelines
 from auvid_cli.validation.fit import PredictionFit
 from auvid_cli.validation.initial_states import InitialStates
@@ -45,19 +45,16 @@ class FreeRunFit(NamedTuple):
 
 
 def fit_free_runs(
-    dataset: Dataset,
-    measuring: Mapping[str, SensorRecord],
-    signals: Mapping[str, MeasuredSignal],
-    models: Models,
-    starts: InitialStates,
+    prepared: PreparedData, signals: Mapping[str, MeasuredSignal], models: Models, starts: InitialStates
 ) -> FreeRunFit:
     """Run each model from the first start to the end of the data, and compare.
 
     Parameters
     ----------
-    dataset : Dataset
-        From `with_model`.
-    measuring, signals : mapping
+    prepared : PreparedData
+        From `with_model`, one segment.
+    signals : mapping
+        Of its measuring sensors.
     models : Models
     starts : InitialStates
         At least one. The first measurements alone would be a poor start: their noise, and an attitude reference that
@@ -65,8 +62,9 @@ def fit_free_runs(
         current that the filter knows at the end; where these walk, how they were before is left out.
     """
     start, motion = float(starts.time[0]), starts.motion[0]
-    timelines = Timelines(dataset.inputs, dict(measuring), start, dataset.experiment.identification.integration_step)
-    parameters = dataset.experiment.vehicle.known_parameters()
+    whole = prepared.segments[0].timelines
+    timelines = whole.between(start, whole.span[1])
+    parameters = prepared.experiment.vehicle.known_parameters()
     motions = {
         name: free_motion(timelines, motion, parameters, coefficients)
         for name, coefficients in models._asdict().items()
@@ -74,7 +72,7 @@ def fit_free_runs(
     }
     motions["constant_velocity"] = _constant_velocity(timelines, start, motion)
     predictions = {name: _as_measured(run, starts.final_errors) for name, run in motions.items()}
-    keeper, farthest = Keeper(measuring), _Farthest(signals)
+    keeper, farthest = Keeper(prepared.measuring), _Farthest(signals)
     predictions["identified"] = _watched(predictions["identified"], keeper, farthest)
     fits = {name: _fits(run, signals) for name, run in predictions.items()}
     length = timelines.span[1] - start

@@ -6,14 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.evaluation.measurement_errors import measured_motion
-from auvid_cli.identification.timeline import Timelines
+from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.validation.fit import PredictionFit
 from auvid_cli.validation.initial_states import InitialStates
 from auvid_cli.validation.motion_prediction import move_side_by_side, unchanged_motion
 from auvid_cli.validation.results import AHEAD, Prediction
-from auvid_cli.validation.signals import SAME, MeasuredSignal, is_angle
+from auvid_cli.validation.signals import MeasuredSignal, is_angle
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
@@ -99,8 +98,7 @@ def targets_of(signals: Mapping[str, MeasuredSignal], start: float) -> list[Targ
 
 
 def predict_ahead(
-    dataset: Dataset,
-    measuring: Mapping[str, SensorRecord],
+    prepared: PreparedData,
     signals: Mapping[str, MeasuredSignal],
     starts: InitialStates,
     bundle: Bundle,
@@ -114,18 +112,16 @@ def predict_ahead(
 
     Parameters
     ----------
-    dataset : Dataset
-        From `with_model`.
-    measuring : mapping
-        Its measuring sensors.
+    prepared : PreparedData
+        From `with_model`, one segment.
     signals : mapping
-        Their signals.
+        Of its measuring sensors.
     starts : InitialStates
     bundle : Bundle
         A drawn model also starts from a motion that is drawn from the uncertainty of the start.
     rng : numpy.random.Generator
     """
-    parameters, named = dataset.experiment.vehicle.known_parameters(), len(bundle.names)
+    parameters, named = prepared.experiment.vehicle.known_parameters(), len(bundle.names)
     drawn = len(bundle.coefficients) - named
     collected = Collected([], np.zeros(drawn, dtype=np.bool_))
     for k, start in enumerate(starts.time):
@@ -135,7 +131,7 @@ def predict_ahead(
         wanted = np.unique([target.time for target in targets])
         motion = np.tile(starts.motion[k], (len(bundle.coefficients), 1))
         motion[named:] += starts.deviation[k] * rng.standard_normal((drawn, N_MOTION))
-        timelines = _timelines(dataset, measuring, float(start), float(wanted[-1]))
+        timelines = prepared.segments[0].timelines.between(float(start), float(wanted[-1]))
         predicted = move_side_by_side(timelines, motion, bundle.coefficients, parameters, wanted)
         collected.blown_up[:] |= ~np.isfinite(predicted[:, named:]).all(axis=(0, 2))
         errors = starts.errors[k]
@@ -156,16 +152,6 @@ def _variance(drawn: Array, centre: float) -> float:
     """Return the mean square about the identified model of the draws that did not blow up; NaN if they are too few."""
     sound = drawn[np.abs(drawn) < _LARGEST]
     return float(np.square(sound - centre).mean()) if sound.size > 0.5 * drawn.size else np.nan
-
-
-def _timelines(dataset: Dataset, measuring: Mapping[str, SensorRecord], start: float, end: float) -> Timelines:
-    """Return the events of a segment of the data."""
-    segment = {}
-    for name, record in measuring.items():
-        within = record.between(start - SAME, end + SAME)
-        if np.isfinite(within.values).any():
-            segment[name] = within
-    return Timelines(dataset.inputs, segment, start, dataset.experiment.identification.integration_step)
 
 
 def rows_ahead(

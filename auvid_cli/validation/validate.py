@@ -47,10 +47,8 @@ def validate(dataset: Dataset, estimate: Estimate, starts: int = STARTS) -> Vali
     """
     if not estimate.completed:
         raise DataError(f"the estimate {estimate.status}: it is no model to be validated")
-    data, models = with_model(dataset, estimate), models_of(estimate)
-    prepared = prepare(data)
-    measuring = prepared.measuring
-    signals = measured_signals(measuring)
+    prepared, models = prepare(with_model(dataset, estimate)), models_of(estimate)
+    signals = measured_signals(prepared.measuring)
     begin = prepared.segments[0].timelines.span[0]
     end = max(float(signal.time[-1]) for signal in signals.values())
     initial_states = filtered_initial_states(prepared, evenly_spaced(begin, end, starts))
@@ -59,12 +57,12 @@ def validate(dataset: Dataset, estimate: Estimate, starts: int = STARTS) -> Vali
             f"there is no time at which a prediction can start: the measurements from {begin:g} s to {end:g} s are too "
             f"short, or this model cannot follow them ({initial_states.status})"
         )
-    free = fit_free_runs(data, measuring, signals, models, initial_states)
+    free = fit_free_runs(prepared, signals, models, initial_states)
     rng = np.random.default_rng(estimate.experiment.seed)
     bundle = _bundle(models, drawn_coefficients(estimate, DRAWS, rng))
-    collected = predict_ahead(data, measuring, signals, initial_states, bundle, rng)
+    collected = predict_ahead(prepared, signals, initial_states, bundle, rng)
     rows = [*free.rows, *rows_ahead(collected, bundle.names, signals)]
-    numbers = manoeuvre_numbers(data.inputs, signals, free.run)
+    numbers = manoeuvre_numbers(prepared.dataset.inputs, signals, free.run)
     remarks = [*_remarks(dataset, estimate, initial_states, collected.blown_up), *_taken_as_level(numbers, signals)]
     return Validation(
         estimate.filter,

@@ -205,3 +205,15 @@ def test_a_silence_of_hours_is_refused_and_not_filled_with_steps(experiment_with
     dataset = a_dataset(experiment_with(), times, dvl=times)
     with pytest.raises(DataError, match=r"nothing is measured from t = 0.1 s to 1e\+09 s.*longest_gap"):
         list(Timelines(dataset.inputs, measuring_sensors(dataset), 0.0, 0.02))
+
+
+@given(dvl=clock, gyroscope=clock, data=st.data())
+def test_between_two_times_they_are_those_of_records_that_are_cut_there(dvl, gyroscope, data, experiment_with):
+    dataset = a_dataset(experiment_with(), [0.0, 0.3, 1.0], dvl=dvl, gyroscope=gyroscope)
+    begin, end = (np.sort([data.draw(st.sampled_from(sorted(dvl))) for _ in range(2)])).tolist()
+    measuring = measuring_sensors(dataset)
+    cut = {name: record.between(begin, end) for name, record in measuring.items()}
+    fresh = joined(Timelines(dataset.inputs, cut, begin, 0.02))
+    timeline = joined(Timelines(dataset.inputs, measuring, min(dvl[0], gyroscope[0]), 0.02).between(begin, end))
+    for one, other in zip(timeline, fresh, strict=True):
+        assert np.array_equal(one, other, equal_nan=True)
