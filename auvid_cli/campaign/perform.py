@@ -14,7 +14,7 @@ from auvid_cli import __version__
 from auvid_cli.campaign.measures import Measure, measures
 from auvid_cli.campaign.plan import CampaignRun, RunGroup
 from auvid_cli.config.experiment import Experiment, Identification, Use
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.filter_name import JUDGE
 from auvid_cli.config.load import given_settings
 from auvid_cli.data.dataset import Dataset, TruthRecord
 from auvid_cli.data.estimate import Estimate
@@ -85,7 +85,7 @@ def _perform(simulated: str, run: CampaignRun, given: str, with_estimates: bool)
         assumed = Experiment.model_validate_json(given)
         (name,) = assumed.identification.filters
         reference = _reference(simulated, _judging(assumed))
-        if reference is not None and name is FilterName.SMOOTHER:
+        if reference is not None and name is JUDGE:
             estimate = reference
         else:
             estimate = identify(_as_assumed(dataset, assumed), name)
@@ -119,9 +119,9 @@ def _as_assumed(dataset: Dataset, assumed: Experiment) -> Dataset:
 def _judging(assumed: Experiment) -> str:
     """Return the experiment that fits the judge of a filter; empty if nobody is to judge it."""
     settings = assumed.identification
-    if FilterName.SMOOTHER not in settings.with_judge(settings.filters):
+    if JUDGE not in settings.with_judge(settings.filters):
         return ""
-    judge = settings.of_filter(FilterName.SMOOTHER)
+    judge = settings.of_filter(JUDGE)
     return json.dumps(given_settings(assumed.model_copy(update={"identification": judge})))
 
 
@@ -130,7 +130,7 @@ def _judging(assumed: Experiment) -> str:
 def _reference(simulated: str, given: str) -> Estimate | None:
     if not given:
         return None
-    return identify(_as_assumed(_data(simulated), Experiment.model_validate_json(given)), FilterName.SMOOTHER)
+    return identify(_as_assumed(_data(simulated), Experiment.model_validate_json(given)), JUDGE)
 
 
 def _truth(dataset: Dataset) -> TruthRecord:

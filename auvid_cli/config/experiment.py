@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from auvid_cli.config.augmented_states import AugmentedStates
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.filter_name import JUDGE, FilterName
 from auvid_cli.config.magnitudes import check_amount, check_size
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
 from auvid_cli.config.moving_states import InitialMotion, ProcessNoise
@@ -214,8 +214,8 @@ class Identification(Settings):
 
     def with_judge(self, filters: Sequence[FilterName]) -> tuple[FilterName, ...]:
         """Add the iterated smoother, which judges the others; not where a gate is set, which it cannot have."""
-        judges = self.judge and self.gate is None and FilterName.SMOOTHER not in filters
-        return (*dict.fromkeys(filters), *([FilterName.SMOOTHER] if judges else []))
+        judges = self.judge and self.gate is None and JUDGE not in filters
+        return (*dict.fromkeys(filters), *([JUDGE] if judges else []))
 
     def of_filter(self, name: FilterName | None) -> "Identification":
         """Return the settings with one filter or none, and those that concern others alone as they are by default."""

@@ -35,3 +35,7 @@ class FilterName(StrEnum):
                 return False
             case _:
                 assert_never(self)
+
+
+# It weighs all data together, each state with what is measured later as well, and so sees where a filter went wrong.
+JUDGE = FilterName.SMOOTHER

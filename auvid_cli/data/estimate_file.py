@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.filter_name import JUDGE, FilterName
 from auvid_cli.config.load import dump_experiment, parse_run
 from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, FaultTest, Outcome
 from auvid_cli.data.innovations import Innovations
@@ -234,7 +234,7 @@ def read_reference(path: Path, estimate: Estimate) -> Estimate | None:
     FileError
         If it cannot be read.
     """
-    beside = path.with_name(f"{FilterName.SMOOTHER.value}.h5")
+    beside = path.with_name(f"{JUDGE.value}.h5")
     if beside == path or not beside.is_file():
         return None
     reference = read_estimate(beside)

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from auvid_cli.config.experiment import RunSettings
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.filter_name import JUDGE
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import read_dataset
 from auvid_cli.data.estimate import Estimate
@@ -61,5 +61,5 @@ def read_results(folder: Path) -> tuple[Dataset, list[Estimate]]:
         raise FileError(f"{why} than that of {estimates[0].filter}, and tables show all together; identify again")
     if dataset.truth is None:
         # Nothing else says which of them is right.
-        estimates.sort(key=lambda estimate: estimate.filter != FilterName.SMOOTHER)
+        estimates.sort(key=lambda estimate: estimate.filter != JUDGE)
     return dataset, estimates

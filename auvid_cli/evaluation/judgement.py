@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.filter_name import JUDGE
 from auvid_cli.data.estimate import Estimate, FaultTest
 from auvid_cli.data.innovations import LAGS, Innovations
 from auvid_cli.evaluation.consistency import status_of
@@ -93,7 +93,7 @@ def judge(estimates: Sequence[Estimate]) -> dict[str, Judgement]:
 
 def reference_among(estimates: Sequence[Estimate]) -> Estimate | None:
     """Return the iterated smoother's estimate, by which the others are judged; None if there is none."""
-    return next((estimate for estimate in estimates if estimate.filter == FilterName.SMOOTHER), None)
+    return next((estimate for estimate in estimates if estimate.filter == JUDGE), None)
 
 
 def judge_one(estimate: Estimate, reference: Estimate | None) -> Judgement:
