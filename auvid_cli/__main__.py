@@ -4,7 +4,7 @@ import gc
 import sys
 
 from auvid_cli.cli.exit_codes import INTERRUPTED, WRONG_INPUT
-from auvid_cli.cli.streams import complain_of, finish, prepare
+from auvid_cli.cli.streams import complain_of, finish, prepare_streams
 
 if "__mp_main__" in sys.modules:
     # A worker of a campaign begins by loading this program again, long before anything that looks after it is loaded.
@@ -15,7 +15,7 @@ if "__mp_main__" in sys.modules:
 
 def main() -> None:
     """Run the command line."""
-    prepare()
+    prepare_streams()
     code: int | str | None
     try:
         # Here, because loading the commands takes a moment in which one may be interrupted as well.

@@ -25,6 +25,9 @@ MAY_IMPORT = {
 }
 MAY_IMPORT["api"] = {*MAY_IMPORT} - {"campaign", "filters", "report", "vehicle"}
 MAY_IMPORT["cli"] = {"api", "campaign", "config", "data", "report"}
+# Steps of the command line and of the Python API, named as what they do on the other side of their wall; and programs.
+MIRRORED = {"check", "evaluate", "identifiability", "identify", "import_logs", "inspect", "judge", "load_experiment"}
+MIRRORED |= {"main", "read_dataset", "read_estimate", "simulate", "validate", "write_dataset"}
 MODULES = [path for path in PACKAGE.rglob("*.py") if path.parent != PACKAGE]
 
 
@@ -87,6 +90,15 @@ def test_no_two_modules_define_a_public_type_of_the_same_name():
                 # An alias that is the same everywhere is one thing.
                 definitions.setdefault(name, set()).add(definition or str(path))
     assert [name for name, different in definitions.items() if len(different) > 1] == []
+
+
+def test_no_two_modules_define_a_public_function_of_the_same_name():
+    modules: dict[str, set[str]] = {}
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+                modules.setdefault(node.name, set()).add(str(path))
+    assert {name for name, places in modules.items() if len(places) > 1} == MIRRORED
 
 
 def defined_types(node: ast.stmt) -> list[tuple[str, str]]:

@@ -1,6 +1,6 @@
 """Verdicts on estimates."""
 
-from auvid_cli.api.preparation import prepare
+from auvid_cli.api.preparation import prepare_checked
 from auvid_cli.data.check import Checks
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
@@ -34,7 +34,7 @@ def check(dataset: Dataset, *estimates: Estimate) -> Checks:
     >>> [verdict.check for verdict in auvid.check(dataset, estimate) if verdict.passed is False]
     []
     """
-    prepared = prepare(dataset, *estimates)
+    prepared = prepare_checked(dataset, *estimates)
     bounds_of = BoundsOf(prepared)
     judgements = judge(estimates)
     return Checks(

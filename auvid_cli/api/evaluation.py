@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from auvid_cli.api.preparation import prepare
+from auvid_cli.api.preparation import prepare_checked
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation import evaluate as evaluation
@@ -66,4 +66,4 @@ def evaluate(dataset: Dataset, *estimates: Estimate) -> Evaluation:
     >>> list(tables)
     ['coefficients', 'summary', 'velocity_error', 'consistency', 'sensor_errors', 'faults']
     """
-    return Evaluator(prepare(dataset, *estimates)).evaluate(estimates)
+    return Evaluator(prepare_checked(dataset, *estimates)).evaluate(estimates)

@@ -11,7 +11,7 @@ from auvid_cli.data.estimate_file import read_estimate, read_reference
 from auvid_cli.data.files import keep_apart, write_text
 from auvid_cli.data.netcdf import digest
 from auvid_cli.export.formats import FORMATS, check_stem, default_stem
-from auvid_cli.export.heading import doubts
+from auvid_cli.export.heading import reservations
 from auvid_cli.export.losses import loss_lines
 from auvid_cli.export.model import model_found_by
 
@@ -47,7 +47,7 @@ class Export:
         self._model = model_found_by(estimate, dataset, sha256, reference)
         self._losses = self._form.losses(self._model)
         self.file_name = f"{default_stem(self._model)}{self._form.suffix}"
-        self.remarks = [*doubts(self._model), *loss_lines(self._losses)]
+        self.remarks = [*reservations(self._model), *loss_lines(self._losses)]
 
     def text(self, file: Path) -> str:
         """Return the text of a file of that name.

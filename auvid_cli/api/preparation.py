@@ -7,12 +7,13 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.netcdf import digest
 from auvid_cli.errors import DataError, FileError
-from auvid_cli.identification import prepared_data
-from auvid_cli.identification.prepared_data import PreparedData
+from auvid_cli.identification.prepared_data import PreparedData, prepare
+
+__all__ = ["prepare", "prepare_checked", "refuse_estimates_of_others", "refuse_to_replace"]
 
 
-def prepare(dataset: Dataset, *estimates: Estimate) -> PreparedData:
-    """Prepare a dataset for filters, or to evaluate estimates that were made from it.
+def prepare_checked(dataset: Dataset, *estimates: Estimate) -> PreparedData:
+    """Prepare a dataset to evaluate estimates, after a look at whether they were made from it.
 
     Raises
     ------
@@ -20,7 +21,7 @@ def prepare(dataset: Dataset, *estimates: Estimate) -> PreparedData:
         If the dataset of an estimate is another, or nothing of the data can be used.
     """
     refuse_estimates_of_others(dataset, estimates)
-    return prepared_data.prepare(dataset)
+    return prepare(dataset)
 
 
 def refuse_estimates_of_others(dataset: Dataset, estimates: Iterable[Estimate]) -> None:

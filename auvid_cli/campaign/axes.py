@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from auvid_cli.config.campaign import CampaignAxis, Distribution
-from auvid_cli.config.position import Mistake, Path, report
+from auvid_cli.config.position import Mistake, Path, mistakes_text
 from auvid_cli.config.tree import Tree
 from auvid_cli.errors import ConfigError
 
@@ -33,7 +33,7 @@ class Option(NamedTuple):
     known: bool
 
 
-def options(axis: CampaignAxis, written: Tree, experiment: Mapping[str, Any]) -> list[Callable[[int], Option]]:
+def axis_options(axis: CampaignAxis, written: Tree, experiment: Mapping[str, Any]) -> list[Callable[[int], Option]]:
     """Return the options of an axis, each as a function of the seed.
 
     Parameters
@@ -114,9 +114,11 @@ def _times(factor: Any, setting: Path, experiment: Mapping[str, Any], place: Tre
         value = value.get("value")
     numbers = value if isinstance(value, list) else [value]
     if isinstance(factor, bool) or not isinstance(factor, int | float):
-        raise ConfigError(report([Mistake(place.at, setting, f"`relative` multiplies by numbers, got {factor!r}")]))
+        raise ConfigError(
+            mistakes_text([Mistake(place.at, setting, f"`relative` multiplies by numbers, got {factor!r}")])
+        )
     if not numbers or not all(isinstance(number, int | float) for number in numbers):
         message = "`relative` multiplies a number, and the experiment states none there"
-        raise ConfigError(report([Mistake(place.at, setting, message)]))
+        raise ConfigError(mistakes_text([Mistake(place.at, setting, message)]))
     scaled = [factor * float(number) for number in numbers]
     return scaled if isinstance(value, list) else scaled[0]

@@ -64,7 +64,7 @@ def perform(group: RunGroup, with_estimates: bool = False) -> list[Performed]:
         return [_perform(group.simulated, run, assumed, with_estimates) for run, assumed in pairs]
 
 
-def shortened(group: RunGroup, duration: float) -> tuple[RunGroup, float]:
+def shortened_group(group: RunGroup, duration: float) -> tuple[RunGroup, float]:
     """Cut a group to the beginning of its data, s, all of which counts; say what share of its data that is."""
     whole = Experiment.model_validate_json(group.simulated).manoeuvre.duration
     part = min(duration, whole)

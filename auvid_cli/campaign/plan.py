@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from auvid_cli import __version__
-from auvid_cli.campaign.axes import Change, Label, Option, changes_in, options
+from auvid_cli.campaign.axes import Change, Label, Option, axis_options, changes_in
 from auvid_cli.campaign.measures import Measure
 from auvid_cli.config.assemble import assemble, with_changes
 from auvid_cli.config.campaign import Campaign, FilterVariant
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.load import find_experiment, given_settings, open_source, validated
-from auvid_cli.config.position import Mistake, report
+from auvid_cli.config.position import Mistake, mistakes_text
 from auvid_cli.config.tree import Tree
 from auvid_cli.data.netcdf import digest
 from auvid_cli.errors import ConfigError
@@ -111,7 +111,7 @@ class CampaignPlan:
             source = open_source(beside if beside.is_file() else find_experiment(campaign.experiment))
         except ConfigError as error:
             at = tree.child("experiment") or tree
-            raise ConfigError(report([Mistake(at.at, ("experiment",), str(error))])) from None
+            raise ConfigError(mistakes_text([Mistake(at.at, ("experiment",), str(error))])) from None
         self._base, self._folder = assemble(source), source.folder
         experiment = self._experiment([])
         # None named: those of the experiment.
@@ -126,9 +126,9 @@ class CampaignPlan:
             if axis.column in Measure._fields
         ]
         if taken:
-            raise ConfigError(report(taken))
+            raise ConfigError(mistakes_text(taken))
         self._refuse_too_many()
-        axes = [options(*pair, settings) for pair in zip(campaign.vary, written, strict=True)]
+        axes = [axis_options(*pair, settings) for pair in zip(campaign.vary, written, strict=True)]
         self._cells = list(product(*axes))
         self._fixed: list[_Resolved] = []
         seed = campaign.seed_list[0]
@@ -189,7 +189,7 @@ class CampaignPlan:
                 f"{self.campaign.n_seeds:,} seeds, are too many: a campaign has at most {MOST_RUNS:,} runs and "
                 f"{MOST_COMBINATIONS:,} combinations; make several of it"
             )
-            raise ConfigError(report([Mistake(self._tree.at, (), message)]))
+            raise ConfigError(mistakes_text([Mistake(self._tree.at, (), message)]))
 
     def _of_seed(self, seed: int) -> Iterator[_Triple]:
         if any(axis.draw for axis in self.campaign.vary):

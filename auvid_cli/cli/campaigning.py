@@ -9,7 +9,7 @@ from typing import NamedTuple
 from auvid_cli.campaign.axes import Label
 from auvid_cli.campaign.engine import cluster_client, n_threads, perform_groups
 from auvid_cli.campaign.findings import find, in_order
-from auvid_cli.campaign.perform import perform, shortened
+from auvid_cli.campaign.perform import perform, shortened_group
 from auvid_cli.campaign.plan import CampaignPlan
 from auvid_cli.campaign.store import Store, locked
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
@@ -85,7 +85,7 @@ def _seconds_of_a_run(plan: CampaignPlan) -> tuple[float | None, str]:
     """Measure what a run takes, by some that are cut short; if those fail, return None, and why."""
     taken, failure, begin = [], "", perf_counter()
     for example in plan.examples(_PROBES):
-        group, share = shortened(example, _PROBED)
+        group, share = shortened_group(example, _PROBED)
         if not taken:
             # What is loaded once is no part of it.
             perform(group)

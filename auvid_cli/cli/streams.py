@@ -9,7 +9,7 @@ from auvid_cli.cli.exit_codes import WRONG_INPUT
 from auvid_cli.printable import printable_lines
 
 
-def prepare() -> None:
+def prepare_streams() -> None:
     """Open what is closed, and let what a terminal has no sign for be written as its code."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         # The next file to be opened would take its number, and with it what libraries and other processes say.

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from auvid_cli.config.assemble import assemble, read_source
 from auvid_cli.config.experiment import Experiment, ImportedRun, RunSettings
 from auvid_cli.config.locate import locate
-from auvid_cli.config.position import ConfigSource, Mistake, report
+from auvid_cli.config.position import ConfigSource, Mistake, mistakes_text
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.tree import Tree
 from auvid_cli.errors import ConfigError
@@ -164,7 +164,7 @@ def validated(model: type[AnySettings], tree: Tree, mistakes: list[Mistake]) -> 
     else:
         if not mistakes:
             return settings
-    raise ConfigError(report(mistakes))
+    raise ConfigError(mistakes_text(mistakes))
 
 
 def _given(settings: Any) -> Any:

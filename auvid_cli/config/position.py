@@ -88,7 +88,7 @@ def dotted(path: Path) -> str:
     return ".".join(map(str, path))
 
 
-def report(mistakes: Iterable[Mistake]) -> str:
+def mistakes_text(mistakes: Iterable[Mistake]) -> str:
     """Write the first mistakes file by file: a line each, then the line of the file for those at one place."""
     ordered = list(mistakes)
     ranks = {file: rank for rank, file in enumerate(dict.fromkeys(mistake.at.file for mistake in ordered))}

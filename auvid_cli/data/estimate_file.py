@@ -28,7 +28,7 @@ from auvid_cli.data.netcdf_reading import (
     subgroup,
     subgroups,
 )
-from auvid_cli.data.soundness import check_estimate, check_innovations
+from auvid_cli.data.soundness import check_estimated_states, check_innovations
 from auvid_cli.vehicle.parameters import SENSORS
 
 # Of more than so many events or measurements of a sensor, every so many are read: evenly spaced, they say the same.
@@ -222,7 +222,7 @@ def read_estimate(path: Path) -> Estimate:
             dataset_sha256=known.dataset_sha256,
             faults=_read_faults(subgroup(file, "faults")) if "faults" in file else (),
         )
-        check_estimate(estimate)
+        check_estimated_states(estimate)
     return estimate
 
 

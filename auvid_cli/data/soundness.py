@@ -77,7 +77,7 @@ def _check_truth(truth: TruthRecord) -> None:
         raise ValueError(f"/truth has coefficients that the model does not know: {', '.join(unknown)}")
 
 
-def check_estimate(estimate: Estimate) -> None:
+def check_estimated_states(estimate: Estimate) -> None:
     """Look at the augmented state over time, its covariance, what was held and faults; not at innovations.
 
     Raises

@@ -5,7 +5,7 @@ import json
 import yaml
 
 from auvid_cli.config.load import dump_experiment
-from auvid_cli.export.heading import doubts
+from auvid_cli.export.heading import reservations
 from auvid_cli.export.losses import NOTHING, Losses
 from auvid_cli.export.model import IdentifiedModel
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
@@ -32,7 +32,7 @@ def json_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
         "filter": model.filter,
         "status": str(model.judgement.grade),
         "reason": model.judgement.reason,
-        "doubts": doubts(model),
+        "doubts": reservations(model),
         "parameters": {
             q.symbol: {"value": parameters[q.symbol], "unit": q.unit, "meaning": q.meaning} for q in PARAMETERS
         },

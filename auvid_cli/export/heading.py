@@ -15,12 +15,12 @@ def heading_lines(model: IdentifiedModel, losses: Losses) -> list[str]:
         f"from {origin.estimate},",
         f"made from {origin.dataset}",
         f"(experiment {experiment.name}, seed {experiment.seed}; all settings stand in the estimate file).",
-        *doubts(model),
+        *reservations(model),
         *loss_lines(losses),
     ]
 
 
-def doubts(model: IdentifiedModel) -> list[str]:
+def reservations(model: IdentifiedModel) -> list[str]:
     """Say what speaks against the estimate and its coefficients, a sentence each."""
     sentences = []
     if model.judgement.grade is not Grade.SOUND:

@@ -36,7 +36,7 @@ class LeastSquaresFit(NamedTuple):
     evaluations: int
 
 
-def fit(
+def fit_free_motion(
     problem: JointProblem,
     start: Array,
     gaussian: Gaussian | None,

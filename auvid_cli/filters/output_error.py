@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.filters.information import Information
-from auvid_cli.filters.least_squares import LeastSquaresFit, fit
+from auvid_cli.filters.least_squares import LeastSquaresFit, fit_free_motion
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import (
     NOT_CONVERGED,
@@ -80,8 +80,8 @@ def run_output_error(
         firsts = problem._replace(segments=[FirstEvents(timelines, n_events) for timelines in problem.segments])
         if n_events < longest:
             about_start, evaluations = Gaussian(start, prior.factor), min(evaluations, _EVALUATIONS_OF_A_SPAN)
-            return fit(firsts, start, about_start, box, _COARSE, evaluations)
-        return fit(firsts, start, prior if use_prior else None, box, _FINE, evaluations)
+            return fit_free_motion(firsts, start, about_start, box, _COARSE, evaluations)
+        return fit_free_motion(firsts, start, prior if use_prior else None, box, _FINE, evaluations)
 
     guess = _filtered(problem)
     start, span = (prior.mean, _FIRST_SPAN_FROM_AFAR) if guess is None else (guess, _FIRST_SPAN)

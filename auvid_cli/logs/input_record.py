@@ -10,7 +10,7 @@ from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.logs.columns import ColumnReader
 from auvid_cli.logs.import_report import ImportSummary, summary_of
 from auvid_cli.logs.inputs import Channel, hold, mix, moved_by, propeller_thrust, thruster_force
-from auvid_cli.logs.measurements import read_rows
+from auvid_cli.logs.measurements import read_request
 from auvid_cli.logs.refusals import Refusals, RefusedError
 from auvid_cli.logs.requests import Request
 from auvid_cli.logs.sensor_motion import interpolate
@@ -76,7 +76,7 @@ def _read(
     signal = settings.channels()[key]
     if signal.si == "turn/s" and not request.values[key[-1]].has_unit:
         raise RefusedError(request.path, "has no unit: state the `unit` of the log's numbers, `unit: rpm` or `turn/s`")
-    rows = read_rows(request, {key[-1]: signal}, None, columns)
+    rows = read_request(request, {key[-1]: signal}, None, columns)
     values = rows.values[key[-1]]
     known = np.isfinite(values)
     if not known.any():

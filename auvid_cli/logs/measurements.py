@@ -58,7 +58,7 @@ class MeasuredRows(NamedTuple):
     overlaps: list[Overlap]
 
 
-def read_rows(
+def read_request(
     request: Request, signals: Mapping[str, LogSignal], validity: Validity | None, columns: ColumnReader
 ) -> MeasuredRows:
     """Read what a request asks for.
@@ -166,7 +166,7 @@ def is_valid(flags: ColumnValues, validity: Validity) -> NDArray[np.bool_]:
     return np.isin(flags, [float(value) for value in validity.values if not isinstance(value, str)])
 
 
-def check_size(path: Path, numbers: Array, unit: str) -> None:
+def check_plausible(path: Path, numbers: Array, unit: str) -> None:
     """Raise RefusedError if most of the larger numbers are what no underwater vehicle does."""
     sizes = np.abs(numbers[np.isfinite(numbers)])
     limit = _IMPOSSIBLE.get(unit, np.inf)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from auvid_cli.config.locate import at_value
-from auvid_cli.config.position import Mistake, Path, report
+from auvid_cli.config.position import Mistake, Path, mistakes_text
 from auvid_cli.config.tree import Tree
 from auvid_cli.errors import ConfigError
 
@@ -49,7 +49,7 @@ class Refusals:
     def stop_if_any(self) -> None:
         """Raise ConfigError with all mistakes kept so far."""
         if self._mistakes:
-            raise ConfigError(report(self._mistakes))
+            raise ConfigError(mistakes_text(self._mistakes))
 
     def __len__(self) -> int:
         return self._said

@@ -15,7 +15,7 @@ from auvid_cli.data.noise import Noise, estimate_noise
 from auvid_cli.logs.columns import ColumnReader
 from auvid_cli.logs.gaps import Gaps, TimeSpans, find_gaps
 from auvid_cli.logs.import_report import ImportSummary, summary_of
-from auvid_cli.logs.measurements import MeasuredRows, check_size, read_rows, without_repeats
+from auvid_cli.logs.measurements import MeasuredRows, check_plausible, read_request, without_repeats
 from auvid_cli.logs.refusals import Refusals, RefusedError
 from auvid_cli.logs.requests import Request
 from auvid_cli.logs.sensor_motion import depth_at_origin, interpolate
@@ -83,13 +83,13 @@ def read_sensors(
 
 
 def _read(name: str, sensor: SensorMap, request: Request, columns: ColumnReader) -> tuple[MeasuredRows, Array]:
-    rows = read_rows(request, sensor.signals(), sensor.valid, columns)
+    rows = read_request(request, sensor.signals(), sensor.valid, columns)
     if sensor.repeats == "drop":
         rows = without_repeats(rows)
     values = in_vehicle_axes(sensor, rows, request.path)
     for column, quantity in enumerate(SENSORS[name]):
         if quantity.symbol not in _HEADINGS:
-            check_size(request.path, values[:, column], quantity.unit)
+            check_plausible(request.path, values[:, column], quantity.unit)
     return rows._replace(values={}), values
 
 

@@ -50,19 +50,19 @@ def _table(table: Table) -> str:
         [
             r"\begin{table}[htbp]",
             r"  \centering\small\setlength{\tabcolsep}{4pt}",
-            rf"  \caption{{{escape(table.title)}}}",
+            rf"  \caption{{{escape_latex(table.title)}}}",
             rf"  \label{{tab:{table.key}}}",
             rf"  \begin{{tabular}}{{{alignment}}}",
             r"    \toprule",
             *_group_headings(table),
-            "    " + _line([escape(capitalised(column.header)) for column in table.columns]),
+            "    " + _line([escape_latex(capitalised(column.header)) for column in table.columns]),
             r"    \midrule",
             *("    " + _line([_cell(cell) for cell in row]) for row in table.rows),
             *([r"    \midrule"] if table.totals else []),
             *("    " + _line([_cell(cell) for cell in row]) for row in table.totals),
             r"    \bottomrule",
             r"  \end{tabular}",
-            *(rf"  \par\smallskip {escape(note)}" for note in table.notes),
+            *(rf"  \par\smallskip {escape_latex(note)}" for note in table.notes),
             r"\end{table}",
         ]
     )
@@ -73,7 +73,7 @@ def _group_headings(table: Table) -> list[str]:
     cells, rules, begin = [], [], 1
     for group, members in groupby(column.group for column in table.columns):
         width = len(list(members))
-        cells.append(rf"\multicolumn{{{width}}}{{c}}{{{escape(group)}}}" if group else " & " * (width - 1))
+        cells.append(rf"\multicolumn{{{width}}}{{c}}{{{escape_latex(group)}}}" if group else " & " * (width - 1))
         if group:
             rules.append(rf"\cmidrule(lr){{{begin}-{begin + width - 1}}}")
         begin += width
@@ -97,7 +97,7 @@ def _cell(cell: Cell) -> str:
         case Unidentified(marked):
             return rf"{_cell(marked)}\,$\dagger$"
         case str():
-            return escape(cell)
+            return escape_latex(cell)
     return _number(number(cell))
 
 
@@ -108,6 +108,6 @@ def _number(text: str | None) -> str:
     return rf"${mantissa}\times 10^{{{int(exponent)}}}$" if exponent else f"${mantissa}$"
 
 
-def escape(text: str) -> str:
+def escape_latex(text: str) -> str:
     """Write plain text for LaTeX."""
     return one_line(text).translate(_ESCAPES)

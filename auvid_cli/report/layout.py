@@ -61,7 +61,7 @@ def _columns(group: str, filters: list[str]) -> list[Column]:
     return [Column(filter_label(name), group) for name in filters]
 
 
-def by_coefficient(evaluation: Evaluation) -> dict[str, dict[str, CoefficientResult]]:
+def results_by_coefficient(evaluation: Evaluation) -> dict[str, dict[str, CoefficientResult]]:
     """Return results by coefficient and filter, in the order in which they come."""
     results: dict[str, dict[str, CoefficientResult]] = {}
     for row in evaluation.coefficients:
@@ -79,7 +79,7 @@ def _accuracy(evaluation: Evaluation, with_paper: bool) -> Table:
         return [paper.get(row, {}).get(key, "") for key in keys]
 
     rows: list[list[Cell]] = []
-    for symbol, by_filter in by_coefficient(evaluation).items():
+    for symbol, by_filter in results_by_coefficient(evaluation).items():
         results = [by_filter.get(name) for name in filters]
         any_row = next(iter(by_filter.values()))
         rmse = [row and marked(row, row.rmse) for row in results]
@@ -143,7 +143,7 @@ def estimates(evaluation: Evaluation, filters: Sequence[str], with_truth: bool, 
         return [marked(row, estimate), *[None if error is None else number(error, ERROR_DIGITS)] * has_truth]
 
     rows: list[list[Cell]] = []
-    for symbol, by_filter in by_coefficient(evaluation).items():
+    for symbol, by_filter in results_by_coefficient(evaluation).items():
         any_row = next((by_filter[name] for name in filters if name in by_filter), None)
         if any_row is not None:
             results = (cell for name in filters for cell in cells(by_filter.get(name)))
@@ -156,7 +156,7 @@ def _bounds(evaluation: Evaluation) -> Table:
     """Lay out bounds: at the truth there is one; at each filter's own estimate it is another for each."""
     filters = _filters(evaluation)
     rows: list[list[Cell]] = []
-    results_of = by_coefficient(evaluation)
+    results_of = results_by_coefficient(evaluation)
     has_noise = any(row.bound_with_process_noise is not None for row in evaluation.coefficients)
     differ = any(len({row.cramer_rao_bound for row in by_filter.values()}) > 1 for by_filter in results_of.values())
     for symbol, by_filter in results_of.items():

@@ -48,7 +48,7 @@ def _cell(cell: Cell) -> str:
         case Unidentified(marked):
             return f"{_cell(marked)} †"
         case str():
-            return escape(cell)
+            return escape_markdown(cell)
     return number(cell) or MISSING
 
 
@@ -57,6 +57,6 @@ def _in_a_cell(text: str) -> str:
     return one_line(text).replace("|", r"\|")
 
 
-def escape(text: str) -> str:
+def escape_markdown(text: str) -> str:
     """Write plain text for Markdown."""
     return re.sub(r"(?<!\w)_|_(?!\w)", r"\\_", one_line(text).translate(_MARKS))

@@ -90,7 +90,7 @@ def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Manoeuv
 
 
 @compiled(types.float64(types.float64, types.float64), internal=True)
-def within(value, limit):
+def limited(value, limit):
     """Limit a value."""
     return min(max(value, -limit), limit)
 
@@ -125,19 +125,19 @@ def steer(controls, wanted, tick, period, depth, motion, memory, inputs):
     speed_error = speed - motion[0]
     memory[0] += 0.2 * controls.surge_gain * speed_error * period
     force = controls.drag * speed**2 + controls.surge_gain * speed_error + memory[0] + feedforward[2]
-    force = within(force, controls.largest_force)
+    force = limited(force, controls.largest_force)
 
     turn_error = turn_rate - motion[5]
-    memory[1] = within(memory[1] + turn_error * period, controls.fin_angle)
+    memory[1] = limited(memory[1] + turn_error * period, controls.fin_angle)
     rudder = controls.rudder_gain * (1.5 * controls.length_time * turn_error + memory[1]) + feedforward[0]
     if controls.zigzag_rudder != 0.0 and time >= controls.zigzag_start:
         if memory[3] * motion[8] >= controls.zigzag_heading:
             memory[3] = -memory[3]
         rudder += memory[3] * controls.zigzag_rudder
 
-    pitch = within(controls.depth_gain * depth, 0.35) if controls.depth_gain > 0.0 else controls.pitch
+    pitch = limited(controls.depth_gain * depth, 0.35) if controls.depth_gain > 0.0 else controls.pitch
     pitch_error = pitch - motion[7]
-    memory[2] = within(memory[2] + 0.3 * pitch_error / controls.length_time * period, controls.fin_angle)
+    memory[2] = limited(memory[2] + 0.3 * pitch_error / controls.length_time * period, controls.fin_angle)
     elevator = 1.5 * pitch_error - 1.5 * controls.length_time * motion[4] + memory[2]
     inputs[0], inputs[1] = rudder, controls.elevator_gain * elevator + feedforward[1]
     inputs[2], inputs[3] = force, controls.torque * force + feedforward[3]

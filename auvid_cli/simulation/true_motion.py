@@ -11,7 +11,7 @@ from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import SimulationError
 from auvid_cli.lanes import LANES
-from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, controls_of, steer, within
+from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, controls_of, limited, steer
 from auvid_cli.simulation.manoeuvre_plan import WANTED, ManoeuvrePlan
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
@@ -172,7 +172,7 @@ def _fly(wanted, controls, truth, longest_step, work):
         now = inputs[tick]
         steer(controls, wanted, tick, period, position[tick, 2], motion[tick], work.memory, now)
         for fin in range(2):
-            now[fin] = within(now[fin], controls.fin_angle)
+            now[fin] = limited(now[fin], controls.fin_angle)
             if tick > 0:
                 before, change = inputs[tick - 1, fin], controls.fin_rate * period
                 now[fin] = min(max(now[fin], before - change), before + change)

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from auvid_cli.campaign.perform import perform, shortened
+from auvid_cli.campaign.perform import perform, shortened_group
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.errors import ConfigError
 from auvid_cli.evaluation.bounds import BoundsOf
@@ -31,7 +31,7 @@ def performed(planned):
 
 def test_a_shortened_group_is_the_beginning_of_its_data(planned):
     (group,) = planned(TEXT).groups()
-    short, share = shortened(group, 5.0)
+    short, share = shortened_group(group, 5.0)
     assert share == 0.25
     assert [done.failure for done in perform(short)] == ["", ""]
     assert json.loads(short.simulated)["manoeuvre"]["duration"] == 5.0

@@ -46,7 +46,7 @@ def test_signs_that_a_terminal_lacks_are_written_as_codes():
 
 
 def test_a_name_that_is_no_text_is_said_on_any_stream():
-    line = "from auvid_cli.cli.streams import prepare; prepare(); print('\\udcff é')"
+    line = "from auvid_cli.cli.streams import prepare_streams; prepare_streams(); print('\\udcff é')"
     command = [sys.executable, "-c", line]
     result = subprocess.run(command, capture_output=True, env=os.environ | {"PYTHONIOENCODING": "ascii"}, timeout=60)
     assert result.stdout == b"\\udcff \\xe9\n"

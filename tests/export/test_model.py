@@ -7,7 +7,7 @@ from auvid_cli.config.filter_name import FilterName
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.export.actuation import acting_inputs
-from auvid_cli.export.heading import doubts, heading_lines
+from auvid_cli.export.heading import heading_lines, reservations
 from auvid_cli.export.losses import Losses
 from auvid_cli.export.model import Origin, identified_model
 from auvid_cli.export.terms import EQUATION_ROWS
@@ -58,7 +58,7 @@ def test_what_is_identified_is_what_the_tables_say(estimate, dataset):
         result.coefficient: result.identified for result in coefficient_results(estimate, dataset.truth, bounds, True)
     }
     assert {c.symbol: c.identified for c in model.coefficients if c.identified is not None} == said
-    assert "Z_uude" in doubts(model)[0]
+    assert "Z_uude" in reservations(model)[0]
 
 
 def test_terms_are_sized_along_the_estimated_motion_with_the_inputs_of_the_dataset(model, estimate, dataset):

@@ -11,7 +11,7 @@ from auvid_cli.report.figures import canvas
 from auvid_cli.report.figures.coefficients import coefficient_figure
 from auvid_cli.report.figures.dead_reckoning import dead_reckoned
 from auvid_cli.report.figures.draw import FigureQueue
-from auvid_cli.report.figures.limits import around, padded, value_range, with_near_zero
+from auvid_cli.report.figures.limits import around, value_range, with_margin, with_near_zero
 from auvid_cli.report.figures.motion import motion_figure
 from auvid_cli.report.figures.path import path_figure
 from auvid_cli.report.figures.series import spaced, thin, unwrapped
@@ -227,13 +227,13 @@ def test_unwrapping_passes_over_gaps():
 def test_limits():
     assert value_range(np.array([np.nan, np.inf])) is None
     assert value_range(np.array([1.0, np.nan]), np.array([-2.0])) == (-2.0, 1.0)
-    assert padded(3.0, 3.0) == pytest.approx((2.85, 3.15))
-    assert padded(0.0, 0.0) == (-1.0, 1.0)
+    assert with_margin(3.0, 3.0) == pytest.approx((2.85, 3.15))
+    assert with_margin(0.0, 0.0) == (-1.0, 1.0)
     assert with_near_zero(1.0, 11.0) == (0.0, 11.0)
     assert with_near_zero(5.0, 6.0) == (5.0, 6.0)
     assert with_near_zero(-11.0, -1.0) == (-11.0, 0.0)
     assert around(None, None) == (-1.0, 1.0)
-    assert around((0.0, 1.0), (-100.0, 1.5)) == padded(-1.0, 1.5)
+    assert around((0.0, 1.0), (-100.0, 1.5)) == with_margin(-1.0, 1.5)
 
 
 @pytest.mark.parametrize(("low", "high"), [(15.0, 19.0), (30.0, 300.0), (0.1, 2000.0)])

@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from auvid_cli.report.latex import escape, render_latex
+from auvid_cli.report.latex import escape_latex, render_latex
 from auvid_cli.report.layout import lay_out
 from auvid_cli.report.markdown import render_markdown
 from auvid_cli.report.notation import symbol_math, unit_latex, unit_text
@@ -139,8 +139,8 @@ def test_latex_balances_and_is_rectangular(evaluation):
 
 
 def test_latex_escapes_what_it_must():
-    assert escape("50 % of a_b & c#") == r"50 \% of a\_b \& c\#"
-    assert escape("\\") == r"\textbackslash{}"
+    assert escape_latex("50 % of a_b & c#") == r"50 \% of a\_b \& c\#"
+    assert escape_latex("\\") == r"\textbackslash{}"
 
 
 def test_a_diverged_filter_is_said_to_be_and_has_dashes(evaluation):

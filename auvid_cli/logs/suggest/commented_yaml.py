@@ -43,7 +43,7 @@ Flow: TypeAlias = "str | int | Mapping[str, Flow] | tuple[Flow, ...] | None"
 Value: TypeAlias = "Flow | list[Line] | list[YamlEntry]"
 
 
-def yaml_text(lines: Iterable[Line]) -> str:
+def commented_text(lines: Iterable[Line]) -> str:
     """Write a mapping."""
     return "".join(f"{printable(line)}\n" for line in _block(lines, ""))
 

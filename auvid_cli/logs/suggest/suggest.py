@@ -12,7 +12,7 @@ from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.config.magnitudes import magnitude_of
 from auvid_cli.data.noise import estimate_noise
 from auvid_cli.logs.formats.log import Log, LogColumn
-from auvid_cli.logs.suggest.commented_yaml import Comment, Line, Phrase, YamlEntry, yaml_text
+from auvid_cli.logs.suggest.commented_yaml import Comment, Line, Phrase, YamlEntry, commented_text
 from auvid_cli.logs.suggest.inputs import input_lines
 from auvid_cli.logs.suggest.names import (
     QUATERNION_NAMES,
@@ -61,7 +61,7 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
     """
     names = _log_names(logs)
     files = [YamlEntry(name, os.path.relpath(log.path, folder)) for name, log in names.items()]
-    return yaml_text(
+    return commented_text(
         [
             Comment("A map suggested by auvid: look at every line with `check:`, replace every null with `required:`."),
             YamlEntry("name", next(iter(names))),

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from auvid_cli.data.estimate import Course
-from auvid_cli.report.figures.limits import padded, value_range, with_near_zero
+from auvid_cli.report.figures.limits import value_range, with_margin, with_near_zero
 from auvid_cli.report.figures.series import spaced, thin
 from auvid_cli.report.figures.style import (
     BAND_ALPHA,
@@ -98,4 +98,4 @@ def _limits(estimates: list[Course], symbol: str, true: float | None) -> tuple[f
         mean, spread = estimate.mean[late, column], 2.0 * estimate.standard_deviation[late, column]
         extents += [mean - spread, mean + spread]
     low, high = value_range(*extents) or (0.0, 0.0)
-    return padded(*with_near_zero(low, high))
+    return with_margin(*with_near_zero(low, high))

@@ -19,7 +19,7 @@ def value_range(*series: Array) -> tuple[float, float] | None:
     return min(float(values.min()) for values in present), max(float(values.max()) for values in present)
 
 
-def padded(low: float, high: float) -> tuple[float, float]:
+def with_margin(low: float, high: float) -> tuple[float, float]:
     """Leave some room on both sides; a point gets room of its own size."""
     room = _MARGIN * (high - low) or 0.05 * abs(high) or 1.0
     return low - room, high + room
@@ -34,9 +34,9 @@ def with_near_zero(low: float, high: float) -> tuple[float, float]:
 def around(reference: tuple[float, float] | None, others: tuple[float, float] | None) -> tuple[float, float]:
     """Leave room for the reference, and for the others as far as they stray no further than its own height."""
     if reference is None:
-        return padded(*others) if others is not None else (-1.0, 1.0)
+        return with_margin(*others) if others is not None else (-1.0, 1.0)
     low, high = reference
     if others is not None:
         height = high - low
         low, high = max(min(low, others[0]), low - height), min(max(high, others[1]), high + height)
-    return padded(low, high)
+    return with_margin(low, high)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Course
 from auvid_cli.report.figures.dead_reckoning import dead_reckoned
-from auvid_cli.report.figures.limits import padded, value_range
+from auvid_cli.report.figures.limits import value_range, with_margin
 from auvid_cli.report.figures.series import spaced
 from auvid_cli.report.figures.style import legend_above, new_figure, say, tidy
 from auvid_cli.report.notation import filter_label
@@ -105,7 +105,7 @@ def _end(marker: str, face: str) -> dict[str, Any]:
 
 
 def _range(values: Array) -> tuple[float, float]:
-    return padded(*(value_range(values) or (0.0, 0.0)))
+    return with_margin(*(value_range(values) or (0.0, 0.0)))
 
 
 def _square(east: Array, north: Array) -> list[tuple[float, float]]:
