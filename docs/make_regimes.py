@@ -36,7 +36,7 @@ def against_reference(found: Findings, settings: dict[str, object]) -> str:
     for row in own.to_dict("records"):
         if _REFERENCE in (row["first"], row["second"]):
             other = row["second"] if row["first"] == _REFERENCE else row["first"]
-            said.setdefault(row["verdict"].replace(other, "it"), []).append(other)
+            said.setdefault(row["conclusion"].replace(other, "it"), []).append(other)
     words = {
         "tie": "tie",
         "no difference found": "cannot be told",
@@ -45,7 +45,7 @@ def against_reference(found: Findings, settings: dict[str, object]) -> str:
         "it diverges more often": "lost more often",
         f"{_REFERENCE} diverges more often": "lost less often",
     }
-    return "; ".join(f"{words[verdict]}: {', '.join(others)}" for verdict, others in said.items())
+    return "; ".join(f"{words[conclusion]}: {', '.join(others)}" for conclusion, others in said.items())
 
 
 def main() -> None:

@@ -54,7 +54,7 @@ class Outcome(NamedTuple):
     errors: list[float]
     deviations: list[float]
     nis: dict[str, float]
-    status_of: str
+    status: str
     unobserved: list[str]
 
 
@@ -63,13 +63,13 @@ def outcomes(job: tuple[str, int]) -> list[Outcome]:
     setting, seed = job
     experiment, overrides = _SETTINGS[setting]
     dataset = simulate(load_experiment(find_experiment(experiment), (f"seed={seed}", *overrides)))
-    found, bounds_of = [], BoundsOf(prepare(dataset))
+    by_filter, bounds_of = [], BoundsOf(prepare(dataset))
     for name in FilterName:
         estimate = identify(dataset, name)
         bounds = bounds_of(estimate).of_data
         # Whether a coefficient counts as identified is nothing that is said here.
         results = coefficient_results(estimate, dataset.truth, bounds, is_sound=False)
-        found.append(
+        by_filter.append(
             Outcome(
                 estimate.filter,
                 average_steady_state_error(results),
@@ -80,7 +80,7 @@ def outcomes(job: tuple[str, int]) -> list[Outcome]:
                 [row.state for row in sensor_error_results(estimate) if not row.observed],
             )
         )
-    return found
+    return by_filter
 
 
 def _seed_rows(setting: str, runs: Iterable[list[Outcome]]) -> list[str]:
@@ -89,7 +89,7 @@ def _seed_rows(setting: str, runs: Iterable[list[Outcome]]) -> list[str]:
         errors = [one.average_error for one in of_filter if one.average_error is not None]
         sensors = of_filter[0].nis
         nis = ", ".join(f"{sensor} {np.mean([one.nis[sensor] for one in of_filter]):.3g}" for sensor in sensors)
-        said = ", ".join(f"{count} {text}" for text, count in Counter(one.verdict for one in of_filter).most_common())
+        said = ", ".join(f"{count} {text}" for text, count in Counter(one.status for one in of_filter).most_common())
         unseen = ", ".join(f"{s} ({n})" for s, n in Counter(s for one in of_filter for s in one.unobserved).items())
         efficiency = np.sqrt(np.mean(np.square([one.errors for one in of_filter])))
         claimed = np.median(np.concatenate([one.deviations for one in of_filter]))
@@ -110,14 +110,14 @@ def manoeuvre_row(job: tuple[str, str]) -> str:
         overrides += [f"manoeuvre=manoeuvres/{manoeuvre}.yaml", speed, "manoeuvre.duration=300 s"]
     start = f"| {own.vehicle.name} | {manoeuvre} |"
     try:
-        found = assess_dataset(simulate(load_experiment(find_experiment(vehicle), tuple(overrides))))
+        identifiability = assess_dataset(simulate(load_experiment(find_experiment(vehicle), tuple(overrides))))
     except SimulationError as error:
         return f"{start} {str(error).split(';')[0]} | | | | | |"
-    counts = Counter(bound.verdict for bound in found.bounds)
-    worst = sorted((b for b in found.bounds if b.percent > 5.0), key=lambda b: -b.percent)
+    counts = Counter(bound.label for bound in identifiability.bounds)
+    worst = sorted((b for b in identifiability.bounds if b.percent > 5.0), key=lambda b: -b.percent)
     named = ", ".join(rf"{b.coefficient} {b.percent:.2g}".replace("|", r"\|") for b in worst)
     numbers = [f"{counts[label]}" for label in ("within 1 %", "within 5 %", "within 20 %", "not identified")]
-    median = np.median([bound.percent for bound in found.bounds])
+    median = np.median([bound.percent for bound in identifiability.bounds])
     return f"{start} {median:.2g} | {' | '.join(numbers)} | {named} |"
 
 

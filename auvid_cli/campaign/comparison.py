@@ -55,7 +55,7 @@ def compare_filters(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
         table[f"{p}_adjusted"] = np.nan
         if tested.any():
             table.loc[tested, f"{p}_adjusted"] = false_discovery_control(table.loc[tested, p])
-    table["verdict"] = [_conclusion(row) for row in table.to_dict("records")]
+    table["conclusion"] = [_conclusion(row) for row in table.to_dict("records")]
     return table
 
 

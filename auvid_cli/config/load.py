@@ -121,7 +121,7 @@ def shipped_configs() -> Path:
 
 def find_campaign(name: str) -> Path:
     """Find a campaign file, as `find_experiment` finds that of an experiment."""
-    return _found(name, shipped_configs() / "campaigns", "a campaign")
+    return _file_or_shipped(name, shipped_configs() / "campaigns", "a campaign")
 
 
 def find_experiment(name: str | None) -> Path:
@@ -138,10 +138,10 @@ def find_experiment(name: str | None) -> Path:
         If it is neither; the message lists the shipped experiments.
     """
     folder = shipped_configs()
-    return folder / "spiral.yaml" if name is None else _found(name, folder, "an experiment")
+    return folder / "spiral.yaml" if name is None else _file_or_shipped(name, folder, "an experiment")
 
 
-def _found(name: str, folder: Path, what: str) -> Path:
+def _file_or_shipped(name: str, folder: Path, what: str) -> Path:
     shipped = {path.stem: path for path in sorted(folder.glob("*.yaml"))}
     path = Path(name)
     if name in shipped and not path.is_file():

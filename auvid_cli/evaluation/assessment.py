@@ -30,8 +30,8 @@ class CoefficientBound(NamedTuple):
         Smallest standard deviation of any unbiased estimate, SI; infinite where the data say nothing.
     percent : float
         Of the value; where that is zero, of the natural magnitude of a body of this size.
-    verdict : str
-        One of `CLASSES`.
+    label : str
+        One of `CLASSES`; the column ``verdict``.
     best_sensor : str
         Whose measurements say most of it.
     best_share : float
@@ -45,7 +45,7 @@ class CoefficientBound(NamedTuple):
     value: float
     cramer_rao_bound: float
     percent: float
-    verdict: str
+    label: str
     best_sensor: str
     best_share: float
     group: str
@@ -116,9 +116,10 @@ class Identifiability(NamedTuple):
 
     def tables(self) -> dict[str, NamedRows]:
         """Return the rows of each CSV file, by its name."""
+        columns = tuple("verdict" if name == "label" else name for name in CoefficientBound._fields)
         groups = [group._replace(members=" ".join(group.members)) for group in self.groups]
         return {
-            "identifiability": NamedRows(CoefficientBound._fields, self.bounds),
+            "identifiability": NamedRows(columns, self.bounds),
             "collinear": NamedRows(Collinear._fields, groups),
         }
 

@@ -143,11 +143,11 @@ def _doubt_of_faults(reference: Estimate) -> Judgement | None:
         return None
     worst = beyond[0]
     if _is_other_answer(worst):
-        return Judgement(Grade.DOUBTFUL, _told(worst), remedy_of_fault(worst.fault))
+        return Judgement(Grade.DOUBTFUL, _fault_with_size(worst), remedy_of_fault(worst.fault))
     # A model that does not hold for all segments looks like many a fault.
-    disagreeing = next((f", and {_told(test)}" for test in beyond if _is_other_answer(test)), "")
+    disagreeing = next((f", and {_fault_with_size(test)}" for test in beyond if _is_other_answer(test)), "")
     without = _WITHOUT_AHRS if _is_from_ahrs(reference) else ""
-    reason = f"{_ahrs_or(reference)}{_told(worst)}{disagreeing}"
+    reason = f"{_ahrs_or(reference)}{_fault_with_size(worst)}{disagreeing}"
     return Judgement(Grade.DOUBTFUL, reason, f"{without}{remedy_of_fault(worst.fault)}")
 
 
@@ -162,7 +162,7 @@ def _is_other_answer(test: FaultTest) -> bool:
     return test.fault.startswith((ANOTHER_MINIMUM, SEGMENT))
 
 
-def _told(test: FaultTest) -> str:
+def _fault_with_size(test: FaultTest) -> str:
     """Name a fault with its size."""
     what = f"{test.fault} has another {test.coefficient}" if _is_other_answer(test) else test.fault
     unit = "" if test.unit == "1" else f" {test.unit}"

@@ -15,9 +15,9 @@ from auvid_cli.vehicle.kinematics import GRAVITY
 Array = NDArray[np.float64]
 
 _USUAL, _LARGEST = np.deg2rad(2.0), np.deg2rad(5.0)
-# s, of a piece of the run, at least; and how many pieces there are at most.
-_PIECE, _MOST_PIECES = 10.0, 1000
-# Pieces in a row that an offset lasts, so that it is one.
+# s, of an interval of the run, at least; and how many intervals there are at most.
+_INTERVAL, _MOST_INTERVALS = 10.0, 1000
+# Intervals in a row that an offset lasts, so that it is one.
 _FEWEST_IN_A_ROW = 2
 # Share of the usual speed at which the vehicle goes where its nose points.
 _AHEAD = 0.5
@@ -30,7 +30,7 @@ class PitchOffset(NamedTuple):
     Attributes
     ----------
     usual : float
-        Median over pieces of the run, rad.
+        Median over intervals of the run, rad.
     away : float or None
         Where it is too large for a while only: its median over that time, rad; `span` is the longest such time, s, and
         `rest` the median of the others.
@@ -77,39 +77,41 @@ def fit_over_seconds(signals: Signals, dive: Tie) -> Regression | None:
 
     An offset that comes and goes spoils the gain over the whole run, and leaves this one alone.
     """
-    window, piece = signals.window("down", "u", "theta"), round(_PIECE / signals.grid.step)
+    window, interval = signals.window("down", "u", "theta"), round(_INTERVAL / signals.grid.step)
     sinking = derivative(signals.values["down"], signals.grid.step)
     moving = np.where(ahead(signals), 0.0, np.nan)
-    within = [without_mean(smoothed(each, window), piece) for each in (sinking + moving, dive.main, *dive.others)]
+    within = [without_mean(smoothed(each, window), interval) for each in (sinking + moving, dive.main, *dive.others)]
     return fit(within[0], within[1], within[2:], window)
 
 
 def _offset(signals: Signals, lacking: Array, weight: Array) -> PitchOffset | None:
-    """Solve `lacking` = `weight` (sin(theta) - sin(theta - offset)), piece by piece."""
+    """Solve `lacking` = `weight` (sin(theta) - sin(theta - offset)), interval by interval."""
     grid, theta = signals.grid, signals.values["theta"]
     finite = np.isfinite(lacking) & np.isfinite(weight) & np.isfinite(theta)
-    length = max(round(_PIECE / grid.step), -(-grid.cells // _MOST_PIECES))
+    length = max(round(_INTERVAL / grid.step), -(-grid.cells // _MOST_INTERVALS))
     starts, offsets = [], []
     for start in range(0, grid.cells, length):
-        piece = slice(start, start + length)
-        inside = finite[piece]
-        # A piece that is hardly known says little, unless there is no other.
+        interval = slice(start, start + length)
+        inside = finite[interval]
+        # An interval that is hardly known says little, unless there is no other.
         if inside.sum() >= 0.5 * min(length, grid.cells):
             starts.append(start)
-            offsets.append(_offset_of_piece(lacking[piece][inside], weight[piece][inside], theta[piece][inside]))
+            offsets.append(
+                _offset_of_interval(lacking[interval][inside], weight[interval][inside], theta[interval][inside])
+            )
     if not offsets:
         return None
-    by_piece = np.array(offsets)
-    usual = float(np.median(by_piece))
-    first, end = _longest_run(np.where(np.abs(by_piece) > _LARGEST, np.sign(by_piece), 0.0))
-    if end - first < _FEWEST_IN_A_ROW or end - first == by_piece.size:
+    by_interval = np.array(offsets)
+    usual = float(np.median(by_interval))
+    first, end = _longest_run(np.where(np.abs(by_interval) > _LARGEST, np.sign(by_interval), 0.0))
+    if end - first < _FEWEST_IN_A_ROW or end - first == by_interval.size:
         return PitchOffset(usual)
     span = grid.start + grid.step * starts[first], grid.start + grid.step * min(starts[end - 1] + length, grid.cells)
-    rest = np.delete(by_piece, slice(first, end))
-    return PitchOffset(usual, float(np.median(by_piece[first:end])), span, float(np.median(rest)))
+    rest = np.delete(by_interval, slice(first, end))
+    return PitchOffset(usual, float(np.median(by_interval[first:end])), span, float(np.median(rest)))
 
 
-def _offset_of_piece(lacking: Array, weight: Array, theta: Array) -> float:
+def _offset_of_interval(lacking: Array, weight: Array, theta: Array) -> float:
     # Where a sensor errs now and then the median does not follow.
     missing, offset = float(np.median(lacking)), 0.0
     for _ in range(_ROUNDS):

@@ -33,7 +33,11 @@ def write_findings(findings: Findings, folder: Path) -> list[Path]:
     FileError
         If one cannot be written; it is then not there, or as it was before.
     """
-    tables = {"filters": findings.filters, "coefficients": findings.coefficients, "comparisons": findings.comparisons}
+    tables = {
+        "filters": findings.filters,
+        "coefficients": findings.coefficients,
+        "comparisons": findings.comparisons.rename(columns={"conclusion": "verdict"}),
+    }
     paths = [folder / f"{name}.csv" for name in tables]
     for path, table in zip(paths, tables.values(), strict=True):
         write_text(path, table.map(csv_cell).rename(columns=csv_cell).to_csv(index=False))
@@ -62,7 +66,7 @@ def comparison_sentences(findings: Findings) -> list[str]:
     if not len(findings.comparisons):
         return sentences
     for (first, second, measure), rows in findings.comparisons.groupby(["first", "second", "measure"], sort=False):
-        counts = rows["verdict"].value_counts()
+        counts = rows["conclusion"].value_counts()
         conclusions = ", ".join(f"{conclusion} in {count}" for conclusion, count in counts.items())
         sentences.append(f"{first} and {second}, {_WHAT[str(measure)]}: {conclusions}, of {len(rows)}")
     return sentences
@@ -131,7 +135,7 @@ def _comparison_table(findings: Findings) -> list[Table]:
             _interval(row, "difference"),
             row["p_value_adjusted"],
             int(row["seeds"]),
-            row["verdict"],
+            row["conclusion"],
         ]
         for row in findings.comparisons.to_dict("records")
     ]

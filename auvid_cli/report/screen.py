@@ -118,11 +118,11 @@ def _bounds(identifiability: Identifiability) -> Table:
             bound.value,
             printed(bound.cramer_rao_bound, 2),
             printed(bound.percent, 2),
-            bound.verdict,
+            bound.label,
             f"{bound.best_sensor} {bound.best_share:.0%}",
             bound.group,
         ]
-        for bound in sorted(identifiability.bounds, key=lambda bound: ranks[bound.verdict])
+        for bound in sorted(identifiability.bounds, key=lambda bound: ranks[bound.label])
     ]
     table = Table("bounds", "Least standard deviations that the data allow", columns, rows)
     return table if identifiability.groups else table.without("goes with")

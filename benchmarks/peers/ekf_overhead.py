@@ -12,23 +12,23 @@ def filterpy_alone(problem: Problem) -> Callable[[], None]:
     """As many predictions and updates as auvid makes, of the same sizes, with F, H and Q given and nothing else."""
     process = problem.process
     transition = np.eye(N_STATE)
-    event = problem.events[-1]
-    substep = event.held[None, :], np.zeros(1, dtype=np.int64), np.array([event.duration])
+    last = problem.events[-1]
+    substep = last.held[None, :], np.zeros(1, dtype=np.int64), np.array([last.duration])
     scratch = np.zeros(process.scratch_size)
     process.transition(problem.prior.mean.copy(), *substep, process.constants, process.selection, transition, scratch)
 
     def run() -> None:
         ekf = ExtendedKalmanFilter(N_STATE, 1)
         ekf.x, ekf.P = problem.prior.mean.copy(), problem.covariance.copy()
-        ekf.F, ekf.Q = transition, event.process_noise
-        for heard in problem.events:
-            if heard.duration:
+        ekf.F, ekf.Q = transition, last.process_noise
+        for event in problem.events:
+            if event.duration:
                 ekf.predict()
             ekf.update(
-                heard.measurement,
-                HJacobian=lambda _, matrix=heard.matrix: matrix,
-                Hx=lambda _, measurement=heard.measurement: 0.0 * measurement,
-                R=heard.noise,
+                event.measurement,
+                HJacobian=lambda _, matrix=event.matrix: matrix,
+                Hx=lambda _, measurement=event.measurement: 0.0 * measurement,
+                R=event.noise,
             )
 
     return run

@@ -206,11 +206,11 @@ def _events(timeline: Timeline, process: Process, sensors: Sensors) -> tuple[Eve
         if duration not in noises:
             noises[duration] = np.zeros((N_STATE, N_STATE))
             noises[duration][N_COEFFICIENTS:, N_COEFFICIENTS:] = np.diag(process.noise_density**2 * duration)
-        heard = slice(timeline.measurement_offset[k], timeline.measurement_offset[k + 1])
-        rows = timeline.measurement_sensor[heard]
+        measurements = slice(timeline.measurement_offset[k], timeline.measurement_offset[k + 1])
+        rows = timeline.measurement_sensor[measurements]
         matrix, variance = np.concatenate(sensors.matrix[rows]), np.concatenate(sensors.variance[rows])
         measured = matrix.argmax(axis=1)
-        measurement = timeline.measurement[heard].ravel()
+        measurement = timeline.measurement[measurements].ravel()
         time = float(timeline.time[k])
         events.append(
             Event(duration, held, noises[duration], time, measured, measurement, variance, matrix, np.diag(variance))

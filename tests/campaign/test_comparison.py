@@ -51,7 +51,7 @@ def test_a_filter_that_is_better_on_the_same_data_is_named():
     difficulty = np.exp(random.standard_normal(N))
     by_pair = conclusions(rows_of("ckf", difficulty), rows_of("ekf", difficulty * 1.1))
     row = by_pair["steady_state_error_percent", "ckf", "ekf"]
-    assert row["verdict"] == "ckf is better"
+    assert row["conclusion"] == "ckf is better"
     assert row["seeds"] == N
     assert row["difference"] == pytest.approx(np.median(-0.1 * difficulty))
     assert row["difference_high"] < 0.0
@@ -60,7 +60,7 @@ def test_a_filter_that_is_better_on_the_same_data_is_named():
     assert (
         conclusions(rows_of("ekf", difficulty * 1.1), rows_of("ckf", difficulty))[
             "steady_state_error_percent", "ekf", "ckf"
-        ]["verdict"]
+        ]["conclusion"]
         == "ckf is better"
     )
 
@@ -69,7 +69,7 @@ def test_equal_filters_tie():
     errors = 1.0 + np.random.default_rng(3).random(N)
     assert (
         conclusions(rows_of("ckf", errors), rows_of("tukf", errors))["steady_state_error_percent", "ckf", "tukf"][
-            "verdict"
+            "conclusion"
         ]
         == "tie"
     )
@@ -78,17 +78,17 @@ def test_equal_filters_tie():
         "steady_state_error_percent", "ckf", "tukf"
     ]
     assert row["p_value_adjusted"] < 1e-6
-    assert row["verdict"] == "tie"
+    assert row["conclusion"] == "tie"
 
 
 def test_chance_is_not_named():
     random = np.random.default_rng(4)
     named = [
-        row["verdict"]
+        row["conclusion"]
         for _ in range(40)
         for row in conclusions(rows_of("a", random.random(N)), rows_of("b", random.random(N))).values()
     ]
-    assert sum("better" in verdict for verdict in named) <= 0.05 * len(named) * 2
+    assert sum("better" in conclusion for conclusion in named) <= 0.05 * len(named) * 2
     assert "no difference found" in named
 
 
@@ -96,7 +96,7 @@ def test_too_few_seeds_tell_nothing():
     row = conclusions(rows_of("a", [1.0, 2.0, 3.0]), rows_of("b", [5.0, 6.0, 7.0]))[
         "steady_state_error_percent", "a", "b"
     ]
-    assert row["verdict"] == "no difference found"
+    assert row["conclusion"] == "no difference found"
     assert (row["difference_low"], row["difference_high"]) == (-np.inf, np.inf)
 
 
@@ -108,7 +108,7 @@ def test_who_diverges_more_often_is_not_better():
     assert (row["only_first_diverged"], row["only_second_diverged"], row["seeds"]) == (0, 10, N - 10)
     # McNemar: ten heads of ten.
     assert row["p_diverged"] == pytest.approx(2 * 0.5**10)
-    assert row["verdict"] == "ekf diverges more often"
+    assert row["conclusion"] == "ekf diverges more often"
 
 
 def test_pairs_are_of_one_combination_of_settings():
@@ -120,7 +120,7 @@ def test_pairs_are_of_one_combination_of_settings():
     )
     table = compare_filters(rows, ["factor"])
     own = table[table["measure"] == "steady_state_error_percent"]
-    assert list(own[["factor", "first", "second", "verdict"]].itertuples(index=False, name=None)) == [
+    assert list(own[["factor", "first", "second", "conclusion"]].itertuples(index=False, name=None)) == [
         (1.0, "a", "b", "a is better"),
         (3.0, "a", "b", "b is better"),
     ]

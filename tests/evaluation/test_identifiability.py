@@ -37,10 +37,10 @@ def test_bounds_are_those_of_weighted_least_squares():
     assert [bound.coefficient for bound in identifiability.bounds] == list(NAMES)
 
 
-def test_verdicts_follow_the_bound_in_percent():
+def test_labels_follow_the_bound_in_percent():
     weights = 100.0 / np.abs(VALUES) / [0.5, 4.0, 19.0, 21.0]
     identifiability = judged({"dvl": information(*np.diag(weights))})
-    assert [b.verdict for b in identifiability.bounds] == ["within 1 %", "within 5 %", "within 20 %", "not identified"]
+    assert [b.label for b in identifiability.bounds] == ["within 1 %", "within 5 %", "within 20 %", "not identified"]
 
 
 def test_what_no_measurement_sees_has_no_bound_and_a_zero_goes_by_its_natural_magnitude():
@@ -48,10 +48,10 @@ def test_what_no_measurement_sees_has_no_bound_and_a_zero_goes_by_its_natural_ma
         {"dvl": information([100, 0, 0, 0], [0, 100, 0, 0], [0, 0, 100, 0])}, values=(-4.0, 0.0, 6.0, 0.5)
     )
     assert identifiability.bounds[3].cramer_rao_bound == np.inf
-    assert identifiability.bounds[3].verdict == "not identified"
+    assert identifiability.bounds[3].label == "not identified"
     assert identifiability.bounds[1].cramer_rao_bound == pytest.approx(0.01)
     assert identifiability.bounds[1].percent == pytest.approx(1.0 / 40.0)
-    assert identifiability.bounds[0].verdict == "within 1 %"
+    assert identifiability.bounds[0].label == "within 1 %"
 
 
 def test_each_sensor_has_its_share():

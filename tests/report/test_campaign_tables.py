@@ -100,6 +100,6 @@ def test_a_campaign_of_which_all_runs_were_lost_is_told_as_well(tmp_path):
     findings = find(rows, ["rate", "identification.prior.factor"])
     write_findings(findings, tmp_path)
     assert set(findings.filters["diverged"]) == {1.0}
-    assert set(findings.comparisons["verdict"]) == {"no difference found"}
+    assert set(findings.comparisons["conclusion"]) == {"no difference found"}
     spread_figure(findings.runs, findings.columns, {"ckf": "ckf", "ekf": "ekf"})
     map_figure(findings.filters, findings.columns, {"ckf": "ckf", "ekf": "ekf"})

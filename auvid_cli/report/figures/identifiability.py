@@ -21,7 +21,7 @@ def bounds_figure(identifiability: Identifiability) -> Figure:
     bars, growth = figure.subplots(1, 2, width_ratios=[1.5, 1.0])
     percents = np.array([min(bound.percent, _LARGEST) for bound in identifiability.bounds])
     smallest = max(float(percents.min()), 1e-6)
-    bars.barh(range(n), percents, color=[_COLORS[bound.verdict] for bound in identifiability.bounds])
+    bars.barh(range(n), percents, color=[_COLORS[bound.label] for bound in identifiability.bounds])
     bars.set_xscale("log")
     bars.set_xlim(0.3 * smallest, 3.0 * max(float(percents.max()), CLASSES[-2][0]))
     _tidy_log(bars)
@@ -34,7 +34,7 @@ def bounds_figure(identifiability: Identifiability) -> Figure:
     times = [time for time, _ in identifiability.growth]
     for j, bound in enumerate(identifiability.bounds):
         series = [min(percent[j], _LARGEST) for _, percent in identifiability.growth]
-        growth.plot(times, series, color=_COLORS[bound.verdict], linewidth=1.0)
+        growth.plot(times, series, color=_COLORS[bound.label], linewidth=1.0)
     growth.set_yscale("log")
     growth.set_xscale("log")
     _tidy_log(growth)
