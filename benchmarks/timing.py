@@ -25,14 +25,14 @@ _TURN = 0.2
 
 
 def hold_to_one_core() -> None:
-    """One thread and one core; libraries read this when they are loaded, so it comes before them."""
+    """Keep to one thread and one core; libraries read this when they are loaded, so it comes before them."""
     os.environ.update(_ONE_THREAD)
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
 
 
 def processor() -> str:
-    """Name of the processor."""
+    """Return the name of the processor."""
     described = Path("/proc/cpuinfo")
     if described.is_file():
         for line in described.read_text(encoding="utf-8").splitlines():
@@ -59,7 +59,7 @@ class Timed:
 
 
 def seconds_of(run: Callable[[], object], at_least: float = 0.0) -> float:
-    """Processor time of one run, the mean of as many as take `at_least`, s."""
+    """Return the processor time of one run, the mean of as many as take `at_least`, s."""
     gc.collect()
     count, elapsed, start = 0, 0.0, time.process_time()
     while count == 0 or elapsed < at_least:

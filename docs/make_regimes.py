@@ -19,7 +19,7 @@ _REFERENCE = "ckf"
 
 
 def cell(row: pd.Series) -> str:
-    """Median error of a filter, and the shares of its runs that did not end well."""
+    """Return the median error of a filter, and the shares of its runs that did not end well."""
     error = f"{row['steady_state_error_percent']:.3g}" if pd.notna(row["steady_state_error_percent"]) else "-"
     notes = [
         f"{row[share]:.0%} {word}" for share, word in (("diverged", "lost"), ("inconsistent", "inc.")) if row[share]

@@ -59,7 +59,7 @@ class Outcome(NamedTuple):
 
 
 def outcomes(job: tuple[str, int]) -> list[Outcome]:
-    """All filters on one seed of a setting."""
+    """Run all filters on one seed of a setting."""
     setting, seed = job
     experiment, overrides = _SETTINGS[setting]
     dataset = simulate(load_experiment(find_experiment(experiment), (f"seed={seed}", *overrides)))

@@ -56,7 +56,7 @@ def _pipes(folder: str, names: list[str]) -> list[str]:
 
 
 def chosen(kinds: list[str], share: float, only: list[str]) -> list[tuple[str, int]]:
-    """Which cases: so large a share of each kind, or those that are named."""
+    """Return the cases: so large a share of each kind, or those that are named."""
     if only:
         pairs = [each.partition(":") for each in only]
         return [(kind, int(index)) for kind, _, index in pairs]

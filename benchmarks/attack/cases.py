@@ -35,5 +35,5 @@ Maker = Callable[[random.Random, Material, Path], Case]
 
 
 def numbers(seed: int, kind: str, index: int) -> random.Random:
-    """Random numbers of one case, whichever others are run."""
+    """Make the random numbers of one case, the same whichever others are run."""
     return random.Random(f"{seed}/{kind}/{index}")

@@ -19,7 +19,7 @@ def _drawn(rng: random.Random, weights: dict[str, float]) -> str:
 
 
 def on_dataset(rng: random.Random, material: Material, folder: Path) -> _Commands:
-    """Something that reads a damaged dataset."""
+    """Pick a command that reads a damaged dataset."""
     estimate = str(material.results / "estimates" / "tukf.h5")
     name = _drawn(rng, _DATASET)
     to = rng.choice(_FORMS)
@@ -40,7 +40,7 @@ def on_dataset(rng: random.Random, material: Material, folder: Path) -> _Command
 
 
 def on_estimate(rng: random.Random, material: Material, folder: Path) -> _Commands:
-    """Something that reads a damaged estimate."""
+    """Pick a command that reads a damaged estimate."""
     dataset, other = str(material.results / "dataset.h5"), str(material.other)
     name = _drawn(rng, _ESTIMATE)
     to = rng.choice(_FORMS)

@@ -59,7 +59,7 @@ def _variables(file: h5py.File) -> list[str]:
 
 
 def _put(file: h5py.File, name: str, values: Any, **options: Any) -> None:
-    """Another variable in place of one, with its attributes of meaning but without its scales."""
+    """Put another variable in place of one, with its attributes of meaning but without its scales."""
     del file[name]
     file.create_dataset(name, data=values, **options)
 
@@ -200,7 +200,7 @@ def _change_attribute(rng: random.Random, file: h5py.File) -> tuple[str, bool]:
 
 
 def _add(rng: random.Random, file: h5py.File) -> tuple[str, bool]:
-    """Something that is not expected at all."""
+    """Add something that is not expected at all."""
     kind = rng.choice(("sensor", "variables", "deep", "attribute"))
     if kind == "sensor":
         file.create_group(rng.choice(("sensors/sonar", "sensors/é", "innovations/sonar", "sensors/dvl2/deep")))

@@ -75,7 +75,7 @@ def perform(home: Path, material: Material, seed: int, index: int) -> Outcome:
 
 
 def _whole(folder: Path, campaign: bool, command: tuple[str, ...]) -> Path:
-    """Results of a command that nobody killed."""
+    """Return the results of a command that nobody killed."""
     home = folder / ("campaign" if campaign else "run")
     if not home.is_dir():
         home.mkdir(parents=True)

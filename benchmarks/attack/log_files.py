@@ -79,7 +79,7 @@ def write_logs(folder: Path, vehicle: Path) -> None:
 
 
 def _write_hdf5_mat(path: Path, columns: dict[str, NDArray[np.float64]]) -> None:
-    """As MATLAB writes version 7.3: HDF5 behind 512 bytes of its own."""
+    """Write as MATLAB does in version 7.3: HDF5 behind 512 bytes of its own."""
     with h5py.File(path, "w", userblock_size=512) as file:
         for name, values in columns.items():
             file.create_dataset(name, data=values[None, :]).attrs["MATLAB_class"] = np.bytes_("double")

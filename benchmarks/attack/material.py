@@ -28,26 +28,26 @@ class Material:
 
     @property
     def configs(self) -> Path:
-        """Settings as they ship."""
+        """Return the folder of the settings as they ship."""
         return self.folder / "configs"
 
     @property
     def results(self) -> Path:
-        """Results folder of a short run: dataset.h5 and an estimate."""
+        """Return the results folder of a short run: dataset.h5 and an estimate."""
         return self.folder / "run"
 
     @property
     def other(self) -> Path:
-        """Dataset of another run."""
+        """Return the dataset file of another run."""
         return self.folder / "other.h5"
 
     @property
     def logs(self) -> Path:
-        """Logs of one dive, each with its map."""
+        """Return the folder of the logs of one dive, each with its map."""
         return self.folder / "logs"
 
     def resolved(self, experiment: str) -> str:
-        """All settings of an experiment, as `--dry-run` prints them."""
+        """Return all settings of an experiment, as `--dry-run` prints them."""
         return (self.folder / "resolved" / f"{experiment}.yaml").read_text(encoding="utf-8")
 
 

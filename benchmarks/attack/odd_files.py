@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def put(rng: random.Random, path: Path) -> str:
-    """Something odd in place of a file, and what it is."""
+    """Put something odd in place of a file, and say what it is."""
     kind = rng.choice(("pipe", "endless", "folder", "loop", "dangling", "empty", "zeros", "nothing"))
     path.unlink(missing_ok=True)
     if kind == "pipe":

@@ -102,7 +102,7 @@ def unsound_files(paths: Iterable[Path]) -> str | None:
 
 
 def opens(path: Path) -> bool:
-    """Whether a file that auvid has written is whole."""
+    """Say whether a file that auvid has written is whole."""
     if path.suffix == ".h5":
         return h5py.is_hdf5(path)
     content = path.read_bytes()

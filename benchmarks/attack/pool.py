@@ -89,7 +89,7 @@ def attack(
     processes: int,
     keep: Callable[[Outcome, Path], None],
 ) -> Iterator[Outcome]:
-    """Outcomes of cases, as they come; `keep` sees those that failed with the folder they left."""
+    """Yield the outcomes of cases, as they come; `keep` sees those that failed with the folder they left."""
     waiting: SimpleQueue[tuple[str, int]] = SimpleQueue()
     for case in cases:
         waiting.put(case)

@@ -43,7 +43,7 @@ def _parent(tree: Any, path: Keys) -> Any:
 
 
 def _is_quantity(path: Keys, value: Any) -> bool:
-    """Whether a number with or without a unit stands here, and must."""
+    """Say whether a number with or without a unit stands here, and must."""
     named = [part for part in path if isinstance(part, str)]
     free = _FREE.intersection(named[-1:]) or any(part in ("notes", "filters", "seed") for part in path[:1])
     number = isinstance(value, float) or (isinstance(value, str) and _QUANTITY.match(value) is not None)
@@ -97,7 +97,7 @@ def _mutate(rng: random.Random, tree: Any) -> tuple[str, bool]:
 
 
 def _has_tag(text: str) -> bool:
-    """Whether a tag is one, and does not stand within a text of several lines."""
+    """Say whether a tag is one, and does not stand within a text of several lines."""
     try:
         return any(isinstance(token, yaml.TagToken) for token in yaml.scan(text))
     except yaml.YAMLError:

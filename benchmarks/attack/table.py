@@ -9,7 +9,7 @@ from benchmarks.attack.outcome import COLUMNS, Outcome
 
 
 def markdown(outcomes: Sequence[Outcome], seed: int, limit: float) -> str:
-    """Cases of each kind, and how many failed in which way."""
+    """Write how many cases of each kind there were, and how many failed in which way."""
     lines = [
         f"Seed {seed}. A command hangs if it does not end within {limit:g} s; one that works, by Ctrl-C then.",
         "",
@@ -25,7 +25,7 @@ def markdown(outcomes: Sequence[Outcome], seed: int, limit: float) -> str:
 
 
 def groups(outcomes: Sequence[Outcome]) -> dict[tuple[str, str, str], list[Outcome]]:
-    """Failures that look alike: of one kind, in one column, with the same words but for numbers and names."""
+    """Group failures that look alike: of one kind, in one column, with the same words but for numbers and names."""
     found: dict[tuple[str, str, str], list[Outcome]] = defaultdict(list)
     for outcome in outcomes:
         for column, text in outcome.faults.items():
@@ -42,7 +42,7 @@ def alike(text: str) -> str:
 
 
 def failures(outcomes: Sequence[Outcome], repeat: str) -> str:
-    """Each group of failures with its number of cases, one of them, and the command that repeats it."""
+    """List each group of failures with its number of cases, one of them, and the command that repeats it."""
     lines = []
     for (kind, column, text), members in groups(outcomes).items():
         first = members[0]

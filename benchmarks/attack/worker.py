@@ -48,7 +48,7 @@ def serve() -> None:
 
 
 def _load() -> None:
-    """Everything that a command might load, and what is made once, so that each case finds it."""
+    """Load everything that a command might, and make what is made once, so that each case finds it."""
     import auvid_cli
 
     for module in pkgutil.walk_packages(auvid_cli.__path__, "auvid_cli."):

@@ -94,7 +94,7 @@ def _row(label: str, costs: list[Cost], memory: str = "") -> str:
 
 
 def _start_up(folder: Path) -> list[str]:
-    """Cold, warm, help and completion."""
+    """Time a run cold and warm, help and completion."""
     run = "run", "--quiet", "--output", str(folder / "run")
     completion = {"_AUVID_COMPLETE": "complete_bash", "COMP_WORDS": "auvid identify --filter ", "COMP_CWORD": "3"}
     cold = [cost_of(*run, NUMBA_CACHE_DIR=str(folder / f"cache-{k}")) for k in range(_COLD_ROUNDS)]

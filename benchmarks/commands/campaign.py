@@ -42,7 +42,7 @@ class Round(NamedTuple):
 
 
 def planned(folder: Path, text: str) -> CampaignPlan:
-    """Plan of a campaign file with a text."""
+    """Return the plan of a campaign file with a text."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "campaign.yaml"
     path.write_text(f"name: benchmark\n{text}")
@@ -64,7 +64,7 @@ def timed(groups: list[RunGroup], folder: Path) -> Round:
 
 
 def _seconds_on(workers: int, groups: list[RunGroup], folder: Path) -> float:
-    """Wall time, s, of groups on so many workers, results written."""
+    """Return the wall time, s, of groups on so many workers, results written."""
     with cluster_client(None, workers) as client:
         list(perform_groups(client, _warm(folder.parent, workers), False))
         store = Store(folder, {})
@@ -81,7 +81,7 @@ def _warm(folder: Path, workers: int) -> Iterator[RunGroup]:
 
 
 def memory_over(groups: Iterator[RunGroup], n_runs: int) -> list[tuple[int, float]]:
-    """Memory of a single worker, MB, after so many runs."""
+    """Return the memory of a single worker, MB, after so many runs."""
     seen, ended = [], 0
     with cluster_client(None, 1) as client:
         for performed in perform_groups(client, groups, False):
@@ -97,7 +97,7 @@ def _memory(client: Client) -> float:
 
 
 def spread(values: Sequence[float], digits: int) -> str:
-    """Median, least and greatest."""
+    """Write median, least and greatest."""
     return f"{median(values):.{digits}f} ({min(values):.{digits}f} - {max(values):.{digits}f})"
 
 

@@ -32,7 +32,7 @@ class Stages:
         self.seconds.setdefault(name, []).append(time.perf_counter() - start)
 
     def rows(self) -> list[str]:
-        """Lines of the table; shares are medians of those within a round."""
+        """Return the lines of the table; shares are medians of those within a round."""
         filters = self.seconds[_FILTERS]
         return [
             f"| {name} | {median(own):.3f} | {min(own):.3f} - {max(own):.3f} "
@@ -42,7 +42,7 @@ class Stages:
 
 
 def stages(folder: Path, rounds: int) -> list[str]:
-    """Table of the steps over some rounds, after one that is not timed."""
+    """Write the table of the steps over some rounds, after one that is not timed."""
     one_round(folder, Stages())
     timed = Stages()
     for _ in range(rounds):
@@ -55,7 +55,7 @@ def stages(folder: Path, rounds: int) -> list[str]:
 
 
 def one_round(folder: Path, stages: Stages) -> None:
-    """All that `auvid run` does but figures and the screen."""
+    """Do all that `auvid run` does but figures and the screen."""
     experiment = load_experiment(find_experiment(None), ())
     with stages.step("simulate"):
         dataset = simulate(experiment)

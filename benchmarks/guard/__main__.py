@@ -39,7 +39,7 @@ def run_filter(name: str, passes: int) -> None:
 
 
 def instructions_per_event(name: str) -> float:
-    """Difference between many passes and one, so that loading and simulating do not count."""
+    """Return the difference between many passes and one, so that loading and simulating do not count."""
     with tempfile.TemporaryDirectory() as folder:
         environment = os.environ | _PROCESSOR | {"PYTHONHASHSEED": "0", "NUMBA_CACHE_DIR": folder}
         command = [sys.executable, __file__, "--run", name, "--passes"]

@@ -39,7 +39,7 @@ def _options() -> argparse.Namespace:
 
 
 def _gather(only: list[str] | None) -> tuple[list["Peer"], list[str]]:
-    """Peers whose libraries are installed, and a line for each library that is not."""
+    """Return the peers whose libraries are installed, and a line for each library that is not."""
     peers, left_out = [], []
     for name, package in _MODULES.items():
         if only and package not in only:

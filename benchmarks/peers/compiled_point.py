@@ -31,7 +31,7 @@ def _advance(state, duration, held, vehicle, scale, coefficients, stage, slope):
 
 
 def compiled_point(process: Process) -> Callable[[Array, float, Array], Array]:
-    """``advance(state, duration, held)``: a new state, one Runge-Kutta step later."""
+    """Compile ``advance(state, duration, held)``, which returns a new state, one Runge-Kutta step later."""
     vehicle, scale = process.constants[:N_CONSTANTS], units_of(process)
     # Ones, because the last of them is how many times the stated thrust acts.
     scratch = np.ones(N_COEFFICIENT_BLOCK), np.zeros(N_BLOCK), np.zeros(N_BLOCK)

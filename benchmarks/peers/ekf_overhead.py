@@ -9,7 +9,7 @@ from benchmarks.peers.problem import N_STATE, Problem
 
 
 def filterpy_alone(problem: Problem) -> Callable[[], None]:
-    """As many predictions and updates as auvid makes, of the same sizes, with F, H and Q given and nothing else."""
+    """Make as many predictions and updates as auvid does, of the same sizes, with F, H and Q given and nothing else."""
     process = problem.process
     transition = np.eye(N_STATE)
     last = problem.events[-1]

@@ -19,7 +19,7 @@ jax.config.update("jax_enable_x64", True)
 
 
 def _arrays(problem: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Emissions, inputs and process noise by event.
+    """Return emissions, inputs and process noise by event.
 
     An emission has nine components. Those that are absent measure nothing: their rows of the measurement are zero.
     All are divided by their standard deviation, because dynamax adds 1e-9 to the variance of the innovation.

@@ -25,7 +25,7 @@ def vehicle_of(process: Process) -> Vehicle:
 
 
 def motion_derivative(motion: Any, coefficients: Any, held: Any, vehicle: Vehicle, numeric: Any) -> Any:
-    """Time derivative of the motion.
+    """Return the time derivative of the motion.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def motion_derivative(motion: Any, coefficients: Any, held: Any, vehicle: Vehicl
 
 
 def advance(state: Any, duration: Any, held: Any, vehicle: Vehicle, numeric: Any) -> Any:
-    """One Runge-Kutta step of a state, shape (31,), or of many, shape (31, points): a new array."""
+    """Return a state, shape (31,), or many, shape (31, points), one Runge-Kutta step later: a new array."""
     parameters, motion = state[:N_COEFFICIENTS], state[N_COEFFICIENTS:]
     scale = vehicle.scale if parameters.ndim == 1 else vehicle.scale[:, None]
     coefficients = scale * parameters

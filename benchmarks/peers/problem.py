@@ -159,7 +159,7 @@ def make_problem(n_events: int) -> Problem:
 
 
 def units_of(process: Process) -> Array:
-    """Values, SI, in whose units the coefficients are estimated: behind the vehicle and the held coefficients."""
+    """Return what the units of the estimated coefficients are in SI: behind the vehicle and the held coefficients."""
     return process.constants[N_CONSTANTS + N_COEFFICIENTS : N_CONSTANTS + 2 * N_COEFFICIENTS]
 
 
@@ -184,7 +184,7 @@ def _first(timeline: Timeline, n_events: int) -> Timeline:
 
 
 def _unwrapped(timeline: Timeline, sensors: Sensors) -> Array:
-    """Angles without jumps, because not every library can wrap an innovation."""
+    """Return angles without jumps, because not every library can wrap an innovation."""
     measurement = timeline.measurement.copy()
     for sensor in np.flatnonzero(sensors.angular.any(axis=1)):
         own = timeline.measurement_sensor == sensor

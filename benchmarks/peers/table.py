@@ -51,7 +51,7 @@ class Entry:
 
     @property
     def per_event(self) -> tuple[float, ...]:
-        """Microseconds, round by round."""
+        """Return the microseconds of an event in each round."""
         return tuple(seconds / self.events * 1e6 for seconds in self.timed.seconds)
 
 
@@ -75,7 +75,7 @@ class Row:
 
     @property
     def compilation(self) -> float:
-        """What the first run takes longer than another, s."""
+        """Return by how much the first run takes longer than another, s."""
         return self.first_run_seconds - median(self.microseconds) * self.events * 1e-6
 
 
@@ -104,7 +104,7 @@ def compare(entry: Entry, same_filter: Entry, tukf: Entry) -> Row:
 
 
 def as_json(rows: Sequence[Row], environment: dict[str, str], remarks: Sequence[str]) -> str:
-    """Everything that was measured, round by round."""
+    """Return everything that was measured, round by round."""
     return json.dumps({"environment": environment, "rows": [asdict(row) for row in rows], "remarks": remarks}) + "\n"
 
 
