@@ -1,4 +1,4 @@
-"""Judgements of estimates, without their data."""
+"""Judgements of estimates, without their data, and without the compiled code that `evaluate` loads."""
 
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation import judgement

@@ -220,6 +220,9 @@ class AugmentedStates(Settings):
         return tuple(block for name in dict.fromkeys(self.biases) for block in getattr(self, name.value).blocks())
 
 
+if {*AugmentedStates.model_fields} - {"biases"} != {*BiasName}:
+    raise TypeError("each block of further states has a name in BiasName and settings in AugmentedStates")
+
 # Every block that may be asked for, whatever the settings say, and its states.
 ERROR_BLOCKS = AugmentedStates(biases=tuple(BiasName)).blocks()
 ERROR_STATES = tuple(quantity for block in ERROR_BLOCKS for quantity in block.quantities)

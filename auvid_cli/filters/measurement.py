@@ -100,12 +100,12 @@ def select(model, state, timeline, event, k, records, work):
             mean[n + s] = mean[n + c]
             for j in range(n):
                 columns[j, n + s] = columns[j, n + c]
-            for k in range(m + 1):
-                even = work.spread[c, k]
-                work.spread[s, k] = even
+            for i in range(m + 1):
+                even = work.spread[c, i]
+                work.spread[s, i] = even
                 total += even * even
-            for k in range(measurement.size):
-                work.spread[s, m + 1 + k] = np.sqrt(noise) if k == s else 0.0
+            for i in range(measurement.size):
+                work.spread[s, m + 1 + i] = np.sqrt(noise) if i == s else 0.0
         else:
             predict_linearly(sensors.matrix[sensor, c], state, n + s)
         for j in range(n):

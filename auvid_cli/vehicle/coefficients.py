@@ -58,7 +58,7 @@ class Coefficient(NamedTuple):
 
     @property
     def equation(self) -> str:
-        """Return the term as text, for example ``Y = Y_uudr u u rudder``."""
+        """Return the term as text, for example ``Y += Y_uudr u u rudder``."""
         return f"{'XYZKMN'[self.row]} += {self.symbol} {' '.join(self.factors)}"
 
 
