@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.gaps import gap_limit
+from auvid_cli.vehicle.kinematics import body_to_earth
 
 Array = NDArray[np.float64]
 
@@ -49,6 +50,5 @@ def depth_at_origin(down: Array, roll: Array, pitch: Array, position: Array) -> 
 
     The last row of R, from the body to north-east-down, holds no heading (Fossen 2011, eq. (2.18)).
     """
-    forward, starboard, below = position
-    across = np.sin(roll) * starboard + np.cos(roll) * below
-    return down - (np.cos(pitch) * across - np.sin(pitch) * forward)
+    angles = np.column_stack((roll, pitch, np.zeros(down.size)))
+    return down - body_to_earth(angles, np.broadcast_to(position, angles.shape))[:, 2]

@@ -11,6 +11,7 @@ from auvid_cli.data.dataset import InputRecord
 from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.validation.results import ManoeuvreNumber
 from auvid_cli.validation.signals import MeasuredSignal
+from auvid_cli.vehicle.kinematics import body_to_earth
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
@@ -211,6 +212,6 @@ def _horizontal_speed(signals: Mapping[str, MeasuredSignal]) -> MeasuredSignal:
     u, v, w = (at_its_times(symbol) for symbol in "uvw")
     down = np.zeros(time.size)
     if set(TILT) <= set(signals):
-        phi, theta = (at_its_times(symbol) for symbol in TILT)
-        down = -np.sin(theta) * u + np.cos(theta) * (np.sin(phi) * v + np.cos(phi) * w)
+        angles = np.column_stack((*(at_its_times(symbol) for symbol in TILT), np.zeros(time.size)))
+        down = body_to_earth(angles, np.column_stack((u, v, w)))[:, 2]
     return MeasuredSignal(time, np.sqrt(u**2 + v**2 + w**2 - down**2), 0.0)

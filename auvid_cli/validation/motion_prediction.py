@@ -9,7 +9,7 @@ from auvid_cli.filters.problem import Timeline
 from auvid_cli.lanes import LANES
 from auvid_cli.validation.signals import SAME
 from auvid_cli.vehicle.dynamics import N_WORK, runge_kutta_step, vehicle_constants
-from auvid_cli.vehicle.kinematics import rotation_matrix
+from auvid_cli.vehicle.kinematics import euler_angles, rotation_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
 
 Array = NDArray[np.float64]
@@ -89,16 +89,7 @@ def unchanged_motion(elapsed: Array, motion: Array, angles: Array | None = None)
     across = np.array([[0.0, -r, q], [r, 0.0, -p], [-q, p, 0.0]])
     turned = rate * elapsed[:, None, None]
     since_begin = np.eye(3) + np.sin(turned) * across + (1.0 - np.cos(turned)) * across @ across
-    rotation = rotation_matrix(begin) @ since_begin
-    level = np.hypot(rotation[:, 0, 0], rotation[:, 1, 0])
-    attitude = np.stack(
-        [
-            np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2]),
-            np.arctan2(-rotation[:, 2, 0], level),
-            np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0]),
-        ],
-        axis=1,
-    )
+    attitude = euler_angles(rotation_matrix(begin) @ since_begin)
     before = begin if angles is None else angles
     attitude = np.unwrap(np.vstack([before, attitude]), axis=0)[1:]
     return np.hstack([np.tile(motion[:6], (elapsed.size, 1)), attitude])

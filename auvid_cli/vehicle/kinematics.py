@@ -59,6 +59,18 @@ def rotation_matrix(angles: Array) -> Array:
     return earth_to_body(np.broadcast_to(angles, (3, 3)), np.eye(3))
 
 
+def euler_angles(rotation: Array) -> Array:
+    """Return roll, pitch and yaw, rad, of matrices that turn body axes to north, east, down, shape (n, 3, 3)."""
+    level = np.hypot(rotation[:, 0, 0], rotation[:, 1, 0])
+    return np.column_stack(
+        (
+            np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2]),
+            np.arctan2(-rotation[:, 2, 0], level),
+            np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0]),
+        )
+    )
+
+
 def euler_rates(rates: Array, angles: Array) -> Array:
     """Find the rates of roll, pitch and yaw that body rates make; not finite where the pitch is 90 degrees.
 

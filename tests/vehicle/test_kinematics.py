@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from auvid_cli.angles import wrap
-from auvid_cli.vehicle.kinematics import body_rates, body_to_earth, earth_to_body, euler_rates, rotation_matrix
+from auvid_cli.vehicle.kinematics import (
+    body_rates,
+    body_to_earth,
+    earth_to_body,
+    euler_angles,
+    euler_rates,
+    rotation_matrix,
+)
 
 ANGLES = st.tuples(st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
 
@@ -24,6 +31,11 @@ def test_earth_to_body_is_the_turn_back(angles, velocity):
     assert turned == pytest.approx(theirs, abs=1e-13)
     assert body_to_earth(np.array([angles]), turned) == pytest.approx(np.array([velocity]), abs=1e-13)
     assert rotation_matrix(np.array(angles)) == pytest.approx(scipy_rotation([angles]).as_matrix()[0], abs=1e-13)
+
+
+@given(ANGLES)
+def test_euler_angles_are_those_that_the_matrix_was_made_of(angles):
+    assert euler_angles(scipy_rotation([angles]).as_matrix())[0] == pytest.approx(angles, abs=1e-13)
 
 
 @given(ANGLES, st.tuples(*[st.floats(-1, 1)] * 3))
