@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from auvid_cli.filters.problem import Gaussian, ModelData, Process, Timeline
+from auvid_cli.filters.problem import Gaussian, ModelData, Process, Sensors, Timeline
 from auvid_cli.filters.segments import JointProblem, with_parameters
 from auvid_cli.filters.smoothing_backward import Adjoint, backward
 from auvid_cli.filters.smoothing_forward import Linearised, Trace, Work, forward, linearise_measurements
@@ -62,6 +62,9 @@ class Filtered:
     trajectory : Trajectory
     cost, least : float
         Of the trajectory, and at the minimum of the linear problem.
+    log_determinant : float
+        Sum of the logarithms of the innovations' variances: with `least` twice the negative log-likelihood of the
+        measurements in the linear problem, but for a constant.
     before : list of list of State
         Deviation before each chunk of each segment.
     by_parameters : list of ndarray, shape (n_moving, n_parameters)
@@ -73,6 +76,7 @@ class Filtered:
     trajectory: Trajectory
     cost: float
     least: float
+    log_determinant: float
     before: list[list[State]]
     by_parameters: list[Array]
     final: State
@@ -117,9 +121,14 @@ class LinearSmoothing:
         self._work = _new_work(process, self._n, self._n_components)
         self._kept, self._kept_of = dict[tuple[int, int], tuple[Linearised, Trace]](), None
 
+    def with_noise(self, process: Process, sensors: Sensors) -> None:
+        """Go over to other process and measurement noise; all else is as before."""
+        self._process, self._data = process, ModelData.of(process, sensors)
+        self._kept_of = None
+
     def filter(self, trajectory: Trajectory) -> Filtered | None:
         """Filter the deviations from a trajectory; None where it has no finite cost."""
-        cost, least, before, by_parameters, state = 0.0, 0.0, [], [], None
+        cost, least, log_determinant, before, by_parameters, state = 0.0, 0.0, 0.0, [], [], None
         self._kept_of, room = trajectory, _KEPT
         for segment in range(len(self._segments)):
             gaussian, owed, distance = self._beginning(trajectory, segment, state)
@@ -135,12 +144,12 @@ class LinearSmoothing:
                 trace = _new_trace(about) if trace is None else trace
                 if (room := room - sum(array.nbytes for array in (*trace, about.rows))) >= 0:
                     self._kept[segment, chunk] = about, trace
-                good, chunk_cost, chunk_least = self._forward(timeline, about, state, trace)
-                cost, least = cost + chunk_cost, least + chunk_least
+                good, *sums = self._forward(timeline, about, state, trace)
+                cost, least, log_determinant = cost + sums[0], least + sums[1], log_determinant + sums[2]
                 if good < timeline.time.size:
                     return None
         assert state is not None, "there is at least one segment"
-        return Filtered(trajectory, cost, least, before, by_parameters, state)
+        return Filtered(trajectory, cost, least, log_determinant, before, by_parameters, state)
 
     def step(self, filtered: Filtered) -> Trajectory:
         """Solve the linear problem: the step from its trajectory to the answer."""
@@ -210,7 +219,9 @@ class LinearSmoothing:
     def _state(self, gaussian: Gaussian) -> State:
         return State.of(gaussian, self._n + self._n % 2, padded(self._n + self._n_components))
 
-    def _forward(self, timeline: Timeline, about: Linearised, state: State, trace: Trace) -> tuple[int, float, float]:
+    def _forward(
+        self, timeline: Timeline, about: Linearised, state: State, trace: Trace
+    ) -> tuple[int, float, float, float]:
         return forward(self._process.transition, self._data, timeline, about, state, trace, self._work)
 
 

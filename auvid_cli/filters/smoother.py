@@ -71,16 +71,10 @@ def run_smoother(
         leaves nothing of a variance of the smoothed motion.
     """
     smoothing = LinearSmoothing(problem)
-    answers = []
-    for start in _starts(problem):
-        if (answer := _minimise(smoothing, start, max_passes)) is not None:
-            answers.append(answer)
-            if _is_near(start, answer[0]):
-                break
+    answers = most_probable(problem, smoothing, max_passes)
     if not answers:
         factor = problem.alone()[0].prior.factor
         return FilterOutcome(factor @ factor.T, 0, PREDICTION)
-    answers.sort(key=lambda answer: answer[0].cost)
     (best, converged), *others = answers
     outcome = _hand_over(smoothing, best, on_chunk, OK if converged else NOT_CONVERGED)
     if outcome.failure != OK:
@@ -90,6 +84,17 @@ def run_smoother(
         rivals += answers_of_segments(problem, best)
     scores = None if faults is None else score_faults(smoothing, best, faults)
     return outcome._replace(faults=scores, others=tuple(rivals))
+
+
+def most_probable(problem: JointProblem, smoothing: LinearSmoothing, max_passes: int) -> list[tuple[Filtered, bool]]:
+    """Find the most probable trajectory from each start: where that ends, and whether at a minimum; the best first."""
+    answers = []
+    for start in _starts(problem):
+        if (answer := minimise(smoothing, start, max_passes)) is not None:
+            answers.append(answer)
+            if _is_near(start, answer[0]):
+                break
+    return sorted(answers, key=lambda answer: answer[0].cost)
 
 
 def _starts(problem: JointProblem) -> Iterator[Trajectory]:
@@ -136,7 +141,7 @@ def _ckf(problem: JointProblem) -> Trajectory | None:
     return Trajectory(parameters, initial, moving) if outcome.failure == OK else None
 
 
-def _minimise(smoothing: LinearSmoothing, start: Trajectory, max_passes: int) -> tuple[Filtered, bool] | None:
+def minimise(smoothing: LinearSmoothing, start: Trajectory, max_passes: int) -> tuple[Filtered, bool] | None:
     """Step down from a trajectory: where that ends, and whether at a minimum; None if its cost is not finite."""
     here, passes = smoothing.filter(start), 1
     if here is None:

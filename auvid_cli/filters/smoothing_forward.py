@@ -235,7 +235,7 @@ def _write_down(event, state, n_parameters, trace):
 
 
 @compiled(
-    types.Tuple((types.int64, types.float64, types.float64))(
+    types.Tuple((types.int64, types.float64, types.float64, types.float64))(
         types.FunctionType(TRANSITION_SIGNATURE),
         *(MODEL_DATA, TIMELINE, LINEARISED, STATE, TRACE, WORK),
     ),
@@ -265,11 +265,13 @@ def forward(transition, data, timeline, about, state, trace, work):
         Of the trajectory: squares of process noise and residuals that it needs, by their variances.
     least : float
         What is left of it at the minimum of the linear problem: the sum of the NIS.
+    log_determinant : float
+        Sum of the logarithms of the innovations' variances.
     """
     n, noise_density, sensors = state.n, data.noise_density, data.sensors
     n_moving = noise_density.size
     n_parameters = n - n_moving
-    cost, least = 0.0, 0.0
+    cost, least, log_determinant = 0.0, 0.0, 0.0
     for event in range(timeline.time.size):
         first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
         if last > first:
@@ -291,7 +293,7 @@ def forward(transition, data, timeline, about, state, trace, work):
                 for j in range(n):
                     trace.transition[event, i, j] = work.matrix[n_parameters + i, j]
             if not _predict(noise_density, elapsed, state, work):
-                return event, cost, least
+                return event, cost, least, log_determinant
             for i in range(n_moving):
                 state.mean[n_parameters + i] += work.gain[i]
         for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
@@ -302,9 +304,12 @@ def forward(transition, data, timeline, about, state, trace, work):
                     cost += residual * residual / sensors.variance[sensor, c]
             nis = _update(k, about.rows[k], sensors.variance[sensor], about, state, trace, work)
             if not nis >= 0.0:
-                return event, cost, least
+                return event, cost, least, log_determinant
             least += nis
+            for c in range(about.residual.shape[1]):
+                if not np.isnan(about.residual[k, c]):
+                    log_determinant += np.log(trace.total[k, c])
         if not cost < np.inf:
-            return event, cost, least
+            return event, cost, least, log_determinant
         _write_down(event, state, n_parameters, trace)
-    return timeline.time.size, cost, least
+    return timeline.time.size, cost, least, log_determinant
