@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from auvid_cli.api.logs import import_logs
     from auvid_cli.api.models import export_model
     from auvid_cli.api.simulation import simulate
+    from auvid_cli.api.tuning import tune
     from auvid_cli.api.validation import validate
     from auvid_cli.data.dataset import Dataset
     from auvid_cli.data.estimate import Estimate
@@ -37,6 +38,7 @@ __all__ = [
     "read_dataset",
     "read_estimate",
     "simulate",
+    "tune",
     "validate",
     "write_dataset",
 ]
@@ -50,6 +52,7 @@ _MODULES = {
     "auvid_cli.api.logs": ("import_logs",),
     "auvid_cli.api.models": ("export_model",),
     "auvid_cli.api.simulation": ("simulate",),
+    "auvid_cli.api.tuning": ("tune",),
     "auvid_cli.api.validation": ("validate",),
     "auvid_cli.data.dataset": ("Dataset",),
     "auvid_cli.data.estimate": ("Estimate",),

@@ -27,7 +27,7 @@ MAY_IMPORT["api"] = {*MAY_IMPORT} - {"campaign", "filters", "report", "vehicle"}
 MAY_IMPORT["cli"] = {"api", "campaign", "config", "data", "report"}
 # Steps of the command line and of the Python API, named as what they do on the other side of their wall; and programs.
 MIRRORED = {"check", "evaluate", "identifiability", "identify", "import_logs", "inspect", "judge", "load_experiment"}
-MIRRORED |= {"main", "read_dataset", "read_estimate", "simulate", "validate", "write_dataset"}
+MIRRORED |= {"main", "read_dataset", "read_estimate", "simulate", "tune", "validate", "write_dataset"}
 # What docstrings of functions begin with; a noun there would begin a fragment.
 VERBS = re.findall(
     r"\w+",

@@ -15,6 +15,7 @@ from auvid_cli.cli.inspect import inspect
 from auvid_cli.cli.report import report
 from auvid_cli.cli.run import run
 from auvid_cli.cli.simulate import simulate
+from auvid_cli.cli.tune import tune
 from auvid_cli.cli.validate import validate
 
 app = typer.Typer(
@@ -23,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
-for command in (run, simulate, identify, report, check, identifiability, inspect, validate, export, campaign):
+for command in (run, simulate, identify, report, check, identifiability, inspect, tune, validate, export, campaign):
     app.command()(command)
 app.command("import")(import_log)
 

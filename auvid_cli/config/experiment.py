@@ -18,7 +18,7 @@ from auvid_cli.config.spans import SeparateSpans
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, FileError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.parameters import INERTIAL
+from auvid_cli.vehicle.parameters import INERTIAL, SENSORS
 
 
 class Prior(Settings):
@@ -153,6 +153,9 @@ class Identification(Settings):
     estimate: AugmentedStates = AugmentedStates()
     prior: Prior = Prior()
     process_noise: ProcessNoise = ProcessNoise()
+    measurement_noise: dict[str, Annotated[float, Field(ge=1e-6, le=1e6)]] = Field(
+        default_factory=dict, description="by sensor: how many times the standard deviation that its record states"
+    )
     initial_motion: InitialMotion = InitialMotion()
     integration_step: Annotated[
         float, Unit("s"), Field(ge=1e-5, le=1e3, description="longest step of the filter's integration")
@@ -174,6 +177,14 @@ class Identification(Settings):
     ukf: UkfSettings = UkfSettings()
     smoother: SmootherSettings = SmootherSettings()
     output_error: OutputErrorSettings = OutputErrorSettings()
+
+    @field_validator("measurement_noise", mode="after")
+    @classmethod
+    def _known_sensors(cls, value: dict[str, float]) -> dict[str, float]:
+        for sensor in value:
+            if sensor not in SENSORS:
+                raise ValueError(f"unknown sensor {sensor!r}; there are {', '.join(SENSORS)}")
+        return value
 
     @field_validator("coefficients", mode="after")
     @classmethod

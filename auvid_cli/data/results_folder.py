@@ -19,7 +19,7 @@ _OTHER_FIGURES = (
 )
 _TABLES = (
     *("coefficients", "summary", "velocity_error", "consistency", "sensor_errors", "faults", "checks", "inspection"),
-    *("identifiability", "collinear", "validation", "manoeuvres", "validation_checks"),
+    *("identifiability", "collinear", "validation", "manoeuvres", "validation_checks", "tuning"),
 )
 _EXPORTS = (".yaml", ".json", ".py", ".m", ".sdf")
 # Characters; no exported model comes near.

@@ -94,4 +94,5 @@ def prepare(dataset: Dataset) -> PreparedData:
 
 def _what_prepares(experiment: RunSettings) -> tuple[object, ...]:
     settings = experiment.identification
-    return settings.attitude_from, settings.use, settings.fin_time_constant, settings.integration_step
+    moved = settings.fin_time_constant, settings.integration_step
+    return settings.attitude_from, settings.use, settings.measurement_noise, *moved

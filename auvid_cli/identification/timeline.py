@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from copy import copy
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -50,7 +51,8 @@ def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
         if name not in unused and np.isfinite(record.values).any():
             if not (record.standard_deviation > 0.0).all():
                 raise DataError(f"sensor {name}: its standard deviation must be greater than 0 for a filter")
-            measuring[name] = record
+            times_as_much = dataset.experiment.identification.measurement_noise.get(name, 1.0)
+            measuring[name] = replace(record, standard_deviation=times_as_much * record.standard_deviation)
     if is_inertial and not ("accelerometer" in measuring and any(name in measuring for name in COMPASSES)):
         missing = "accelerometer" if "accelerometer" not in measuring else " or ".join(COMPASSES)
         raise DataError(

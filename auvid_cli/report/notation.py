@@ -39,7 +39,7 @@ def symbol_math(symbol: str) -> str:
 
 def unit_text(unit: str) -> str:
     """Write a unit in Unicode, for example ``kg·m²/rad²``."""
-    raised = re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPTS), unit)
+    raised = re.sub(r"\^(-?\d+)(?!\.)", lambda power: power[1].translate(_SUPERSCRIPTS), unit)
     return raised.replace("*", "·")
 
 

@@ -1,0 +1,42 @@
+"""Noise from the data."""
+
+from collections.abc import Callable
+
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.tuning import Tuning
+from auvid_cli.identification.noise_tuning import tune_noise
+from auvid_cli.identification.prepared_data import prepare
+
+
+def tune(dataset: Dataset, sensors: bool = False, on_pass: Callable[[], None] | None = None) -> Tuning:
+    """Find the process noise, and that of the sensors if asked, that makes a dataset most likely.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Its truth is not looked at.
+    sensors : bool, default False
+        Whether the standard deviations of the sensors are found along; else they count as stated.
+    on_pass : callable, optional
+        Called before each pass through the data, of which there are hundreds; what it raises ends the search.
+
+    Returns
+    -------
+    Tuning
+        ``noises`` with 95 % intervals, the ``gain`` in log-likelihood, and the ``experiment`` with the tuned noise, to
+        put into a dataset with `dataclasses.replace`; ``to_pandas()`` makes a table.
+
+    Raises
+    ------
+    ConfigError
+        If a coefficient that is to be held has no value.
+    DataError
+        If no sensor can be used, or no trajectory follows the data with the noise that is stated.
+
+    Examples
+    --------
+    >>> tuning = auvid.tune(dataset)
+    >>> [noise.setting.rpartition(".")[2] for noise in tuning.noises]
+    ['velocity', 'rate', 'attitude']
+    """
+    return tune_noise(prepare(dataset), sensors, on_pass or (lambda: None))

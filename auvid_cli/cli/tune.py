@@ -1,0 +1,72 @@
+"""auvid tune."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from auvid_cli.cli.options import (
+    OutputOption,
+    OverwriteOption,
+    QuietOption,
+    SetOption,
+    UseOption,
+    VerboseOption,
+    overrides,
+)
+from auvid_cli.cli.terminal import Terminal, reporting_errors
+
+
+def tune(
+    dataset: Annotated[
+        Path,
+        typer.Argument(metavar="DATASET", help="Dataset file (.h5): results/NAME/dataset.h5 after `auvid import`."),
+    ],
+    sensors: Annotated[
+        bool, typer.Option("--sensors", help="Find the noise of the sensors as well, instead of what is stated.")
+    ] = False,
+    settings: SetOption = None,
+    use: UseOption = None,
+    output: OutputOption = None,
+    overwrite: OverwriteOption = False,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+) -> None:
+    """Find the noise that makes the data most likely: how far the model may be trusted, and with --sensors these.
+
+    Process noise is what the model leaves out. The iterated smoother follows the data again and again, with more noise
+    and with less; some minutes for five minutes of data. It ends with the settings to give to `auvid identify`.
+    """
+    with reporting_errors():
+        from auvid_cli.api.files import read_dataset
+        from auvid_cli.data.files import keep_apart
+        from auvid_cli.data.replacement import put_copy
+        from auvid_cli.data.results_folder import folder_of_dataset, tables_and_figures
+
+        terminal = Terminal(quiet, verbose)
+        read, folder = read_dataset(dataset, *overrides(settings, use=use)), output or folder_of_dataset(dataset)
+        files = [dataset, *read.experiment.data_files()]
+        put_copy(dataset, read, folder, files, overwrite)
+        keep_apart(tables_and_figures(folder), files)
+        with terminal.compiling():
+            from auvid_cli.api.identification import identify
+            from auvid_cli.api.tuning import tune as tune_noise
+            from auvid_cli.report.csv_tables import write_csv_tables
+            from auvid_cli.report.tuning_screen import print_tuning
+        with terminal.stage("fit with the stated noise") as say:
+            before, passes = identify(read, "smoother"), 0
+
+            def count() -> None:
+                nonlocal passes
+                passes += 1
+                say(f"tune: pass {passes} through the data")
+
+            tuning = tune_noise(read, sensors, count)
+            say("fit with the tuned noise")
+            after = identify(replace(read, experiment=tuning.experiment), "smoother")
+        print_tuning(terminal.out, tuning, before, after)
+        terminal.say(f"log-likelihood: {tuning.gain:.4g} more than as stated")
+        terminal.say_all(write_csv_tables({"tuning": tuning.rows()}, folder / "tables"))
+        options = " ".join(f"--set {setting}" for setting in tuning.settings())
+        terminal.say(f"Next: auvid identify {dataset} {options}")

@@ -1,0 +1,65 @@
+"""Noise as the data have it: the value object between identification and report."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+from auvid_cli.config.experiment import RunSettings
+from auvid_cli.data.named_rows import NamedRows
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class TunedNoise(NamedTuple):
+    """One kind of noise.
+
+    Attributes
+    ----------
+    setting : str
+        Its key, as behind ``--set``.
+    unit : str
+        SI.
+    stated, tuned : float
+        As the settings had it, and as it is most likely.
+    low, high : float
+        95 % interval; from 0 where less is as likely, however little, and to infinity where more is.
+    """
+
+    setting: str
+    unit: str
+    stated: float
+    tuned: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Noise that is most likely.
+
+    Attributes
+    ----------
+    noises : tuple of TunedNoise
+    gain : float
+        In log-likelihood, over the noise that was stated.
+    converged : bool
+    experiment : RunSettings
+        With the tuned noise.
+    """
+
+    noises: tuple[TunedNoise, ...]
+    gain: float
+    converged: bool
+    experiment: RunSettings
+
+    def rows(self) -> NamedRows:
+        """Return a row for each noise."""
+        return NamedRows(TunedNoise._fields, self.noises)
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return a table with a row for each noise."""
+        return self.rows().to_pandas()
+
+    def settings(self) -> list[str]:
+        """Return what to put behind ``--set``, one each."""
+        return [f"{noise.setting}={noise.tuned:.3g}" for noise in self.noises]

@@ -1,0 +1,118 @@
+"""Process and measurement noise of a dataset, as its innovations make it most likely."""
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple, TypeVar
+
+from auvid_cli.config.experiment import Identification
+from auvid_cli.config.moving_states import FURTHER_STATES
+from auvid_cli.config.settings import Settings
+from auvid_cli.data.tuning import TunedNoise, Tuning
+from auvid_cli.errors import DataError
+from auvid_cli.filters.noise_likelihood import NoiseGroup, most_likely_noise
+from auvid_cli.filters.segments import JointProblem
+from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
+from auvid_cli.identification.prepared_data import PreparedData
+
+SettingsClass = TypeVar("SettingsClass", bound=Settings)
+
+
+class AdjustableNoise(NamedTuple):
+    """Noise that may be tuned.
+
+    Attributes
+    ----------
+    path : tuple of str
+        Of its setting, within those of the identification.
+    unit : str
+    stated : float
+    group : NoiseGroup
+    """
+
+    path: tuple[str, ...]
+    unit: str
+    stated: float
+    group: NoiseGroup
+
+
+def tune_noise(
+    prepared: PreparedData, with_sensors: bool = False, on_evaluation: Callable[[], None] = lambda: None
+) -> Tuning:
+    """Find the noise that makes the innovations of a smoother's filter most likely; no truth is looked at.
+
+    Parameters
+    ----------
+    prepared : PreparedData
+    with_sensors : bool
+        Whether the standard deviations of the sensors are found along, and not as they are stated.
+    on_evaluation : callable
+        Called before each pass through the data; what it raises ends the search.
+
+    Raises
+    ------
+    ConfigError, DataError
+        As `augmented_problem`.
+    DataError
+        If the data cannot be followed with the noise that is stated.
+    """
+    experiment, settings = prepared.experiment, prepared.experiment.identification
+    augmented = augmented_problem(prepared)
+    noises = [*process_noises(augmented, settings), *(_sensor_noises(augmented, settings) if with_sensors else ())]
+    segments = [segment.timelines for segment in augmented.segments]
+    problem = JointProblem(augmented.process, augmented.sensors, segments, augmented.prior)
+    found = most_likely_noise(problem, [noise.group for noise in noises], settings.smoother.max_passes, on_evaluation)
+    if found is None:
+        raise DataError(
+            "no trajectory follows these data with the noise that is stated: raise identification.process_noise to "
+            "begin with, and look at signs and units (auvid inspect)"
+        )
+    factors = zip(noises, found.factor.tolist(), found.low.tolist(), found.high.tolist(), strict=True)
+    tuned = [
+        TunedNoise(
+            ".".join(("identification", *noise.path)), noise.unit, noise.stated, *(noise.stated * f for f in each)
+        )
+        for noise, *each in factors
+    ]
+    for noise, row in zip(noises, tuned, strict=True):
+        experiment = _changed(experiment, ("identification", *noise.path), float(f"{row.tuned:.3g}"))
+    return Tuning(tuple(tuned), found.gain, found.converged, experiment)
+
+
+def process_noises(augmented: AugmentedProblem, settings: Identification) -> Iterator[AdjustableNoise]:
+    """Yield the densities that drive moving states, by the settings that they have."""
+    layout, noise = augmented.layout, settings.process_noise
+    first = layout.rows_of("motion").start - layout.n_parameters
+    for place, (key, unit) in enumerate(
+        (("velocity", "m/s^2/Hz^0.5"), ("rate", "rad/s^2/Hz^0.5"), ("attitude", "rad/s/Hz^0.5"))
+    ):
+        rows = tuple(range(first + 3 * place, first + 3 * place + 3))
+        yield AdjustableNoise(("process_noise", key), unit, getattr(noise, key), NoiseGroup(rows))
+    for name, quantity, _ in FURTHER_STATES:
+        if (row := layout.row(quantity.symbol)) is not None:
+            group = NoiseGroup((row - layout.n_parameters,))
+            yield AdjustableNoise(("process_noise", name), f"{quantity.unit}/s/Hz^0.5", getattr(noise, name), group)
+    for bias in dict.fromkeys(settings.estimate.biases):
+        of_bias = getattr(settings.estimate, bias.value)
+        for block in of_bias.blocks():
+            if block.walk > 0.0:
+                rows = layout.rows_of(block.name)
+                own = "walk" if "walk" in type(of_bias).model_fields else f"{block.name.partition('_')[2]}_walk"
+                group = NoiseGroup(tuple(row - layout.n_parameters for row in range(rows.start, rows.stop)))
+                unit = f"{block.quantities[0].unit}/s^0.5"
+                yield AdjustableNoise(("estimate", bias.value, own), unit, block.walk, group)
+
+
+def _sensor_noises(augmented: AugmentedProblem, settings: Identification) -> Iterator[AdjustableNoise]:
+    for number, name in enumerate(augmented.measuring):
+        stated = settings.measurement_noise.get(name, 1.0)
+        yield AdjustableNoise(("measurement_noise", name), "1", stated, NoiseGroup(sensor=number))
+
+
+def _changed(settings: SettingsClass, path: tuple[str, ...], value: float) -> SettingsClass:
+    """Return the same settings with another value at a path."""
+    key, *rest = path
+    own = getattr(settings, key)
+    if isinstance(own, dict):
+        value_there = {**own, rest[0]: value}
+    else:
+        value_there = _changed(own, tuple(rest), value) if rest else value
+    return settings.model_copy(update={key: value_there})

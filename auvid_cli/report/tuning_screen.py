@@ -1,0 +1,54 @@
+"""Noise as the data have it, for the terminal: each kind with its interval, and what it makes of the estimate."""
+
+from math import isfinite
+
+from rich.console import Console
+from rich.text import Text
+
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.tuning import TunedNoise, Tuning
+from auvid_cli.evaluation.judgement import judge, whiteness
+from auvid_cli.report.screen_table import screen_table
+from auvid_cli.report.table import Cell, Column, Table, UnitCell
+
+_DIGITS = 3
+_PREFIX = "identification."
+
+
+def print_tuning(console: Console, tuning: Tuning, before: Estimate, after: Estimate) -> None:
+    """Print the noise, and the smoother's estimates with the stated and with the tuned one."""
+    console.print(screen_table(console, _noises(tuning), _DIGITS))
+    if any(noise.low == 0.0 for noise in tuning.noises):
+        console.print(Text("From 0: less noise is as likely, however little; the data only say that there is no more."))
+    console.print(screen_table(console, _estimates(before, after), _DIGITS))
+    if not tuning.converged:
+        console.print(Text("The search has not settled: take this for a beginning, and tune again with it."))
+
+
+def _noises(tuning: Tuning) -> Table:
+    columns = (
+        *(Column(header, numeric=False) for header in ("noise", "unit")),
+        *(Column(header) for header in ("stated", "most likely", "95 % from", "to")),
+    )
+    return Table("noise", "Noise", columns, [_row(noise) for noise in tuning.noises])
+
+
+def _row(noise: TunedNoise) -> list[Cell]:
+    # Where any less will do the likeliest is as little as the search allows, and says nothing.
+    likeliest = "as little as may be" if noise.low == 0.0 and noise.tuned < 1e-3 * noise.high else noise.tuned
+    high = noise.high if isfinite(noise.high) else "no end"
+    return [noise.setting.removeprefix(_PREFIX), UnitCell(noise.unit), noise.stated, likeliest, noise.low, high]
+
+
+def _estimates(before: Estimate, after: Estimate) -> Table:
+    """Lay out mean NIS and memory of the innovations of each sensor, and the judgement."""
+    rows: list[list[Cell]] = []
+    for sensor in before.innovations:
+        tallies = [estimate.innovations[sensor].tally() for estimate in (before, after)]
+        nis: list[Cell] = [float(tally.squares.sum() / max(tally.components.sum(), 1.0)) for tally in tallies]
+        rows.append([f"mean NIS of {sensor}", *nis])
+        memory: list[Cell] = [whiteness(estimate.innovations[sensor]).portmanteau for estimate in (before, after)]
+        rows.append([f"memory of {sensor}, Ljung-Box", *memory])
+    grades: list[Cell] = [judge([estimate])[estimate.filter].grade for estimate in (before, after)]
+    columns = Column("smoother", numeric=False), Column("as stated"), Column("tuned")
+    return Table("tuned", "Before and after", columns, [*rows, ["judgement", *grades]])

@@ -1,0 +1,75 @@
+"""Noise of a simulated run, of which the truth is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.identification.identify import identify
+from auvid_cli.identification.noise_tuning import process_noises, tune_noise
+from auvid_cli.identification.prepared_data import prepare
+
+FEW = "identification.coefficients=[X_u|u|, N_url, N_uudr]"
+
+
+@pytest.fixture(scope="module")
+def overstated(simulated_with):
+    """20 s with white noise, of which that of the DVL is stated twice as large as it is; no process noise."""
+    dataset = simulated_with("manoeuvre.duration=20 s", "sensors.attitude={source: direct, rate: 20 Hz}", FEW)
+    dvl = dataset.sensors["dvl"]
+    return replace(
+        dataset, sensors=dataset.sensors | {"dvl": replace(dvl, standard_deviation=2 * dvl.standard_deviation)}
+    )
+
+
+@pytest.fixture(scope="module")
+def tuned(overstated):
+    return tune_noise(prepare(overstated), with_sensors=True)
+
+
+def test_the_noise_of_a_sensor_that_is_stated_wrongly_is_found(tuned):
+    noises = {noise.setting: noise for noise in tuned.noises}
+    for sensor, factor in (("dvl", 0.5), ("gyroscope", 1.0), ("attitude", 1.0)):
+        noise = noises[f"identification.measurement_noise.{sensor}"]
+        width = np.log(noise.high / noise.low) / 4.0
+        assert abs(np.log(noise.tuned / factor)) < 3.0 * width, sensor
+        assert width < 0.1
+    assert tuned.gain > 20.0
+
+
+def test_a_simulation_without_disturbances_needs_no_process_noise(tuned):
+    for noise in tuned.noises[:3]:
+        assert noise.low == 0.0
+        assert noise.high < 20.0 * noise.stated
+
+
+def test_estimators_take_what_was_found(tuned, overstated):
+    dataset = replace(overstated, experiment=tuned.experiment)
+    assert dataset.experiment.identification.measurement_noise["dvl"] == pytest.approx(0.5, rel=0.2)
+    estimate = identify(dataset, FilterName.CKF)
+    tally = estimate.innovations["dvl"].tally()
+    assert tally.squares.sum() / tally.components.sum() == pytest.approx(1.0, abs=0.15)
+    again = [f"{noise.setting}={noise.tuned:.3g}" for noise in tuned.noises]
+    assert tuned.settings() == again
+
+
+def test_depth_and_walks_have_noises_of_their_own(simulated_with):
+    asked = "{biases: [gyro, dvl], gyro: {walk: 1e-4 rad/s/s^0.5}, dvl: {yaw_walk: 1e-3 rad/s^0.5}}"
+    dataset = simulated_with(
+        "manoeuvre.duration=4 s", FEW, "sensors.depth={rate: 5 Hz, noise: 1 cm}", f"identification.estimate={asked}"
+    )
+    augmented = augmented_problem(prepare(dataset))
+    noises = {noise.path: noise for noise in process_noises(augmented, dataset.experiment.identification)}
+    moving = augmented.layout.symbols[augmented.layout.n_parameters :]
+    drives = {".".join(path): [moving[i] for i in noise.group.moving] for path, noise in noises.items()}
+    assert drives == {
+        "process_noise.velocity": ["u", "v", "w"],
+        "process_noise.rate": ["p", "q", "r"],
+        "process_noise.attitude": ["phi", "theta", "psi"],
+        "process_noise.depth": ["down"],
+        "estimate.gyro.walk": ["bias_p", "bias_q", "bias_r"],
+        "estimate.dvl.yaw_walk": ["dvl_yaw"],
+    }
+    assert noises["estimate", "dvl", "yaw_walk"].stated == pytest.approx(1e-3)
