@@ -25,6 +25,8 @@ _minimised: Any = scipy.optimize.minimize
 # far factors may be from 1.
 _STEP, _WIDE_STEP, _SAME, _FARTHEST = 0.05, 0.3, 0.05, 14.0
 _MOST_ROUNDS = 6
+# Twice the log-likelihood that is not worth another step.
+_NEGLIGIBLE = 0.02
 # Twice the log-likelihood that an end of a 95 % interval lies below the greatest, and that many standard deviations.
 _BELOW, _DEVIATIONS = 3.84, 1.96
 
@@ -142,7 +144,7 @@ def most_likely_noise(
             jac=likelihood.slope,
             method="L-BFGS-B",
             bounds=[(-_FARTHEST, _FARTHEST)] * len(groups),
-            options={"ftol": 1e-10, "maxiter": 50},
+            options={"ftol": _NEGLIGIBLE / max(abs(as_stated), 1.0), "maxiter": 50},
         )
         moved, x = np.abs(solution.x - x).max(), solution.x
         trajectory = likelihood.follow(trajectory, x, max_passes)
@@ -167,8 +169,9 @@ def _intervals(above: Callable[[Array], float], x: Array) -> tuple[Array, Array]
     told = np.flatnonzero(level.min(axis=1) > 0.0)
     covariance = 2.0 * np.linalg.pinv(curvature[np.ix_(told, told)])
     for place, i in enumerate(told):
-        deviation = np.sqrt(max(covariance[place, place], 0.0))
-        low[i], high[i] = np.exp(x[i] - _DEVIATIONS * deviation), np.exp(x[i] + _DEVIATIONS * deviation)
+        width = _DEVIATIONS * np.sqrt(max(covariance[place, place], 0.0))
+        if width < _FARTHEST:
+            low[i], high[i] = np.exp(x[i] - width), np.exp(x[i] + width)
     for i in range(x.size):
         unit = np.eye(x.size)[i]
         if above(np.where(unit > 0.0, -_FARTHEST, x)) < _BELOW:

@@ -11,6 +11,7 @@ from auvid_cli.cli.tune import tune
 from auvid_cli.data.dataset_file import write_dataset
 
 FEW = "identification.coefficients=[X_u|u|, N_url]"
+SLOW = "sensors.attitude={source: direct, rate: 20 Hz}", "sensors.gyroscope.rate=20 Hz"
 
 
 @pytest.fixture
@@ -22,7 +23,7 @@ def run():
 
 
 def test_it_says_what_the_noise_is_and_what_to_do_with_it(simulated_with, tmp_path, run):
-    dataset = simulated_with("manoeuvre.duration=6 s", "sensors.attitude={source: direct, rate: 20 Hz}", FEW)
+    dataset = simulated_with("manoeuvre.duration=4 s", *SLOW, FEW)
     dvl = dataset.sensors["dvl"]
     half = replace(dvl, standard_deviation=0.5 * dvl.standard_deviation)
     write_dataset(tmp_path / "dataset.h5", replace(dataset, sensors=dataset.sensors | {"dvl": half}))
