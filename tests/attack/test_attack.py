@@ -11,7 +11,7 @@ from benchmarks.attack.running import LIMIT
 from benchmarks.attack.table import failures
 
 # Those that draw figures take a second each.
-COUNTS = {"settings": 30, "overrides": 30, "bytes": 12, "structure": 4, "logs": 24, "plans": 4}
+COUNTS = {"settings": 16, "overrides": 16, "bytes": 8, "structure": 3, "logs": 12, "plans": 3}
 SEED = 1
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="the attack needs Linux")
