@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +15,7 @@ from pydantic import Field
 from auvid_cli.config.filter_name import JUDGE, FilterName
 from auvid_cli.config.load import dump_experiment, parse_run
 from auvid_cli.data.estimate import Estimate, EstimateChunk, EstimateHeader, FaultTest, Outcome
-from auvid_cli.data.innovations import Innovations
+from auvid_cli.data.innovations import Innovations, Memory, Tally
 from auvid_cli.data.netcdf import append, new_file, write_dimension, write_growing, write_variable
 from auvid_cli.data.netcdf_reading import (
     FileAttributes,
@@ -255,12 +255,10 @@ def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName) -
     thinned = innovations(lambda name, ndim: read_array(group, name, every, ndim))
     if every == 1:
         return thinned
-    start, whole = float(read_rows(group, "time", 0, 1)[0]), None
-    for first in range(0, rows, _MOST_ROWS):
-        rows_read = partial(_rows_of, group, first)
-        tally = innovations(rows_read).tally(start)
-        whole = tally if whole is None else whole.plus(tally)
-    return replace(thinned, whole=whole)
+    start = float(read_rows(group, "time", 0, 1)[0])
+    blocks = (innovations(partial(_rows_of, group, first)) for first in range(0, rows, _MOST_ROWS))
+    tallies, memories = zip(*((block.tally(start), block.memory()) for block in blocks), strict=True)
+    return replace(thinned, whole=reduce(Tally.plus, tallies), whole_memory=reduce(Memory.plus, memories))
 
 
 def _rows_of(group: h5py.Group, first: int, name: str, ndim: int) -> NDArray[np.float64]:

@@ -11,8 +11,8 @@ Array = NDArray[np.float64]
 
 # s; innovations are also judged by windows of this length.
 WINDOW = 20.0
-# So many places apart innovations are compared, where there are more than these.
-LAGS, _FEWEST = 20, 200
+# So many places apart innovations are compared, where there are no fewer than these.
+LAGS, _FEWEST = 20, 50
 
 
 class Tally(NamedTuple):
@@ -26,10 +26,6 @@ class Tally(NamedTuple):
         Sum of the NIS, and number of components used, in each `WINDOW` from `start` on.
     measurements, rejected : int
         Measurements used; components beyond the gate.
-    correlation : ndarray, shape (c, LAGS)
-        Of the normalised innovations of each component with those so many places later, of what was used.
-    correlated : ndarray, shape (c,)
-        Of how many; 0 where there are too few to say.
     """
 
     start: float
@@ -37,8 +33,12 @@ class Tally(NamedTuple):
     components: Array
     measurements: int
     rejected: int
-    correlation: Array
-    correlated: Array
+
+    @property
+    def mean_nis(self) -> float:
+        """Return the normalised innovation squared per component; NaN if none was used."""
+        components = float(self.components.sum())
+        return float(self.squares.sum()) / components if components else float("nan")
 
     def plus(self, other: "Tally") -> "Tally":
         """Add later ones, of windows from the same start on."""
@@ -48,10 +48,28 @@ class Tally(NamedTuple):
             squares[: part.squares.size] += part.squares
             components[: part.components.size] += part.components
         measurements, rejected = self.measurements + other.measurements, self.rejected + other.rejected
-        correlated = self.correlated + other.correlated
-        weighted = (part.correlation * part.correlated[:, None] for part in (self, other))
-        correlation = sum(weighted, np.zeros(self.correlation.shape)) / np.maximum(correlated, 1.0)[:, None]
-        return Tally(self.start, squares, components, measurements, rejected, correlation, correlated)
+        return Tally(self.start, squares, components, measurements, rejected)
+
+
+class Memory(NamedTuple):
+    """How innovations of a sensor, by their standard deviations, depend on those before.
+
+    Attributes
+    ----------
+    correlation : ndarray, shape (c, LAGS)
+        Of each component with itself so many places later, of what was used.
+    samples : ndarray, shape (c,)
+        Of how many; 0 where there are too few to say.
+    """
+
+    correlation: Array
+    samples: Array
+
+    def plus(self, other: "Memory") -> "Memory":
+        """Add later ones; what the first of them owe to the last of these is left out."""
+        samples = self.samples + other.samples
+        total = self.correlation * self.samples[:, None] + other.correlation * other.samples[:, None]
+        return Memory(total / np.maximum(samples, 1.0)[:, None], samples)
 
 
 @dataclass(frozen=True)
@@ -70,6 +88,8 @@ class Innovations:
         Of the measurement noise, as the filter was told.
     whole : Tally or None
         Of all, where these are but evenly spaced ones.
+    whole_memory : Memory or None
+        The same.
     """
 
     time: Array
@@ -78,6 +98,7 @@ class Innovations:
     nis: Array
     standard_deviation: Array
     whole: Tally | None = None
+    whole_memory: Memory | None = None
 
     def tally(self, start: float | None = None) -> Tally:
         """Sum over all of them, also over those that were left out when they were read."""
@@ -88,20 +109,22 @@ class Innovations:
         window = ((self.time - start) // WINDOW).astype(int)
         squares, components = (np.bincount(window, w).astype(np.float64) for w in (np.nan_to_num(self.nis), used))
         rejected = int((np.isfinite(self.innovation) & ~self.used()).sum())
-        correlation, correlated = self._correlation()
-        measurements = int(np.isfinite(self.nis).sum())
-        return Tally(start, squares, components, measurements, rejected, correlation, correlated)
+        return Tally(start, squares, components, int(np.isfinite(self.nis).sum()), rejected)
 
-    def _correlation(self) -> tuple[Array, Array]:
+    def memory(self) -> Memory:
+        """Correlate each component with itself, also over those that were left out when they were read."""
+        if self.whole_memory is not None:
+            return self.whole_memory
         n_components = self.innovation.shape[1]
-        correlation, correlated = np.zeros((n_components, LAGS)), np.zeros(n_components)
-        for c, used in enumerate((self.used() & np.isfinite(self.innovation)).T):
+        correlation, samples = np.zeros((n_components, LAGS)), np.zeros(n_components)
+        # A fit may leave a residual no room, and its variance 0.
+        for c, used in enumerate((np.isfinite(self.innovation) & (self.variance > 0.0)).T):
             values = self.innovation[used, c] / np.sqrt(self.variance[used, c])
             if values.size >= _FEWEST and values.std() > 0.0:
                 centred = values - values.mean()
                 products = [float(centred[lag:] @ centred[:-lag]) for lag in range(1, LAGS + 1)]
-                correlation[c], correlated[c] = np.array(products) / float(centred @ centred), values.size
-        return correlation, correlated
+                correlation[c], samples[c] = np.array(products) / float(centred @ centred), values.size
+        return Memory(correlation, samples)
 
     def used(self) -> NDArray[np.bool_]:
         """Say which components the filter took, shape (k, c)."""

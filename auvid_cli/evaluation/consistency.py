@@ -41,11 +41,12 @@ def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
     for name, innovations in estimate.innovations.items():
         tally = innovations.tally()
         components = tally.components.sum()
-        mean = float(tally.squares.sum() / components) if components else float("nan")
         # Of chi-squared with so many components, whose mean is its number, and its variance twice that.
         scatter = _QUANTILE * float(np.sqrt(2.0 / components)) if components else float("nan")
         counts = tally.measurements, tally.rejected
-        results.append(SensorConsistency(estimate.filter, name, *counts, mean, max(1.0 - scatter, 0.0), 1.0 + scatter))
+        results.append(
+            SensorConsistency(estimate.filter, name, *counts, tally.mean_nis, max(1.0 - scatter, 0.0), 1.0 + scatter)
+        )
     return results
 
 
@@ -69,8 +70,7 @@ def status_of(estimate: Estimate) -> str:
     for sensor, innovations in estimate.innovations.items():
         tally = innovations.tally()
         if tally.squares.sum() > LARGEST_NIS * tally.components.sum():
-            nis = tally.squares.sum() / tally.components.sum()
-            return _belied(sensor, nis, "")
+            return _belied(sensor, tally.mean_nis, "")
         for start, nis in windowed_nis(innovations):
             if nis > LARGEST_NIS_IN_WINDOW:
                 return _belied(sensor, nis, f" from t = {start:.0f} s on for {WINDOW:.0f} s")

@@ -40,7 +40,7 @@ def innovation_checks(dataset: Dataset, estimate: Estimate) -> list[Check]:
 def _nis(filter_name: str, sensor: str, innovations: Innovations) -> Check:
     tally = innovations.tally()
     components = int(tally.components.sum())
-    nis = float(tally.squares.sum()) / components
+    nis = tally.mean_nis
     low, high = (float(chi2.ppf(p, components)) / components for p in (0.5 - _CONFIDENCE / 2, 0.5 + _CONFIDENCE / 2))
     passed = None if nis < low - _TOLERANCE else nis <= high + _TOLERANCE
     too_large = (
@@ -97,11 +97,12 @@ def _gate(filter_name: str, sensor: str, innovations: Innovations) -> Check:
 
 def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check:
     """Judge the largest autocorrelation of the normalised innovations over some lags."""
-    tally = innovations.tally()
+    lags = np.arange(1, LAGS + 1)
+    # Of few, later pairs are fewer: each correlation by the number of its own.
     largest = {
-        quantity.symbol: float(np.abs(tally.correlation[column]).max())
-        for column, quantity in enumerate(SENSORS[sensor])
-        if tally.correlated[column] > 0.0
+        quantity.symbol: float(np.max(np.abs(correlation) * n / (n - lags)))
+        for quantity, correlation, n in zip(SENSORS[sensor], *innovations.memory(), strict=True)
+        if n
     }
     if not largest:
         return Check.of(

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 LARGEST_FAULT, LARGEST_NIS, LARGEST_PORTMANTEAU, FARTHEST = 3.5, 4.0, 10.0, 2.5
 # And of the coefficient that one of several segments finds farthest from all of them.
 FARTHEST_SEGMENT = 4.0
+# So many measurements say enough of correlations.
+_FEWEST = 200
 # Errors of an AHRS are no noise, and what a smoother makes of them may look like anything.
 _WITHOUT_AHRS = (
     "first do without the AHRS, from recorded accelerometer and magnetometer (identification.attitude_from=inertial) "
@@ -223,8 +225,9 @@ def whiteness(innovations: Innovations) -> Whiteness:
     squares, components = float(tally.squares.sum()), float(tally.components.sum())
     if not components:
         return Whiteness(0.0, 0.0)
-    enough = tally.correlated > 0.0
-    squared, n = tally.correlation[enough] ** 2, tally.correlated[enough]
+    correlation, samples = innovations.memory()
+    enough = samples >= _FEWEST
+    squared, n = correlation[enough] ** 2, samples[enough]
     # The squares of a Gaussian sequence correlate by the square of its own correlation.
     memory = float(squared.sum(axis=1).max(initial=0.0))
     nis = (squares - components) / np.sqrt(2.0 * components * (1.0 + 2.0 * memory))

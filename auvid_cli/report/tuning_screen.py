@@ -44,8 +44,7 @@ def _estimates(before: Estimate, after: Estimate) -> Table:
     """Lay out mean NIS and memory of the innovations of each sensor, and the judgement."""
     rows: list[list[Cell]] = []
     for sensor in before.innovations:
-        tallies = [estimate.innovations[sensor].tally() for estimate in (before, after)]
-        nis: list[Cell] = [float(tally.squares.sum() / max(tally.components.sum(), 1.0)) for tally in tallies]
+        nis: list[Cell] = [estimate.innovations[sensor].tally().mean_nis for estimate in (before, after)]
         rows.append([f"mean NIS of {sensor}", *nis])
         memory: list[Cell] = [whiteness(estimate.innovations[sensor]).portmanteau for estimate in (before, after)]
         rows.append([f"memory of {sensor}, Ljung-Box", *memory])
