@@ -114,14 +114,14 @@ class LinearSmoothing:
 
     def __init__(self, problem: JointProblem) -> None:
         process, sensors, self._segments, _ = problem
-        self._process, self._priors = process, [alone.prior for alone in problem.alone()]
+        self._process, self._priors = process, problem.priors
         self._data, self._n_components = ModelData.of(process, sensors), sensors.matrix.shape[1]
         self._n_parameters = problem.n_parameters
         self._n = problem.n_parameters + problem.n_moving
         self._work = _new_work(process, self._n, self._n_components)
         self._kept, self._kept_of = dict[tuple[int, int], tuple[Linearised, Trace]](), None
 
-    def with_noise(self, process: Process, sensors: Sensors) -> None:
+    def change_noise(self, process: Process, sensors: Sensors) -> None:
         """Go over to other process and measurement noise; all else is as before."""
         self._process, self._data = process, ModelData.of(process, sensors)
         self._kept_of = None

@@ -105,7 +105,7 @@ class _Likelihood:
 
     def _with(self, logarithms: Array) -> None:
         problem = scaled(self._problem, self._groups, np.exp(logarithms))
-        self.smoothing.with_noise(problem.process, problem.sensors)
+        self.smoothing.change_noise(problem.process, problem.sensors)
 
 
 def most_likely_noise(
@@ -166,9 +166,9 @@ def _intervals(above: Callable[[Array], float], x: Array) -> tuple[Array, Array]
             both = above(x + steps[i] + steps[j]) - level[i, 1] - level[j, 1]
             curvature[i, j] = curvature[j, i] = both / _WIDE_STEP**2
     # Of what the likelihood hardly depends on, the other way to find an end.
-    told = np.flatnonzero(level.min(axis=1) > 0.0)
-    covariance = 2.0 * np.linalg.pinv(curvature[np.ix_(told, told)])
-    for place, i in enumerate(told):
+    curved = np.flatnonzero(level.min(axis=1) > 0.0)
+    covariance = 2.0 * np.linalg.pinv(curvature[np.ix_(curved, curved)])
+    for place, i in enumerate(curved):
         width = _DEVIATIONS * np.sqrt(max(covariance[place, place], 0.0))
         if width < _FARTHEST:
             low[i], high[i] = np.exp(x[i] - width), np.exp(x[i] + width)

@@ -62,11 +62,16 @@ class JointProblem(NamedTuple):
         """Return where in the joint state the state of each segment stands."""
         return places(self.prior.mean.size, self.n_moving, len(self.segments))
 
+    @property
+    def priors(self) -> list[Gaussian]:
+        """Return what the prior says of the state of each segment."""
+        return [of_segment(self.prior, place) for place in self.places]
+
     def alone(self) -> "list[JointProblem]":
         """Return the problem that each segment is by itself."""
         return [
-            self._replace(segments=[timelines], prior=of_segment(self.prior, place))
-            for timelines, place in zip(self.segments, self.places, strict=True)
+            self._replace(segments=[timelines], prior=prior)
+            for timelines, prior in zip(self.segments, self.priors, strict=True)
         ]
 
 

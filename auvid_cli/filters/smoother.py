@@ -73,7 +73,7 @@ def run_smoother(
     smoothing = LinearSmoothing(problem)
     answers = most_probable(problem, smoothing, max_passes)
     if not answers:
-        factor = problem.alone()[0].prior.factor
+        factor = problem.priors[0].factor
         return FilterOutcome(factor @ factor.T, 0, PREDICTION)
     (best, converged), *others = answers
     outcome = _hand_over(smoothing, best, on_chunk, OK if converged else NOT_CONVERGED)
@@ -119,7 +119,7 @@ def _is_near(start: Trajectory, answer: Filtered) -> bool:
 
 def _ckf(problem: JointProblem) -> Trajectory | None:
     """Filter the data; None if the filter fails."""
-    n_parameters, priors = problem.n_parameters, [alone.prior for alone in problem.alone()]
+    n_parameters, priors = problem.n_parameters, problem.priors
     parameters, initial, moving = problem.prior.mean[:n_parameters], list[Array](), list[list[Array]]()
 
     def keep(timeline: Timeline, records: Records) -> None:

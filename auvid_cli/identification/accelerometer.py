@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.identification.compiled_coefficients import fill_in_all, fill_in_lanes, fill_in_row
-from auvid_cli.identification.compiled_layout import ROW, accelerometer_position, first_moving_row, row_of, value_of
+from auvid_cli.identification.compiled_layout import (
+    ACCELEROMETER,
+    ROW,
+    first_moving_row,
+    known_vector,
+    row_of,
+    value_of,
+)
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
@@ -84,7 +91,7 @@ def _workspace(scratch):
 @compiled(types.void(_vector, _vector, _vector, types.uint64, _vector), internal=True)
 def _specific_force(motion, slope, constants, n_lanes, force):
     """Fill in the specific force of a block of motions, without bias."""
-    x, y, z = accelerometer_position(constants)
+    x, y, z = known_vector(constants, ACCELEROMETER)
     for k in range(n_lanes):
         u, v, w = motion[k], motion[LANES + k], motion[2 * LANES + k]
         p, q, r = motion[3 * LANES + k], motion[4 * LANES + k], motion[5 * LANES + k]
@@ -130,7 +137,7 @@ def linearise_force(mean, inputs, constants, selection, predicted, matrix, scrat
     motion_jacobian(motion, work.coefficients, inputs, vehicle, jacobian, work.for_jacobian)
 
     scales, biases = (ROW.scale_fx, ROW.scale_fy, ROW.scale_fz), (ROW.bias_fx, ROW.bias_fy, ROW.bias_fz)
-    arm = accelerometer_position(constants)
+    arm = known_vector(constants, ACCELEROMETER)
     sin_phi, cos_phi = sine_cosine(motion[6])
     sin_theta, cos_theta = sine_cosine(motion[7])
     up = (sin_theta, -cos_theta * sin_phi, -cos_theta * cos_phi)

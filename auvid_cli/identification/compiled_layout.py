@@ -35,8 +35,6 @@ HELD = N_CONSTANTS
 SCALE = N_CONSTANTS + N_COEFFICIENTS
 _NOWHERE = -1
 _N_ROWS = len(ROW)
-_MAGNETOMETER = 1 + _N_ROWS + 4
-_ACCELEROMETER = _MAGNETOMETER + 4
 
 
 class KnownSensor(NamedTuple):
@@ -66,6 +64,10 @@ class KnownSensors(NamedTuple):
 
 
 NONE_KNOWN = KnownSensors()
+# Which of them; a number and a vector each, and where the first begins, from the end of the constants.
+ACCELEROMETER, MAGNETOMETER = range(len(KnownSensors._fields))
+_N_KNOWN = 4
+_SENSORS = 1 + _N_ROWS + _N_KNOWN * len(KnownSensors._fields)
 
 
 # Blocks that the compiled process moves, or is made of, without being asked.
@@ -122,29 +124,16 @@ def row_of(constants, which):
     return int(constants[constants.size - 1 - _N_ROWS + which])
 
 
-@compiled(types.int64(_vector))
-def accelerometer_sensor(constants):
-    """Return which sensor the accelerometer is; negative if none."""
-    return int(constants[constants.size - _ACCELEROMETER])
+@compiled(types.int64(_vector, types.int64))
+def known_sensor(constants, which):
+    """Return which sensor `ACCELEROMETER` or `MAGNETOMETER` is; negative if it is not used."""
+    return int(constants[constants.size - _SENSORS + _N_KNOWN * which])
 
 
-@compiled(types.UniTuple(types.float64, 3)(_vector))
-def accelerometer_position(constants):
-    """Return where it sits, forward, starboard and down of the origin, m."""
-    place = constants.size - _ACCELEROMETER + 1
-    return constants[place], constants[place + 1], constants[place + 2]
-
-
-@compiled(types.int64(_vector))
-def magnetometer_sensor(constants):
-    """Return which sensor the magnetometer of three axes is; negative if none."""
-    return int(constants[constants.size - _MAGNETOMETER])
-
-
-@compiled(types.UniTuple(types.float64, 3)(_vector))
-def earth_field(constants):
-    """Return the magnetic field of the earth, north, east and down, T."""
-    place = constants.size - _MAGNETOMETER + 1
+@compiled(types.UniTuple(types.float64, 3)(_vector, types.int64))
+def known_vector(constants, which):
+    """Return the vector of `ACCELEROMETER` or `MAGNETOMETER`, see `KnownSensor`."""
+    place = constants.size - _SENSORS + _N_KNOWN * which + 1
     return constants[place], constants[place + 1], constants[place + 2]
 
 

@@ -3,7 +3,7 @@
 from numba import types
 
 from auvid_cli.compilation import compiled
-from auvid_cli.identification.compiled_layout import ROW, earth_field, first_moving_row, row_of, value_of
+from auvid_cli.identification.compiled_layout import MAGNETOMETER, ROW, first_moving_row, known_vector, row_of, value_of
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import sine_cosine
 
@@ -14,7 +14,7 @@ _matrix = types.float64[:, ::1]
 @compiled(types.void(_vector, _vector, _vector, types.uint64, _vector), internal=True)
 def measure_field(moving, parameters, constants, n_lanes, predicted):
     """Predict what it measures of a block of states."""
-    north, east, down = earth_field(constants)
+    north, east, down = known_vector(constants, MAGNETOMETER)
     biases = ROW.bias_mx, ROW.bias_my, ROW.bias_mz
     for k in range(n_lanes):
         sin_phi, cos_phi = sine_cosine(moving[6 * LANES + k])
@@ -33,7 +33,7 @@ def measure_field(moving, parameters, constants, n_lanes, predicted):
 def linearise_field(mean, constants, predicted, matrix):
     """Predict what it measures of one state, shape (3,), and the derivative by the state, whose other columns stay."""
     first = first_moving_row(constants)
-    north, east, down = earth_field(constants)
+    north, east, down = known_vector(constants, MAGNETOMETER)
     biases = ROW.bias_mx, ROW.bias_my, ROW.bias_mz
     sin_phi, cos_phi = sine_cosine(mean[first + 6])
     sin_theta, cos_theta = sine_cosine(mean[first + 7])

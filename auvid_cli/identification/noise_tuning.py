@@ -5,6 +5,7 @@ from typing import NamedTuple, TypeVar
 
 from auvid_cli.config.experiment import Identification
 from auvid_cli.config.moving_states import FURTHER_STATES
+from auvid_cli.config.quantity import Unit
 from auvid_cli.config.settings import Settings
 from auvid_cli.data.tuning import TunedNoise, Tuning
 from auvid_cli.errors import DataError
@@ -80,25 +81,28 @@ def tune_noise(
 def process_noises(augmented: AugmentedProblem, settings: Identification) -> Iterator[AdjustableNoise]:
     """Yield the densities that drive moving states, by the settings that they have."""
     layout, noise = augmented.layout, settings.process_noise
-    first = layout.rows_of("motion").start - layout.n_parameters
-    for place, (key, unit) in enumerate(
-        (("velocity", "m/s^2/Hz^0.5"), ("rate", "rad/s^2/Hz^0.5"), ("attitude", "rad/s/Hz^0.5"))
-    ):
-        rows = tuple(range(first + 3 * place, first + 3 * place + 3))
-        yield AdjustableNoise(("process_noise", key), unit, getattr(noise, key), NoiseGroup(rows))
-    for name, quantity, _ in FURTHER_STATES:
-        if (row := layout.row(quantity.symbol)) is not None:
-            group = NoiseGroup((row - layout.n_parameters,))
-            yield AdjustableNoise(("process_noise", name), f"{quantity.unit}/s/Hz^0.5", getattr(noise, name), group)
+
+    def adjustable(path: tuple[str, ...], of: Settings, rows: slice) -> AdjustableNoise:
+        moving = tuple(row - layout.n_parameters for row in range(rows.start, rows.stop))
+        return AdjustableNoise(path, _unit(of, path[-1]), getattr(of, path[-1]), NoiseGroup(moving))
+
+    first = layout.rows_of("motion").start
+    for place, key in enumerate(("velocity", "rate", "attitude")):
+        yield adjustable(("process_noise", key), noise, slice(first + 3 * place, first + 3 * place + 3))
+    for state in FURTHER_STATES:
+        if layout.row(state.quantity.symbol) is not None:
+            yield adjustable(("process_noise", state.name), noise, layout.rows_of(state.name))
     for bias in dict.fromkeys(settings.estimate.biases):
         of_bias = getattr(settings.estimate, bias.value)
         for block in of_bias.blocks():
             if block.walk > 0.0:
-                rows = layout.rows_of(block.name)
                 own = "walk" if "walk" in type(of_bias).model_fields else f"{block.name.partition('_')[2]}_walk"
-                group = NoiseGroup(tuple(row - layout.n_parameters for row in range(rows.start, rows.stop)))
-                unit = f"{block.quantities[0].unit}/s^0.5"
-                yield AdjustableNoise(("estimate", bias.value, own), unit, block.walk, group)
+                yield adjustable(("estimate", bias.value, own), of_bias, layout.rows_of(block.name))
+
+
+def _unit(settings: Settings, key: str) -> str:
+    """Return the unit that a setting states for a number."""
+    return next(item.unit for item in type(settings).model_fields[key].metadata if isinstance(item, Unit))
 
 
 def _sensor_noises(augmented: AugmentedProblem, settings: Identification) -> Iterator[AdjustableNoise]:

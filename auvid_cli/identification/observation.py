@@ -5,7 +5,7 @@ from auvid_cli.config.augmented_states import ERROR_BLOCKS
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, OBSERVATION_SIGNATURE
 from auvid_cli.identification.accelerometer import linearise_force, measure_forces
-from auvid_cli.identification.compiled_layout import accelerometer_sensor, magnetometer_sensor
+from auvid_cli.identification.compiled_layout import ACCELEROMETER, MAGNETOMETER, known_sensor
 from auvid_cli.identification.dvl import linearise_velocity, measure_velocities
 from auvid_cli.identification.magnetic_field import linearise_field, measure_field
 from auvid_cli.vehicle.parameters import MOTION, SENSORS, state_of
@@ -30,9 +30,9 @@ if _added := [block.name for block in ERROR_BLOCKS if block.additive and block.s
 @compiled(OBSERVATION_SIGNATURE)
 def observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
     """Predict what a sensor measures of a block of states."""
-    if sensor == accelerometer_sensor(constants):
+    if sensor == known_sensor(constants, ACCELEROMETER):
         measure_forces(moving, parameters, inputs, constants, selection, n_lanes, predicted, scratch)
-    elif sensor == magnetometer_sensor(constants):
+    elif sensor == known_sensor(constants, MAGNETOMETER):
         measure_field(moving, parameters, constants, n_lanes, predicted)
     else:
         measure_velocities(moving, parameters, constants, n_lanes, predicted)
@@ -44,9 +44,9 @@ def linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scr
     for i in range(matrix.shape[0]):
         for j in range(matrix.shape[1]):
             matrix[i, j] = 0.0
-    if sensor == accelerometer_sensor(constants):
+    if sensor == known_sensor(constants, ACCELEROMETER):
         linearise_force(mean, inputs, constants, selection, predicted, matrix, scratch)
-    elif sensor == magnetometer_sensor(constants):
+    elif sensor == known_sensor(constants, MAGNETOMETER):
         linearise_field(mean, constants, predicted, matrix)
     else:
         linearise_velocity(mean, constants, predicted, matrix)

@@ -20,7 +20,6 @@ Array = NDArray[np.float64]
 # Times in whole nanoseconds.
 Ticks = NDArray[np.int64]
 
-# In place of an attitude, if settings say so.
 _FORCES = tuple(quantity.symbol for quantity in SENSORS["accelerometer"])
 _FIELDS = tuple(quantity.symbol for quantity in SENSORS["magnetic_field"])
 # Heading is known modulo a turn; roll and pitch are treated alike, which costs nothing.
