@@ -24,6 +24,8 @@ _BOUND: dict[str, Any] = {"color": "black", "linewidth": 1.1}
 _BOUND_POINTS = 400
 # Height of a panel in bounds: wild measurements beyond it are counted, not drawn.
 _HIGHEST = 3.0
+# Units in which numbers are of a size that an axis has room for, and how many of them an SI unit is.
+_READABLE = {"rad": ("deg", float(np.rad2deg(1.0))), "T": ("µT", 1e6)}
 
 
 def innovation_figure(estimate: Course) -> Figure:
@@ -49,13 +51,12 @@ def innovation_figure(estimate: Course) -> Figure:
 
 def _draw_panel(axes: Axes, sensor: str, quantity: Quantity, innovations: Innovations, component: int) -> None:
     tidy(axes)
-    degrees = quantity.unit == "rad"
-    scale = np.rad2deg(1.0) if degrees else 1.0
+    unit, scale = _READABLE.get(quantity.unit, (quantity.unit, 1.0))
     innovation = innovations.innovation[:, component] * scale
     bound = 2.0 * np.sqrt(innovations.variance[:, component]) * scale
     known = np.isfinite(innovation) & np.isfinite(bound)
     time, innovation, bound = innovations.time[known], innovation[known], bound[known]
-    axes.set_ylabel(f"{symbol_math(quantity.symbol)} ({'deg' if degrees else quantity.unit})", fontsize=9)
+    axes.set_ylabel(f"{symbol_math(quantity.symbol)} ({unit})", fontsize=9)
     if not time.size:
         head(axes, sensor)
         say(axes, "no finite innovations")
