@@ -46,7 +46,7 @@ def chosen_estimator(name: FilterName, augmented: AugmentedProblem, settings: Id
             return SigmaPointFilter(name.value, *problem, points)
         case FilterName.SMOOTHER:
             # What it is compiled from serves no other estimator.
-            from auvid_cli.identification.faults import VehicleFaults
+            from auvid_cli.identification.fault_effects import VehicleFaults
 
             return IteratedSmoother(name.value, *problem, settings.smoother.max_passes, VehicleFaults(augmented))
         case FilterName.OUTPUT_ERROR:

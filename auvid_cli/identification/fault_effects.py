@@ -1,0 +1,111 @@
+"""What the faults of a vehicle do to the data of an augmented problem, chunk by chunk along a trajectory."""
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.augmented_states import CURRENT, THRUST_SCALE
+from auvid_cli.filters.fault_scores import FaultEffects
+from auvid_cli.filters.problem import Timeline
+from auvid_cli.filters.smoothing_forward import Linearised
+from auvid_cli.identification.augmented import AugmentedProblem
+from auvid_cli.identification.faults import FAULTS, FaultedVehicle, Motion
+from auvid_cli.vehicle.dynamics import factors
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, INPUTS
+
+Array = NDArray[np.float64]
+
+_CURRENTS = tuple(quantity.symbol for quantity in CURRENT)
+_THRUST_INPUT = INPUT_SYMBOLS.index("surge_force")
+
+
+class VehicleFaults:
+    """The faults that may be in the data of an augmented problem.
+
+    Parameters
+    ----------
+    problem : AugmentedProblem
+    """
+
+    def __init__(self, problem: AugmentedProblem) -> None:
+        self._problem = problem
+        present, modelled = ("", *problem.measuring), problem.layout.symbols
+        self._faults = tuple(f for f in FAULTS if f.sensor in present and f.state not in modelled)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the names of the faults that no state stands for, of sensors that there are."""
+        return tuple(fault.name for fault in self._faults)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Return the SI unit of the size of each."""
+        return tuple(fault.unit for fault in self._faults)
+
+    @cached_property
+    def _motion(self) -> slice:
+        """Say where the motion stands among the moving states."""
+        layout = self._problem.layout
+        rows = layout.rows_of("motion")
+        return slice(rows.start - layout.n_parameters, rows.stop - layout.n_parameters)
+
+    def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
+        """Say what they do to a chunk of a segment, along a trajectory."""
+        model = FaultedVehicle(self._problem.known, factors(self._problem.held | self._identified(about.parameters)))
+        rate = self._problem.segments[segment].timelines.input_rate
+        states = np.vstack([about.before, about.moving])
+        motion = states[:, self._motion]
+        current = np.column_stack([self._along(symbol, about.parameters, states) for symbol in _CURRENTS])
+        # What the thrust is more than stated acts like more of it.
+        acting = np.ones((len(states), len(INPUTS)))
+        acting[:, _THRUST_INPUT] += self._along(THRUST_SCALE.symbol, about.parameters, states)
+
+        def under(place: NDArray[np.int64], given: NDArray[np.int64]) -> Motion:
+            inputs = acting[place] * timeline.inputs[given]
+            rates = model.rates(motion[place], inputs)
+            return Motion(motion[place], inputs, acting[place] * rate[given], rates, current[place])
+
+        # Over a substep the motion is taken for that at the event before: faults are small, and substeps short.
+        n_substeps, held = np.diff(timeline.substep_offset), timeline.substep_input
+        on_the_way = under(np.repeat(np.arange(timeline.time.size), n_substeps), held)
+        led, duration = n_substeps > 0, timeline.substep_duration[:, None]
+        first = timeline.substep_offset[:-1][led]
+        event = np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
+        last = timeline.event_input.copy()
+        last[led] = held[timeline.substep_offset[1:][led] - 1]
+        measured = {
+            sensor: np.flatnonzero(timeline.measurement_sensor == number)
+            for number, sensor in enumerate(self._problem.measuring)
+        }
+        # An accelerometer depends on the inputs that hold from then on.
+        inputs = {sensor: timeline.event_input if sensor == "accelerometer" else last for sensor in measured}
+        at_measurements = {
+            sensor: under(1 + event[rows], inputs[sensor][event[rows]])
+            for sensor, rows in measured.items()
+            if any(fault.sensor == sensor for fault in self._faults)
+        }
+        pushed, added = (np.zeros((*a.shape, len(self._faults))) for a in (about.moving, timeline.measurement))
+        for f, fault in enumerate(self._faults):
+            if fault.sensor:
+                added[measured[fault.sensor], :3, f] = fault.effect(model, at_measurements[fault.sensor])
+                continue
+            pushed[led, self._motion, f] = np.add.reduceat(fault.effect(model, on_the_way) * duration, first)
+            if "accelerometer" in at_measurements:
+                # What changes the motion is measured besides.
+                pull = fault.effect(model, at_measurements["accelerometer"])
+                arm = np.array(self._problem.measuring["accelerometer"].position)
+                added[measured["accelerometer"], :3, f] = pull[:, :3] + np.cross(pull[:, 3:6], arm)
+        return FaultEffects(pushed, added)
+
+    def _identified(self, parameters: Array) -> dict[str, float]:
+        """Return parameters by symbol, SI, as filters see them."""
+        layout, n = self._problem.layout, parameters.size
+        return dict(zip(layout.symbols[:n], (parameters * layout.scale[:n]).tolist(), strict=True))
+
+    def _along(self, symbol: str, parameters: Array, states: Array) -> Array:
+        """Return an error at each of some moving states, constant or walking; 0 where it is not estimated."""
+        row, n = self._problem.layout.row(symbol), parameters.size
+        if row is None:
+            return np.zeros(len(states))
+        return states[:, row - n] if row >= n else np.full(len(states), parameters[row])
