@@ -94,12 +94,21 @@ def test_every_name_is_there_and_another_is_an_attribute_error():
         auvid.identfy  # noqa: B018
 
 
+@pytest.fixture(scope="module")
+def seconds(simulated_with):
+    """A run of which a few seconds are enough, where data are gone through hundreds of times."""
+    return simulated_with("manoeuvre.duration=4 s")
+
+
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_the_docstring_of_a_function_says_all_and_its_example_is_true(name, here, short_run, estimate, other, capsys):
+def test_the_docstring_of_a_function_says_all_and_its_example_is_true(
+    name, here, short_run, seconds, estimate, other, capsys
+):
     function = getattr(auvid, name)
     for section in ("Parameters", "Returns", "Raises", "Examples"):
         assert f"\n    {section}\n    ---" in function.__doc__
-    names = {"auvid": auvid, "dataset": short_run, "estimate": estimate, "other": other}
+    dataset = seconds if name == "tune" else short_run
+    names = {"auvid": auvid, "dataset": dataset, "estimate": estimate, "other": other}
     (example,) = doctest.DocTestFinder(recurse=False).find(function, name, globs=names)
     result = doctest.DocTestRunner().run(example)
     assert result.attempted > 0

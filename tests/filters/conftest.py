@@ -41,7 +41,9 @@ def _transition(mean, inputs, substep_input, substep_duration, constants, select
     """The same for one state, and its derivative."""
     n_parameters = constants.size // N_AXES
     n, elapsed = n_parameters + 2 * N_AXES, 0.0
-    matrix[n_parameters:] = np.eye(n)[n_parameters:]
+    for i in range(n_parameters, n):
+        for j in range(n):
+            matrix[i, j] = 1.0 if i == j else 0.0
     for substep in range(substep_duration.size):
         duration = substep_duration[substep]
         for axis in range(N_AXES):
