@@ -33,7 +33,7 @@ class SideBySide:
 
     def __init__(self, prepared: PreparedData, filters: Sequence[FilterName]) -> None:
         self._stopping = Event()
-        self._runs = set_up_filters(prepared, filters, self._raise_if_stopping)
+        self._runs = set_up_filters(prepared, filters, self._raise_if_cancelled)
 
     def record(
         self, paths: Sequence[Path], progress: Sequence[Progress], on_estimate: Callable[[Estimate], None]
@@ -65,7 +65,7 @@ class SideBySide:
                 self._stopping.set()
         return [future.result() for future in futures]
 
-    def _raise_if_stopping(self) -> None:
+    def _raise_if_cancelled(self) -> None:
         if self._stopping.is_set():
             raise _StoppedError
 

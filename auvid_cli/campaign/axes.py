@@ -7,12 +7,12 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from auvid_cli.config.campaign import CampaignAxis, Distribution
-from auvid_cli.config.position import Mistake, Path, mistakes_text
+from auvid_cli.config.position import KeyPath, Mistake, mistakes_text
 from auvid_cli.config.tree import Tree
 from auvid_cli.errors import ConfigError
 
 Label: TypeAlias = str | float | int | bool
-Change: TypeAlias = tuple[Path, Tree]
+Change: TypeAlias = tuple[KeyPath, Tree]
 
 
 class Option(NamedTuple):
@@ -78,7 +78,7 @@ def changes_in(mapping: Tree | None) -> list[Change]:
     return [(setting_path(key), value) for key, value in (mapping.content or {}).items()] if mapping else []
 
 
-def setting_path(key: str) -> Path:
+def setting_path(key: str) -> KeyPath:
     """Split a dotted key into a path."""
     return tuple(part.strip() for part in key.split("."))
 
@@ -89,7 +89,7 @@ def _instead(place: Tree, value: float | list[float]) -> Tree:
     return Tree(content, place.at, place.key_at)
 
 
-def _at(tree: Tree, path: Path) -> Tree:
+def _at(tree: Tree, path: KeyPath) -> Tree:
     *_, last = tree.descend(path)
     return last
 
@@ -104,7 +104,7 @@ def _draw(distribution: Distribution, random: np.random.Generator) -> float:
     return float(random.uniform(low, high))
 
 
-def _times(factor: Any, setting: Path, experiment: Mapping[str, Any], place: Tree) -> float | list[float]:
+def _times(factor: Any, setting: KeyPath, experiment: Mapping[str, Any], place: Tree) -> float | list[float]:
     """Multiply what the experiment states by a factor."""
     value: Any = experiment
     for part in setting:

@@ -3,9 +3,9 @@
 import os
 from collections.abc import Iterable
 from dataclasses import replace
-from pathlib import Path as FilePath
+from pathlib import Path
 
-from auvid_cli.config.position import ConfigSource, Mistake, Path, Position
+from auvid_cli.config.position import ConfigSource, KeyPath, Mistake, Position
 from auvid_cli.config.tree import DEEPEST, Tree, read_tree
 from auvid_cli.printable import shortened
 from auvid_cli.regular import read_bytes
@@ -15,7 +15,7 @@ SUFFIXES = (".yaml", ".yml")
 MOST_BYTES = 1_000_000
 
 
-def read_source(path: FilePath, name: str | None = None) -> ConfigSource:
+def read_source(path: Path, name: str | None = None) -> ConfigSource:
     """Read the text of a settings file; bytes that are not UTF-8 stay visible as surrogates.
 
     Raises
@@ -57,14 +57,14 @@ def assemble(source: ConfigSource, overrides: Iterable[str] = ()) -> tuple[Tree,
     return tree, mistakes + wrong
 
 
-def with_changes(tree: Tree, changes: Iterable[tuple[Path, Tree]], folder: FilePath) -> tuple[Tree, list[Mistake]]:
+def with_changes(tree: Tree, changes: Iterable[tuple[KeyPath, Tree]], folder: Path) -> tuple[Tree, list[Mistake]]:
     """Put values into the settings of an experiment, in turn, and splice in the files that are then named.
 
     Parameters
     ----------
     tree : Tree
         A mapping.
-    changes : iterable of (Path, Tree)
+    changes : iterable of (KeyPath, Tree)
         Where each value goes; a file that it names is relative to the source that it is written in.
     folder : pathlib.Path
         Where else such files may lie.
@@ -89,7 +89,7 @@ def with_changes(tree: Tree, changes: Iterable[tuple[Path, Tree]], folder: FileP
     return tree, mistakes
 
 
-def parse_override(override: str) -> tuple[Path, Tree]:
+def parse_override(override: str) -> tuple[KeyPath, Tree]:
     """Split ``key.key=value`` into a path and what goes there.
 
     Raises
@@ -111,7 +111,7 @@ def parse_override(override: str) -> tuple[Path, Tree]:
 
 
 def _place(override: str) -> Position:
-    return Position(ConfigSource(f"--set {shortened(override, 200)}", FilePath()))
+    return Position(ConfigSource(f"--set {shortened(override, 200)}", Path()))
 
 
 def _all_at(tree: Tree, at: Position) -> Tree:
@@ -123,7 +123,7 @@ def _all_at(tree: Tree, at: Position) -> Tree:
     return Tree(content, at, at)
 
 
-def _splice(tree: Tree, section: str, folder: FilePath, mistakes: list[Mistake]) -> Tree:
+def _splice(tree: Tree, section: str, folder: Path, mistakes: list[Mistake]) -> Tree:
     """Replace a section that is the path of a file by what the file holds."""
     named = tree.child(section)
     if named is None or not isinstance(named.content, str) or not named.content.endswith(SUFFIXES):
@@ -142,7 +142,7 @@ def _splice(tree: Tree, section: str, folder: FilePath, mistakes: list[Mistake])
     return tree.put((section,), content)
 
 
-def _absolute_data_file(tree: Tree, path: Path) -> Tree:
+def _absolute_data_file(tree: Tree, path: KeyPath) -> Tree:
     """Make the path of a data file absolute: it is relative to the source that it is written in."""
     *_, last = nodes = list(tree.descend(path))
     if len(nodes) <= len(path) or not isinstance(last.content, str) or not last.content:

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from auvid_cli.config.position import Mistake, Path
+from auvid_cli.config.position import KeyPath, Mistake
 from auvid_cli.config.quantity import Unit, describe, expected
 from auvid_cli.config.tree import Tree
 
@@ -40,7 +40,7 @@ _KINDS = {
 class _Place:
     """What the location of an error means: a path of the settings, and what is expected there."""
 
-    path: Path
+    path: KeyPath
     holder: type[BaseModel] | None
     field: FieldInfo | None
     annotation: Any
@@ -67,7 +67,7 @@ def locate(error: ValidationError, model: type[BaseModel], tree: Tree) -> list[M
     details = error.errors(include_url=False)
     places = [_follow(model, detail["loc"]) for detail in details]
     paths = [place.path for place in places if place.in_union]
-    mistakes: dict[tuple[Path, str], Mistake] = {}
+    mistakes: dict[tuple[KeyPath, str], Mistake] = {}
     for detail, place in zip(details, places, strict=True):
         if place.in_union and any(len(path) > len(place.path) and _within(path, place.path) for path in paths):
             continue  # another branch of the union fits better: it failed further down
@@ -76,7 +76,7 @@ def locate(error: ValidationError, model: type[BaseModel], tree: Tree) -> list[M
     return list(mistakes.values())
 
 
-def _within(path: Path, outer: Path) -> bool:
+def _within(path: KeyPath, outer: KeyPath) -> bool:
     return path[: len(outer)] == outer
 
 
@@ -150,12 +150,12 @@ def _mistake(detail: ErrorDetails, place: _Place, tree: Tree) -> Mistake:
     return at_value(tree, place.path, f"{_expectation(detail, place)}, got {describe(node.data)}")
 
 
-def _at_mapping(tree: Tree, path: Path, message: str) -> Mistake:
+def _at_mapping(tree: Tree, path: KeyPath, message: str) -> Mistake:
     *_, node = tree.descend(path)
     return Mistake(node.heading, path, message)
 
 
-def at_value(tree: Tree, path: Path, message: str) -> Mistake:
+def at_value(tree: Tree, path: KeyPath, message: str) -> Mistake:
     """Point at the value, or at the nearest one around it where shorthand leaves the path out."""
     nodes = list(tree.descend(path))
     node = nodes[-1]

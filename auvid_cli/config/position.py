@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import groupby
-from pathlib import Path as FilePath
+from pathlib import Path
 
-Path = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 """Keys and list indices from the top of the settings down to one of them."""
 
 WIDTH = 100
@@ -30,9 +30,9 @@ class ConfigSource:
     """
 
     name: str
-    folder: FilePath
+    folder: Path
     text: str = ""
-    path: FilePath | None = None
+    path: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -72,10 +72,10 @@ class Mistake:
     """Something that the user has to mend, at a path of the settings ('' if it is the whole)."""
 
     at: Position
-    path: Path
+    path: KeyPath
     message: str
 
-    def under(self, path: Path) -> "Mistake":
+    def under(self, path: KeyPath) -> "Mistake":
         """Return the same mistake where its tree hangs at `path` of a larger one."""
         return replace(self, path=path + self.path)
 
@@ -83,7 +83,7 @@ class Mistake:
         return ": ".join(part for part in (str(self.at), dotted(self.path), self.message) if part)
 
 
-def dotted(path: Path) -> str:
+def dotted(path: KeyPath) -> str:
     """Write a path as the user does in an override."""
     return ".".join(map(str, path))
 

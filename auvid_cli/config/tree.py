@@ -3,12 +3,12 @@
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import Any
 
 import yaml
 
-from auvid_cli.config.position import ConfigSource, Mistake, Path, Position
+from auvid_cli.config.position import ConfigSource, KeyPath, Mistake, Position
 from auvid_cli.printable import shortened
 
 _TAGS = "tag:yaml.org,2002:"
@@ -67,7 +67,7 @@ class Tree:
                 return self.content[part]
         return None
 
-    def descend(self, path: Path) -> "Iterator[Tree]":
+    def descend(self, path: KeyPath) -> "Iterator[Tree]":
         """Yield the trees along a path, this one first, as far as they exist."""
         node: Tree | None = self
         yield self
@@ -77,7 +77,7 @@ class Tree:
                 return
             yield node
 
-    def files(self) -> set[FilePath]:
+    def files(self) -> set[Path]:
         """Return the files in which the values are written."""
         own = {self.at.source.path} if self.at.source.path is not None else set()
         match self.content:
@@ -87,7 +87,7 @@ class Tree:
                 return own.union(*(child.files() for child in self.content))
         return own
 
-    def put(self, path: Path, new: "Tree") -> "Tree":
+    def put(self, path: KeyPath, new: "Tree") -> "Tree":
         """Return a copy with `new` at `path`; mappings on the way are made where there is nothing.
 
         Raises
@@ -199,7 +199,7 @@ class _Builder:
         self.mistakes = mistakes
         self.nodes = 0
 
-    def tree(self, node: yaml.Node, path: Path = (), above: tuple[yaml.Node, ...] = ()) -> Tree:
+    def tree(self, node: yaml.Node, path: KeyPath = (), above: tuple[yaml.Node, ...] = ()) -> Tree:
         """Make the tree of a node; `above` are the nodes that contain it."""
         self.nodes += 1
         if self.nodes > MOST_NODES:
@@ -228,7 +228,7 @@ class _Builder:
             # Python reads whole numbers up to some length only.
             raise _error(node, f"{shortened(node.value, 60)} is not a number that can be") from None
 
-    def mapping(self, node: yaml.MappingNode, path: Path, above: tuple[yaml.Node, ...]) -> dict[str, Tree]:
+    def mapping(self, node: yaml.MappingNode, path: KeyPath, above: tuple[yaml.Node, ...]) -> dict[str, Tree]:
         """Return the children of a mapping: its own keys, then those of merged mappings that it has not."""
         content: dict[str, Tree] = {}
         merged: list[yaml.Node] = []

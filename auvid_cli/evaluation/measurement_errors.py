@@ -6,9 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.augmented_states import CURRENT, DVL_SCALE, DVL_YAW, ERROR_BLOCKS
-from auvid_cli.identification.dvl import current_in_body_axes
-from auvid_cli.vehicle.kinematics import dvl_axes
+from auvid_cli.config.augmented_states import ERROR_BLOCKS
+from auvid_cli.identification.dvl import VELOCITY_ERRORS, measured_velocity, velocity_behind
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, state_of
 
 Array = NDArray[np.float64]
@@ -20,10 +19,9 @@ _ADDED = {
     if block.additive and block.sensor is not None
     for quantity, measured in zip(block.quantities, SENSORS[block.sensor], strict=True)
 }
-_OF_DVL = tuple(quantity.symbol for quantity in (DVL_SCALE, DVL_YAW, *CURRENT))
 _OF_MOTION = {name for name, measured in SENSORS.items() if {state_of(q) for q in measured} <= {*MOTION_SYMBOLS}}
 _ERRORS = {quantity.symbol for block in ERROR_BLOCKS if block.sensor in _OF_MOTION for quantity in block.quantities}
-if _unknown := _ERRORS - _ADDED.keys() - {*_OF_DVL}:
+if _unknown := _ERRORS - _ADDED.keys() - {*VELOCITY_ERRORS}:
     raise TypeError(f"no measured motion has {', '.join(sorted(_unknown))}")
 
 
@@ -35,7 +33,7 @@ class MeasurementErrors(NamedTuple):
     offset : ndarray, shape (9,)
         Adds to the measurements of each motion state, SI.
     dvl : ndarray, shape (4,)
-        Scale error of the DVL, its mounting yaw, rad, and the current that carries it over ground, north and east, m/s.
+        Those of `VELOCITY_ERRORS`, SI.
     """
 
     offset: Array
@@ -48,7 +46,7 @@ def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
     offset = {_ADDED[symbol]: value for symbol, value in by_symbol.items() if symbol in _ADDED}
     return MeasurementErrors(
         np.array([offset.get(symbol, 0.0) for symbol in MOTION_SYMBOLS]),
-        np.array([by_symbol.get(symbol, 0.0) for symbol in _OF_DVL]),
+        np.array([by_symbol.get(symbol, 0.0) for symbol in VELOCITY_ERRORS]),
     )
 
 
@@ -68,18 +66,14 @@ def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
     ndarray, shape (..., 9)
         Its velocity is that over ground.
     """
-    scale, yaw, *current = errors.dvl
     read = motion + errors.offset
     with np.errstate(invalid="ignore", over="ignore"):
-        over_ground = motion[..., :3] + current_in_body_axes(motion[..., 6:], *current)
-        read[..., :3] = over_ground @ dvl_axes(scale, yaw).T + errors.offset[:3]
+        read[..., :3] = measured_velocity(motion[..., :3], motion[..., 6:], errors.dvl) + errors.offset[:3]
     return read
 
 
 def motion_behind(measurement: Array, errors: MeasurementErrors) -> Array:
     """Return the motion, shape (..., 9), of which noiseless sensors would say this; inverts `measured_motion`."""
-    scale, yaw, *current = errors.dvl
     motion = measurement - errors.offset
-    over_ground = motion[..., :3] @ np.linalg.inv(dvl_axes(scale, yaw)).T
-    motion[..., :3] = over_ground - current_in_body_axes(motion[..., 6:], *current)
+    motion[..., :3] = velocity_behind(motion[..., :3], motion[..., 6:], errors.dvl)
     return motion

@@ -8,12 +8,16 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
+from auvid_cli.config.augmented_states import CURRENT, DVL_SCALE, DVL_YAW
 from auvid_cli.identification.compiled_layout import ROW, first_moving_row, row_of, value_of
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import sine_cosine
-from auvid_cli.vehicle.kinematics import earth_to_body, rotation_matrix
+from auvid_cli.vehicle.kinematics import current_in_body_axes, dvl_axes
 
 Array = NDArray[np.float64]
+
+VELOCITY_ERRORS = tuple(quantity.symbol for quantity in (DVL_SCALE, DVL_YAW, *CURRENT))
+"""Symbols of what lies between the velocity through the water and its measurement, but for what adds to that."""
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
@@ -95,14 +99,21 @@ def linearise_velocity(mean, constants, predicted, matrix):
     predicted[0], predicted[1], predicted[2] = gain * (cosine * u + sine * v), gain * (cosine * v - sine * u), gain * w
 
 
-def current_in_body_axes(attitude: Array, north: float | Array, east: float | Array) -> Array:
-    """Turn a current, or one for each, to x, y, z of the vehicle, shape (..., 3), at as many attitudes."""
-    rows = attitude.reshape(-1, 3)
-    earth = np.zeros(rows.shape)
-    earth[:, 0], earth[:, 1] = north, east
-    return earth_to_body(rows, earth).reshape(attitude.shape)
+def measured_velocity(velocity: Array, attitude: Array, errors: Array) -> Array:
+    """Return what it measures of velocities through the water, shape (..., 3), at as many attitudes.
+
+    Parameters
+    ----------
+    velocity, attitude : ndarray, shape (..., 3)
+        m/s; rad.
+    errors : ndarray, shape (4,)
+        In the order of `VELOCITY_ERRORS`.
+    """
+    scale, yaw, *current = errors
+    return (velocity + current_in_body_axes(attitude, *current)) @ dvl_axes(scale, yaw).T
 
 
-def earth_in_body_axes(attitude: Array) -> Array:
-    """Return north, east and down along x, y, z of the vehicle: the columns of ``R(phi, theta, psi)'``."""
-    return rotation_matrix(attitude).T
+def velocity_behind(measurement: Array, attitude: Array, errors: Array) -> Array:
+    """Return the velocity through the water of which it measures this; inverts `measured_velocity`."""
+    scale, yaw, *current = errors
+    return measurement @ np.linalg.inv(dvl_axes(scale, yaw)).T - current_in_body_axes(attitude, *current)

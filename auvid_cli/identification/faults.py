@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
-from auvid_cli.identification.dvl import current_in_body_axes
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import N_BLOCK, motion_derivative, vehicle_constants
+from auvid_cli.vehicle.kinematics import current_in_body_axes
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION, SENSORS
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from auvid_cli.filters.problem import Gaussian
-from auvid_cli.identification.dvl import earth_in_body_axes
 from auvid_cli.identification.state_layout import StateLayout
+from auvid_cli.vehicle.kinematics import rotation_matrix
 
 
 def initial_gaussian(layout: StateLayout, parameters: Gaussian, measured: Mapping[str, float]) -> Gaussian:
@@ -34,7 +34,7 @@ def initial_gaussian(layout: StateLayout, parameters: Gaussian, measured: Mappin
     current = layout.rows_of("current")
     if current.start == current.stop:
         return Gaussian(mean, factor)
-    turn = earth_in_body_axes(mean[layout.rows(("phi", "theta", "psi"))])[:, :2]
+    turn = rotation_matrix(mean[layout.rows(("phi", "theta", "psi"))]).T[:, :2]
     velocity = layout.rows("uvw")
     mean[velocity] -= turn @ mean[current]
     factor[velocity] -= turn @ factor[current]

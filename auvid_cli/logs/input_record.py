@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.log_inputs import InputsMap
 from auvid_cli.config.log_map import LogMap
-from auvid_cli.config.position import Path
+from auvid_cli.config.position import KeyPath
 from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.logs.columns import ColumnReader
 from auvid_cli.logs.import_report import ImportSummary, summary_of
@@ -25,7 +25,11 @@ _LARGEST_FRACTION = 1.5
 
 
 def read_inputs(
-    settings: LogMap, requests: dict[Path, Request], columns: ColumnReader, sensors: SensorRecords, refusals: Refusals
+    settings: LogMap,
+    requests: dict[KeyPath, Request],
+    columns: ColumnReader,
+    sensors: SensorRecords,
+    refusals: Refusals,
 ) -> tuple[InputRecord, list[ImportSummary], tuple[str, ...]]:
     """Read the inputs, mix what makes them up, and keep what holds while the sensors measure.
 

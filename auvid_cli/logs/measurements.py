@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.log_columns import LogSignal, Validity
-from auvid_cli.config.position import Path
+from auvid_cli.config.position import KeyPath
 from auvid_cli.logs.clock import Order, order_rows
 from auvid_cli.logs.clock_drift import ClockDrift, find_clock_drift
 from auvid_cli.logs.columns import ColumnReader
@@ -166,7 +166,7 @@ def is_valid(flags: ColumnValues, validity: Validity) -> NDArray[np.bool_]:
     return np.isin(flags, [float(value) for value in validity.values if not isinstance(value, str)])
 
 
-def check_plausible(path: Path, numbers: Array, unit: str) -> None:
+def check_plausible(path: KeyPath, numbers: Array, unit: str) -> None:
     """Raise RefusedError if most of the larger numbers are what no underwater vehicle does."""
     sizes = np.abs(numbers[np.isfinite(numbers)])
     limit = _IMPOSSIBLE.get(unit, np.inf)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from auvid_cli.config.locate import at_value
-from auvid_cli.config.position import Mistake, Path, mistakes_text
+from auvid_cli.config.position import KeyPath, Mistake, mistakes_text
 from auvid_cli.config.tree import Tree
 from auvid_cli.errors import ConfigError
 
@@ -12,7 +12,7 @@ from auvid_cli.errors import ConfigError
 class RefusedError(Exception):
     """What the map says does not fit the numbers in the log; `path` is where the map says it."""
 
-    def __init__(self, path: Path, message: str) -> None:
+    def __init__(self, path: KeyPath, message: str) -> None:
         super().__init__(message)
         self.path = path
 
@@ -31,7 +31,7 @@ class Refusals:
         self._mistakes: list[Mistake] = []
         self._said = 0
 
-    def say(self, path: Path, message: str) -> None:
+    def say(self, path: KeyPath, message: str) -> None:
         """Keep a mistake, once where several settings lead to it."""
         mistake = at_value(self._tree, path, message)
         if mistake not in self._mistakes:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from auvid_cli.config.log_columns import LogRows, LogSignal, TimeSource, unit_factor
 from auvid_cli.config.log_map import LogMap
-from auvid_cli.config.position import Path
+from auvid_cli.config.position import KeyPath
 from auvid_cli.config.quantity import expected
 from auvid_cli.config.tree import Tree
 from auvid_cli.logs.formats.log import FILE, HEADER_STAMP, LOG_TIME, Log, LogColumn
@@ -66,7 +66,7 @@ class Request(NamedTuple):
     time : Times
     """
 
-    path: Path
+    path: KeyPath
     values: dict[str, ComponentSource]
     valid: Place | None
     time: Times
@@ -78,7 +78,7 @@ class Request(NamedTuple):
         yield from (place for place in optional if place is not None)
 
 
-def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusals: Refusals) -> dict[Path, Request]:
+def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusals: Refusals) -> dict[KeyPath, Request]:
     """Find the columns that a map names.
 
     Parameters
@@ -98,11 +98,13 @@ def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusal
         a thruster one key more.
     """
     finder = _Finder(settings, tree, logs, refusals)
-    requests: dict[Path, Request | None] = {}
+    requests: dict[KeyPath, Request | None] = {}
     for name, sensor in settings.sensors.given().items():
-        path: Path = ("sensors", name)
+        path: KeyPath = ("sensors", name)
         under = "columns" if getattr(sensor, "quaternion", None) is None else "quaternion"
-        signals: dict[Path, LogSignal] = {(*path, under, symbol): signal for symbol, signal in sensor.signals().items()}
+        signals: dict[KeyPath, LogSignal] = {
+            (*path, under, symbol): signal for symbol, signal in sensor.signals().items()
+        }
         requests[path] = finder.request(path, [sensor], signals, sensor.unit, sensor.valid and sensor.valid.column)
     for key, signal in settings.inputs.channels().items():
         path = ("inputs", *key)
@@ -119,7 +121,12 @@ class _Finder:
         self._tables = {name: log.tables() for name, log in logs.items()}
 
     def request(
-        self, path: Path, rows: list[LogRows], signals: Mapping[Path, LogSignal], unit: str | None, valid: str | None
+        self,
+        path: KeyPath,
+        rows: list[LogRows],
+        signals: Mapping[KeyPath, LogSignal],
+        unit: str | None,
+        valid: str | None,
     ) -> Request | None:
         """Find what belongs together; `rows` say where, the first that says so. None if something is missing."""
         before = len(self._refusals)
@@ -142,7 +149,7 @@ class _Finder:
             return None
         return Request(path, values, Place(log, table, flag.name) if flag else None, time)
 
-    def _log(self, path: Path, name: str | None) -> str | None:
+    def _log(self, path: KeyPath, name: str | None) -> str | None:
         if name is None and len(self._logs) == 1:
             return next(iter(self._logs))
         if name in self._logs:
@@ -153,7 +160,7 @@ class _Finder:
             self._say((*path, "log"), f"there is no log named {name!r} in `logs`; there is {', '.join(self._logs)}")
         return None
 
-    def _table(self, path: Path, log: str, name: str | None) -> str | None:
+    def _table(self, path: KeyPath, log: str, name: str | None) -> str | None:
         tables = self._tables[log]
         if name is None and len(tables) == 1:
             return next(iter(tables))
@@ -166,7 +173,7 @@ class _Finder:
             self._say((*path, "table"), missing(self._logs[log], "table", name, tables))
         return None
 
-    def _column(self, path: Path, log: str, table: str, name: str, numbers: bool) -> LogColumn | None:
+    def _column(self, path: KeyPath, log: str, table: str, name: str, numbers: bool) -> LogColumn | None:
         columns = self._tables[log][table]
         for column in columns:
             # As the log's header writes it, with the unit, is right as well.
@@ -179,7 +186,7 @@ class _Finder:
         self._say(path, missing(self._logs[log], what, name, [column.name for column in columns]))
         return None
 
-    def _factor(self, path: Path, signal: LogSignal, unit: str | None, column: LogColumn) -> float:
+    def _factor(self, path: KeyPath, signal: LogSignal, unit: str | None, column: LogColumn) -> float:
         """Return the SI units per unit of the log's numbers."""
         if signal.scale is not None:
             return signal.scale
@@ -188,7 +195,7 @@ class _Finder:
             return unit_factor(unit_of_log, signal.si)
         return self._header_factor(path, column, signal.si)
 
-    def _header_factor(self, path: Path, column: LogColumn, si: str) -> float:
+    def _header_factor(self, path: KeyPath, column: LogColumn, si: str) -> float:
         try:
             return unit_factor(column.unit, si) if column.unit else 1.0
         except ValueError:
@@ -196,7 +203,7 @@ class _Finder:
             self._say(path, f"{reason}: expected {expected(si)}")
             return 1.0
 
-    def _time(self, path: Path, log: str, table: str, sources: list[TimeSource | None]) -> Times | None:
+    def _time(self, path: KeyPath, log: str, table: str, sources: list[TimeSource | None]) -> Times | None:
         """Find column, unit and offset of the times."""
         nearest = next((source for source in sources if source is not None), None)
         source = nearest or self._settings.time
@@ -208,7 +215,7 @@ class _Finder:
                 return None
             source = TimeSource(column=default)
         # Inputs may have it from what holds for all of them, and any of them from the map's own.
-        candidates: list[Path] = [(*path[:length], "time") for length in range(len(path), 0, -1)]
+        candidates: list[KeyPath] = [(*path[:length], "time") for length in range(len(path), 0, -1)]
         at = next((p for p in candidates if len(list(self._tree.descend(p))) == len(p) + 1), ("time",))
         if source.table is not None:
             other_table = self._table(at, log, source.table)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.log_sensors import AccelerometerMap, DepthMap, DvlMap, MagneticFieldMap, SensorMap
-from auvid_cli.config.position import Path
+from auvid_cli.config.position import KeyPath
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.noise import Noise, estimate_noise
 from auvid_cli.logs.columns import ColumnReader
@@ -37,7 +37,7 @@ class SensorRecords(NamedTuple):
 
 
 def read_sensors(
-    settings: LogMap, requests: dict[Path, Request], columns: ColumnReader, refusals: Refusals
+    settings: LogMap, requests: dict[KeyPath, Request], columns: ColumnReader, refusals: Refusals
 ) -> SensorRecords:
     """Read, turn and cut all sensors; t = 0 is the first sample of the earliest.
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.log_sensors import AttitudeMap, DvlMap, InBody, MagnetometerMap, SensorMap
-from auvid_cli.config.position import Path
+from auvid_cli.config.position import KeyPath
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.logs.frames import (
     ENU_TO_NED,
@@ -28,7 +28,7 @@ _UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
 _CHUNK = 100_000
 
 
-def in_vehicle_axes(sensor: SensorMap, rows: MeasuredRows, path: Path) -> Array:
+def in_vehicle_axes(sensor: SensorMap, rows: MeasuredRows, path: KeyPath) -> Array:
     """Turn components to the body's axes, or about the earth's, north-east-down, as far as that needs no attitude.
 
     Raises
@@ -51,7 +51,7 @@ def in_vehicle_axes(sensor: SensorMap, rows: MeasuredRows, path: Path) -> Array:
     return values
 
 
-def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, SensorRecord], path: Path) -> Array:
+def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, SensorRecord], path: KeyPath) -> Array:
     """Find the velocity of the vehicle's origin in body axes, with attitude and rates of other sensors at its times.
 
     Raises
@@ -90,7 +90,7 @@ def _mounted(sensor: InBody | DvlMap) -> Array:
     return _UNTURNED if sensor.mount is None else quaternion_of_euler(np.array([sensor.mount.angles()]))[0]
 
 
-def _attitude(sensor: AttitudeMap, rows: MeasuredRows, path: Path) -> Array:
+def _attitude(sensor: AttitudeMap, rows: MeasuredRows, path: KeyPath) -> Array:
     """Return roll, pitch and yaw of the body, from north."""
     frames = (sensor.reference, sensor.frame)
     if sensor.quaternion is None and sensor.mount is None and frames in (("NED", "FRD"), ("ENU", "FLU")):

@@ -1,7 +1,7 @@
 """What holds for every rigid body in the earth's field: gravity, and turns between body axes and north, east, down.
 
 Attitudes are Euler angles roll, pitch, yaw, in which the vehicle yaws first, then pitches, then rolls (Fossen, SNAME).
-What is compiled writes the same turns out for its own lanes.
+What is compiled writes the same turns out once more, lane by lane, and is held to these by the tests.
 """
 
 import numpy as np
@@ -115,6 +115,14 @@ def body_rates(time: Array, angles: Array) -> Array:
             cos_roll * cos_pitch * yaw_rate - sin_roll * pitch_rate,
         )
     )
+
+
+def current_in_body_axes(attitude: Array, north: float | Array, east: float | Array) -> Array:
+    """Turn a current, or one for each, to x, y, z of the vehicle, shape (..., 3), at as many attitudes."""
+    rows = attitude.reshape(-1, 3)
+    earth = np.zeros(rows.shape)
+    earth[:, 0], earth[:, 1] = north, east
+    return earth_to_body(rows, earth).reshape(attitude.shape)
 
 
 def dvl_axes(scale: float, yaw: float) -> Array:
