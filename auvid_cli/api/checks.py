@@ -5,8 +5,9 @@ from auvid_cli.data.check import Checks
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.bounds import BoundsOf
+from auvid_cli.evaluation.causes import likely_causes
 from auvid_cli.evaluation.estimate_checks import check_estimate
-from auvid_cli.evaluation.judgement import judge
+from auvid_cli.evaluation.judgement import judge, reference_among
 
 
 def check(dataset: Dataset, *estimates: Estimate) -> Checks:
@@ -36,9 +37,15 @@ def check(dataset: Dataset, *estimates: Estimate) -> Checks:
     """
     prepared = prepare_checked(dataset, *estimates)
     bounds_of = BoundsOf(prepared)
-    judgements = judge(estimates)
+    judgements, reference = judge(estimates), reference_among(estimates)
     return Checks(
         verdict
         for estimate in estimates
-        for verdict in check_estimate(prepared, estimate, bounds_of(estimate), judgements[estimate.filter])
+        for verdict in check_estimate(
+            prepared,
+            estimate,
+            bounds_of(estimate),
+            judgements[estimate.filter],
+            likely_causes(reference or estimate),
+        )
     )

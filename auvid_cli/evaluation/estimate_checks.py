@@ -12,6 +12,7 @@ from auvid_cli.evaluation.accuracy import (
     shares_of_value,
 )
 from auvid_cli.evaluation.bounds import Bounds
+from auvid_cli.evaluation.causes import Cause, causes_text
 from auvid_cli.evaluation.innovation_checks import innovation_checks
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
@@ -36,8 +37,21 @@ _FIN_SIGNS = {"Y_uudr": 1, "N_uudr": -1, "Z_uude": -1, "M_uude": -1}
 _CONFIDENCE = 0.99
 
 
-def check_estimate(prepared: PreparedData, estimate: Estimate, bounds: Bounds, judgement: Judgement) -> list[Check]:
-    """Return all verdicts on an estimate; of one that did not end well only those on data and innovations."""
+def check_estimate(
+    prepared: PreparedData, estimate: Estimate, bounds: Bounds, judgement: Judgement, causes: list[Cause]
+) -> list[Check]:
+    """Return all verdicts on an estimate; of one that did not end well only those on data and innovations.
+
+    Parameters
+    ----------
+    prepared : PreparedData
+    estimate : Estimate
+    bounds : Bounds
+        Of its coefficients.
+    judgement : Judgement
+    causes : list of Cause
+        What these data, or the smoother's innovations of them, look like.
+    """
     dataset = prepared.dataset
     used = [segment.dataset for segment in prepared.with_settings(estimate.experiment).segments]
     checks = [
@@ -45,10 +59,10 @@ def check_estimate(prepared: PreparedData, estimate: Estimate, bounds: Bounds, j
         _sound(estimate, judgement),
         *data_checks(used, estimate.filter, list(estimate.innovations)),
     ]
-    checks += innovation_checks(dataset, estimate)
+    checks += [*innovation_checks(dataset, estimate), _unexplained(estimate, causes)]
     if not estimate.completed:
         return checks
-    checks += [*_information(estimate, dataset.truth, bounds), *_against_bounds(estimate, bounds)]
+    checks += [*_information(estimate, dataset.truth, bounds), *_against_bounds(estimate, bounds, causes)]
     checks += [*_at_limits(estimate), *_plausibility(estimate), *_sensor_errors(estimate)]
     if dataset.truth is not None:
         checks += _against_truth(estimate, dataset.truth)
@@ -83,7 +97,22 @@ def _sound(estimate: Estimate, judgement: Judgement) -> Check:
     )
 
 
-def _against_bounds(estimate: Estimate, bounds: Bounds) -> list[Check]:
+def _unexplained(estimate: Estimate, causes: list[Cause]) -> Check:
+    """Name what would explain the innovations better than the noise that is stated."""
+    return Check.of(
+        estimate.filter,
+        "innovations",
+        "explained by noise",
+        statistic=f"{causes[0].name}, +{causes[0].gain:.0f} in log-likelihood"
+        if causes
+        else "nothing else is likelier",
+        threshold="nothing else is likelier",
+        passed=None if causes else True,
+        advice=f"These data look like {causes_text(causes)}.",
+    )
+
+
+def _against_bounds(estimate: Estimate, bounds: Bounds, causes: list[Cause]) -> list[Check]:
     """Judge whether the filter claims more than data and prior hold, or got much less."""
     if bounds.remark:
         return [
@@ -106,6 +135,8 @@ def _against_bounds(estimate: Estimate, bounds: Bounds) -> list[Check]:
         return []
     meaning = "times the least standard deviation that data and prior allow"
     above = "The data hold more than this filter got out of them: lower the process noise, or use output_error."
+    if causes:
+        above = f"Process noise takes its part, and must, for these data look like {causes_text(causes)}."
     below = (
         "The filter claims more than the data hold: do not use its standard deviations. Its linearisation fails; "
         "narrow the prior, or use a sigma-point filter or output_error."

@@ -44,8 +44,8 @@ def _nis(filter_name: str, sensor: str, innovations: Innovations) -> Check:
     low, high = (float(chi2.ppf(p, components)) / components for p in (0.5 - _CONFIDENCE / 2, 0.5 + _CONFIDENCE / 2))
     passed = None if nis < low - _TOLERANCE else nis <= high + _TOLERANCE
     too_large = (
-        f"The data contradict the model or the stated noise of {sensor}: look for biases, outliers, wrong signs, and "
-        "terms that the model lacks. Do not use the coefficients."
+        f"The data contradict the model or the stated noise of {sensor}: look at what `explained by noise` names, for "
+        "outliers, wrong signs, and terms that the model lacks. Do not use the coefficients."
     )
     too_small = (
         f"The stated noise of {sensor} is larger than its scatter. On purpose for an AHRS, whose errors last; "
@@ -116,7 +116,7 @@ def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check
         largest,
         f"correlation over {LAGS} lags",
         f"Errors of {sensor} last from sample to sample: standard deviations of the coefficients are too small, unless "
-        "its noise was stated larger for that. Estimate its bias (`identification.estimate.biases`) or state more.",
+        "its noise was stated larger for that. What would explain it stands under `explained by noise`.",
     )
 
 
@@ -142,7 +142,7 @@ def _inputs(filter_name: str, sensor: str, innovations: Innovations, dataset: Da
         correlations,
         "correlation with an input",
         "What an actuator does still shows in what should be noise: its model is wrong (delay, saturation, sign, a "
-        "term that is missing), or the filter has not settled.",
+        "term that is missing; see `explained by noise`), or the filter has not settled.",
     )
 
 

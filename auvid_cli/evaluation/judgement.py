@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.filter_name import JUDGE
 from auvid_cli.data.estimate import Estimate, FaultTest
 from auvid_cli.data.innovations import LAGS, Innovations
+from auvid_cli.evaluation.causes import LARGEST_FAULT, fault_with_size, is_from_ahrs, is_other_answer, noise_cause
 from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.evaluation.remedies import remedy_of_divergence, remedy_of_nonlinearity
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
@@ -24,10 +24,10 @@ from auvid_cli.vehicle.coefficients import SYMBOLS
 
 Array = NDArray[np.float64]
 
-# Standard deviations: of a fault's size, by which it may look present; of the sum of squares of a sensor's innovations
-# and of their portmanteau statistic, beyond what noise makes of them; of a coefficient, from the smoother's answer.
-# Chosen on simulations of six manoeuvres with and without faults, see docs/studies.md.
-LARGEST_FAULT, LARGEST_NIS, LARGEST_PORTMANTEAU, FARTHEST = 3.5, 4.0, 10.0, 2.5
+# Standard deviations: of the sum of squares of a sensor's innovations and of their portmanteau statistic, beyond what
+# noise makes of them; of a coefficient, from the smoother's answer. As that of a fault's size chosen on simulations of
+# six manoeuvres with and without faults, see docs/studies.md.
+LARGEST_NIS, LARGEST_PORTMANTEAU, FARTHEST = 4.0, 10.0, 2.5
 # And of the coefficient that one of several segments finds farthest from all of them.
 FARTHEST_SEGMENT = 4.0
 # So many measurements say enough of correlations.
@@ -89,7 +89,7 @@ def judge(estimates: Sequence[Estimate]) -> dict[str, Judgement]:
         One of them of the iterated smoother, if the others are to be judged.
     """
     reference = reference_among(estimates)
-    doubt = None if reference is None or not reference.completed else next(_doubts_of_data(reference), None)
+    doubt = None if reference is None or not reference.completed else _doubt_of_data(reference)
     return {estimate.filter: _judge(estimate, reference, doubt) for estimate in estimates}
 
 
@@ -120,37 +120,47 @@ def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | No
     return doubt or _doubt_of_distance(estimate, reference) or Judgement(Grade.SOUND)
 
 
-def _doubts_of_data(reference: Estimate) -> Iterator[Judgement]:
-    """Yield what a smoother's innovations hold against model or data, the most telling first."""
-    if (doubt := _doubt_of_faults(reference)) is not None:
-        yield doubt
+def _doubt_of_data(reference: Estimate) -> Judgement | None:
+    """Say what a smoother's innovations hold most against model or data, by what that would gain in log-likelihood."""
+    doubts = [*_doubts_of_faults(reference), *_doubts_of_noise(reference)]
+    return max(doubts, key=lambda doubt: doubt.gain).judgement if doubts else None
+
+
+class _Doubt(NamedTuple):
+    gain: float
+    judgement: Judgement
+
+
+def _doubts_of_noise(reference: Estimate) -> Iterator[_Doubt]:
     for sensor, innovations in reference.innovations.items():
-        if sensor == "attitude" and _is_from_ahrs(reference):
+        if sensor == "attitude" and is_from_ahrs(reference):
             continue
-        statistics = whiteness(innovations)
+        statistics, beyond = whiteness(innovations), ""
         if statistics.nis > LARGEST_NIS:
-            beyond = f"NIS is {statistics.nis:.1f} standard deviations of chance above 1"
-            reason = f"innovations of {sensor} are larger than the smoother says ({beyond})"
-            yield Judgement(Grade.DOUBTFUL, reason, f"state more noise of {sensor}, or more process noise")
-        if statistics.portmanteau > LARGEST_PORTMANTEAU:
-            reason = (
-                f"innovations of {sensor} last from sample to sample ({statistics.portmanteau:.0f} sigma, Ljung-Box)"
+            beyond = (
+                f"are larger than the smoother says (NIS is {statistics.nis:.1f} standard deviations of chance above 1)"
             )
-            yield Judgement(Grade.DOUBTFUL, reason, "the model lacks something, or its noise is not white")
+        elif statistics.portmanteau > LARGEST_PORTMANTEAU:
+            beyond = f"last from sample to sample ({statistics.portmanteau:.0f} sigma, Ljung-Box)"
+        if beyond:
+            cause = noise_cause(sensor, innovations)
+            remedy = f"they look like {cause.name}: {cause.remedy}"
+            yield _Doubt(cause.gain, Judgement(Grade.DOUBTFUL, f"innovations of {sensor} {beyond}", remedy))
 
 
-def _doubt_of_faults(reference: Estimate) -> Judgement | None:
+def _doubts_of_faults(reference: Estimate) -> Iterator[_Doubt]:
+    """Yield one of the fault that is likeliest, if there is one."""
     beyond = sorted((test for test in reference.faults if abs(test.z) > _limit(test)), key=lambda test: -abs(test.z))
     if not beyond:
-        return None
+        return
     worst = beyond[0]
-    if _is_other_answer(worst):
-        return Judgement(Grade.DOUBTFUL, _fault_with_size(worst), remedy_of_fault(worst.fault))
-    # A model that does not hold for all segments looks like many a fault.
-    disagreeing = next((f", and {_fault_with_size(test)}" for test in beyond if _is_other_answer(test)), "")
-    without = _WITHOUT_AHRS if _is_from_ahrs(reference) else ""
-    reason = f"{_ahrs_or(reference)}{_fault_with_size(worst)}{disagreeing}"
-    return Judgement(Grade.DOUBTFUL, reason, f"{without}{remedy_of_fault(worst.fault)}")
+    reason, remedy = fault_with_size(worst), remedy_of_fault(worst.fault)
+    if not is_other_answer(worst):
+        # A model that does not hold for all segments looks like many a fault.
+        disagreeing = next((f", and {fault_with_size(test)}" for test in beyond if is_other_answer(test)), "")
+        reason = f"{_ahrs_or(reference)}{reason}{disagreeing}"
+        remedy = f"{_WITHOUT_AHRS if is_from_ahrs(reference) else ''}{remedy}"
+    yield _Doubt(0.5 * worst.z**2, Judgement(Grade.DOUBTFUL, reason, remedy))
 
 
 def _limit(test: FaultTest) -> float:
@@ -160,28 +170,9 @@ def _limit(test: FaultTest) -> float:
     return FARTHEST_SEGMENT if test.fault.startswith(SEGMENT) else LARGEST_FAULT
 
 
-def _is_other_answer(test: FaultTest) -> bool:
-    return test.fault.startswith((ANOTHER_MINIMUM, SEGMENT))
-
-
-def _fault_with_size(test: FaultTest) -> str:
-    """Name a fault with its size."""
-    what = f"{test.fault} has another {test.coefficient}" if _is_other_answer(test) else test.fault
-    unit = "" if test.unit == "1" else f" {test.unit}"
-    return f"{what} ({test.size:.3g} +- {test.standard_deviation:.2g}{unit}, {abs(test.z):.1f} sigma)"
-
-
 def _ahrs_or(reference: Estimate) -> str:
-    doubted = "errors of the AHRS, which last, or " if _is_from_ahrs(reference) else "a fault: "
+    doubted = "errors of the AHRS, which last, or " if is_from_ahrs(reference) else "a fault: "
     return f"the data look like {doubted}"
-
-
-def _is_from_ahrs(estimate: Estimate) -> bool:
-    """Say whether the attitude was computed by an AHRS, as it is taken to be of a recorded run."""
-    experiment = estimate.experiment
-    if "attitude" not in estimate.innovations:
-        return False
-    return not isinstance(experiment, Experiment) or experiment.sensors.attitude.source == "ahrs"
 
 
 def _doubt_of_distance(estimate: Estimate, reference: Estimate) -> Judgement | None:

@@ -152,7 +152,8 @@ def _direction(signals: Signals, symbol: str, forces: dict[str, Tie], dive: Tie 
         threshold=outwards,
         passed=agrees,
         advice=f"Slender hulls drift outwards: turn the sign of {symbol}, unless the DVL sits so far from the origin "
-        "that its own speed in the turn outweighs this (then correct for its lever arm).",
+        "that its own speed in the turn outweighs this (then correct for its lever arm), or a current does "
+        "(then estimate it: identification.estimate.biases: [current]).",
     )
 
 

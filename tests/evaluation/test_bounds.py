@@ -116,7 +116,9 @@ def test_coefficients_whose_model_blows_up_have_no_bound_and_that_is_said(short_
     assert bounds.of_data == bounds.with_prior == {}
     assert "blows up" in bounds.remark
     (check,) = (
-        check for check in check_estimate(prepare(dataset), ckf, bounds, judge_one(ckf, None)) if check.check == "bound"
+        check
+        for check in check_estimate(prepare(dataset), ckf, bounds, judge_one(ckf, None), [])
+        if check.check == "bound"
     )
     assert check.passed is None
     assert "blows up" in check.advice
@@ -157,7 +159,7 @@ def test_standard_deviations_are_checked_against_the_least_that_are_possible(sho
     known = {symbol: ckf.standard_deviation[-1, i] / share for symbol, i in zip(SYMBOLS, places, strict=True)}
     checks = {
         check.check: check.passed
-        for check in check_estimate(prepare(short_run), ckf, Bounds({}, known), judge_one(ckf, None))
+        for check in check_estimate(prepare(short_run), ckf, Bounds({}, known), judge_one(ckf, None), [])
     }
     assert checks["not below the bound"] is not failing
     assert checks["near the bound"] is (None if noted else True)
@@ -174,7 +176,7 @@ def test_a_fit_that_ends_at_a_limit_is_no_estimate_and_that_is_said(short_run, s
         limited = with_identification(estimate, output_error=settings)
         checks = {
             check.check: check.passed
-            for check in check_estimate(prepare(short_run), limited, Bounds({}, {}), judge_one(limited, None))
+            for check in check_estimate(prepare(short_run), limited, Bounds({}, {}), judge_one(limited, None), [])
         }
         assert checks["within its limits"] is passed
 
@@ -186,7 +188,7 @@ def test_with_an_earlier_estimate_the_information_is_what_was_added_to_it(short_
     for one, passed in ((estimate, True), (nothing_new, False)):
         checks = {
             check.check: check.passed
-            for check in check_estimate(prepare(short_run), one, Bounds({}, {}), judge_one(one, None))
+            for check in check_estimate(prepare(short_run), one, Bounds({}, {}), judge_one(one, None), [])
         }
         assert checks["information"] is passed
 
@@ -194,6 +196,6 @@ def test_with_an_earlier_estimate_the_information_is_what_was_added_to_it(short_
 def test_of_a_diverged_estimate_nothing_is_said_of_the_coefficients(short_run, ckf):
     diverged = replace(ckf, status="diverged at t = 1 s: why")
     judgement, prepared = judge_one(diverged, None), prepare(short_run)
-    checks = check_estimate(prepared, diverged, BoundsOf(prepared)(diverged), judgement)
+    checks = check_estimate(prepared, diverged, BoundsOf(prepared)(diverged), judgement, [])
     # But for that.
     assert [check.check for check in checks if check.subject == "coefficients"] == ["sound"]

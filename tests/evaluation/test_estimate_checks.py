@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.check import Checks
 from auvid_cli.data.estimate import FaultTest
 from auvid_cli.evaluation.bounds import BoundsOf
+from auvid_cli.evaluation.causes import likely_causes
 from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.identify import identify
@@ -50,7 +52,8 @@ def smoothed(long_enough):
 def verdicts(dataset, filter_name=FilterName.TUKF, reference=None):
     """All, and the names of those that failed, as (subject, check)."""
     estimate, prepared = identify(dataset, filter_name), prepare(dataset)
-    checks = check_estimate(prepared, estimate, BoundsOf(prepared)(estimate), judge_one(estimate, reference))
+    causes = likely_causes(reference or estimate)
+    checks = check_estimate(prepared, estimate, BoundsOf(prepared)(estimate), judge_one(estimate, reference), causes)
     return checks, {(check.subject, check.check) for check in Checks(checks).failed()}
 
 
@@ -158,3 +161,17 @@ def test_a_drag_term_that_is_not_excited_is_not_reported_as_known(simulated_with
     assert ("coefficients", "identified") in fails
     (information,) = [check for check in checks if check.check == "information"]
     assert "Y_r|r|" in information.statistic
+
+
+def test_who_takes_process_noise_for_what_data_need_is_not_told_to_lower_it(long_enough, rng, with_settings):
+    """Errors of a gyroscope that last, and a filter that allows for them."""
+    gyroscope = long_enough.sensors["gyroscope"]
+    noise = rng.standard_normal(gyroscope.values.shape)
+    last = lfilter([np.sqrt(1.0 - 0.99**2)], [1.0, -0.99], noise, axis=0) * gyroscope.standard_deviation
+    sensors = long_enough.sensors | {"gyroscope": replace(gyroscope, values=gyroscope.values + last)}
+    noisy = with_settings(long_enough, "identification.process_noise={velocity: 1e-3, rate: 1e-3, attitude: 1e-5}")
+    checks, _ = verdicts(replace(noisy, sensors=sensors), FilterName.CKF)
+    verdict = {check.check: check for check in checks}
+    assert verdict["near the bound"].passed is None
+    assert verdict["near the bound"].advice.startswith("Process noise takes its part, and must")
+    assert verdict["explained by noise"].passed is None

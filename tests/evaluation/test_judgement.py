@@ -10,10 +10,10 @@ from scipy.signal import lfilter
 
 from auvid_cli.data.estimate import FaultTest
 from auvid_cli.data.innovations import Innovations
+from auvid_cli.evaluation.causes import LARGEST_FAULT
 from auvid_cli.evaluation.judgement import (
     FARTHEST,
     FARTHEST_SEGMENT,
-    LARGEST_FAULT,
     LARGEST_NIS,
     LARGEST_PORTMANTEAU,
     Grade,

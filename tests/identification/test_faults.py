@@ -8,7 +8,8 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.estimate import STATES
-from auvid_cli.evaluation.judgement import FARTHEST_SEGMENT, LARGEST_FAULT
+from auvid_cli.evaluation.causes import LARGEST_FAULT
+from auvid_cli.evaluation.judgement import FARTHEST_SEGMENT
 from auvid_cli.filters.problem import SEGMENT
 from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import augmented_problem

@@ -102,7 +102,7 @@ def test_the_mismatch_of_the_structure_is_noticed(name, training):
     estimate = identify(training, name)
     assert status_of(estimate).startswith("inconsistent")
     checks = check_estimate(
-        prepare(training), estimate, BoundsOf(prepare(training))(estimate), judge_one(estimate, None)
+        prepare(training), estimate, BoundsOf(prepare(training))(estimate), judge_one(estimate, None), []
     )
     failed = {(check.subject, check.check) for check in checks if check.passed is False}
     assert {(sensor, "NIS") for sensor in COLUMNS} <= failed

@@ -1,0 +1,122 @@
+"""What may be behind innovations that are no noise: the likeliest first, by what each would gain in log-likelihood."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
+
+from auvid_cli.config.experiment import Experiment
+from auvid_cli.data.estimate import Estimate, FaultTest
+from auvid_cli.data.innovations import LAGS, Innovations
+from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
+from auvid_cli.identification.faults import remedy_of_fault
+
+Array = NDArray[np.float64]
+
+LARGEST_FAULT = 3.5
+"""Standard deviations of its size by which a fault may look present; chosen as in `auvid_cli.evaluation.judgement`."""
+_MOST_NAMED = 3
+_TUNE = "`auvid tune` finds how much"
+_TUNE_SENSORS = "`auvid tune --sensors` finds how much"
+
+
+class Cause(NamedTuple):
+    """Something that would explain innovations better than the noise that is stated.
+
+    Attributes
+    ----------
+    gain : float
+        In log-likelihood, if it were taken into account; comparable among the causes of one estimate.
+    name, remedy : str
+    """
+
+    gain: float
+    name: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return f"{self.name} (gains {self.gain:.0f} in log-likelihood): {self.remedy}"
+
+
+def likely_causes(estimate: Estimate) -> list[Cause]:
+    """List what the innovations of an estimate look like, the likeliest first.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        Best the smoother's, which has been tested for faults. A fault that scores z gains z^2 / 2.
+    """
+    faults = [
+        Cause(0.5 * test.z**2, fault_with_size(test), remedy_of_fault(test.fault))
+        for test in estimate.faults
+        if not is_other_answer(test)
+    ]
+    # As much as a fault that would make the estimate doubtful.
+    likely = [cause for cause in [*faults, *_noises(estimate)] if cause.gain > 0.5 * LARGEST_FAULT**2]
+    return sorted(likely, key=lambda cause: -cause.gain)
+
+
+def causes_text(causes: list[Cause]) -> str:
+    """Write the likeliest causes down; empty if there are none."""
+    return "; or ".join(map(str, causes[:_MOST_NAMED]))
+
+
+def _noises(estimate: Estimate) -> Iterator[Cause]:
+    for sensor, innovations in estimate.innovations.items():
+        # The noise of an AHRS is stated larger than it is on purpose.
+        if (sensor != "attitude" or not is_from_ahrs(estimate)) and innovations.used().any():
+            yield noise_cause(sensor, innovations)
+
+
+def noise_cause(sensor: str, innovations: Innovations) -> Cause:
+    """Say what noise would explain the innovations of a sensor, and what it would gain.
+
+    An autoregression of their own variance has over white noise of the stated one n / 2 (NIS - 1 - log NIS) by its size
+    and, for each component, -n / 2 log(1 - R^2) by its memory, less the number of its coefficients (Akaike, IEEE Trans.
+    Autom. Control 19(6), 1974).
+    """
+    tally, (correlation, samples) = innovations.tally(), innovations.memory()
+    nis = tally.mean_nis
+    by_size = 0.5 * float(tally.components.sum()) * (nis - 1.0 - np.log(nis)) if nis > 0.0 else 0.0
+    explained = np.array([_explained_by_the_past(row) for row in correlation])
+    by_memory = float(np.sum(np.maximum(-0.5 * samples * np.log1p(-explained) - LAGS, 0.0)))
+    if by_memory <= by_size:
+        if nis < 1.0:
+            return Cause(by_size, f"noise of {sensor} that is stated too large", _TUNE_SENSORS)
+        return Cause(by_size, f"more noise of {sensor} than stated, or more process noise", _TUNE_SENSORS)
+    if float(correlation[:, 0] @ samples) < 0.0:
+        # What was corrected too far is corrected back.
+        return Cause(by_memory, f"more noise of {sensor} than stated, or less process noise", _TUNE_SENSORS)
+    lasting = f"errors of {sensor} that last, or motion that the model does not explain"
+    remedy = f"more process noise ({_TUNE}), or its bias (identification.estimate.biases)"
+    return Cause(by_memory, lasting, remedy)
+
+
+def _explained_by_the_past(correlation: Array) -> float:
+    """Return the share of the variance that an autoregression predicts, by the equations of Yule and Walker."""
+    if not correlation.any():
+        return 0.0
+    weights = solve_toeplitz(np.append(1.0, correlation[:-1]), correlation)
+    return float(np.clip(correlation @ weights, 0.0, 0.999))
+
+
+def is_other_answer(test: FaultTest) -> bool:
+    """Say whether it is no fault, but another answer of the same data or of a part of them."""
+    return test.fault.startswith((ANOTHER_MINIMUM, SEGMENT))
+
+
+def fault_with_size(test: FaultTest) -> str:
+    """Name a fault with its size."""
+    what = f"{test.fault} has another {test.coefficient}" if is_other_answer(test) else test.fault
+    unit = "" if test.unit == "1" else f" {test.unit}"
+    return f"{what} ({test.size:.3g} +- {test.standard_deviation:.2g}{unit}, {abs(test.z):.1f} sigma)"
+
+
+def is_from_ahrs(estimate: Estimate) -> bool:
+    """Say whether the attitude was computed by an AHRS, as it is taken to be of a recorded run."""
+    experiment = estimate.experiment
+    if "attitude" not in estimate.innovations:
+        return False
+    return not isinstance(experiment, Experiment) or experiment.sensors.attitude.source == "ahrs"

@@ -1,0 +1,71 @@
+"""What innovations look like, where they are no noise: closed forms, and faults that are in the data."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.estimate import FaultTest
+from auvid_cli.data.innovations import Innovations
+from auvid_cli.evaluation.causes import likely_causes, noise_cause
+from auvid_cli.identification.identify import identify
+from auvid_cli.vehicle.parameters import SENSORS
+
+
+def innovations_of(values):
+    time = 0.1 * np.arange(len(values))
+    squares = (values**2).sum(axis=1)
+    return Innovations(time, values, np.ones_like(values), squares, np.ones(values.shape[1]))
+
+
+def autoregressive(rng, memory, n=20_000):
+    """Noise of variance 1 in each of three components."""
+    return lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], rng.standard_normal((n, 3)), axis=0)
+
+
+def test_a_gain_by_memory_is_that_of_the_likelihood_of_an_autoregression(rng):
+    values = autoregressive(rng, 0.5)
+    cause = noise_cause("dvl", innovations_of(values))
+    steps = (values[1:] - 0.5 * values[:-1]) / np.sqrt(0.75)
+    difference = 0.5 * (values[1:] ** 2).sum() - 0.5 * (steps**2).sum() - 0.5 * steps.size * np.log(0.75)
+    assert cause.gain == pytest.approx(difference, rel=0.03)
+    assert "last" in cause.name
+    assert "more process noise" in cause.remedy
+
+
+def test_a_gain_by_size_is_that_of_the_likelihood_of_white_noise(rng):
+    values = 1.3 * rng.standard_normal((20_000, 3))
+    cause = noise_cause("dvl", innovations_of(values))
+    scale = np.sqrt((values**2).mean())
+    assert cause.gain == pytest.approx(0.5 * (values**2).sum() * (1.0 - scale**-2) - values.size * np.log(scale))
+    assert cause.name == "more noise of dvl than stated, or more process noise"
+    assert "too large" in noise_cause("dvl", innovations_of(0.5 * values)).name
+
+
+def test_what_was_corrected_too_far_asks_for_less_process_noise(rng):
+    assert "less process noise" in noise_cause("dvl", innovations_of(autoregressive(rng, -0.5))).name
+
+
+def test_white_noise_of_the_stated_size_has_no_cause(rng, short_estimates):
+    noise = {name: innovations_of(rng.standard_normal((20_000, len(SENSORS[name])))) for name in ("gyroscope", "dvl")}
+    assert likely_causes(replace(short_estimates[FilterName.CKF], innovations=noise)) == []
+
+
+def test_causes_stand_in_the_order_of_their_gain(rng, short_estimates):
+    faults = [FaultTest("delay of the DVL", "s", size, 1.0, "X_u|u|", 1.0) for size in (40.0, 3.0, -5.0)]
+    noise = {"dvl": innovations_of(autoregressive(rng, 0.2, 4000))}
+    causes = likely_causes(replace(short_estimates[FilterName.CKF], innovations=noise, faults=faults))
+    assert [round(cause.gain) for cause in causes] == [800, pytest.approx(245, rel=0.25), 12]
+    assert ["delay" in cause.name for cause in causes] == [True, False, True]
+
+
+def test_errors_of_a_gyroscope_that_last_are_named_and_nobody_says_to_lower_the_process_noise(simulated_with, rng):
+    dataset = simulated_with("manoeuvre.duration=60 s", "sensors.attitude.source=direct")
+    gyroscope = dataset.sensors["gyroscope"]
+    last = autoregressive(rng, 0.99, len(gyroscope.time)) * gyroscope.standard_deviation
+    sensors = dataset.sensors | {"gyroscope": replace(gyroscope, values=gyroscope.values + last)}
+    cause = likely_causes(identify(replace(dataset, sensors=sensors), FilterName.SMOOTHER))[0]
+    assert cause.name.startswith("errors of gyroscope that last")
+    assert cause.remedy.startswith("more process noise")
