@@ -19,7 +19,7 @@ def validate(dataset: Dataset, estimate: Estimate, training: Dataset | None = No
     estimate : Estimate
     training : Dataset, optional
         That the estimate was made from: a copy of it, or of a part, is then refused as well. Data that were in no file
-        are recognised in no other way.
+        are recognised in no other way. And by how much predictions of them are worse than stated is part of the bands.
 
     Returns
     -------
@@ -38,4 +38,4 @@ def validate(dataset: Dataset, estimate: Estimate, training: Dataset | None = No
     >>> validation.run.to_xarray()["u"].attrs["units"]
     'm/s'
     """
-    return predict(unseen_data(dataset, estimate, training), estimate)
+    return predict(unseen_data(dataset, estimate, training), estimate, training)

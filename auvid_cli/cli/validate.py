@@ -48,12 +48,13 @@ def validate(
             from auvid_cli.cli.tables import write_and_draw
             from auvid_cli.report.validation_screen import print_validation
         with terminal.stage("compare with the estimate's own data"):
-            dataset = unseen_data(whole, estimate, _dataset_behind(estimate_file, estimate))
+            training = _dataset_behind(estimate_file, estimate)
+            dataset = unseen_data(whole, estimate, training)
         folder = output or folder_of_dataset(dataset_file)
         put_copy(dataset_file, whole, folder, [estimate_file], overwrite)
         keep_apart(tables_and_figures(folder), [estimate_file, dataset_file])
         with terminal.stage("predict"):
-            validation = predict(dataset, estimate)
+            validation = predict(dataset, estimate, training)
         tables = validation.tables()
         paths = write_and_draw(folder, tables, lambda figures: figures.add_validation(dataset, validation), terminal)
         print_validation(terminal.out, validation)

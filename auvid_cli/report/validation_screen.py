@@ -16,7 +16,9 @@ from auvid_cli.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Predi
 _DIGITS = 3
 # What gives way where the terminal is narrow, first to last.
 _LEAST_OF_MODELS = "vehicle file", "prior", "unchanged"
-_BAND = "Band: two standard deviations of coefficients, start and measurements together, without process noise."
+_BAND = (
+    "Band: two standard deviations of coefficients, start, measurements and what the model is seen to lack, together."
+)
 
 
 def print_validation(console: Console, validation: Validation) -> None:

@@ -10,7 +10,7 @@ from auvid_cli.evaluation.measurement_errors import measured_motion
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.validation.fit import PredictionFit
 from auvid_cli.validation.initial_states import InitialStates
-from auvid_cli.validation.motion_prediction import move_side_by_side, unchanged_motion
+from auvid_cli.validation.motion_prediction import Shaken, move_side_by_side, unchanged_motion
 from auvid_cli.validation.results import AHEAD, Prediction
 from auvid_cli.validation.signals import MeasuredSignal, is_angle
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
@@ -103,12 +103,14 @@ def predict_ahead(
     starts: InitialStates,
     bundle: Bundle,
     rng: np.random.Generator,
+    process_noise: Array | None = None,
 ) -> Collected:
     """Predict measurements from every start, with the sensors' errors and the current that are known there.
 
-    The variance holds how unsure coefficients, start, measurements and their additive errors are, each by itself. It
-    leaves out the uncertainty of the current and of the DVL's scale and yaw, and that these go with the start's
-    velocity: what the filter knows well is the velocity over ground, less well its share through the water.
+    The variance holds how unsure coefficients, start, measurements and their additive errors are, each by itself, and
+    process noise where it is given. It leaves out the uncertainty of the current and of the DVL's scale and yaw, and
+    that these go with the start's velocity: what the filter knows well is the velocity over ground, less well its share
+    through the water.
 
     Parameters
     ----------
@@ -120,10 +122,13 @@ def predict_ahead(
     bundle : Bundle
         A drawn model also starts from a motion that is drawn from the uncertainty of the start.
     rng : numpy.random.Generator
+    process_noise : ndarray, shape (9,), optional
+        That moves drawn models as well: root of the spectral density for each motion state, SI / s^0.5.
     """
     parameters, named = prepared.experiment.vehicle.known_parameters(), len(bundle.names)
     drawn = len(bundle.coefficients) - named
     collected = Collected([], np.zeros(drawn, dtype=np.bool_))
+    shaken = None if process_noise is None else Shaken(slice(named, named + drawn), process_noise, rng)
     for k, start in enumerate(starts.time):
         targets = targets_of(signals, float(start))
         if not targets:
@@ -132,7 +137,7 @@ def predict_ahead(
         motion = np.tile(starts.motion[k], (len(bundle.coefficients), 1))
         motion[named:] += starts.deviation[k] * rng.standard_normal((drawn, N_MOTION))
         timelines = prepared.segments[0].timelines.between(float(start), float(wanted[-1]))
-        predicted = move_side_by_side(timelines, motion, bundle.coefficients, parameters, wanted)
+        predicted = move_side_by_side(timelines, motion, bundle.coefficients, parameters, wanted, shaken)
         collected.blown_up[:] |= ~np.isfinite(predicted[:, named:]).all(axis=(0, 2))
         errors = starts.errors[k]
         unchanged = measured_motion(unchanged_motion(wanted - start, starts.motion[k]), errors)
@@ -155,12 +160,16 @@ def _variance(drawn: Array, centre: float) -> float:
 
 
 def rows_ahead(
-    collected: Collected, names: Sequence[str], signals: Mapping[str, MeasuredSignal]
+    collected: Collected,
+    names: Sequence[str],
+    signals: Mapping[str, MeasuredSignal],
+    growth: Mapping[tuple[str, float], float],
 ) -> Iterator[Prediction]:
     """Yield a row for each horizon that is reached often enough, and signal.
 
     The fit relates errors to how far the measurements of the whole run are from their mean, at every horizon alike:
-    those that are compared may all be of a steady turn.
+    those that are compared may all be of a steady turn. `growth` is a variance to add to the stated one, by motion
+    symbol and horizon.
     """
     drawn, blown_up = collected.blown_up.size, int(collected.blown_up.sum())
     for horizon in HORIZONS:
@@ -173,7 +182,7 @@ def rows_ahead(
             predicted = np.array([sample.named for sample in samples])
             fits = {name: PredictionFit.of(measured, predicted[:, i]) for i, name in enumerate(names)}
             whole = fits["identified"]._replace(spread=len(samples) * float(signal.values.var()))
-            deviation = np.sqrt([sample.variance for sample in samples])
+            deviation = np.sqrt([sample.variance + growth.get((symbol, horizon), 0.0) for sample in samples])
             has_band = bool(np.isfinite(deviation).all() and fits["identified"].rmse is not None)
             within = np.abs(measured - predicted[:, 0]) <= _SIGMAS * deviation
             yield Prediction(

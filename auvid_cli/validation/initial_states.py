@@ -46,8 +46,10 @@ class InitialStates:
         the next as the model says.
     status : str
         "completed", or how far the filter came.
+    process_noise : ndarray, shape (9,)
+        Root of its spectral density for each motion state by the settings, SI / s^0.5.
     noise_factor : float
-        By how much its process noise is larger than the settings say.
+        By how much that of the filter is larger.
     """
 
     time: Array
@@ -58,6 +60,7 @@ class InitialStates:
     final_errors: MeasurementErrors
     nis: dict[str, float]
     status: str
+    process_noise: Array
     noise_factor: float = 1.0
 
 
@@ -109,7 +112,7 @@ def filtered_initial_states(prepared: PreparedData, wanted: Array) -> InitialSta
         if states.status == "completed" and max(states.nis.values()) <= LARGEST_NIS:
             break
         states = replace(_filtered(_with_noise(prepared, factor), wanted), noise_factor=factor)
-    return replace(states, nis=first.nis)
+    return replace(states, nis=first.nis, process_noise=first.process_noise)
 
 
 def _with_noise(prepared: PreparedData, factor: float) -> PreparedData:
@@ -123,7 +126,8 @@ def _with_noise(prepared: PreparedData, factor: float) -> PreparedData:
 
 def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
     problem = augmented_problem(prepared)
-    motion = problem.layout.rows_of("motion")
+    motion, n_parameters = problem.layout.rows_of("motion"), problem.layout.n_parameters
+    in_motion = slice(motion.start - n_parameters, motion.stop - n_parameters)
     kept, squares, components = [], np.zeros(len(problem.measuring)), np.zeros(len(problem.measuring))
     timelines, prior = problem.segments[0].timelines, problem.prior
     reached, last = timelines.span[0], prior.mean
@@ -159,4 +163,5 @@ def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
         estimated_errors(problem.layout.symbols, last),
         {name: float(s / max(n, 1.0)) for name, s, n in zip(problem.measuring, squares, components, strict=True)},
         "completed" if outcome.failure == OK else f"diverged at t = {reached:.3f} s",
+        problem.process.noise_density[in_motion],
     )

@@ -1,6 +1,7 @@
 """Motion ahead of a start: of many models side by side, and as it would go on unchanged."""
 
 from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,38 @@ from auvid_cli.vehicle.parameters import N_MOTION
 Array = NDArray[np.float64]
 
 
+# s; process noise pushes at least so long apart, which is short beside how fast a vehicle answers.
+_BETWEEN_PUSHES = 0.1
+
+
+class Shaken(NamedTuple):
+    """Models that process noise moves as well.
+
+    Attributes
+    ----------
+    which : slice
+    density : ndarray, shape (9,)
+        Root of the spectral density of the white noise on each motion state's rate, SI / s^0.5.
+    rng : numpy.random.Generator
+    """
+
+    which: slice
+    density: Array
+    rng: np.random.Generator
+
+    def push(self, states: Array, elapsed: float) -> None:
+        """Add what came of it in some time, s, to the states, shape (9, n)."""
+        pushed = states[:, self.which]
+        pushed += np.sqrt(elapsed) * self.density[:, None] * self.rng.standard_normal(pushed.shape)
+
+
 def move_side_by_side(
-    timelines: Iterable[Timeline], motion: Array, coefficients: Array, parameters: Mapping[str, float], wanted: Array
+    timelines: Iterable[Timeline],
+    motion: Array,
+    coefficients: Array,
+    parameters: Mapping[str, float],
+    wanted: Array,
+    shaken: Shaken | None = None,
 ) -> Array:
     """Move up to `LANES` models by the same inputs.
 
@@ -32,6 +63,7 @@ def move_side_by_side(
         Known parameters of all of them.
     wanted : ndarray, shape (k,)
         Times of events, s, increasing.
+    shaken : Shaken, optional
 
     Returns
     -------
@@ -42,7 +74,20 @@ def move_side_by_side(
     constants, work = vehicle_constants(parameters), np.zeros(N_WORK)
     block, rows = (_in_lanes(each) for each in (motion, np.hstack([coefficients, np.ones((n, 1))])))
     states, moved = block.reshape(N_MOTION, LANES), np.empty((wanted.size, n, N_MOTION))
-    done = 0
+    done, since_push = 0, 0.0
+
+    def move(inputs: list[Array], durations: list[float], is_wanted: bool) -> None:
+        nonlocal since_push
+        for held, duration in zip(inputs, durations, strict=True):
+            runge_kutta_step(block, rows, held, constants, n, duration, work)
+            since_push += duration
+            if shaken is not None and since_push >= _BETWEEN_PUSHES:
+                shaken.push(states, since_push)
+                since_push = 0.0
+        if is_wanted and shaken is not None:
+            shaken.push(states, since_push)
+            since_push = 0.0
+
     for timeline in timelines:
         inputs, durations = [timeline.inputs[i] for i in timeline.substep_input], timeline.substep_duration.tolist()
         substep = 0
@@ -50,13 +95,11 @@ def move_side_by_side(
             if event == timeline.time.size:
                 break
             until = int(timeline.substep_offset[event + 1])
-            for held, duration in zip(inputs[substep:until], durations[substep:until], strict=True):
-                runge_kutta_step(block, rows, held, constants, n, duration, work)
+            move(inputs[substep:until], durations[substep:until], is_wanted=True)
             moved[done], substep, done = states[:, :n].T, until, done + 1
         if done == wanted.size:
             break
-        for held, duration in zip(inputs[substep:], durations[substep:], strict=True):
-            runge_kutta_step(block, rows, held, constants, n, duration, work)
+        move(inputs[substep:], durations[substep:], is_wanted=False)
     return moved[:done]
 
 

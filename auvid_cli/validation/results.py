@@ -33,8 +33,8 @@ class Prediction(NamedTuple):
         Of what there was before: the prior's mean, the coefficients in the vehicle file, and the motion at the start
         going on as it is.
     expected_rmse : float or None
-        What the stated uncertainties of coefficients, start and measurements amount to; what the model leaves out, for
-        which the process noise stands, is not in it.
+        What the uncertainties of coefficients, start and measurements amount to, and by how much predictions of the
+        model's own data are worse than these; where such data are not at hand, process noise instead.
     share_within_band : float or None
         Of the errors, those within two of these standard deviations; 0.95 if the uncertainties are right.
     draws, draws_blown_up : int or None

@@ -13,7 +13,11 @@ _LARGEST_RATIO = 1.1
 # Times as far as the measurements ever go from their mean.
 _LARGEST_EXCURSION = 10.0
 # Of the errors within two standard deviations it should be 95 %; starts that follow each other are alike.
-_SMALLEST_SHARE = 0.85
+_SMALLEST_SHARE, _LARGEST_SHARE = 0.85, 0.995
+# Of fewer errors that share is too small by chance now and then, where there are dozens of rows.
+_FEWEST = 60
+# A band of which the stated noise of the measurement is so much says nothing of the model where it is too wide.
+_MOSTLY_NOISE = 0.7
 
 
 def verdicts(
@@ -105,25 +109,44 @@ def _better(name: str, other: str, rows: Sequence[Prediction], rmse_of: Callable
 
 
 def _band(name: str, rows: Sequence[Prediction]) -> list[Check]:
-    """Judge whether the stated uncertainty explains the errors, horizon by horizon."""
-    shares = [(row, row.share_within_band) for row in rows if row.share_within_band is not None]
+    """Judge whether the stated uncertainty is that of the errors: not too small, nor, over all horizons, too large."""
+    banded = [row for row in rows if row.share_within_band is not None]
+    shares = [(row, row.share_within_band or 0.0) for row in banded if row.measurements >= _FEWEST]
     if not shares:
         return []
-    return [
-        Check.of_values(
-            name,
-            "ahead",
-            "explained by its uncertainty",
-            _worst(shares, is_least=True),
-            limit=_SMALLEST_SHARE,
-            meaning="of the errors within two sigma",
-            advice="The errors are larger than coefficients, start and sensors are uncertain; the band is without "
-            "process noise. The structure of the model does not hold for this manoeuvre, or the covariance is too "
-            "small.",
-            fails=False,
-            is_least=True,
-        )
-    ]
+    too_small = Check.of_values(
+        name,
+        "ahead",
+        "explained by its uncertainty",
+        _worst(shares, is_least=True),
+        limit=_SMALLEST_SHARE,
+        meaning="of the errors within two sigma",
+        advice="The errors are larger than coefficients, start, sensors and process noise are uncertain: the structure "
+        "of the model does not hold for this manoeuvre, or process noise or covariance is too small (`auvid tune`).",
+        is_least=True,
+    )
+    return [too_small, _not_too_wide(name, banded)]
+
+
+def _not_too_wide(name: str, rows: Sequence[Prediction]) -> Check:
+    """Judge by signal, over all horizons: of few starts all may be within."""
+    within: dict[str, float] = {}
+    for signal in dict.fromkeys(row.signal for row in rows):
+        own = [row for row in rows if row.signal == signal and (row.expected_rmse or 0.0) * _MOSTLY_NOISE > row.noise]
+        if count := sum(row.measurements for row in own):
+            within[signal] = sum((row.share_within_band or 0.0) * row.measurements for row in own) / count
+    if not within:
+        within = {"all mostly noise": 0.0}
+    return Check.of_values(
+        name,
+        "ahead",
+        "no surer than it says",
+        within,
+        limit=_LARGEST_SHARE,
+        meaning="of the errors within two sigma",
+        advice="The model is better than its bands: less process noise, or less uncertain coefficients, would do "
+        "(`auvid tune`).",
+    )
 
 
 def _worst(values: Sequence[tuple[Prediction, float]], is_least: bool = False) -> dict[str, float]:

@@ -121,7 +121,7 @@ def test_a_model_that_is_worse_than_every_mean_predicts_nothing(validation):
 
 
 def test_the_band_is_said_to_be_without_process_noise_where_there_is_one(validation):
-    assert "without process noise" in shown(validation, 120)
+    assert "what the model is seen to lack" in shown(validation, 120)
     rows = [row._replace(share_within_band=None) for row in validation.predictions]
     assert "process noise" not in shown(validation._replace(predictions=rows), 120)
 

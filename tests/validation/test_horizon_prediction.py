@@ -29,7 +29,7 @@ def collected(predictions, variance, blown_up=(False, True)):
 def test_errors_are_related_to_the_whole_run_and_to_what_was_stated():
     # The identified model is off by 0.5 and by 1.0 in turn, the prior by 4.
     data = collected([(9.5, 5.0), (8.0, 5.0)] * 6, 0.4**2)
-    (row,) = rows_ahead(data, ("identified", "prior"), {"u": SIGNAL})
+    (row,) = rows_ahead(data, ("identified", "prior"), {"u": SIGNAL}, {})
     rmse = np.sqrt((0.5**2 + 1.0**2) / 2.0)
     assert (row.signal, row.kind, row.horizon_s, row.measurements, row.noise) == ("u", "ahead", 5.0, 12, 0.1)
     assert row.rmse == pytest.approx(rmse)
@@ -41,11 +41,11 @@ def test_errors_are_related_to_the_whole_run_and_to_what_was_stated():
 
 
 def test_too_few_starts_are_no_row():
-    assert list(rows_ahead(collected([(9.0,)] * 9, 1.0), ("identified",), {"u": SIGNAL})) == []
+    assert list(rows_ahead(collected([(9.0,)] * 9, 1.0), ("identified",), {"u": SIGNAL}, {})) == []
 
 
 def test_a_model_that_blew_up_has_no_numbers():
-    (row,) = rows_ahead(collected([(9.0,)] * 11 + [(np.nan,)], 1.0), ("identified",), {"u": SIGNAL})
+    (row,) = rows_ahead(collected([(9.0,)] * 11 + [(np.nan,)], 1.0), ("identified",), {"u": SIGNAL}, {})
     assert (row.rmse, row.fit_percent, row.share_within_band) == (None, None, None)
 
 

@@ -6,8 +6,9 @@ from auvid_cli.validation.results import AHEAD, Prediction
 from auvid_cli.validation.verdicts import verdicts
 
 
-def row(signal="r", horizon=1.0, rmse=0.02, prior=1.0, unchanged=0.5, share=0.95):
-    return Prediction(signal, "rad/s", AHEAD, horizon, 50, 0.01, 90.0, rmse, prior, None, unchanged, 0.01, share, 50, 0)
+def row(signal="r", horizon=1.0, rmse=0.02, prior=1.0, unchanged=0.5, share=0.95, expected=0.01, count=100):
+    errors = 90.0, rmse, prior, None, unchanged, expected
+    return Prediction(signal, "rad/s", AHEAD, horizon, count, 0.01, *errors, share, 50, 0)
 
 
 def verdict_on(check, rows, excursion=None, nis=None, status="completed"):
@@ -18,7 +19,7 @@ def verdict_on(check, rows, excursion=None, nis=None, status="completed"):
 
 def test_a_better_model_passes():
     checks = verdicts("ckf", [row()], {"u": 1.0}, {"dvl": 1.0}, "completed")
-    assert len(checks) == 6
+    assert len(checks) == 7
     assert all(check.passed for check in checks)
 
 
@@ -44,9 +45,18 @@ def test_a_prior_that_blew_up_is_no_standard():
     assert verdict_on("better than the prior", [row(prior=None)]).passed is None
 
 
-def test_errors_beyond_the_band_are_noted():
+def test_errors_beyond_the_band_fail():
     verdict = verdict_on("explained by its uncertainty", [row(), row("v", share=0.5), row("v", 5.0, share=0.2)])
-    assert (verdict.passed, verdict.statistic) == (None, "v at 5 s 0.2")
+    assert (verdict.passed, verdict.statistic) == (False, "v at 5 s 0.2")
+    assert verdict_on("explained by its uncertainty", [row(), row("v", share=0.5, count=20)]).passed is True
+
+
+def test_a_band_that_is_never_left_fails_where_it_is_more_than_noise():
+    rows = [row(share=1.0), row("v", share=1.0, expected=0.05), row("v", 5.0, share=0.98, expected=0.05)]
+    assert verdict_on("no surer than it says", rows[:1]).passed is True
+    assert verdict_on("no surer than it says", rows).passed is True
+    verdict = verdict_on("no surer than it says", rows[:2])
+    assert (verdict.passed, verdict.statistic) == (False, "v 1")
 
 
 def test_running_away_and_losing_the_motion_fail():
