@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from auvid_cli.config.disturbance import Disturbance
 from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.config.settings import Settings
 
@@ -21,6 +22,16 @@ class Limits(Settings):
     fin_angle: Annotated[PositiveRadians, Field(lt=1.6, description="largest fin deflection")] = 0.35
     fin_rate: Annotated[float, Amount("rad/s"), Field(gt=0, description="largest fin rate")] = 1.0
     surge_force: Annotated[float, Amount("N"), Field(gt=0, description="largest thrust, either way")] = 1e4
+
+
+class FinTrim(Settings):
+    """How far the fins of the vehicle are off from what is recorded of them."""
+
+    rudder: Annotated[Radians, Field(description="true less recorded")] = 0.0
+    elevator: Annotated[Radians, Field(description="true less recorded")] = 0.0
+    spread: Annotated[
+        float, Amount("rad"), Field(ge=0, description="standard deviation of a further offset of each, drawn per seed")
+    ] = 0.0
 
 
 class Multisine(Settings):
@@ -110,13 +121,28 @@ class ManoeuvreSettings(Settings):
     current_east: Annotated[float, Unit("m/s"), Field(ge=-100, le=100, description="velocity of the water, east")] = 0.0
     initial_pitch: Annotated[Pitch, Field(description="pitch at the start")] = 0.0
     input_rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="inputs change this often")] = 100.0
+    recorded_rate: Annotated[
+        float | None,
+        Amount("Hz"),
+        Field(gt=0, le=1e4, description="inputs are recorded this often, and held in between; null: each of them"),
+    ] = None
     limits: Limits = Limits()
     excitation: Excitation = Excitation()
+    fin_trim: FinTrim = FinTrim()
+    disturbance: Disturbance = Disturbance()
 
     @model_validator(mode="after")
     def _lasts_a_second(self) -> "ManoeuvreSettings":
         if self.duration < 1.0 or self.duration * self.input_rate < 2.0:
             raise ValueError("expected a duration of at least 1 s and two periods of the input rate")
+        return self
+
+    @model_validator(mode="after")
+    def _recorded_no_faster_than_they_change(self) -> "ManoeuvreSettings":
+        if self.recorded_rate is not None and self.recorded_rate > self.input_rate:
+            raise ValueError(
+                f"expected recorded_rate ({self.recorded_rate:g} Hz) not above input_rate ({self.input_rate:g} Hz)"
+            )
         return self
 
 

@@ -132,6 +132,18 @@ class Amount(Unit):
     check = staticmethod(check_amount)
 
 
+class AmountPerAxis(Amount):
+    """SI unit of a field of amounts along three axes: one for all of them or a list of one each."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Parse the quantities before the field's own validation."""
+
+        def parse(value: Any) -> tuple[float, ...]:
+            return parse_components(value, self.unit, 3, type(self).check)
+
+        return core_schema.no_info_before_validator_function(parse, handler(source))
+
+
 def expected(unit: str) -> str:
     """Say what a quantity of that unit looks like, as a phrase for messages."""
     kind, example = EXAMPLES.get(unit, ("a quantity", f"0.1 {unit}"))

@@ -22,25 +22,44 @@ class SensorSettings(Settings):
 
     rate: Annotated[float, Amount("Hz"), Field(gt=0, le=1e4, description="samples per second")]
     start: Annotated[float, Amount("s"), Field(ge=0, le=1e6, description="time of the first sample")] = 0.0
-    noise: Annotated[PerComponent, Field(description="standard deviation of the white noise")] = ()
+    noise: Annotated[
+        PerComponent, Field(description="standard deviation of the noise, white but for its coloured share")
+    ] = ()
     range: Annotated[
-        PerComponent, Field(description="catalogue accuracy +-range, read as three sigma of white noise")
+        PerComponent, Field(description="catalogue accuracy +-range, read as three sigma of that noise")
     ] = ()
     bias: Annotated[PerComponent, Field(description="constant bias")] = (0.0,)
     bias_spread: Annotated[
         PerComponent, Field(description="standard deviation of a further constant bias, drawn per seed")
     ] = (0.0,)
     drift: Annotated[PerComponent, Field(description="random walk of the bias, per square root of a second")] = (0.0,)
+    coloured_share: Annotated[
+        float, Field(ge=0, le=1, description="share of the noise's variance that is Gauss-Markov, and not white")
+    ] = 0.0
+    coloured_time_constant: Annotated[
+        float, Amount("s"), Field(gt=0, description="after which 1/e of that noise is left")
+    ] = 1.0
+    vibration: Annotated[PerComponent, Field(description="amplitude of a sine with a phase drawn per seed")] = (0.0,)
+    vibration_frequency: Annotated[float, Amount("Hz"), Field(gt=0, description="of that sine")] = 20.0
     quantisation: Annotated[PerComponent, Field(description="step of the output; 0 for none")] = (0.0,)
     dropout_probability: Annotated[Probability, Field(description="share of samples that are lost")] = 0.0
     outlier_probability: Annotated[Probability, Field(description="share of samples that are wild")] = 0.0
     outlier_size: Annotated[PerComponent, Field(description="standard deviation of a wild sample's error")] = (0.0,)
-    standard_deviation: Annotated[
-        PerComponent, Field(description="what a filter is told; the white noise if not given")
-    ] = ()
+    delay: Annotated[
+        float,
+        Unit("s"),
+        Field(ge=-1e3, le=1e3, description="time stamps are so much later than the samples; negative: earlier"),
+    ] = 0.0
+    delay_spread: Annotated[
+        float,
+        Amount("s"),
+        Field(ge=0, le=1e3, description="standard deviation of a further delay, the offset of its clock, per seed"),
+    ] = 0.0
+    standard_deviation: Annotated[PerComponent, Field(description="what a filter is told; the noise if not given")] = ()
 
     @field_validator(
-        *("noise", "range", "bias_spread", "quantisation", "outlier_size", "standard_deviation"), mode="before"
+        *("noise", "range", "bias_spread", "vibration", "quantisation", "outlier_size", "standard_deviation"),
+        mode="before",
     )
     @classmethod
     def _amount_per_component(cls, value: Any) -> PerComponent:
@@ -57,7 +76,9 @@ class SensorSettings(Settings):
         unit, width = cls._unit_and_width()
         return parse_components(value, f"{unit}/s^0.5", width, check_amount)
 
-    @field_validator("noise", "range", "bias_spread", "drift", "quantisation", "outlier_size", mode="after")
+    @field_validator(
+        *("noise", "range", "bias_spread", "drift", "vibration", "quantisation", "outlier_size"), mode="after"
+    )
     @classmethod
     def _not_negative(cls, values: PerComponent) -> PerComponent:
         if any(value < 0.0 for value in values):
@@ -80,7 +101,7 @@ class SensorSettings(Settings):
         return self
 
     def noise_standard_deviation(self) -> PerComponent:
-        """Return the standard deviation of the white noise per component, SI."""
+        """Return the standard deviation of the noise per component, SI."""
         return self._all(self.noise or tuple(value / 3.0 for value in self.range))
 
     def stated_standard_deviation(self) -> PerComponent:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import RunSettings
+from auvid_cli.vehicle.parameters import DISTURBANCE, MOTION, POSITION, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -95,12 +96,22 @@ class TruthRecord:
         North, east, down, m.
     coefficients : dict
         True coefficients by symbol, SI.
+    disturbance : ndarray, shape (n, 6), or None
+        Force, N, and moment, N m, from each time to the next, that the model does not explain, see `DISTURBANCE`; None
+        if there is none.
     """
 
     time: Array
     motion: Array
     position: Array
     coefficients: dict[str, float]
+    disturbance: Array | None = None
+
+    @property
+    def tables(self) -> tuple[tuple[tuple[Quantity, ...], Array], ...]:
+        """Return what there is over time."""
+        disturbed = () if self.disturbance is None else ((DISTURBANCE, self.disturbance),)
+        return (MOTION, self.motion), (POSITION, self.position), *disturbed
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from auvid_cli.data.netcdf_reading import (
 )
 from auvid_cli.data.soundness import check_dataset
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.parameters import INPUTS, MOTION, POSITION, SENSORS
+from auvid_cli.vehicle.parameters import DISTURBANCE, INPUTS, MOTION, POSITION, SENSORS
 
 # Of more than so many samples of the true motion, every so many are read: enough to compare and to draw.
 _MOST_TRUTH = 100_000
@@ -72,7 +72,7 @@ def _write_sensor(group: h5py.Group, name: str, record: SensorRecord) -> None:
 
 def _write_truth(group: h5py.Group, truth: TruthRecord) -> None:
     write_dimension(group, "time", truth.time, "time", "s")
-    for table, values in ((MOTION, truth.motion), (POSITION, truth.position)):
+    for table, values in truth.tables:
         for column, quantity in enumerate(table):
             write_variable(group, quantity.symbol, values[:, column], ("time",), quantity.meaning, quantity.unit)
     symbols = [c.symbol for c in COEFFICIENTS]
@@ -128,11 +128,13 @@ def _read_sensor(group: h5py.Group, name: str) -> SensorRecord:
 
 def _read_truth(group: h5py.Group) -> TruthRecord:
     every = 1 + count_rows(group, "time") // _MOST_TRUTH
+    disturbance = [quantity.symbol for quantity in DISTURBANCE]
     return TruthRecord(
         read_array(group, "time", every),
         read_table(group, [quantity.symbol for quantity in MOTION], every),
         read_table(group, [quantity.symbol for quantity in POSITION], every),
         dict(zip(read_names(group, "coefficient"), read_array(group, "true_coefficient").tolist(), strict=True)),
+        read_table(group, disturbance, every) if disturbance[0] in group else None,
     )
 
 
@@ -159,7 +161,7 @@ def _variables(dataset: Dataset) -> Iterator[tuple[str, NDArray[np.float64]]]:
         tables.append((f"sensors/{name}", record.time, SENSORS[name], record.values))
         yield f"sensors/{name}/standard_deviation", record.standard_deviation
     if truth is not None:
-        tables += [("truth", truth.time, MOTION, truth.motion), ("truth", truth.time, POSITION, truth.position)]
+        tables += [("truth", truth.time, table, values) for table, values in truth.tables]
         yield "truth/true_coefficient", np.array([truth.coefficients[c.symbol] for c in COEFFICIENTS])
     for group, time, quantities, values in tables:
         yield f"{group}/time", time

@@ -4,6 +4,7 @@ Names are those of the files, see `auvid_cli.data.dataset_file` and `auvid_cli.d
 """
 
 from collections.abc import Sequence
+from itertools import chain
 from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,7 +16,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.parameters import INPUTS, MOTION, POSITION, SENSORS, Quantity
+from auvid_cli.vehicle.parameters import INPUTS, SENSORS, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,8 +81,8 @@ def dataset_series(dataset: Dataset) -> dict[str, LabelledSeries]:
     for name, record in dataset.sensors.items():
         series[f"sensors/{name}"] = LabelledSeries(record.time, SENSORS[name], record.values, "time of measurement")
     if dataset.truth is not None:
-        true = np.hstack([dataset.truth.motion, dataset.truth.position])
-        series["truth"] = LabelledSeries(dataset.truth.time, (*MOTION, *POSITION), true)
+        tables, values = zip(*dataset.truth.tables, strict=True)
+        series["truth"] = LabelledSeries(dataset.truth.time, tuple(chain.from_iterable(tables)), np.hstack(values))
     return series
 
 

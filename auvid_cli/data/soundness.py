@@ -67,8 +67,8 @@ def _check_sizes(where: str, values: Array, unit: str) -> None:
 def _check_truth(truth: TruthRecord) -> None:
     n = truth.time.size
     _check_times("/truth", truth.time, increasing=True)
-    _check_shapes("/truth", (truth.motion, (n, 9)), (truth.position, (n, 3)))
-    _check_finite("/truth", truth.motion, truth.position, np.array(list(truth.coefficients.values())))
+    _check_shapes("/truth", *((values, (n, len(table))) for table, values in truth.tables))
+    _check_finite("/truth", *(values for _, values in truth.tables), np.array(list(truth.coefficients.values())))
     if not n:
         raise ValueError("/truth needs a motion")
     if missing := [symbol for symbol in SYMBOLS if symbol not in truth.coefficients]:

@@ -1,9 +1,7 @@
 """Raw sensors: what each of them reports of the true motion, at its own times."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
-from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.angles import wrap
 from auvid_cli.config.sensors import Accelerometer, Attitude, Dvl, MagneticField, SensorSettings, SensorSuite
 from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.simulation.imperfections import corrupt, stamped
 from auvid_cli.simulation.true_motion import Truth, sample_motion
 from auvid_cli.vehicle.kinematics import GRAVITY, dvl_axes, earth_to_body
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
@@ -42,7 +41,8 @@ def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict
         measure_block = _RULES.get(name) or partial(_motion_states, SENSORS[name])
         blocks = [times[first : first + _BLOCK] for first in range(0, max(times.size, 1), _BLOCK)]
         true = np.concatenate([measure_block(_Sampled(truth, block, current, settings)) for block in blocks])
-        records[name] = corrupt(times, true, settings, name, seed)
+        record = corrupt(times, true, settings, name, seed)
+        records[name] = stamped(record, settings, name, seed, truth.time[-1])
     return records
 
 
@@ -58,38 +58,6 @@ def sample_times(settings: SensorSettings, duration: float) -> Array:
     """Return the ticks of a sensor's clock from its start to the end of the run, s."""
     count = int(np.floor((duration - settings.start) * settings.rate + 1e-9)) + 1
     return settings.start + np.arange(max(count, 0)) / settings.rate
-
-
-def corrupt(times: Array, true: Array, settings: SensorSettings, name: str, seed: int) -> SensorRecord:
-    """Add bias, drift, noise, outliers, quantisation and dropouts, in that order."""
-    n, components = true.shape
-
-    def stream(imperfection: str) -> np.random.Generator:
-        return np.random.default_rng([seed, crc32(name.encode()), crc32(imperfection.encode())])
-
-    values = true + np.array(settings.bias)
-    values += np.array(settings.bias_spread) * stream("bias").standard_normal(components)
-    drift = stream("drift").standard_normal((n, components))
-    drift *= np.sqrt(np.diff(times, prepend=times[:1]))[:, None] * np.array(settings.drift)
-    values += np.cumsum(drift, axis=0, out=drift)
-    del drift
-    values += np.array(settings.noise_standard_deviation()) * stream("noise").standard_normal((n, components))
-
-    outliers = stream("outliers")
-    wild = outliers.random(n) < settings.outlier_probability
-    values[wild] += np.array(settings.outlier_size) * outliers.standard_normal((int(wild.sum()), components))
-
-    step = np.broadcast_to(np.array(settings.quantisation), components)
-    for component in np.flatnonzero(step > 0.0):
-        values[:, component] = step[component] * np.round(values[:, component] / step[component])
-    values[stream("dropouts").random(n) < settings.dropout_probability] = np.nan
-    record = SensorRecord(times, values, np.array(settings.stated_standard_deviation()))
-    match settings:
-        case Accelerometer():
-            return replace(record, position=settings.position)
-        case MagneticField():
-            return replace(record, earth_field=settings.earth_field)
-    return record
 
 
 def _motion_states(quantities: Sequence[Quantity], sampled: _Sampled) -> Array:

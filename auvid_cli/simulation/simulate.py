@@ -3,11 +3,13 @@
 import numpy as np
 
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.data.dataset import Dataset, InputRecord, TruthRecord
+from auvid_cli.data.dataset import Dataset, TruthRecord
 from auvid_cli.simulation.ahrs import attitude_reference
+from auvid_cli.simulation.imperfections import stamped
 from auvid_cli.simulation.manoeuvre_plan import make_plan
 from auvid_cli.simulation.sensors import measure
 from auvid_cli.simulation.true_motion import simulate_motion
+from auvid_cli.simulation.unrecorded import draw_disturbance, draw_fin_trim, record_inputs
 
 
 def simulate(experiment: Experiment) -> Dataset:
@@ -21,13 +23,21 @@ def simulate(experiment: Experiment) -> Dataset:
         If the vehicle's parameters are impossible or a recorded manoeuvre cannot be read.
     """
     manoeuvre = experiment.manoeuvre
-    truth = simulate_motion(experiment.vehicle, manoeuvre, make_plan(manoeuvre))
+    trim = draw_fin_trim(manoeuvre.fin_trim, experiment.seed)
+    plan = make_plan(manoeuvre)
+    # Fins are steered, and limited, as if they were where they are recorded to be and the trim were commanded.
+    if trim.any():
+        plan.feedforward[:] += trim
+    disturbance = draw_disturbance(manoeuvre.disturbance, plan.time, experiment.seed)
+    truth = simulate_motion(experiment.vehicle, manoeuvre, plan, disturbance)
     current = np.array([manoeuvre.current_north, manoeuvre.current_east, 0.0])
     records = measure(truth, experiment.sensors, current, experiment.seed)
     if experiment.sensors.attitude.source == "ahrs":
-        records["attitude"] = attitude_reference(records, experiment.sensors, float(truth.time[-1]))
+        duration, suite = float(truth.time[-1]), experiment.sensors
+        attitude = attitude_reference(records, suite, duration)
+        records["attitude"] = stamped(attitude, suite.attitude, "attitude", experiment.seed, duration)
     return Dataset(
-        inputs=InputRecord(truth.time, truth.inputs),
+        inputs=record_inputs(truth.time, truth.inputs - trim, manoeuvre.recorded_rate),
         sensors=records,
         experiment=experiment,
         truth=TruthRecord(
@@ -35,5 +45,6 @@ def simulate(experiment: Experiment) -> Dataset:
             truth.motion,
             truth.position + truth.time[:, None] * current,
             experiment.vehicle.all_coefficients(),
+            disturbance if disturbance.any() else None,
         ),
     )

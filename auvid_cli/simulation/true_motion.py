@@ -22,6 +22,7 @@ from auvid_cli.vehicle.dynamics import (
     sine_cosine,
     vehicle_constants,
 )
+from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
 
 Array = NDArray[np.float64]
@@ -53,6 +54,8 @@ class Truth(NamedTuple):
         u, v, w, p, q, r, phi, theta, psi.
     position : ndarray, shape (n, 3)
         North, east, down, m.
+    push : ndarray, shape (n, 6)
+        Acceleration, m/s^2 and rad/s^2, by what disturbs the motion from this tick to the next.
     constants, coefficients : ndarray
         The vehicle, as `vehicle_constants` and as `factors`.
     """
@@ -61,11 +64,12 @@ class Truth(NamedTuple):
     inputs: Array
     motion: Array
     position: Array
+    push: Array
     constants: Array
     coefficients: Array
 
 
-_TRUTH = types.NamedTuple((_vector, *[_matrix] * 3, *[_vector] * 2), Truth)
+_TRUTH = types.NamedTuple((_vector, *[_matrix] * 4, *[_vector] * 2), Truth)
 
 
 class _Workspace(NamedTuple):
@@ -93,9 +97,23 @@ _WORKSPACE = types.NamedTuple((_vector, _vector, _matrix, _vector), _Workspace)
 
 
 def simulate_motion(
-    vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: ManoeuvrePlan, longest_step: float = LONGEST_STEP
+    vehicle: VehicleSettings,
+    manoeuvre: AnyManoeuvre,
+    plan: ManoeuvrePlan,
+    disturbance: Array,
+    longest_step: float = LONGEST_STEP,
 ) -> Truth:
     """Integrate the true motion (fourth-order Runge-Kutta, pairs of half steps of at most `longest_step`, s).
+
+    Parameters
+    ----------
+    vehicle : VehicleSettings
+    manoeuvre : AnyManoeuvre
+    plan : ManoeuvrePlan
+    disturbance : ndarray, shape (n, 6)
+        Force, N, and moment, N m, beside those of the model, from each tick to the next.
+    longest_step : float
+        s.
 
     Raises
     ------
@@ -104,7 +122,9 @@ def simulate_motion(
     ConfigError
         If the vehicle has no positive-definite mass matrix or lacks coefficients.
     """
-    constants = vehicle_constants(vehicle.known_parameters())
+    known = vehicle.known_parameters()
+    constants = vehicle_constants(known)
+    push = np.array(np.linalg.solve(mass_matrix(known), disturbance.T).T, np.float64, order="C")
     coefficients = factors(vehicle.all_coefficients())
     controls = controls_of(vehicle, manoeuvre, plan)
     n = plan.time.size
@@ -112,7 +132,7 @@ def simulate_motion(
     motion[0, 0] = plan.speed[0] if manoeuvre.initial_speed is None else manoeuvre.initial_speed
     motion[0, 7] = manoeuvre.initial_pitch
     work = _Workspace(np.array(INITIAL_MEMORY), np.zeros(N_BLOCK), np.zeros((3, 3)), np.zeros(N_WORK))
-    truth = Truth(plan.time, inputs, motion, position, constants, np.repeat(coefficients, LANES))
+    truth = Truth(plan.time, inputs, motion, position, push, constants, np.repeat(coefficients, LANES))
     reason, tick = _fly(plan.wanted, controls, truth, longest_step, work)
     if reason:
         raise SimulationError(
@@ -136,13 +156,23 @@ def _velocity_over_ground(block, velocity):
     velocity[2] = -sin_theta * u + cos_theta * (sin_phi * v + cos_phi * w)
 
 
+@compiled(types.void(_vector, _vector, types.float64), internal=True)
+def _push(block, push, duration):
+    """Let a disturbance act for so long on the state in lane 0: before and after a step, for half of it each."""
+    for i in range(6):
+        block[i * LANES] += duration * push[i]
+
+
 @compiled(types.void(_TRUTH, types.int64, types.float64, _vector, _WORKSPACE), internal=True)
 def _move(truth, tick, step, position, work):
     """Integrate motion and position; Simpson's rule on half steps is as accurate as the motion itself."""
     block, velocity, coefficients, inputs = work.block, work.velocity, truth.coefficients, truth.inputs[tick]
+    push = truth.push[tick]
     _velocity_over_ground(block, velocity[0])
     for half in range(1, 3):
+        _push(block, push, 0.25 * step)
         runge_kutta_step(block, coefficients, inputs, truth.constants, 1, 0.5 * step, work.step)
+        _push(block, push, 0.25 * step)
         _velocity_over_ground(block, velocity[half])
     for axis in range(3):
         position[axis] += step / 6.0 * (velocity[0, axis] + 4.0 * velocity[1, axis] + velocity[2, axis])
@@ -193,10 +223,10 @@ def _fly(wanted, controls, truth, longest_step, work):
 
 
 @compiled(
-    types.void(_vector, types.UniTuple(_matrix, 4), _vector, _vector, _vector, _vector, _vector, _vector),
+    types.void(_vector, types.UniTuple(_matrix, 5), _vector, _vector, _vector, _vector, _vector, _vector),
 )
 def _sample(time, record, constants, coefficients, wanted, block, slope, work):
-    inputs, motion, sampled, rate = record
+    inputs, motion, push, sampled, rate = record
     tick, now = -1, time[0]
     for k in range(wanted.size):
         before = tick
@@ -209,9 +239,12 @@ def _sample(time, record, constants, coefficients, wanted, block, slope, work):
         substeps = int(np.ceil(2.0 * (wanted[k] - now) / LONGEST_STEP))
         for _ in range(substeps):
             step = (wanted[k] - now) / substeps
+            _push(block, push[tick], 0.5 * step)
             runge_kutta_step(block, coefficients, inputs[tick], constants, 1, step, work)
+            _push(block, push[tick], 0.5 * step)
         now = wanted[k]
         motion_derivative(block, coefficients, inputs[tick], constants, 1, slope)
+        _push(slope, push[tick], 1.0)
         for i in range(N_MOTION):
             sampled[k, i], rate[k, i] = block[i * LANES], slope[i * LANES]
 
@@ -224,7 +257,7 @@ def sample_motion(truth: Truth, times: Array) -> tuple[Array, Array]:
     motion, derivative : ndarray, shape (len(times), 9)
     """
     sampled, rate = np.zeros((times.size, N_MOTION)), np.zeros((times.size, N_MOTION))
-    record, coefficients = (truth.inputs, truth.motion, sampled, rate), np.repeat(truth.coefficients, LANES)
+    record, coefficients = (truth.inputs, truth.motion, truth.push, sampled, rate), np.repeat(truth.coefficients, LANES)
     work = np.zeros(N_BLOCK), np.zeros(N_BLOCK), np.zeros(N_WORK)
     _sample(truth.time, record, truth.constants, coefficients, times, *work)
     return sampled, rate

@@ -81,6 +81,16 @@ INPUTS: tuple[Quantity, ...] = (
 )
 INPUT_SYMBOLS: tuple[str, ...] = tuple(q.symbol for q in INPUTS)
 
+# Force and moment that no model explains, in the order of the equations of motion.
+DISTURBANCE: tuple[Quantity, ...] = (
+    Quantity("disturbance_X", "N", "disturbing force, forward", "tau"),
+    Quantity("disturbance_Y", "N", "disturbing force, starboard", "tau"),
+    Quantity("disturbance_Z", "N", "disturbing force, down", "tau"),
+    Quantity("disturbance_K", "N*m", "disturbing moment, roll", "tau"),
+    Quantity("disturbance_M", "N*m", "disturbing moment, pitch", "tau"),
+    Quantity("disturbance_N", "N*m", "disturbing moment, yaw", "tau"),
+)
+
 HEADING = Quantity("heading", "rad", "heading", "AHRS")
 
 _MOTION = {quantity.symbol: quantity for quantity in MOTION}

@@ -10,7 +10,7 @@ import xarray
 from auvid_cli import __version__
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data import estimate_file
-from auvid_cli.data.dataset_file import read_dataset, write_dataset
+from auvid_cli.data.dataset_file import holds_data, read_dataset, write_dataset
 from auvid_cli.data.estimate import FaultTest
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.data.innovations import Innovations
@@ -51,6 +51,16 @@ def test_what_is_known_of_a_sensor_comes_back_and_is_what_xarray_opens(known, da
     with xarray.open_dataset(tmp_path / "moved.h5", group="sensors/accelerometer", engine="h5netcdf") as opened:
         own = moved.to_xarray()["sensors/accelerometer"].to_dataset()
         xarray.testing.assert_identical(own[known], opened[known])
+
+
+def test_what_disturbed_a_simulation_comes_back(dataset, tmp_path):
+    force = np.arange(6.0) + dataset.truth.time[:, None]
+    disturbed = replace(dataset, truth=replace(dataset.truth, disturbance=force))
+    write_dataset(tmp_path / "disturbed.h5", disturbed)
+    assert_equal(disturbed, read_dataset(tmp_path / "disturbed.h5"))
+    assert holds_data(tmp_path / "disturbed.h5", disturbed)
+    calmer = replace(dataset, truth=replace(dataset.truth, disturbance=0.9 * force))
+    assert not holds_data(tmp_path / "disturbed.h5", calmer)
 
 
 def test_a_dataset_without_truth_comes_back_without(dataset, tmp_path):

@@ -5,6 +5,7 @@ import pytest
 
 from auvid_cli.simulation.manoeuvre_plan import make_plan
 from auvid_cli.simulation.true_motion import LONGEST_STEP, Truth, simulate_motion
+from auvid_cli.simulation.unrecorded import draw_disturbance
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import vehicle_constants
 
@@ -17,7 +18,8 @@ def fly(experiment_with):
         whole = (f"manoeuvre={manoeuvre}", *overrides) if manoeuvre else overrides
         experiment = experiment_with(*whole)
         plan = make_plan(experiment.manoeuvre)
-        return simulate_motion(experiment.vehicle, experiment.manoeuvre, plan, longest_step)
+        disturbance = draw_disturbance(experiment.manoeuvre.disturbance, plan.time, experiment.seed)
+        return simulate_motion(experiment.vehicle, experiment.manoeuvre, plan, disturbance, longest_step)
 
     return run
 
@@ -33,6 +35,10 @@ def standing_still(experiment_with):
     def make(duration: float, attitude=(0.0, 0.0, 0.0)) -> Truth:
         time = np.array([0.0, duration])
         motion = np.tile([0.0] * 6 + [*attitude], (2, 1))
-        return Truth(time, np.zeros((2, 4)), motion, np.zeros((2, 3)), constants, np.zeros(N_COEFFICIENTS))
+
+        def still(*widths: int):
+            return [np.zeros((2, width)) for width in widths]
+
+        return Truth(time, *still(4), motion, *still(3, 6), constants, np.zeros(N_COEFFICIENTS))
 
     return make

@@ -13,6 +13,7 @@ from auvid_cli.vehicle.kinematics import GRAVITY
 
 RAW = ("gyroscope", "accelerometer", "magnetometer", "dvl")
 STILL_WATER = np.zeros(3)
+FAULTS = "dropout_probability=0.5", "coloured_share=0.5", "vibration=0.1", "delay=0.1 s", "delay_spread=0.1 s"
 NOISELESS = tuple(f"sensors.{name}={{rate: 50 Hz, noise: 0}}" for name in RAW)
 
 
@@ -131,8 +132,62 @@ def test_outliers_hit_the_stated_share_with_the_stated_size(measurement):
     assert within_chance((error**2).sum() / 3.0**2, error.size)
 
 
+def test_a_coloured_share_has_its_autocorrelation_and_leaves_the_size_of_the_noise(measurement):
+    settings = "{rate: 10 Hz, noise: 0.02, coloured_share: 0.6, coloured_time_constant: 0.5 s}"
+    rows = np.array([measurement("dvl", settings, 2.0, seed).values.T / 0.02 for seed in range(400)])
+    rows = rows.reshape(1200, 21)
+    lag = 0.1 * np.abs(np.arange(21)[:, None] - np.arange(21))
+    expected = np.where(lag == 0.0, 1.0, 0.6 * np.exp(-lag / 0.5))
+    assert (np.abs(rows.T @ rows / 1200 - expected) < 5.0 * np.sqrt((1.0 + expected**2) / 1200)).all()
+    assert_allclose(measurement("dvl", settings, 1.0).standard_deviation, 0.02)
+
+
+def test_a_vibration_is_a_sine_with_a_phase_for_each_component_and_seed(measurement):
+    settings = "{rate: 50 Hz, noise: 0, vibration: [0.1, 0.2, 0], vibration_frequency: 3 Hz}"
+    phases = []
+    for seed in (1, 2):
+        record = measurement("gyroscope", settings, 4.0, seed)
+        turns = 2.0 * np.pi * 3.0 * record.time
+        shape, residual, *_ = np.linalg.lstsq(np.stack([np.sin(turns), np.cos(turns)], axis=1), record.values)
+        assert_allclose(np.hypot(*shape), [0.1, 0.2, 0.0], atol=1e-12)
+        assert_allclose(residual, 0.0, atol=1e-20)
+        phases += np.arctan2(shape[1], shape[0])[:2].tolist()
+    assert len(np.unique(np.round(phases, 6))) == 4
+
+
+@pytest.mark.parametrize("delay", [0.25, -0.25])
+def test_a_delay_moves_the_time_stamps_and_not_the_samples(delay, measurement):
+    settings = "{rate: 20 Hz, noise: 0.02, dropout_probability: 0.1"
+    prompt, late = (measurement("dvl", f"{settings}{more}}}", 10.0) for more in ("", f", delay: {delay} s"))
+    assert late.time[0] >= 0.0
+    assert late.time[-1] <= 10.0
+    assert late.time.size == prompt.time.size - 5
+    kept = slice(None, -5) if delay > 0.0 else slice(5, None)
+    assert_allclose(late.time, prompt.time[kept] + delay)
+    assert np.array_equal(late.values, prompt.values[kept], equal_nan=True)
+
+
+def test_the_offset_of_a_clock_is_drawn_for_each_sensor_and_seed(experiment_with, standing_still):
+    spread = [f"sensors.{name}={{rate: 1 Hz, noise: 0, start: 50 s, delay_spread: 1 s}}" for name in RAW]
+    suite, truth = experiment_with(*spread).sensors, standing_still(100.0)
+    offsets = [
+        record.time[0] - 50.0 for seed in range(30) for record in measure(truth, suite, STILL_WATER, seed).values()
+    ]
+    assert len(np.unique(offsets)) == 120
+    assert within_chance(np.sum(np.square(offsets)), 120)
+
+
+def test_an_attitude_reference_may_be_late_too(simulated_with):
+    prompt, late = (
+        simulated_with("manoeuvre.duration=3 s", f"sensors.attitude.delay={delay} s").sensors["attitude"]
+        for delay in (0.0, 0.5)
+    )
+    assert_allclose(late.time, prompt.time[:-50] + 0.5)
+    assert np.array_equal(late.values, prompt.values[:-50], equal_nan=True)
+
+
 @pytest.mark.parametrize("changed", RAW)
-@pytest.mark.parametrize("change", ["rate=3 Hz", "noise=0.5", "dropout_probability=0.5", "drift=0.1", "start=1 s"])
+@pytest.mark.parametrize("change", ["rate=3 Hz", "noise=0.5", "drift=0.1", "start=1 s", *FAULTS])
 def test_changing_one_sensor_leaves_the_others_bit_identical(changed, change, experiment_with, standing_still):
     truth = standing_still(5.0)
     plain = [f"sensors.{name}={{rate: 20 Hz, noise: 0.01, bias_spread: 0.01}}" for name in RAW]
@@ -177,8 +232,9 @@ def rotation(attitude):
     return yaw @ pitch @ roll
 
 
-def test_specific_force_is_the_acceleration_over_ground_less_gravity(fly, experiment_with):
-    truth = fly(None, "manoeuvre.duration=40 s")
+@pytest.mark.parametrize("sea", ["{}", "{force: {standard_deviation: 5 N}}"])
+def test_specific_force_is_the_acceleration_over_ground_less_gravity(sea, fly, experiment_with):
+    truth = fly(None, "manoeuvre.duration=40 s", f"manoeuvre.disturbance={sea}")
     suite = experiment_with("sensors.accelerometer={rate: 100 Hz, noise: 0, start: 0.005 s}").sensors
     felt = measure(truth, suite, STILL_WATER, 1)["accelerometer"].values
     over_ground = np.array([rotation(m[6:]) @ m[:3] for m in truth.motion])

@@ -10,14 +10,16 @@ from scipy.integrate import solve_ivp
 from auvid_cli.errors import SimulationError
 from auvid_cli.lanes import LANES
 from auvid_cli.simulation.true_motion import sample_motion
+from auvid_cli.simulation.unrecorded import draw_disturbance
 from auvid_cli.vehicle.dynamics import motion_derivative
+from auvid_cli.vehicle.matrices import mass_matrix
 
 STRAIGHT = "{type: multisine, duration: 60 s, speed: 2 m/s, initial_speed: 1 m/s}"
 ZIGZAG = "{type: zigzag, duration: 60 s, speed: 2 m/s, rudder: 10 deg, heading: 20 deg, approach: 5 s}"
 CIRCLE = "{type: turning_circle, duration: 180 s, speed: 2 m/s, rudder: -8 deg, approach: 5 s}"
 
 
-def slope(time, state, truth, inputs):
+def slope(time, state, truth, inputs, push):
     """Of motion and position; the position by rotation matrices about one axis after the other."""
     block, rate = np.zeros(9 * LANES), np.zeros(9 * LANES)
     coefficients = np.zeros(truth.coefficients.size * LANES)
@@ -28,19 +30,26 @@ def slope(time, state, truth, inputs):
     y, z = cosine[0] * y - sine[0] * z, sine[0] * y + cosine[0] * z
     x, z = cosine[1] * x + sine[1] * z, -sine[1] * x + cosine[1] * z
     x, y = cosine[2] * x - sine[2] * y, sine[2] * x + cosine[2] * y
+    rate[: 6 * LANES : LANES] += push
     return np.concatenate([rate[::LANES], [x, y, z]])
 
 
-def test_motion_and_position_are_those_of_an_independent_integrator(fly):
-    truth = fly(None, "manoeuvre.duration=30 s", "manoeuvre.input_rate=10 Hz", longest_step=0.00625)
+@pytest.mark.parametrize(("disturbance", "tolerance"), [("{}", 1.0), ("{force: {standard_deviation: 5 N}}", 10.0)])
+def test_motion_and_position_are_those_of_an_independent_integrator(disturbance, tolerance, fly, experiment_with):
+    whole = "manoeuvre.duration=30 s", "manoeuvre.input_rate=10 Hz", f"manoeuvre.disturbance={disturbance}"
+    truth = fly(None, *whole, longest_step=0.00625)
+    experiment = experiment_with(*whole)
+    force = draw_disturbance(experiment.manoeuvre.disturbance, truth.time, experiment.seed)
+    push = np.linalg.inv(mass_matrix(experiment.vehicle.known_parameters())) @ force.T
     state = np.concatenate([truth.motion[0], truth.position[0]])
     for tick in range(truth.time.size - 1):
         span = truth.time[tick], truth.time[tick + 1]
-        solution = solve_ivp(slope, span, state, "DOP853", args=(truth, truth.inputs[tick]), rtol=1e-10, atol=1e-11)
+        held = truth, truth.inputs[tick], push[:, tick]
+        solution = solve_ivp(slope, span, state, "DOP853", args=held, rtol=1e-10, atol=1e-11)
         state = solution.y[:, -1]
     assert np.abs(truth.position[-1]).min() > 1.0, "the test should move the vehicle along every axis"
-    assert_allclose(truth.motion[-1], state[:9], rtol=1e-6, atol=1e-8)
-    assert_allclose(truth.position[-1], state[9:], rtol=1e-7)
+    assert_allclose(truth.motion[-1], state[:9], rtol=tolerance * 1e-6, atol=tolerance * 1e-8)
+    assert_allclose(truth.position[-1], state[9:], rtol=tolerance * 1e-7)
 
 
 def test_halving_the_step_changes_nothing_that_matters(fly):
@@ -50,8 +59,9 @@ def test_halving_the_step_changes_nothing_that_matters(fly):
     assert_allclose(default.position, halved.position, atol=1e-8)
 
 
-def test_motion_between_ticks_is_the_motion_that_leads_to_the_next(fly):
-    truth = fly(None, "manoeuvre.duration=20 s")
+@pytest.mark.parametrize(("sea", "tolerance"), [("{}", 1e-6), ("{moment: {standard_deviation: 0.5 N*m}}", 2e-5)])
+def test_motion_between_ticks_is_the_motion_that_leads_to_the_next(sea, tolerance, fly):
+    truth = fly(None, "manoeuvre.duration=20 s", f"manoeuvre.disturbance={sea}")
     just_before = truth.time[1:] - 1e-9
     motion, _ = sample_motion(truth, just_before)
     assert_allclose(motion, truth.motion[1:], atol=1e-7)
@@ -60,7 +70,7 @@ def test_motion_between_ticks_is_the_motion_that_leads_to_the_next(fly):
     _, rate = sample_motion(truth, middle)
     step = 1e-4
     change = sample_motion(truth, middle + step)[0] - sample_motion(truth, middle - step)[0]
-    assert_allclose(rate, change / (2 * step), atol=1e-6)
+    assert_allclose(rate, change / (2 * step), atol=tolerance)
 
 
 def test_fins_keep_to_their_angle_and_rate(fly):

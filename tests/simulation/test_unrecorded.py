@@ -1,0 +1,90 @@
+"""What acts on the vehicle and no record shows."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from auvid_cli.errors import ConfigError
+from auvid_cli.vehicle.parameters import DISTURBANCE
+
+SHORT = "manoeuvre.duration=10 s"
+FORCE = "manoeuvre.disturbance.force={standard_deviation: [3 N, 2 N, 0 N], time_constant: [1 s, 2 s, 3 s]}"
+MOMENT = "manoeuvre.disturbance.moment={standard_deviation: 0.5 N*m, time_constant: 2 s}"
+FREE = "autopilot: {vertical: none, horizontal: none}"
+
+
+@pytest.fixture(scope="module")
+def disturbed(simulated_with):
+    return simulated_with(SHORT, FORCE)
+
+
+def test_a_disturbance_of_each_axis_has_its_own_size_and_stays_in_the_truth(simulated_with):
+    by_seed = [
+        simulated_with("manoeuvre.duration=1 s", FORCE, MOMENT, f"seed={seed}").truth.disturbance for seed in range(60)
+    ]
+    first = np.array([drawn[0] for drawn in by_seed])
+    size = np.array([3.0, 2.0, 0.0, 0.5, 0.5, 0.5])
+    assert first.shape[1] == len(DISTURBANCE)
+    # Of 60 normal numbers, at five standard deviations.
+    assert_allclose(np.sqrt(np.mean(first**2, axis=0)), size, rtol=5.0 / np.sqrt(120))
+
+
+def test_another_disturbance_leaves_one_and_all_noise_as_they_were(disturbed, simulated_with):
+    more = simulated_with(SHORT, FORCE, MOMENT)
+    assert np.array_equal(more.truth.disturbance[:, :3], disturbed.truth.disturbance[:, :3])
+    assert not np.array_equal(more.truth.motion, disturbed.truth.motion)
+    at = np.searchsorted(more.truth.time, more.sensors["gyroscope"].time + 1e-9) - 1
+    noise = [run.sensors["gyroscope"].values - run.truth.motion[at, 3:6] for run in (more, disturbed)]
+    assert_allclose(*noise, atol=1e-9)
+
+
+def test_without_disturbance_none_is_stored(short_run):
+    assert short_run.truth.disturbance is None
+
+
+def test_a_table_of_the_truth_has_the_disturbance(disturbed):
+    table = disturbed.to_pandas()["truth"]
+    assert np.array_equal(table["disturbance_Y"], disturbed.truth.disturbance[:, 1])
+    assert table.attrs["units"]["disturbance_K"] == "N*m"
+
+
+def test_a_fin_off_its_scale_steers_as_one_that_is_recorded(simulated_with):
+    circle = f"manoeuvre={{type: turning_circle, duration: 5 s, speed: 2 m/s, approach: 0 s, {FREE}, rudder: "
+    steered = simulated_with(f"{circle}2 deg}}")
+    trimmed = simulated_with(f"{circle}0 deg, fin_trim: {{rudder: 2 deg}}}}")
+    assert np.array_equal(steered.truth.motion, trimmed.truth.motion)
+    assert np.abs(steered.truth.motion[-1, 5]) > 0.01
+    assert_allclose(steered.inputs.values[:, 0], np.deg2rad(2.0))
+    assert_allclose(trimmed.inputs.values[:, 0], 0.0, atol=1e-15)
+
+
+def test_the_spread_of_a_fins_trim_is_drawn_for_each_fin_and_seed(simulated_with):
+    straight = f"manoeuvre={{type: multisine, duration: 1 s, speed: 2 m/s, {FREE}, fin_trim: {{spread: 1 deg}}}}"
+    drawn = np.array([simulated_with(straight, f"seed={seed}").inputs.values[-1, :2] for seed in range(30)])
+    assert len(np.unique(drawn)) == 60
+    assert np.sqrt(np.mean(drawn**2)) == pytest.approx(np.deg2rad(1.0), rel=5.0 / np.sqrt(120))
+
+
+def test_inputs_are_held_at_the_rate_of_their_record(simulated_with):
+    every = simulated_with(SHORT)
+    slow = simulated_with(SHORT, "manoeuvre.recorded_rate=10 Hz")
+    assert_allclose(slow.inputs.time, np.arange(101) / 10.0)
+    assert np.array_equal(slow.inputs.values, every.inputs.values[::10])
+    assert np.array_equal(slow.truth.motion, every.truth.motion)
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("disturbance.force.standard_deviation=[1, -2, 3]", "must be at least 0, got -2"),
+        ("disturbance.force.standard_deviation=3 m", "expected a force such as '466 N'"),
+        ("disturbance.moment.time_constant=0 s", "must be greater than 0"),
+        ("disturbance.moment.time_constant=[1 s, 2 s]", "a list of 1 or 3, got a list of 2"),
+        ("fin_trim.spread=-1 deg", "must be at least 0"),
+        ("recorded_rate=200 Hz", r"recorded_rate \(200 Hz\) not above input_rate \(100 Hz\)"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_its_key(override, message, experiment_with):
+    with pytest.raises(ConfigError, match=message) as caught:
+        experiment_with(f"manoeuvre.{override}")
+    assert "manoeuvre" in str(caught.value)
