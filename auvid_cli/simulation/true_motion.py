@@ -124,7 +124,10 @@ def simulate_motion(
     """
     known = vehicle.known_parameters()
     constants = vehicle_constants(known)
-    push = np.array(np.linalg.solve(mass_matrix(known), disturbance.T).T, np.float64, order="C")
+    push = np.zeros(disturbance.shape)
+    # Of an undisturbed run of hours nothing is touched, and takes no memory.
+    if disturbance.any():
+        push[:] = np.linalg.solve(mass_matrix(known), disturbance.T).T
     coefficients = factors(vehicle.all_coefficients())
     controls = controls_of(vehicle, manoeuvre, plan)
     n = plan.time.size

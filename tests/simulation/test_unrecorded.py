@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.errors import ConfigError
-from auvid_cli.vehicle.parameters import DISTURBANCE
+from auvid_cli.simulation.unrecorded import draw_disturbance, draw_fin_trim
 
 SHORT = "manoeuvre.duration=10 s"
 FORCE = "manoeuvre.disturbance.force={standard_deviation: [3 N, 2 N, 0 N], time_constant: [1 s, 2 s, 3 s]}"
@@ -18,15 +18,22 @@ def disturbed(simulated_with):
     return simulated_with(SHORT, FORCE)
 
 
-def test_a_disturbance_of_each_axis_has_its_own_size_and_stays_in_the_truth(simulated_with):
-    by_seed = [
-        simulated_with("manoeuvre.duration=1 s", FORCE, MOMENT, f"seed={seed}").truth.disturbance for seed in range(60)
-    ]
-    first = np.array([drawn[0] for drawn in by_seed])
-    size = np.array([3.0, 2.0, 0.0, 0.5, 0.5, 0.5])
-    assert first.shape[1] == len(DISTURBANCE)
-    # Of 60 normal numbers, at five standard deviations.
-    assert_allclose(np.sqrt(np.mean(first**2, axis=0)), size, rtol=5.0 / np.sqrt(120))
+def test_a_disturbance_of_each_axis_has_its_own_size_and_time_constant(experiment_with):
+    settings, ends, n = experiment_with(FORCE, MOMENT).manoeuvre.disturbance, np.array([0.0, 1.5]), 800
+    drawn = np.array([draw_disturbance(settings, ends, seed) for seed in range(n)])
+    assert not drawn[:, :, 2].any()
+    normal = np.delete(drawn, 2, axis=2) / [3.0, 2.0, 0.5, 0.5, 0.5]
+    first, later = normal.swapaxes(0, 1)
+    left = np.exp(-1.5 / np.array([1.0, 2.0, 2.0, 2.0, 2.0]))
+    assert_allclose(np.mean(normal**2, axis=0), 1.0, atol=5.0 * np.sqrt(2.0 / n))
+    assert_allclose(np.mean(first * later, axis=0), left, atol=5.0 * np.sqrt(2.0 / n))
+    alike = np.corrcoef(first.T) - np.eye(5)
+    assert np.abs(alike).max() < 5.0 / np.sqrt(n)
+
+
+def test_the_truth_has_the_disturbance_that_acted(disturbed):
+    settings, time = disturbed.experiment.manoeuvre.disturbance, disturbed.truth.time
+    assert np.array_equal(disturbed.truth.disturbance, draw_disturbance(settings, time, disturbed.experiment.seed))
 
 
 def test_another_disturbance_leaves_one_and_all_noise_as_they_were(disturbed, simulated_with):
@@ -58,11 +65,12 @@ def test_a_fin_off_its_scale_steers_as_one_that_is_recorded(simulated_with):
     assert_allclose(trimmed.inputs.values[:, 0], 0.0, atol=1e-15)
 
 
-def test_the_spread_of_a_fins_trim_is_drawn_for_each_fin_and_seed(simulated_with):
-    straight = f"manoeuvre={{type: multisine, duration: 1 s, speed: 2 m/s, {FREE}, fin_trim: {{spread: 1 deg}}}}"
-    drawn = np.array([simulated_with(straight, f"seed={seed}").inputs.values[-1, :2] for seed in range(30)])
-    assert len(np.unique(drawn)) == 60
-    assert np.sqrt(np.mean(drawn**2)) == pytest.approx(np.deg2rad(1.0), rel=5.0 / np.sqrt(120))
+def test_the_spread_of_a_fins_trim_is_drawn_for_each_fin_and_seed(experiment_with):
+    settings = experiment_with("manoeuvre.fin_trim={elevator: 3 deg, spread: 1 deg}").manoeuvre.fin_trim
+    drawn = np.rad2deg([draw_fin_trim(settings, seed) for seed in range(300)])
+    assert len(np.unique(drawn[:, :2])) == 600
+    assert_allclose(drawn.mean(axis=0), [0.0, 3.0, 0.0, 0.0], atol=5.0 / np.sqrt(300))
+    assert_allclose(drawn.std(axis=0), [1.0, 1.0, 0.0, 0.0], atol=5.0 / np.sqrt(600))
 
 
 def test_inputs_are_held_at_the_rate_of_their_record(simulated_with):
