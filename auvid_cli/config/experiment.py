@@ -169,6 +169,10 @@ class Identification(Settings):
             ge=1e-3, le=1e6, description="reject a component whose innovation is more standard deviations; null: none"
         ),
     ] = None
+    robust: Annotated[
+        Literal["none", "huber"],
+        Field(description="huber: smoother and output_error weigh down residuals beyond 2 standard deviations"),
+    ] = "none"
     judge: Annotated[
         bool,
         Field(description="fit the iterated smoother whether or not it is asked for, to judge the others by it"),
@@ -240,7 +244,7 @@ class Identification(Settings):
             batch = next(name for name in filters if name.in_one_batch)
             raise ConfigError(
                 f"identification.gate has no meaning for {batch}, which weighs all measurements at once; leave out "
-                "the gate or the filter"
+                "the gate or the filter, or let it weigh down outliers (identification.robust=huber)"
             )
         earlier = self.prior.from_estimate
         if earlier is not None and not Path(earlier).is_file():

@@ -56,9 +56,11 @@ class EstimateWriter:
         for sensor, innovations in chunk.innovations.items():
             group = self._file.require_group(f"innovations/{sensor}")
             if "time" not in group:
-                _prepare_innovations(group, sensor, innovations.standard_deviation)
+                _prepare_innovations(group, sensor, innovations)
             for name in ("time", "innovation", "variance", "nis"):
                 append(group, name, getattr(innovations, name))
+            if innovations.weight is not None:
+                append(group, "weight", innovations.weight)
 
     def finish(self, outcome: Outcome) -> None:
         """Write what is known at the end."""
@@ -146,16 +148,18 @@ def write_estimate(path: Path, estimate: Estimate) -> None:
         writer.finish(estimate)
 
 
-def _prepare_innovations(group: h5py.Group, sensor: str, standard_deviation: NDArray[np.float64]) -> None:
+def _prepare_innovations(group: h5py.Group, sensor: str, innovations: Innovations) -> None:
     unit, symbols = SENSORS[sensor][0].unit, [quantity.symbol for quantity in SENSORS[sensor]]
     write_dimension(group, "component", np.array(symbols), "measured component")
     meaning = "stated standard deviation of the noise"
-    write_variable(group, "standard_deviation", standard_deviation, ("component",), meaning, unit)
+    write_variable(group, "standard_deviation", innovations.standard_deviation, ("component",), meaning, unit)
     n, both = len(symbols), ("time", "component")
     write_growing(group, "time", (), ("time",), "time of measurement", "s")
     write_growing(group, "innovation", (n,), both, "measured less predicted", unit)
     write_growing(group, "variance", (n,), both, "variance of the innovation", f"({unit})^2")
     write_growing(group, "nis", (), ("time",), "normalised innovation squared", "1")
+    if innovations.weight is not None:
+        write_growing(group, "weight", (n,), both, "by how much it counts in the fit", "1")
 
 
 def _write_faults(group: h5py.Group, faults: tuple[FaultTest, ...]) -> None:
@@ -246,9 +250,9 @@ def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName) -
     every, deviation = 1 + rows // _MOST_ROWS, read_array(group, "standard_deviation")
 
     def innovations(read: Callable[[str, int], NDArray[np.float64]]) -> Innovations:
-        innovations = Innovations(
-            read("time", 1), read("innovation", 2), read("variance", 2), read("nis", 1), deviation
-        )
+        weight = read("weight", 2) if "weight" in group else None
+        rows = read("time", 1), read("innovation", 2), read("variance", 2), read("nis", 1)
+        innovations = Innovations(*rows, deviation, weight=weight)
         check_innovations(sensor, innovations, filter_name)
         return innovations
 

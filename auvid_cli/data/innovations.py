@@ -25,7 +25,7 @@ class Tally(NamedTuple):
     squares, components : ndarray, shape (k,)
         Sum of the NIS, and number of components used, in each `WINDOW` from `start` on.
     measurements, rejected : int
-        Measurements used; components beyond the gate.
+        Measurements used; components beyond the gate, or of which a fit counted less than half.
     """
 
     start: float
@@ -80,8 +80,8 @@ class Innovations:
     ----------
     time : ndarray, shape (k,)
     innovation, variance : ndarray, shape (k, c)
-        SI; NaN where a component was missing or the filter had ended. Of a component that the gate rejected
-        only the variance is NaN.
+        SI; NaN where a component was missing or the filter had ended. Of a component that the gate rejected, or
+        that a fit counted less than half, only the variance is NaN.
     nis : ndarray, shape (k,)
         Normalised innovation squared.
     standard_deviation : ndarray, shape (c,)
@@ -90,6 +90,8 @@ class Innovations:
         Of all, where these are but evenly spaced ones.
     whole_memory : Memory or None
         The same.
+    weight : ndarray, shape (k, c), or None
+        By how much each component counts in a fit that weighs them; 1 where missing.
     """
 
     time: Array
@@ -99,6 +101,7 @@ class Innovations:
     standard_deviation: Array
     whole: Tally | None = None
     whole_memory: Memory | None = None
+    weight: Array | None = None
 
     def tally(self, start: float | None = None) -> Tally:
         """Sum over all of them, also over those that were left out when they were read."""
@@ -126,6 +129,12 @@ class Innovations:
                 correlation[c], samples[c] = np.array(products) / float(centred @ centred), values.size
         return Memory(correlation, samples)
 
+    def mean_weight(self) -> float | None:
+        """Average the weights of all components that are there; None where a fit did not weigh them."""
+        if self.weight is None or not np.isfinite(self.innovation).any():
+            return None
+        return float(self.weight[np.isfinite(self.innovation)].mean())
+
     def used(self) -> NDArray[np.bool_]:
         """Say which components the filter took, shape (k, c)."""
         return np.isfinite(self.variance)
@@ -133,10 +142,12 @@ class Innovations:
     @classmethod
     def joined(cls, chunks: Sequence["Innovations"]) -> "Innovations":
         """Join chunks in time order."""
+        weights = [chunk.weight for chunk in chunks if chunk.weight is not None]
         return cls(
             time=np.concatenate([chunk.time for chunk in chunks]),
             innovation=np.concatenate([chunk.innovation for chunk in chunks]),
             variance=np.concatenate([chunk.variance for chunk in chunks]),
             nis=np.concatenate([chunk.nis for chunk in chunks]),
             standard_deviation=chunks[0].standard_deviation,
+            weight=np.concatenate(weights) if weights else None,
         )

@@ -121,7 +121,10 @@ def check_innovations(sensor: str, innovations: Innovations, filter_name: str) -
         (innovations.variance, (n, width)),
         (innovations.nis, (n,)),
         (innovations.standard_deviation, (width,)),
+        *([] if innovations.weight is None else [(innovations.weight, (n, width))]),
     )
+    if innovations.weight is not None and not ((innovations.weight > 0.0) & (innovations.weight <= 1.0)).all():
+        raise ValueError(f"{where} has weights that are not between 0 and 1")
     _check_deviations(where, innovations.standard_deviation)
     _check_not_infinite(where, innovations.innovation, innovations.nis)
     if (innovations.variance < 0.0).any() or (innovations.nis < 0.0).any():

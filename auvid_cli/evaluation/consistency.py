@@ -18,7 +18,9 @@ class SensorConsistency(NamedTuple):
     measurements : int
         Measurements used.
     rejected : int
-        Components beyond the gate.
+        Components beyond the gate, or of which a robust fit counted less than half.
+    mean_weight : float or None
+        Of all components in a robust fit; None where there are no weights.
     mean_nis : float
         Normalised innovation squared per component: 1 for a consistent filter with white noise,
         more if the data contradict the model, less if the stated noise is larger than the scatter.
@@ -30,6 +32,7 @@ class SensorConsistency(NamedTuple):
     sensor: str
     measurements: int
     rejected: int
+    mean_weight: float | None
     mean_nis: float
     expected_low: float
     expected_high: float
@@ -43,7 +46,7 @@ def sensor_consistency(estimate: Estimate) -> list[SensorConsistency]:
         components = tally.components.sum()
         # Of chi-squared with so many components, whose mean is its number, and its variance twice that.
         scatter = _QUANTILE * float(np.sqrt(2.0 / components)) if components else float("nan")
-        counts = tally.measurements, tally.rejected
+        counts = tally.measurements, tally.rejected, innovations.mean_weight()
         results.append(
             SensorConsistency(estimate.filter, name, *counts, tally.mean_nis, max(1.0 - scatter, 0.0), 1.0 + scatter)
         )

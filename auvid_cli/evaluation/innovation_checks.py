@@ -31,8 +31,8 @@ def innovation_checks(dataset: Dataset, estimate: Estimate) -> list[Check]:
             checks.append(_nis(estimate.filter, sensor, innovations))
             checks.append(_nis_in_windows(estimate.filter, sensor, innovations))
             checks.append(_whiteness(estimate.filter, sensor, innovations))
-            if estimate.experiment.identification.gate is not None:
-                checks.append(_gate(estimate.filter, sensor, innovations))
+            if innovations.weight is not None or estimate.experiment.identification.gate is not None:
+                checks.append(_outliers(estimate.filter, sensor, innovations))
             checks.append(_inputs(estimate.filter, sensor, innovations, dataset))
     return checks
 
@@ -75,23 +75,27 @@ def _nis_in_windows(filter_name: str, sensor: str, innovations: Innovations) -> 
         threshold=f"<= {LARGEST_NIS_IN_WINDOW:g}",
         passed=bool(largest <= LARGEST_NIS_IN_WINDOW),
         advice=f"Something happened to {sensor} or to the vehicle then, or the filter was thrown off course: look at "
-        "figures/innovations, leave the time out, gate outliers (`identification.gate`), or narrow the prior.",
+        "figures/innovations, leave the time out, gate outliers (`identification.gate`) or weigh them down "
+        "(`identification.robust=huber`, smoother and output_error), or narrow the prior.",
     )
 
 
-def _gate(filter_name: str, sensor: str, innovations: Innovations) -> Check:
-    """Judge how much the gate rejects: many rejections mean that the filter no longer listens."""
+def _outliers(filter_name: str, sensor: str, innovations: Innovations) -> Check:
+    """Judge how much the gate rejects, or weights take away: much means that the filter no longer listens."""
+    name, what, without = "gate", "components rejected", "the gate"
+    if innovations.weight is not None:
+        name, what, without = "robust", "components counted less than half", "identification.robust"
     rejected, used = innovations.tally().rejected, int(innovations.tally().components.sum())
     share = rejected / (rejected + used)
     return Check.of(
         filter_name,
         sensor,
-        "gate",
-        statistic=f"{rejected} of {rejected + used} components rejected",
+        name,
+        statistic=f"{rejected} of {rejected + used} {what}",
         threshold=f"<= {_LARGEST_REJECTED:.0%}",
         passed=True if not rejected else None if share <= _LARGEST_REJECTED else False,
         advice=f"Outliers of {sensor} were left out; where they are many, the filter has lost its way and no longer "
-        "listens: look at figures/innovations, and run without the gate.",
+        "listens: look at figures/innovations, and run without {without}.",
     )
 
 

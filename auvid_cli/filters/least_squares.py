@@ -6,10 +6,11 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
+from auvid_cli.filters.huber import weight
 from auvid_cli.filters.information import Information, jointly
 from auvid_cli.filters.problem import Gaussian
 from auvid_cli.filters.segments import JointProblem
-from auvid_cli.filters.sensitivities import responses
+from auvid_cli.filters.sensitivities import Response, responses
 
 Array = NDArray[np.float64]
 
@@ -113,7 +114,7 @@ class _SumOfSquares:
             for response in responses(process, sensors, timelines, state[place]):
                 if response.blew_up:
                     return []
-                information = information.with_response(response)
+                information = _with_response(information, response, sensors.threshold)
             if not information.is_finite:
                 return []
             by_segment.append(information)
@@ -138,3 +139,15 @@ class _SumOfSquares:
             unobserved = information.unobserved()
             kept[: len(unobserved)] = unobserved
         return np.vstack([information.factor, np.zeros(self._n), kept, self._weight])
+
+
+def _with_response(information: Information, response: Response, threshold: float) -> Information:
+    """Add the measurements of a chunk of the motion, by weights that make the sum of squares that of rho."""
+    if np.isinf(threshold):
+        return information.with_response(response)
+    square = response.whitened[..., -1] ** 2
+    weights = weight(square, threshold)
+    beyond = np.zeros((1, response.whitened.shape[-1]))
+    beyond[0, -1] = np.sqrt((weights * (1.0 - weights) * square).sum())
+    weighed = response._replace(whitened=np.sqrt(weights)[..., None] * response.whitened)
+    return information.with_response(weighed).with_rows(beyond, 0)

@@ -90,6 +90,9 @@ class Sensors(NamedTuple):
         Whether `Process.observe` says what a sensor measures, instead of its matrix.
     gate : float
         A component whose innovation squared is more than so many times its variance is rejected.
+    threshold : float
+        A fit of all data weighs a component down whose residual is more of its standard deviations, see
+        `auvid_cli.filters.huber`.
     """
 
     matrix: Array
@@ -97,10 +100,11 @@ class Sensors(NamedTuple):
     angular: NDArray[np.bool_]
     nonlinear: NDArray[np.bool_]
     gate: float = np.inf
+    threshold: float = np.inf
 
 
 SENSORS_TYPE = types.NamedTuple(
-    (types.float64[:, :, ::1], _matrix, types.boolean[:, ::1], types.boolean[::1], types.float64), Sensors
+    (types.float64[:, :, ::1], _matrix, types.boolean[:, ::1], types.boolean[::1], *[types.float64] * 2), Sensors
 )
 
 
@@ -192,9 +196,11 @@ class Records(NamedTuple):
     mean, standard_deviation : ndarray, shape (events, n)
         After each event.
     innovation, innovation_variance : ndarray, shape (measurements, c)
-        NaN where missing; of a component that was rejected only the variance is NaN.
+        NaN where missing; of a component that was rejected, or counted less than half, only the variance is NaN.
     nis : ndarray, shape (measurements,)
         Normalised innovation squared; its expectation is the number of components present.
+    weight : ndarray, shape (measurements, c), or None
+        By how much each counts in a fit that weighs them; 1 where missing.
     """
 
     mean: Array
@@ -202,9 +208,10 @@ class Records(NamedTuple):
     innovation: Array
     innovation_variance: Array
     nis: Array
+    weight: Array | None = None
 
 
-RECORDS = types.NamedTuple((_matrix, _matrix, _matrix, _matrix, _vector), Records)
+RECORDS = types.NamedTuple((*[_matrix] * 4, _vector, types.none), Records)
 
 
 def empty_records(timeline: Timeline, n: int) -> Records:
@@ -216,7 +223,8 @@ def empty_records(timeline: Timeline, n: int) -> Records:
 
 def until(records: Records, n_events: int, n_measurements: int) -> Records:
     """Keep the first rows of records."""
-    return Records(*(a[:n_events] for a in records[:2]), *(a[:n_measurements] for a in records[2:]))
+    of_measurements = (None if a is None else a[:n_measurements] for a in records[2:])
+    return Records(*(a[:n_events] for a in records[:2]), *of_measurements)
 
 
 # Told every chunk of the timeline, and the records of those of its events that went well.

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.filters.huber import SET_ASIDE, weight
 from auvid_cli.filters.information import Uncertainty
 from auvid_cli.filters.problem import OnChunk, Records, Sensors
 from auvid_cli.filters.sensitivities import Response
@@ -56,8 +57,14 @@ def _records(response: Response, sensors: Sensors, uncertainty: Uncertainty) -> 
     deviation = np.empty((events, n))
     deviation[:, :n_parameters] = uncertainty.deviation(np.eye(n)[:n_parameters])
     deviation[:, n_parameters:] = uncertainty.deviation(response.sensitivity)
-    variance, nis = _left_over(response, sensors, uncertainty)
-    return Records(response.mean, deviation, response.innovation, variance, nis)
+    weights, whitened = None, response.whitened
+    if not np.isinf(sensors.threshold):
+        weights = weight(whitened[..., -1] ** 2, sensors.threshold)
+        whitened = np.where(weights[..., None] < SET_ASIDE, 0.0, whitened)
+    variance, nis = _left_over(response._replace(whitened=whitened), sensors, uncertainty)
+    if weights is not None:
+        variance[weights < SET_ASIDE] = np.nan
+    return Records(response.mean, deviation, response.innovation, variance, nis, weights)
 
 
 def _left_over(response: Response, sensors: Sensors, uncertainty: Uncertainty) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.filters.fault_scores import Faults, score_faults
+from auvid_cli.filters.huber import SET_ASIDE
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Smoothed, Trajectory, is_led_to
 from auvid_cli.filters.other_answers import answers_of_segments, other_minimum
 from auvid_cli.filters.point_sets import cubature
@@ -25,6 +26,7 @@ from auvid_cli.filters.problem import (
     Gaussian,
     OnChunk,
     Records,
+    Sensors,
     Timeline,
     until,
 )
@@ -76,7 +78,7 @@ def run_smoother(
         factor = problem.priors[0].factor
         return FilterOutcome(factor @ factor.T, 0, PREDICTION)
     (best, converged), *others = answers
-    outcome = _hand_over(smoothing, best, on_chunk, OK if converged else NOT_CONVERGED)
+    outcome = _hand_over(smoothing, problem.sensors, best, on_chunk, OK if converged else NOT_CONVERGED)
     if outcome.failure != OK:
         return outcome
     rivals = [other for rival, _ in others if (other := other_minimum(best, rival)) is not None]
@@ -161,14 +163,16 @@ def minimise(smoothing: LinearSmoothing, start: Trajectory, max_passes: int) -> 
     return here, True
 
 
-def _hand_over(smoothing: LinearSmoothing, filtered: Filtered, on_chunk: OnChunk, failure: int) -> FilterOutcome:
+def _hand_over(
+    smoothing: LinearSmoothing, sensors: Sensors, filtered: Filtered, on_chunk: OnChunk, failure: int
+) -> FilterOutcome:
     """Pass on the smoothed trajectory, chunk by chunk, from the first to the last."""
     covariance = filtered.final.covariance()
     n_parameters = filtered.trajectory.parameters.size
     parameters = filtered.trajectory.parameters + filtered.final.mean[:n_parameters]
     deviation = np.sqrt(np.diagonal(covariance)[:n_parameters])
     nominal = [moving for segment in filtered.trajectory.moving for moving in segment]
-    chunks = [_answer(chunk) for chunk in smoothing.smooth(filtered, with_variance=True)]
+    chunks = [_answer(chunk, sensors) for chunk in smoothing.smooth(filtered, with_variance=True)]
     n_good = 0
     for moving, chunk in zip(nominal, reversed(chunks), strict=True):
         lost = np.flatnonzero(~(chunk.variance > 0.0).all(axis=1))
@@ -179,6 +183,7 @@ def _hand_over(smoothing: LinearSmoothing, filtered: Filtered, on_chunk: OnChunk
             chunk.innovation,
             chunk.innovation_variance,
             chunk.nis,
+            chunk.weight,
         )
         n_measurements = int(chunk.timeline.measurement_offset[good])
         on_chunk(chunk.timeline, until(records, good, n_measurements))
@@ -197,6 +202,7 @@ class _Answer(NamedTuple):
     step, variance : ndarray, shape (n_events, n_moving)
     innovation, innovation_variance : ndarray, shape (n_measurements, c)
     nis : ndarray, shape (n_measurements,)
+    weight : ndarray, shape (n_measurements, c), or None
     """
 
     timeline: Timeline
@@ -205,9 +211,16 @@ class _Answer(NamedTuple):
     innovation: Array
     innovation_variance: Array
     nis: Array
+    weight: Array | None
 
 
-def _answer(chunk: Smoothed) -> _Answer:
-    trace = chunk.trace
-    squares = np.where(np.isnan(trace.innovation), 0.0, trace.error**2 / trace.total)
-    return _Answer(chunk.timeline, chunk.step, chunk.variance, trace.innovation, trace.variance, squares.sum(axis=1))
+def _answer(chunk: Smoothed, sensors: Sensors) -> _Answer:
+    trace, weights = chunk.trace, chunk.trace.weight
+    counted = ~np.isnan(trace.innovation) & (weights >= SET_ASIDE)
+    # What is judged is judged by the noise that is stated.
+    by_weights = (1.0 / weights - 1.0) * sensors.variance[chunk.timeline.measurement_sensor]
+    squares = np.where(counted, trace.error**2 / (trace.total - by_weights), 0.0)
+    variance = np.where(counted, trace.variance - by_weights, np.nan)
+    told = None if np.isinf(sensors.threshold) else weights.copy()
+    of_measurements = trace.innovation, variance, squares.sum(axis=1), told
+    return _Answer(chunk.timeline, chunk.step, chunk.variance, *of_measurements)

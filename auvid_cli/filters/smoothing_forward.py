@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import TILE, carlson_update, triangularise
+from auvid_cli.filters.huber import weight
 from auvid_cli.filters.measurement import predict_linearly, wrapped
 from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, MODEL_DATA, TIMELINE, TRANSITION_SIGNATURE
 from auvid_cli.filters.square_root_state import STATE
@@ -63,6 +64,8 @@ class Trace(NamedTuple):
         Variance of what is new in it, and that.
     innovation, variance : ndarray, shape (n_measurements, c)
         The same of each component by itself, before any of its measurement; NaN where missing.
+    weight : ndarray, shape (n_measurements, c)
+        By how much each counts: the variance of its noise is by so much larger.
     """
 
     transition: Array
@@ -73,6 +76,7 @@ class Trace(NamedTuple):
     error: Array
     innovation: Array
     variance: Array
+    weight: Array
 
 
 class Work(NamedTuple):
@@ -108,8 +112,11 @@ class Work(NamedTuple):
 
 
 LINEARISED = types.NamedTuple((_vector, _vector, _matrix, _matrix, _stack), Linearised)
-TRACE = types.NamedTuple((_stack, _matrix, _stack, _stack, *[_matrix] * 4), Trace)
+TRACE = types.NamedTuple((_stack, _matrix, _stack, _stack, *[_matrix] * 5), Trace)
 WORK = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 5), Work)
+
+
+_weight = compiled(types.float64(types.float64, types.float64), inline=True)(weight)
 
 
 @compiled(types.void(types.FunctionType(LINEARISATION_SIGNATURE), MODEL_DATA, TIMELINE, LINEARISED, WORK))
@@ -194,7 +201,7 @@ def _update(k, rows, noise, about, state, trace, work):
                 columns[j, n + c] = 0.0
             continue
         predict_linearly(rows[c], state, n + c)
-        total = noise[c]
+        total = noise[c] / trace.weight[k, c]
         for j in range(n):
             total += columns[j, n + c] * columns[j, n + c]
         # Minus the innovation rides along, so that the updates carry it on.
@@ -206,7 +213,7 @@ def _update(k, rows, noise, about, state, trace, work):
         if np.isnan(about.residual[k, c]):
             continue
         error = -mean[n + c]
-        total = carlson_update(columns, n, n + c, noise[c], work.gain, work.ratio, work.share)
+        total = carlson_update(columns, n, n + c, noise[c] / trace.weight[k, c], work.gain, work.ratio, work.share)
         nis += error * error / total
         step = error / total
         for i in range(width):
@@ -264,9 +271,9 @@ def forward(transition, data, timeline, about, state, trace, work):
     cost : float
         Of the trajectory: squares of process noise and residuals that it needs, by their variances.
     least : float
-        What is left of it at the minimum of the linear problem: the sum of the NIS.
+        What is left of it at the minimum of the linear problem: the sum of the NIS, and what is beyond the weights.
     log_determinant : float
-        Sum of the logarithms of the innovations' variances.
+        Sum of the logarithms of the innovations' variances, by their weights.
     """
     n, noise_density, sensors = state.n, data.noise_density, data.sensors
     n_moving = noise_density.size
@@ -301,14 +308,18 @@ def forward(transition, data, timeline, about, state, trace, work):
             for c in range(about.residual.shape[1]):
                 residual = about.residual[k, c]
                 if not np.isnan(residual):
-                    cost += residual * residual / sensors.variance[sensor, c]
+                    square = residual * residual / sensors.variance[sensor, c]
+                    weight = _weight(square, sensors.threshold)
+                    trace.weight[k, c] = weight
+                    cost += weight * (2.0 - weight) * square
+                    least += weight * (1.0 - weight) * square
             nis = _update(k, about.rows[k], sensors.variance[sensor], about, state, trace, work)
             if not nis >= 0.0:
                 return event, cost, least, log_determinant
             least += nis
             for c in range(about.residual.shape[1]):
                 if not np.isnan(about.residual[k, c]):
-                    log_determinant += np.log(trace.total[k, c])
+                    log_determinant += np.log(trace.total[k, c] * trace.weight[k, c])
         if not cost < np.inf:
             return event, cost, least, log_determinant
         _write_down(event, state, n_parameters, trace)

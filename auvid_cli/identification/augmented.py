@@ -8,6 +8,7 @@ import numpy as np
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import ConfigError
+from auvid_cli.filters.huber import THRESHOLD
 from auvid_cli.filters.problem import Gaussian, Indices, Process, Sensors
 from auvid_cli.filters.segments import joint_gaussian, places
 from auvid_cli.identification.compiled_layout import NOT_USED, KnownSensor, KnownSensors
@@ -92,7 +93,12 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
         known=known,
         held=held,
         process=process,
-        sensors=measurement_model(measuring, layout, np.inf if settings.gate is None else settings.gate),
+        sensors=measurement_model(
+            measuring,
+            layout,
+            np.inf if settings.gate is None else settings.gate,
+            THRESHOLD if settings.robust == "huber" else np.inf,
+        ),
         measuring=measuring,
         segments=prepared.segments,
         prior=joint_gaussian(gaussians, process.noise_density.size),

@@ -92,6 +92,7 @@ class FilterRun:
                 records.innovation_variance[used, :width],
                 records.nis[used],
                 record.standard_deviation,
+                weight=None if records.weight is None else records.weight[used, :width],
             )
         return by_sensor
 

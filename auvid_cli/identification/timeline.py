@@ -63,7 +63,9 @@ def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
     return measuring
 
 
-def measurement_model(measuring: dict[str, SensorRecord], layout: StateLayout, gate: float) -> Sensors:
+def measurement_model(
+    measuring: dict[str, SensorRecord], layout: StateLayout, gate: float, threshold: float
+) -> Sensors:
     """Return the rows that select the measured motion states, plus the sensor's own errors, from an augmented state.
 
     Parameters
@@ -72,8 +74,8 @@ def measurement_model(measuring: dict[str, SensorRecord], layout: StateLayout, g
     layout : StateLayout
         An error that does not just add to what a sensor measures makes it nonlinear; so does a component that is no
         state.
-    gate : float
-        Largest innovation that is used, standard deviations.
+    gate, threshold : float
+        Largest innovation that is used, and largest residual that counts whole, standard deviations.
 
     Raises
     ------
@@ -109,7 +111,7 @@ def measurement_model(measuring: dict[str, SensorRecord], layout: StateLayout, g
             matrix[sensor, :, rows][: len(block.quantities)] = np.eye(len(block.quantities))
         else:
             nonlinear[sensor] = True
-    return Sensors(matrix, variance, angular, nonlinear, gate**2)
+    return Sensors(matrix, variance, angular, nonlinear, gate**2, threshold)
 
 
 def initial_motion(dataset: Dataset, measuring: dict[str, SensorRecord]) -> tuple[float, Array]:

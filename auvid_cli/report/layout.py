@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from auvid_cli.config.filter_name import FilterName
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.judgements import judgement_sentences
@@ -257,14 +258,15 @@ def _faults(evaluation: Evaluation) -> Table:
 
 
 def rejections(evaluation: Evaluation) -> list[str]:
-    """Return a sentence for each filter whose gate rejected measurements."""
+    """Return a sentence for each filter whose gate rejected measurements, and each fit that weighed some down."""
     sentences = []
     for name in _filters(evaluation):
         counts = [
             f"{row.rejected} of {row.sensor}" for row in evaluation.consistency if row.filter == name and row.rejected
         ]
         if counts:
-            sentences.append(f"{filter_label(name)}: the gate rejected {', '.join(counts)} (components).")
+            what = "counted less than half" if FilterName(name).in_one_batch else "the gate rejected"
+            sentences.append(f"{filter_label(name)}: {what} {', '.join(counts)} (components).")
     return sentences
 
 

@@ -114,11 +114,13 @@ def run_whole(events_of):
 
     def run(run_filter, problem, chunk=8):
         t, n = problem.timeline, problem.prior.mean.size
-        whole = empty_records(t, n)
+        whole = empty_records(t, n)._replace(weight=np.ones(t.measurement.shape))
         done, told = [0, 0], []
 
         def on_chunk(timeline, records):
             for name, rows in records._asdict().items():
+                if rows is None:
+                    continue
                 first = done[name not in ("mean", "standard_deviation")]
                 getattr(whole, name)[first : first + len(rows)] = rows
             told.append((timeline.time.size, len(records.mean)))

@@ -149,7 +149,7 @@ def test_measurement_rows_pick_the_measured_state_behind_the_parameters(experime
     measuring = measuring_sensors(dataset)
     coefficients = tuple(Quantity(f"c{i}", "1", "", "") for i in range(5))
     blocks = StateBlock("coefficients", coefficients, (1.0,) * 5), StateBlock("motion", MOTION, (1.0,) * 9, (1.0,) * 9)
-    sensors = measurement_model(measuring, StateLayout(reversed(blocks)), np.inf)
+    sensors = measurement_model(measuring, StateLayout(reversed(blocks)), np.inf, np.inf)
     values = rng.standard_normal(14)
     motion = dict(zip(MOTION_SYMBOLS, values[5:], strict=True))
     for sensor, (name, symbols) in enumerate({"attitude": ("phi", "theta", "psi"), "dvl": ("u", "v", "w")}.items()):

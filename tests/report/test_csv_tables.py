@@ -11,7 +11,7 @@ COLUMNS = {
     "summary": "filter,average_steady_state_error_percent,mean_nis,cpu_time_s,steps,microseconds_per_step,status,"
     "grade,reason,remedy",
     "velocity_error": "filter,component,unit,mean_absolute_error",
-    "consistency": "filter,sensor,measurements,rejected,mean_nis,expected_low,expected_high",
+    "consistency": "filter,sensor,measurements,rejected,mean_weight,mean_nis,expected_low,expected_high",
     "sensor_errors": "filter,state,sensor,unit,estimate,standard_deviation,prior_standard_deviation,observed",
     "faults": "filter,fault,unit,size,standard_deviation,coefficient,susceptibility,z",
 }
