@@ -95,7 +95,8 @@ def _outliers(filter_name: str, sensor: str, innovations: Innovations) -> Check:
         threshold=f"<= {_LARGEST_REJECTED:.0%}",
         passed=True if not rejected else None if share <= _LARGEST_REJECTED else False,
         advice=f"Outliers of {sensor} were left out; where they are many, the filter has lost its way and no longer "
-        "listens: look at figures/innovations, and run without {without}.",
+        "listens: look at figures/innovations, and run without "
+        f"{without}.",
     )
 
 

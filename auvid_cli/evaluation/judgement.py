@@ -165,7 +165,7 @@ def _doubts_of_faults(reference: Estimate) -> Iterator[_Doubt]:
 
 def _limit(test: FaultTest) -> float:
     """Say how many standard deviations of it are too many."""
-    if test.fault == ANOTHER_MINIMUM:
+    if test.fault.startswith(ANOTHER_MINIMUM):
         return FARTHEST
     return FARTHEST_SEGMENT if test.fault.startswith(SEGMENT) else LARGEST_FAULT
 

@@ -2,6 +2,7 @@
 
 from auvid_cli.config.augmented_states import AugmentedStates, BiasName
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation.consistency import LARGEST_NIS, mean_nis
 
 # Errors with which a DVL is no linear sensor.
 _NONLINEAR = [
@@ -32,6 +33,8 @@ def remedy_of_divergence(estimate: Estimate) -> str:
     settings = estimate.experiment.identification
     if remedy := remedy_of_nonlinearity(estimate):
         return remedy
+    if estimate.status.startswith("unconverged"):
+        return _remedy_of_unconverged(estimate)
     if estimate.is_free_run_fit:
         by_prior = ", or let the prior hold it (--set identification.output_error.use_prior=true)"
         return (
@@ -43,3 +46,24 @@ def remedy_of_divergence(estimate: Estimate) -> str:
     if settings.prior.factor > _NARROW:
         return f"narrow the prior (--set identification.prior.factor={_NARROW:g}), or take another filter"
     return "the prior is narrow already: raise the process noise (identification.process_noise), or take another filter"
+
+
+def _remedy_of_unconverged(estimate: Estimate) -> str:
+    """Return what may help a fit that did not settle: more steps, unless it is where the data are not met."""
+    settings = estimate.experiment.identification
+    if estimate.is_free_run_fit:
+        more = f"identification.output_error.max_evaluations={2 * settings.output_error.max_evaluations}"
+        held = "" if settings.output_error.use_prior else " or let the prior hold them (output_error.use_prior)"
+        elsewhere = "fit shorter segments (--use), or take the smoother"
+    else:
+        more = f"identification.smoother.max_passes={2 * settings.smoother.max_passes}"
+        held = " or narrow the prior (identification.prior.factor)"
+        elsewhere = "look at signs, units and stated noise (auvid inspect), or raise the process noise"
+    if not mean_nis(estimate) <= LARGEST_NIS:
+        return (
+            f"its residuals are larger than the noise: allow more steps (--set {more}); if they stay large, {elsewhere}"
+        )
+    return (
+        f"its residuals are as large as the noise: allow more steps (--set {more}); coefficients that still move "
+        f"then are not determined by these data: hold them (identification.coefficients){held}"
+    )

@@ -4,7 +4,7 @@ With the residual r in standard deviations and the threshold k a fit makes ``sum
 
     rho(r) = r^2 up to k, and 2 k |r| - k^2 beyond,
 
-by least squares with the weights ``w = min(1, k / |r|)`` about each answer, over and over. Then ``rho = w (2 - w) r^2``,
+by least squares with the weights ``w = min(1, k / |r|)`` about each answer, over and over. ``rho = w (2 - w) r^2``,
 and the weighted sum of squares, with ``rho - w r^2 = w (1 - w) r^2`` added, is nowhere less than the sum of rho and
 touches it at the answer about which it is taken: a step that lowers the one lowers the other (P. J. Huber, Robust
 Statistics, 1981, section 7.8).

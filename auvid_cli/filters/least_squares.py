@@ -26,15 +26,25 @@ class LeastSquaresFit(NamedTuple):
     state : ndarray, shape (n,)
     information : Information
         Of the measurements, at this state.
+    cost : float
+        The sum of squares.
     converged : bool
     evaluations : int
         How often the motion was computed along the data.
+    share : float
+        How much of the events of all data it is a fit of.
     """
 
     state: Array
     information: Information
+    cost: float
     converged: bool
     evaluations: int
+    share: float = 1.0
+
+    def deviation(self, n_parameters: int) -> Array:
+        """Find the standard deviations of the parameters, infinite where the measurements say nothing."""
+        return self.information.uncertainty().deviation(np.eye(self.state.size)[:n_parameters])
 
 
 def fit_free_motion(
@@ -85,7 +95,7 @@ def fit_free_motion(
     )
     information = squares.information(solution.x)
     assert information is not None, "least squares ends where it has been"
-    return LeastSquaresFit(solution.x, information, solution.status > 0, solution.nfev)
+    return LeastSquaresFit(solution.x, information, 2.0 * solution.cost, solution.status > 0, solution.nfev)
 
 
 class _SumOfSquares:

@@ -239,7 +239,7 @@ def _new_trace(about: Linearised) -> Trace:
         np.empty((n_measurements, n_components, n)),
         *(np.ones((n_measurements, n_components)) for _ in range(2)),
         *(np.full((n_measurements, n_components), np.nan) for _ in range(2)),
-        np.ones((n_measurements, n_components)),
+        weight=np.ones((n_measurements, n_components)),
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory
-from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT, OtherAnswer
+from auvid_cli.filters.problem import SEGMENT, OtherAnswer
 from auvid_cli.filters.segments import JointProblem
 
 Array = NDArray[np.float64]
@@ -49,6 +49,5 @@ def other_minimum(answer: Filtered, other: Filtered) -> OtherAnswer | None:
     n = answer.trajectory.parameters.size
     deviation = np.sqrt(np.diagonal(answer.final.covariance())[:n])
     here, there = (each.trajectory.parameters + each.final.mean[:n] for each in (answer, other))
-    if other.cost - answer.cost > _RIVAL or (np.abs(there - here) <= deviation).all():
-        return None
-    return OtherAnswer(ANOTHER_MINIMUM, there - here, deviation, deviation)
+    higher = other.cost - answer.cost
+    return None if higher > _RIVAL else OtherAnswer.of_minimum(there - here, deviation, higher)

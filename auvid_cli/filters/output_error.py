@@ -5,6 +5,7 @@ Maximum likelihood for white measurement noise and no process noise.
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,10 @@ from auvid_cli.filters.problem import (
     FilterOutcome,
     Gaussian,
     OnChunk,
+    OtherAnswer,
     Records,
     Timeline,
+    Unsettled,
 )
 from auvid_cli.filters.residuals import hand_over
 from auvid_cli.filters.segments import JointProblem, one_after_the_other
@@ -34,6 +37,10 @@ Array = NDArray[np.float64]
 _FIRST_SPAN, _FIRST_SPAN_FROM_AFAR = 4000, 250
 # A fit of a span that is not the whole only has to come near enough for the next.
 _EVALUATIONS_OF_A_SPAN = 10
+# Standard deviations by which a fit may be off the start that led to it, or off another fit, before it is doubted.
+_FAR = 2.5
+# Passes through the data of the smoother from which a fit may start.
+_PASSES = 50
 # Gains in the sum of squares, as shares of it, that end the fit of a span and of the whole.
 _COARSE, _FINE = 1e-5, 1e-9
 
@@ -47,7 +54,10 @@ def run_output_error(
 ) -> FilterOutcome:
     """Fit parameters, and the initial motion of each segment, to data.
 
-    It starts from the final parameters of a CKF, or from the prior's if that diverged, and from the prior's motions.
+    It starts from the final parameters of a CKF and the prior's motions. Where there are none, or the fit is far from
+    them, it starts once more from the prior's parameters, and if that leads elsewhere, from a smoother's answer. The
+    fit of the lowest cost counts, and is compared with the others.
+
     The free motion over all of a run is soon lost where parameters are off, its sum of squares full of local minima. So
     it fits the beginning of each segment first, held by the prior's spread about where it starts, and goes on to twice
     as much.
@@ -55,11 +65,11 @@ def run_output_error(
     Parameters
     ----------
     problem : JointProblem
-        The process noise serves only the CKF, and so does the prior, unless `use_prior`.
+        The process noise serves only the starts, and so does the prior, unless `use_prior`.
     on_chunk : callable
         What it receives is the solution, see `hand_over`, segment after segment.
     max_evaluations : int
-        Of the motion along the data.
+        Of the motion along the data, from each start.
     bounds : tuple of ndarray, shape (n,)
         Lower and upper, of the joint state; the covariance does not know of them.
     use_prior : bool
@@ -83,12 +93,71 @@ def run_output_error(
             return fit_free_motion(firsts, start, about_start, box, _COARSE, evaluations)
         return fit_free_motion(firsts, start, prior if use_prior else None, box, _FINE, evaluations)
 
-    guess = _filtered(problem)
-    start, span = (prior.mean, _FIRST_SPAN_FROM_AFAR) if guess is None else (guess, _FIRST_SPAN)
-    best = _fit_longer_and_longer(fit_first, np.clip(start, *box), span, longest, max_evaluations)
-    if use_prior:
-        best = best._replace(information=best.information.join(Information.of_gaussian(prior, best.state)))
-    return _hand_over_segments(problem, sizes, best, on_chunk)
+    fits: list[LeastSquaresFit] = []
+    for start in _starts(problem):
+        fit = _fit_longer_and_longer(fit_first, np.clip(start.state, *box), start.span, longest, max_evaluations)
+        if use_prior:
+            fit = fit._replace(information=fit.information.join(Information.of_gaussian(prior, fit.state)))
+        known = [start, *(_Start(other.state) for other in fits if other.converged)]
+        fits.append(fit)
+        if fit.converged and any(_is_near(fit, other, problem.n_parameters) for other in known):
+            break
+    best, *others = sorted(fits, key=lambda fit: (-fit.share, fit.cost))
+    outcome = _hand_over_segments(problem, sizes, best, on_chunk)
+    deviation = best.deviation(problem.n_parameters)
+    if outcome.failure == NOT_CONVERGED:
+        return outcome._replace(unsettled=_unsettled(best, deviation))
+    rivals = (
+        OtherAnswer.of_minimum((other.state - best.state)[: deviation.size], deviation, other.cost - best.cost)
+        for other in others
+        if other.converged
+    )
+    return outcome._replace(others=tuple(rival for rival in rivals if rival is not None))
+
+
+class _Start(NamedTuple):
+    """Where a fit may start.
+
+    Attributes
+    ----------
+    state : ndarray, shape (n,)
+        Of the joint state.
+    deviation : ndarray, shape (n_parameters,), or 0
+        How far off the parameters are, by whoever found them.
+    span : int
+        Events to be fitted first.
+    """
+
+    state: Array
+    deviation: Array | float = 0.0
+    span: int = _FIRST_SPAN
+
+
+def _is_near(fit: LeastSquaresFit, start: _Start, n_parameters: int) -> bool:
+    """Say whether a fit has the parameters of a start, within what is not known of both."""
+    moved = np.abs(fit.state - start.state)[:n_parameters]
+    return bool((moved <= _FAR * np.maximum(start.deviation, fit.deviation(n_parameters))).all())
+
+
+def _starts(problem: JointProblem) -> Iterator[_Start]:
+    """Yield starts: parameters as a CKF leaves them, those of the prior, and a smoother's answer."""
+    if (filtered := _filtered(problem)) is not None:
+        yield filtered
+    yield _Start(problem.prior.mean, span=_FIRST_SPAN_FROM_AFAR)
+    # What it is compiled from is seldom wanted here.
+    from auvid_cli.filters.linear_smoothing import LinearSmoothing
+    from auvid_cli.filters.smoother import most_probable
+
+    for smoothed, _ in most_probable(problem, LinearSmoothing(problem), _PASSES)[:1]:
+        trajectory = smoothed.trajectory
+        yield _Start(np.concatenate([trajectory.parameters, *trajectory.initial]))
+
+
+def _unsettled(fit: LeastSquaresFit, deviation: Array) -> Unsettled:
+    """Say how far from its end a fit was."""
+    factor, projected, root = fit.information.factor, fit.information.projected, fit.information.uncertainty().root
+    step = root @ (root.T @ (factor.T @ projected))
+    return Unsettled(float(projected @ projected), step[: deviation.size] / deviation, fit.share)
 
 
 def _fit_longer_and_longer(
@@ -112,9 +181,9 @@ def _fit_longer_and_longer(
     Returns
     -------
     LeastSquaresFit
-        The last one that there is; converged only if it is one of all events.
+        The last one that there is; converged, with a cost to be compared, only if it is one of all events.
     """
-    best = LeastSquaresFit(start, Information.none(start.size), converged=False, evaluations=0)
+    best = LeastSquaresFit(start, Information.none(start.size), np.inf, converged=False, evaluations=0)
     fitted, span, left = 0, min(span, longest), max_evaluations
     while left > 0 and fitted < span:
         longer = fit_first(span, best.state, left)
@@ -123,7 +192,7 @@ def _fit_longer_and_longer(
         else:
             best, left = longer, left - longer.evaluations
             fitted, span = span, min(2 * span, longest)
-    return best._replace(converged=best.converged and fitted == longest)
+    return best if fitted == longest else best._replace(converged=False, cost=np.inf, share=fitted / longest)
 
 
 def _hand_over_segments(
@@ -140,17 +209,19 @@ def _hand_over_segments(
     return FilterOutcome(covariance, n_good, OK if best.converged else NOT_CONVERGED)
 
 
-def _filtered(problem: JointProblem) -> Array | None:
+def _filtered(problem: JointProblem) -> _Start | None:
     """Return the parameters as a CKF leaves them and the motions as the prior has them; None if the CKF fails."""
-    guess, n_parameters = problem.prior.mean.copy(), problem.n_parameters
+    n_parameters = problem.n_parameters
+    guess, deviation = problem.prior.mean.copy(), np.zeros(n_parameters)
 
     def keep_last(timeline: Timeline, records: Records) -> None:
         if len(records.mean):
             guess[:n_parameters] = records.mean[-1, :n_parameters]
+            deviation[:] = records.standard_deviation[-1, :n_parameters]
 
     run = partial(run_square_root_filter, cubature(n_parameters + problem.n_moving), *problem[:2])
     outcome = one_after_the_other(run, problem, keep_last)
-    return guess if outcome.failure == OK else None
+    return _Start(guess, deviation) if outcome.failure == OK else None
 
 
 class FirstEvents:

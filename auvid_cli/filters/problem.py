@@ -263,7 +263,7 @@ class OtherAnswer(NamedTuple):
     Attributes
     ----------
     name : str
-        `ANOTHER_MINIMUM`, or `SEGMENT` and the time at which it begins.
+        `ANOTHER_MINIMUM` and by how much its cost is higher, or `SEGMENT` and the time at which it begins.
     difference : ndarray, shape (n_parameters,)
         From the answer.
     deviation : ndarray, shape (n_parameters,)
@@ -276,6 +276,31 @@ class OtherAnswer(NamedTuple):
     difference: Array
     deviation: Array
     moved: Array
+
+    @classmethod
+    def of_minimum(cls, difference: Array, deviation: Array, higher: float) -> "OtherAnswer | None":
+        """Tell of a minimum by how far away and by how much higher it is; None if it is the same."""
+        if (np.abs(difference) <= deviation).all():
+            return None
+        return cls(f"{ANOTHER_MINIMUM} (cost {higher:.3g} higher)", difference, deviation, deviation)
+
+
+class Unsettled(NamedTuple):
+    """How far from its end an iteration was, by the linear problem about where it had got to.
+
+    Attributes
+    ----------
+    left : float
+        By how much the cost, in squares of standard deviations, may still fall.
+    moves : ndarray, shape (n_parameters,)
+        Standard deviations by which parameters would move in the next step.
+    share : float
+        Of the data that had been fitted at all.
+    """
+
+    left: float
+    moves: Array
+    share: float = 1.0
 
 
 class FilterOutcome(NamedTuple):
@@ -294,6 +319,8 @@ class FilterOutcome(NamedTuple):
         Of an estimator that tests for faults.
     others : tuple of OtherAnswer
         What an estimator found besides.
+    unsettled : Unsettled or None
+        Of an iteration that was not finished.
     """
 
     covariance: Array
@@ -301,3 +328,4 @@ class FilterOutcome(NamedTuple):
     failure: int
     faults: FaultScores | None = None
     others: tuple[OtherAnswer, ...] = ()
+    unsettled: Unsettled | None = None

@@ -28,6 +28,7 @@ from auvid_cli.filters.problem import (
     Records,
     Sensors,
     Timeline,
+    Unsettled,
     until,
 )
 from auvid_cli.filters.segments import JointProblem, one_after_the_other
@@ -79,6 +80,10 @@ def run_smoother(
         return FilterOutcome(factor @ factor.T, 0, PREDICTION)
     (best, converged), *others = answers
     outcome = _hand_over(smoothing, problem.sensors, best, on_chunk, OK if converged else NOT_CONVERGED)
+    if outcome.failure == NOT_CONVERGED:
+        n_parameters = problem.n_parameters
+        deviation = np.sqrt(np.diagonal(outcome.covariance)[:n_parameters])
+        return outcome._replace(unsettled=Unsettled(best.cost - best.least, best.final.mean[:n_parameters] / deviation))
     if outcome.failure != OK:
         return outcome
     rivals = [other for rival, _ in others if (other := other_minimum(best, rival)) is not None]

@@ -231,7 +231,7 @@ _REMEDIES = {fault.name: fault.remedy for fault in FAULTS}
 
 def remedy_of_fault(name: str) -> str:
     """Say what to do about what a test of an estimate is named for."""
-    if name == ANOTHER_MINIMUM:
+    if name.startswith(ANOTHER_MINIMUM):
         return "it is nearly as probable, so these data decide nothing: use more of them, or a narrower prior"
     if name.startswith(SEGMENT):
         return (

@@ -20,6 +20,11 @@ from auvid_cli.vehicle.parameters import SENSORS
 Array = NDArray[np.float64]
 
 
+# Of parameters that an unfinished iteration still moves, so many are named, and what counts as moving, in standard
+# deviations.
+_MOST_NAMED, _MOVES = 4, 0.1
+
+
 @dataclass(frozen=True)
 class FilterRun:
     """An estimator set up on a dataset, ready to run.
@@ -102,10 +107,8 @@ class FilterRun:
             case problem.OK:
                 return "completed"
             case problem.NOT_CONVERGED:
-                return (
-                    f"unconverged: it did not settle within identification.{self.estimator.limit}; where it had got "
-                    "to is no estimate"
-                )
+                within = f"unconverged: it did not settle within identification.{self.estimator.limit}"
+                return f"{within}; where it had got to is no estimate{self._seen(outcome, course)}"
             case problem.PREDICTION if self.estimator.in_one_batch:
                 return f"{at}: no fit was found whose motion reaches the end of the data"
             case problem.PREDICTION:
@@ -116,6 +119,23 @@ class FilterRun:
             case sensor:
                 why = f"the state was not finite after a measurement of {names[sensor]}"
         return f"{at}: {why}{_state_of_the_factor(outcome, course.sigmas)}"
+
+    def _seen(self, outcome: FilterOutcome, course: "_Course") -> str:
+        """Say what was seen where an iteration had got to."""
+        unsettled = outcome.unsettled
+        assert unsettled is not None, "whoever does not converge says how far that is"
+        moves = np.abs(np.nan_to_num(unsettled.moves))
+        largest = [row for row in np.argsort(-moves)[:_MOST_NAMED] if moves[row] >= _MOVES]
+        moving = ", ".join(f"{self.header.state[row]} by {moves[row]:.2g}" for row in largest)
+        seen = [
+            f"the first {unsettled.share:.0%} of the data were fitted" if unsettled.share < 1.0 else "",
+            f"NIS {course.mean_nis:.3g}",
+            f"the cost may still fall by {unsettled.left:.2g}",
+            f"of their standard deviations the next step moves {moving}"
+            if moving
+            else f"the next step moves no parameter by {_MOVES:g} of its standard deviation",
+        ]
+        return f" ({', '.join(filter(None, seen))})"
 
 
 class _Course:
@@ -131,12 +151,15 @@ class _Course:
         Whose measurement was taken last.
     sigmas : float
         Size of the last innovation, standard deviations.
+    squares, components : float
+        Sum of the NIS so far, of so many components.
     clocks : ndarray, shape (2,)
         Processor and wall time of the estimator alone, without that of whoever takes them, s.
     """
 
     def __init__(self, run: FilterRun, on_chunk: Callable[[EstimateChunk], None]) -> None:
         self.n_good, self.reached, self.sensor, self.sigmas = 0, run.span[0], 0, np.nan
+        self.squares, self.components = 0.0, 0
         self.clocks = np.zeros(2)
         self._run, self._on_chunk = run, on_chunk
         self._every = run.header.experiment.identification.keep_every
@@ -162,7 +185,14 @@ class _Course:
         judged = records.nis[np.isfinite(records.nis)]
         if judged.size:
             self.sigmas = float(np.sqrt(judged[-1]))
+        self.squares += float(judged.sum())
+        self.components += int(np.isfinite(records.innovation_variance).sum())
         self.clocks -= _clocks()
+
+    @property
+    def mean_nis(self) -> float:
+        """Return the normalised innovation squared per component."""
+        return self.squares / max(self.components, 1)
 
     def hand_over_the_last(self) -> None:
         """Hand on the last good state, unless it was kept anyway."""

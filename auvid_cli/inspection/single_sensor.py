@@ -125,7 +125,8 @@ def measurement_checks(
             threshold=f"none beyond {_LARGEST_SPIKE:g} robust standard deviations from its neighbours",
             passed=not count,
             advice="Single measurements far from their neighbours: mark them as not valid, or let the filter reject "
-            "them (`identification.gate`), or smoother and output_error weigh them down (`identification.robust=huber`).",
+            "them (`identification.gate`), or smoother and output_error weigh them down "
+            "(`identification.robust=huber`).",
         )
     ]
     steps, floors = {}, {}
