@@ -102,7 +102,8 @@ def run_output_error(
         fits.append(fit)
         if fit.converged and any(_is_near(fit, other, problem.n_parameters) for other in known):
             break
-    best, *others = sorted(fits, key=lambda fit: (-fit.share, fit.cost))
+    # Of fits that end in the same place the first counts, however the last digits of their costs are.
+    best, *others = sorted(fits, key=lambda fit: (-fit.share, round(fit.cost, 1)))
     outcome = _hand_over_segments(problem, sizes, best, on_chunk)
     deviation = best.deviation(problem.n_parameters)
     if outcome.failure == NOT_CONVERGED:

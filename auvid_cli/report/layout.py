@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.filter_name import JUDGE, FilterName
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.judgements import judgement_sentences
@@ -233,14 +233,14 @@ def consistency(evaluation: Evaluation) -> Table:
 def _faults(evaluation: Evaluation) -> Table:
     rows: list[list[Cell]] = [
         [
-            fault.fault,
+            fault.fault if name == JUDGE else f"{filter_label(name)}: {fault.fault}",
             UnitCell(fault.unit),
             PlusMinus(fault.size, fault.standard_deviation),
             fault.z,
             Symbol(fault.coefficient),
             fault.susceptibility,
         ]
-        for _, fault in sorted(evaluation.faults, key=lambda row: -abs(row[1].z))
+        for name, fault in sorted(evaluation.faults, key=lambda row: -abs(row[1].z))
     ]
     return Table(
         "faults",

@@ -171,7 +171,9 @@ def test_a_fit_that_may_not_go_on_ends_with_exit_code_1(results, tmp_path):
     result = auvid("identify", "mission.h5", "-f", "output_error", "--set", limit, cwd=tmp_path)
     assert result.exit_code == 1
     assert "unconverged: " in result.stdout
-    assert re.search("^OE diverged: unconverged: .*; its residuals are .*max_evaluations=2", result.stdout, re.MULTILINE)
+    assert re.search(
+        "^OE diverged: unconverged: .*; its residuals are .*max_evaluations=2", result.stdout, re.MULTILINE
+    )
     assert result.stdout.splitlines()[-1].endswith(f": auvid check {Path('results/mission')}")
 
 

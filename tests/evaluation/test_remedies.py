@@ -86,6 +86,17 @@ def test_a_fit_is_not_told_of_the_factor_of_a_prior_that_it_does_not_use(ended):
     assert "use_prior" not in remedy(ended("output_error", "identification.output_error.use_prior=true"))
 
 
+@pytest.mark.parametrize(("name", "limit"), [("output_error", "max_evaluations=200"), ("smoother", "max_passes=100")])
+def test_a_fit_that_did_not_settle_is_given_more_steps_and_not_called_unstable(name, limit, ended):
+    unsettled = ended(name, status="unconverged: out of steps")
+    off = replace(unsettled, innovations=belied(unsettled).innovations)
+    near = {"dvl": replace(off.innovations["dvl"], nis=np.full(300, 3.0))}
+    assert limit in remedy(off)
+    assert "larger than the noise" in remedy(off)
+    assert "hold them" in remedy(replace(off, innovations=near))
+    assert "unstable" not in remedy(off) + remedy(replace(off, innovations=near))
+
+
 def test_a_factor_says_nothing_of_a_prior_from_an_earlier_estimate(ended):
     without = remedy(ended("ekf", "identification.prior.from_estimate=earlier.h5"))
     assert "from_estimate" in without

@@ -12,6 +12,7 @@ from auvid_cli.filters.extended import run_extended_filter
 from auvid_cli.filters.output_error import FirstEvents, run_output_error
 from auvid_cli.filters.problem import NOT_CONVERGED, OK, PREDICTION, Gaussian
 from auvid_cli.filters.segments import JointProblem
+from auvid_cli.filters.square_root import run_square_root_filter
 
 EVENTS = 30
 
@@ -240,3 +241,46 @@ def test_a_motion_that_cannot_go_on_is_fitted_until_there(event, linear_problem,
     assert np.isfinite(history.records.mean[:event]).all()
     assert np.isnan(history.records.mean[event:]).all()
     assert np.isnan(history.records.standard_deviation[event:]).all()
+
+
+@pytest.mark.parametrize("linear_problem", [1], indirect=True)
+def test_a_filter_that_leads_into_a_false_minimum_is_not_believed(linear_problem, run_whole, monkeypatch):
+    """Angles that are known modulo a turn fit somehow wherever a fit starts."""
+    p = linear_problem
+    p.prior = Gaussian(0.01 * p.prior.mean, 0.01 * p.prior.factor)
+    p.timeline = p.timeline._replace(measurement=0.01 * p.timeline.measurement, inputs=0.0 * p.timeline.inputs)
+    angular, sharp = np.ones_like(p.sensors.angular), 1e-4 * p.sensors.variance
+    p.sensors = p.sensors._replace(angular=angular, variance=sharp)
+    right = run_whole(fit_one, p)
+
+    def misled(points, process, sensors, timelines, prior, on_chunk):
+        def tell(timeline, records):
+            records.mean[:, 0] += 5.0
+            on_chunk(timeline, records)
+
+        return run_square_root_filter(points, process, sensors, timelines, prior, tell)
+
+    monkeypatch.setattr("auvid_cli.filters.output_error.run_square_root_filter", misled)
+    history = run_whole(fit_one, p)
+    assert history.failure == OK
+    difference = (history.records.mean - right.records.mean) / right.records.standard_deviation
+    assert np.abs(difference).max() < 0.01
+    assert right.others == ()
+    (other,) = history.others
+    assert other.name.startswith("another minimum (cost ")
+    assert abs(other.difference[0]) > 10.0 * other.deviation[0]
+
+
+def test_a_fit_that_did_not_settle_tells_how_far_it_is(linear_problem, run_whole):
+    history = run_whole(partial(fit_one, max_evaluations=1), linear_problem)
+    whole = run_whole(fit_one, linear_problem)
+    assert history.failure == NOT_CONVERGED
+    n_parameters = history.unsettled.moves.size
+    known = np.isfinite(whole.records.standard_deviation[0, :n_parameters])
+    move = (whole.records.mean - history.records.mean)[0, :n_parameters] / whole.records.standard_deviation[
+        0, :n_parameters
+    ]
+    assert_allclose(history.unsettled.moves[known], move[known], atol=1e-3)
+    assert history.unsettled.left > 0.0
+    assert history.unsettled.share == 1.0
+    assert whole.unsettled is None

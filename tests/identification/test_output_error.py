@@ -104,6 +104,8 @@ def test_one_evaluation_is_not_enough_and_that_is_said(white_run, with_settings)
     )
     assert estimate.status.startswith("unconverged")
     assert "max_evaluations = 1;" in estimate.status
+    assert "NIS" in estimate.status
+    assert "the next step moves" in estimate.status
     assert not estimate.completed
     (row,) = evaluate(prepare(white_run), [estimate], BoundsOf(prepare(white_run))).summary
     assert row.status == estimate.status
