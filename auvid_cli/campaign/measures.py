@@ -35,7 +35,7 @@ class Measure(NamedTuple):
     grade, reason : str
         What its estimate is worth, and what stands against it; see `auvid_cli.evaluation.judgement`.
     true, estimate, standard_deviation : float or None
-        Of a coefficient, at the last time.
+        Of a coefficient, at the last time; nominal.
     rmse : float or None
         Of a coefficient or motion state over the whole run.
     steady_state_error_percent : float or None
@@ -49,6 +49,8 @@ class Measure(NamedTuple):
         of its coefficients and how many there are.
     processor_time, wall_time : float or None
         Of the filter alone, s.
+    corrected_standard_deviation : float or None
+        Of a coefficient, by a batch estimator.
     """
 
     run: str
@@ -72,6 +74,7 @@ class Measure(NamedTuple):
     components: int | None = None
     processor_time: float | None = None
     wall_time: float | None = None
+    corrected_standard_deviation: float | None = None
 
 
 def measures(
@@ -118,6 +121,7 @@ def measures(
             true=result.true,
             estimate=result.estimate,
             standard_deviation=result.standard_deviation,
+            corrected_standard_deviation=result.corrected_standard_deviation,
             rmse=result.rmse,
             steady_state_error_percent=result.steady_state_error_percent,
             cramer_rao_bound=result.cramer_rao_bound,

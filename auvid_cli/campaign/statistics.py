@@ -29,9 +29,10 @@ def by_filter(rows: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
     DataFrame
         The axes, the filter, and: how many runs; shares that failed, that diverged and that are inconsistent; median
         and 90 % interval of the mean steady-state error, percent; over all coefficients the share within two standard
-        deviations, the median of the standard deviations in terms of the bound, and the root mean square of the errors
-        in terms of it; NEES per component with the interval in which it lies by chance, 95 %; the same for the NIS of
-        each sensor; median processor time of the filter, s. Runs that failed or diverged count only in their share.
+        deviations, of batch estimates the corrected ones, the median of these in terms of the bound, and the root mean
+        square of the errors in terms of it; NEES per component with the interval in which it lies by chance, 95 %; the
+        same for the NIS of each sensor; median processor time of the filter, s. Runs that failed or diverged count only
+        in their share.
     """
     return _for_each(rows, [*columns, "filter"], _of_filter)
 
@@ -105,10 +106,11 @@ def _spread(name: str, values: pd.Series) -> dict[str, float]:
 
 
 def _within_two_sigma(coefficients: pd.DataFrame) -> NDArray[np.bool_]:
-    estimate, true, deviation = (
-        coefficients[name].to_numpy(dtype=np.float64) for name in ("estimate", "true", "standard_deviation")
+    estimate, true, nominal, corrected = (
+        coefficients[name].to_numpy(dtype=np.float64)
+        for name in ("estimate", "true", "standard_deviation", "corrected_standard_deviation")
     )
-    return np.abs(estimate - true) <= 2.0 * deviation
+    return np.abs(estimate - true) <= 2.0 * np.where(np.isnan(corrected), nominal, corrected)
 
 
 def _against_bound(coefficients: pd.DataFrame) -> dict[str, float]:

@@ -145,6 +145,9 @@ class Outcome:
         Of the filter alone, s.
     faults : tuple of FaultTest
         Of an estimator that tests for faults.
+    corrected : dict of float
+        Of a batch estimate that completed: by the symbol of each constant state the standard deviation that allows for
+        the autocorrelation of what the fit leaves unexplained, SI; no less than the nominal one.
     """
 
     status: str
@@ -153,6 +156,7 @@ class Outcome:
     cpu_time: float
     wall_time: float
     faults: tuple[FaultTest, ...] = field(default=(), kw_only=True)
+    corrected: dict[str, float] = field(default_factory=dict, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -170,9 +174,12 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
     time : ndarray, shape (n,)
         s, after each event.
     mean, standard_deviation : ndarray, shape (n, len(state))
-        SI.
+        SI; nominal, as if what is left unexplained was white noise.
     covariance : ndarray, shape (len(state), len(state))
-        At the last time, SI.
+        At the last time, SI; nominal.
+    corrected : dict of float
+        Of a batch estimate that completed, by symbol of each constant state: its standard deviation with allowance for
+        the autocorrelation of what is left unexplained, SI.
     innovations : dict of Innovations
         By sensor.
     held : dict of float
@@ -237,6 +244,19 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         """Return the 22 coefficients at the last time, estimated or held, SI."""
         return self.held | {symbol: float(self.mean[-1, i]) for i, symbol in enumerate(self.state) if symbol in SYMBOLS}
 
+    def final_deviations(self) -> dict[str, float]:
+        """Return the standard deviation of each state at the last time, SI: corrected where it is, else nominal."""
+        return dict(zip(self.state, self.standard_deviation[-1].tolist(), strict=True)) | self.corrected
+
+    def final_covariance(self) -> Array:
+        """Return the covariance at the last time, SI, with the corrected standard deviations where there are any."""
+        ratio = np.ones(len(self.state))
+        for symbol, corrected in self.corrected.items():
+            row = self.state.index(symbol)
+            if np.isfinite(corrected):
+                ratio[row] = corrected / float(self.standard_deviation[-1, row])
+        return self.covariance * np.outer(ratio, ratio)
+
     def to_pandas(self) -> "dict[str, pd.DataFrame]":
         """Return tables.
 
@@ -244,7 +264,8 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         -------
         dict of pandas.DataFrame
             ``coefficients``: the 22 at the last time, SI, with a row for each symbol and the columns ``value``,
-            ``standard_deviation`` (NaN of one that was held), ``unit`` and ``estimated``. ``mean`` and
+            ``standard_deviation`` (NaN of one that was held), ``corrected_standard_deviation`` (NaN where there is
+            none), ``unit`` and ``estimated``. ``mean`` and
             ``standard_deviation``: the state over time, s, with a column for each symbol; ``attrs["units"]`` has
             their units.
         """

@@ -66,6 +66,8 @@ class EstimateWriter:
         """Write what is known at the end."""
         square = ("state", "state_of_column")
         write_variable(self._file, "covariance", outcome.covariance, square, "posterior covariance at the last time")
+        if outcome.corrected:
+            _write_corrected(self._file.create_group("corrected"), outcome.corrected)
         if outcome.faults:
             _write_faults(self._file.create_group("faults"), outcome.faults)
         self._file.attrs.update(
@@ -162,6 +164,20 @@ def _prepare_innovations(group: h5py.Group, sensor: str, innovations: Innovation
         write_growing(group, "weight", (n,), both, "by how much it counts in the fit", "1")
 
 
+def _write_corrected(group: h5py.Group, corrected: dict[str, float]) -> None:
+    write_dimension(group, "constant_state", np.array(list(corrected), dtype=object), "component that does not move")
+    meaning = "its standard deviation, with allowance for the autocorrelation of what is left unexplained, SI"
+    values = np.array(list(corrected.values()), dtype=np.float64)
+    write_variable(group, "standard_deviation", values, ("constant_state",), meaning)
+
+
+def _read_corrected(group: h5py.Group) -> dict[str, float]:
+    symbols, values = read_names(group, "constant_state"), read_array(group, "standard_deviation").tolist()
+    if len(symbols) != len(values):
+        raise ValueError("/corrected has columns of different lengths")
+    return dict(zip(symbols, values, strict=True))
+
+
 def _write_faults(group: h5py.Group, faults: tuple[FaultTest, ...]) -> None:
     def column(name: str, kind: type) -> NDArray:
         return np.array([getattr(fault, name) for fault in faults], dtype=kind)
@@ -225,6 +241,7 @@ def read_estimate(path: Path) -> Estimate:
             wall_time=known.wall_time_s,
             dataset_sha256=known.dataset_sha256,
             faults=_read_faults(subgroup(file, "faults")) if "faults" in file else (),
+            corrected=_read_corrected(subgroup(file, "corrected")) if "corrected" in file else {},
         )
         check_estimated_states(estimate)
     return estimate

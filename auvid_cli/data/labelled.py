@@ -125,6 +125,7 @@ def estimate_frames(estimate: Estimate) -> "dict[str, pd.DataFrame]":
         {
             "value": [values[symbol] for symbol in SYMBOLS],
             "standard_deviation": deviations,
+            "corrected_standard_deviation": [estimate.corrected.get(symbol, np.nan) for symbol in SYMBOLS],
             "unit": [c.unit for c in COEFFICIENTS],
             "estimated": [symbol in place for symbol in SYMBOLS],
         },

@@ -16,6 +16,8 @@ from auvid_cli.vehicle.parameters import INPUTS, MOTION_SYMBOLS, SENSORS
 LONGEST = 1e8
 # Of the standard deviation of the measurement noise, what that of an innovation cannot be below but for rounding.
 _OF_NOISE = 0.999
+# Of a standard deviation, what is rounding.
+_ROUNDING = 1e-6
 # Of the standard deviations, what a covariance may lack in symmetry.
 _ASYMMETRY = 1e-6
 
@@ -98,6 +100,7 @@ def check_estimated_states(estimate: Estimate) -> None:
     blind = _may_be_infinite(estimate.filter)
     _check_deviations("/standard_deviation", estimate.standard_deviation, blind)
     _check_covariance(estimate.covariance, blind)
+    _check_corrected(estimate)
     for test in estimate.faults:
         _check_fault(test)
 
@@ -153,6 +156,15 @@ def _check_state(state: Sequence[str], unit: Sequence[str], held: dict[str, floa
         raise ValueError("the state does not have each component once")
     if sorted([*held, *(symbol for symbol in state if symbol in SYMBOLS)]) != sorted(SYMBOLS):
         raise ValueError(f"each of the {N_COEFFICIENTS} coefficients must be either estimated or held")
+
+
+def _check_corrected(estimate: Estimate) -> None:
+    nominal = dict(zip(estimate.state, estimate.standard_deviation[-1].tolist(), strict=True))
+    for symbol, deviation in estimate.corrected.items():
+        if symbol not in nominal:
+            raise ValueError(f"/corrected has {symbol!r}, which is no component of the state")
+        if not deviation >= nominal[symbol] * (1.0 - _ROUNDING) or np.isinf(deviation) != np.isinf(nominal[symbol]):
+            raise ValueError(f"/corrected has {deviation:g} for {symbol}, of which the nominal is {nominal[symbol]:g}")
 
 
 def _check_fault(test: FaultTest) -> None:

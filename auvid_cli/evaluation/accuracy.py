@@ -26,7 +26,7 @@ class CoefficientResult(NamedTuple):
     true : float or None
         None without truth.
     estimate, standard_deviation : float
-        At the last time the filter reached.
+        At the last time the filter reached; the standard deviation is the nominal one.
     rmse : float or None
         Over the whole run from the zero initial value; None without truth or after divergence.
     steady_state_error_percent : float or None
@@ -34,13 +34,16 @@ class CoefficientResult(NamedTuple):
     cramer_rao_bound : float or None
         Least standard deviation that the data allow, see `auvid_cli.evaluation.bounds`; None where it is not known.
     times_bound : float or None
-        ``standard_deviation / cramer_rao_bound``: how much of what the data hold the filter claims to have got. Below
-        one it claims more, or its prior does. None also after divergence, and where the bound is infinite.
+        The corrected standard deviation, or if there is none ``standard_deviation``, over ``cramer_rao_bound``: how
+        much of what the data hold the filter claims to have got. Below one it claims more, or its prior does. None
+        also after divergence, and where the bound is infinite.
     identified : bool
         Whether its share of the value, see `shares_of_value`, is small enough, and the estimate is sound.
     bound_with_process_noise : float or None
         Least standard deviation by the data alone if process noise moves the vehicle, see
         `auvid_cli.evaluation.bounds`; None without an estimate of the iterated smoother.
+    corrected_standard_deviation : float or None
+        With allowance for the autocorrelation of what is left unexplained; None of a filter that is no batch estimator.
     """
 
     filter: str
@@ -55,6 +58,7 @@ class CoefficientResult(NamedTuple):
     times_bound: float | None
     identified: bool
     bound_with_process_noise: float | None = None
+    corrected_standard_deviation: float | None = None
 
 
 def coefficient_results(
@@ -84,6 +88,8 @@ def coefficient_results(
             if true != 0.0:
                 error = float(abs(series[steady].mean() - true) / abs(true) * 100.0)
         deviation, bound = float(estimate.standard_deviation[-1, i]), bounds.get(symbol)
+        corrected = estimate.corrected.get(symbol)
+        claimed = deviation if corrected is None else corrected
         results.append(
             CoefficientResult(
                 estimate.filter,
@@ -95,8 +101,9 @@ def coefficient_results(
                 rmse,
                 error,
                 bound,
-                deviation / bound if bound is not None and isfinite(bound) and estimate.completed else None,
+                claimed / bound if bound is not None and isfinite(bound) and estimate.completed else None,
                 is_sound and shares[symbol] <= LARGEST_SHARE_OF_VALUE,
+                corrected_standard_deviation=corrected,
             )
         )
     return results

@@ -35,7 +35,7 @@ class IdentifiedCoefficient(NamedTuple):
     value : float
         SI.
     standard_deviation : float or None
-        SI; None of one that was held.
+        SI, corrected where it is; None of one that was held.
     identified : bool or None
         As the tables of a report mark it; None of one that was held.
     """
@@ -191,14 +191,14 @@ def identified_model(
             f"the estimate of {estimate.filter} {estimate.status}; that is no model of the vehicle, "
             "so nothing is exported"
         )
-    values = estimate.final_coefficients()
+    values, deviations = estimate.final_coefficients(), estimate.final_deviations()
     judgement = judge_one(estimate, reference)
     is_sound = judgement.grade is Grade.SOUND
     results = {row.coefficient: row for row in coefficient_results(estimate, dataset.truth, bounds, is_sound)}
     coefficients = []
     for coefficient in COEFFICIENTS:
         result = results.get(coefficient.symbol)
-        certainty = (None, None) if result is None else (result.standard_deviation, result.identified)
+        certainty = (None, None) if result is None else (deviations[coefficient.symbol], result.identified)
         coefficients.append(
             IdentifiedCoefficient(coefficient.symbol, coefficient.unit, values[coefficient.symbol], *certainty)
         )
@@ -217,11 +217,11 @@ def identified_model(
                 estimate.state[i],
                 estimate.unit[i],
                 float(estimate.mean[-1, i]),
-                float(estimate.standard_deviation[-1, i]),
+                deviations[estimate.state[i]],
             )
             for i in others
         ),
-        covariance=estimate.covariance[np.ix_(kept, kept)],
+        covariance=estimate.final_covariance()[np.ix_(kept, kept)],
         actuation=actuation(estimate, dataset.inputs, values, motion),
         term_sizes=tuple(term_sizes(terms)),
         origin=origin,

@@ -43,25 +43,6 @@ class FaultEffects(NamedTuple):
     added: Array
 
 
-class _Carried(NamedTuple):
-    """What is carried through the data: errors, and what is said of the faults.
-
-    Attributes
-    ----------
-    error : ndarray, shape (n, n_faults)
-        Of the state, per unit of each fault.
-    score, information : ndarray, shape (n_faults,)
-        As in `FaultScores`.
-    moved : ndarray, shape (n_moving, n_faults)
-        Overwritten.
-    """
-
-    error: Array
-    score: Array
-    information: Array
-    moved: Array
-
-
 class Faults(Protocol):
     """What may be wrong with a model or its data."""
 
@@ -81,17 +62,27 @@ class Faults(Protocol):
 
 
 _EFFECTS = types.NamedUniTuple(_stack, 2, FaultEffects)
-_CARRIED = types.NamedTuple((_matrix, _vector, _vector, _matrix), _Carried)
 
 
-@compiled(types.void(TIMELINE, LINEARISED, TRACE, _EFFECTS, _CARRIED), reassociate=True)
-def _carry(timeline, about, trace, effects, carried):
-    """Carry the errors that faults make through a chunk of the data, and add to what is said of them."""
-    error, moved = carried.error, carried.moved
+@compiled(types.void(TIMELINE, LINEARISED, TRACE, _EFFECTS, _matrix, _matrix), reassociate=True)
+def carry_errors(timeline, about, trace, effects, error, moved):
+    """Carry the errors that faults make through a chunk of the data.
+
+    Parameters
+    ----------
+    timeline, about, trace
+        Of the chunk.
+    effects : FaultEffects
+        What is added to measurements becomes what that and the errors before do to their innovations; zero where
+        missing.
+    error : ndarray, shape (n, n_faults)
+        Of the state, per unit of each fault: before the chunk, and afterwards at its end.
+    moved : ndarray, shape (n_moving, n_faults)
+        Overwritten.
+    """
     n, n_faults = error.shape
     n_moving = moved.shape[0]
     n_parameters = n - n_moving
-    effect = moved[0]
     for event in range(timeline.time.size):
         if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
             for i in range(n_moving):
@@ -106,22 +97,18 @@ def _carry(timeline, about, trace, effects, carried):
                     error[n_parameters + i, f] = moved[i, f]
         for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
             for c in range(about.residual.shape[1]):
+                effect = effects.added[k, c]
                 if np.isnan(about.residual[k, c]):
+                    for f in range(n_faults):
+                        effect[f] = 0.0
                     continue
-                for f in range(n_faults):
-                    effect[f] = effects.added[k, c, f]
                 for j in range(n):
                     h = about.rows[k, c, j]
                     if h != 0.0:
                         for f in range(n_faults):
                             effect[f] += h * error[j, f]
-                total = trace.total[k, c]
-                innovation = trace.error[k, c] / total
-                for f in range(n_faults):
-                    carried.score[f] += effect[f] * innovation
-                    carried.information[f] += effect[f] * effect[f] / total
                 for j in range(n):
-                    gain = trace.gain[k, c, j] / total
+                    gain = trace.gain[k, c, j] / trace.total[k, c]
                     for f in range(n_faults):
                         error[j, f] -= gain * effect[f]
 
@@ -138,13 +125,17 @@ def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults)
     """
     n_faults = len(faults.names)
     n_parameters, n_moving = filtered.trajectory.parameters.size, filtered.trajectory.initial[0].size
-    error = np.zeros((n_parameters + n_moving, n_faults))
-    carried = _Carried(error, np.zeros(n_faults), np.zeros(n_faults), np.zeros((n_moving, n_faults)))
+    error, moved = np.zeros((n_parameters + n_moving, n_faults)), np.zeros((n_moving, n_faults))
+    score, information = np.zeros(n_faults), np.zeros(n_faults)
     started = -1
     for segment, timeline, about, trace in smoothing.traced(filtered):
         if segment > started:
             # The motion begins anew, as far off as what it owes to the parameters.
             error[n_parameters:] = filtered.by_parameters[segment] @ error[:n_parameters]
             started = segment
-        _carry(timeline, about, trace, faults.effects(segment, timeline, about), carried)
-    return FaultScores(faults.names, faults.units, carried.score, carried.information, error[:n_parameters].copy())
+        effects = faults.effects(segment, timeline, about)
+        carry_errors(timeline, about, trace, effects, error, moved)
+        whitened = effects.added / np.sqrt(trace.total)[..., None]
+        score += np.einsum("kcf,kc->f", whitened, trace.error / np.sqrt(trace.total))
+        information += np.einsum("kcf,kcf->f", whitened, whitened)
+    return FaultScores(faults.names, faults.units, score, information, error[:n_parameters].copy())

@@ -183,8 +183,13 @@ class LinearSmoothing:
     def traced(self, filtered: Filtered) -> Iterator[tuple[int, Timeline, Linearised, Trace]]:
         """Go through the chunks of each segment once more, from the first to the last."""
         for segment in range(len(self._segments)):
-            for chunk, timeline in enumerate(self._segments[segment]):
-                yield segment, timeline, *self._traced(filtered, segment, chunk, timeline)
+            for timeline, about, trace in self.traced_segment(filtered, segment):
+                yield segment, timeline, about, trace
+
+    def traced_segment(self, filtered: Filtered, segment: int) -> Iterator[tuple[Timeline, Linearised, Trace]]:
+        """Go through the chunks of one of them."""
+        for chunk, timeline in enumerate(self._segments[segment]):
+            yield timeline, *self._traced(filtered, segment, chunk, timeline)
 
     def _traced(self, filtered: Filtered, segment: int, chunk: int, timeline: Timeline) -> tuple[Linearised, Trace]:
         """Return what the way back needs of a chunk."""

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.filters.influences import corrected_free_motion
 from auvid_cli.filters.information import Information
 from auvid_cli.filters.least_squares import LeastSquaresFit, fit_free_motion
 from auvid_cli.filters.point_sets import cubature
@@ -207,7 +208,9 @@ def _hand_over_segments(
         n_good += reached
         if reached < size:
             return FilterOutcome(covariance, n_good, PREDICTION)
-    return FilterOutcome(covariance, n_good, OK if best.converged else NOT_CONVERGED)
+    if not best.converged:
+        return FilterOutcome(covariance, n_good, NOT_CONVERGED)
+    return FilterOutcome(covariance, n_good, OK, corrected=corrected_free_motion(problem, best.state, uncertainty))
 
 
 def _filtered(problem: JointProblem) -> _Start | None:

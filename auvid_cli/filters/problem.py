@@ -321,6 +321,9 @@ class FilterOutcome(NamedTuple):
         What an estimator found besides.
     unsettled : Unsettled or None
         Of an iteration that was not finished.
+    corrected : ndarray, shape (n_parameters,)
+        Of a batch estimator: standard deviations that allow for the autocorrelation of what it leaves unexplained, see
+        `auvid_cli.filters.coloured`. Empty where there are none.
     """
 
     covariance: Array
@@ -329,3 +332,4 @@ class FilterOutcome(NamedTuple):
     faults: FaultScores | None = None
     others: tuple[OtherAnswer, ...] = ()
     unsettled: Unsettled | None = None
+    corrected: Array = np.zeros(0)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.filters.fault_scores import Faults, score_faults
 from auvid_cli.filters.huber import SET_ASIDE
+from auvid_cli.filters.influences import corrected_smoothing
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Smoothed, Trajectory, is_led_to
 from auvid_cli.filters.other_answers import answers_of_segments, other_minimum
 from auvid_cli.filters.point_sets import cubature
@@ -90,7 +91,7 @@ def run_smoother(
     if len(problem.segments) > 1:
         rivals += answers_of_segments(problem, best)
     scores = None if faults is None else score_faults(smoothing, best, faults)
-    return outcome._replace(faults=scores, others=tuple(rivals))
+    return outcome._replace(faults=scores, others=tuple(rivals), corrected=corrected_smoothing(problem, best))
 
 
 def most_probable(problem: JointProblem, smoothing: LinearSmoothing, max_passes: int) -> list[tuple[Filtered, bool]]:

@@ -74,7 +74,12 @@ class FilterRun:
         course.hand_over_the_last()
         covariance = outcome.covariance * np.outer(self.scale, self.scale)
         ended = self._status(outcome, course), covariance, course.n_good, *course.clocks.tolist()
-        return Outcome(*ended, faults=fault_tests(outcome, self.header, self.scale))
+        corrected = outcome.corrected * self.scale[: outcome.corrected.size]
+        return Outcome(
+            *ended,
+            faults=fault_tests(outcome, self.header, self.scale),
+            corrected=dict(zip(self.header.state, corrected.tolist(), strict=False)),
+        )
 
     def chunk(
         self, rows: tuple[Array, Array, Array], innovations: dict[str, Innovations], kept: slice = slice(None)

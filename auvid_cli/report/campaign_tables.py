@@ -108,7 +108,8 @@ def _filters_table(findings: Findings) -> Table:
     notes = (
         "Sound: share of the runs whose estimate may be used by its judgement. Error: mean steady-state error of the "
         "coefficients, median over the runs; 90 % of them lie from 5 to 95 %. "
-        "In 2 sd: share of all coefficients whose truth lies within two standard deviations; 95.4 if these are honest.",
+        "In 2 sd: share of all coefficients whose truth lies within two standard deviations, of "
+        "batch estimates the corrected ones; 95.4 if these are honest.",
         "sd / bound: median of the stated standard deviations in terms of Cramer-Rao's bound, of the data alone. "
         "Error / bound: root mean square of the errors in terms of it.",
         "NEES: per coefficient, 1 if the covariance is honest; by chance it lies in the last interval in 95 %. "

@@ -12,6 +12,7 @@ from auvid_cli.report.notation import filter_label
 from auvid_cli.report.paper import NOTE, published, published_filters
 from auvid_cli.report.sentence import sentence
 from auvid_cli.report.table import (
+    DEVIATION_DIGITS,
     ERROR_DIGITS,
     UNIDENTIFIED,
     Cell,
@@ -29,6 +30,12 @@ _ERROR = "Steady-state error (%)"
 _VELOCITY = "Mean absolute error"
 _BOUND = "Cramér-Rao bound"
 _AVERAGE = "average error %"
+# A corrected standard deviation is told where it is more than so many times the nominal one.
+_WIDER = 1.02
+_CORRECTED = (
+    "Corrected sd: standard deviation with allowance for residuals that are correlated in time, where that makes it "
+    f"more than {_WIDER - 1.0:.0%} larger."
+)
 
 
 def lay_out(evaluation: Evaluation, with_paper: bool) -> list[Table]:
@@ -131,26 +138,41 @@ def estimates(evaluation: Evaluation, filters: Sequence[str], with_truth: bool, 
         Whether the standard deviations do.
     """
     has_truth = with_truth and any(row.true is not None for row in evaluation.coefficients)
+    wider = {row.filter for row in evaluation.coefficients if with_deviations and _is_wider(row)}
     columns = [Column("symbol", numeric=False), Column("unit", numeric=False), *[Column("true")] * has_truth]
     for name in filters:
         columns.append(Column(f"{filter_label(name)}{' ± sd' if with_deviations else ''}"))
-        columns += [Column("error %")] * has_truth
+        columns += [Column("corrected sd")] * (name in wider) + [Column("error %")] * has_truth
 
-    def cells(row: CoefficientResult | None) -> list[Cell]:
+    def cells(name: str, row: CoefficientResult | None) -> list[Cell]:
         if row is None:
-            return [None] * (1 + has_truth)
+            return [None] * (1 + (name in wider) + has_truth)
         estimate = PlusMinus(row.estimate, row.standard_deviation) if with_deviations else row.estimate
+        corrected = _corrected(row) if name in wider else []
         error = row.steady_state_error_percent
-        return [marked(row, estimate), *[None if error is None else number(error, ERROR_DIGITS)] * has_truth]
+        return [
+            marked(row, estimate),
+            *corrected,
+            *[None if error is None else number(error, ERROR_DIGITS)] * has_truth,
+        ]
 
     rows: list[list[Cell]] = []
     for symbol, by_filter in results_by_coefficient(evaluation).items():
         any_row = next((by_filter[name] for name in filters if name in by_filter), None)
         if any_row is not None:
-            results = (cell for name in filters for cell in cells(by_filter.get(name)))
+            results = (cell for name in filters for cell in cells(name, by_filter.get(name)))
             rows.append([Symbol(symbol), UnitCell(any_row.unit), *[any_row.true] * has_truth, *results])
-    notes = tuple(mark_explained(evaluation))
+    notes = *mark_explained(evaluation), *([_CORRECTED] if wider & {*filters} else [])
     return Table("estimates", "Estimates and their standard deviations at the end", tuple(columns), rows, notes=notes)
+
+
+def _is_wider(row: CoefficientResult) -> bool:
+    """Say whether its standard deviation is corrected by so much that it is worth telling."""
+    return (row.corrected_standard_deviation or 0.0) > _WIDER * row.standard_deviation
+
+
+def _corrected(row: CoefficientResult) -> list[Cell]:
+    return [number(row.corrected_standard_deviation or 0.0, DEVIATION_DIGITS) if _is_wider(row) else ""]
 
 
 def _bounds(evaluation: Evaluation) -> Table:

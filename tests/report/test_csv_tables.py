@@ -7,7 +7,7 @@ from auvid_cli.report.csv_tables import write_csv_tables
 
 COLUMNS = {
     "coefficients": "filter,coefficient,unit,true,estimate,standard_deviation,rmse,steady_state_error_percent,"
-    "cramer_rao_bound,times_bound,identified,bound_with_process_noise",
+    "cramer_rao_bound,times_bound,identified,bound_with_process_noise,corrected_standard_deviation",
     "summary": "filter,average_steady_state_error_percent,mean_nis,cpu_time_s,steps,microseconds_per_step,status,"
     "grade,reason,remedy",
     "velocity_error": "filter,component,unit,mean_absolute_error",

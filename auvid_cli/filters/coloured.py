@@ -1,0 +1,276 @@
+"""What estimates are worth whose residuals are not white: standard deviations that allow for their autocorrelation.
+
+A batch estimate errs by ``sum(v_i e_i)`` over all scalar measurements: of each the influence v_i on the parameters, and
+the residual e_i by the standard deviation that it should have. Were the residuals white, its variance would be
+``sum(v_i^2)``. As they may not be, two others stand beside that. One is the sum over all pairs
+``sum(v_i rho_ij v_j)`` with an autocovariance that is fitted to each channel (Morelli and Klein, J. Aircraft 34(2),
+1997, whose own is not smoothed): white noise, and noise that fades exponentially, so that the sum is found recursively.
+The other takes the scores ``v_i e_i`` as they come (Newey and West, Econometrica 55(3), 1987), with Bartlett's window,
+and sees what channels owe to each other, too. No one of them is right in all cases, and the largest counts.
+
+Nothing is correlated from one segment of the data to the next.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.compilation import compiled
+from auvid_cli.filters.problem import Indices
+
+Array = NDArray[np.float64]
+
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+_indices = types.int64[::1]
+
+# s; residuals are averaged, and scores summed, over so long before they are correlated.
+BIN = 0.1
+# Bins: where the autocovariance is read first, beyond what a sensor's own filter does, and last; Bartlett's window.
+_FIRST_LAG, _LAST_LAG, _WINDOW = 3, 600, 100
+# Standard deviations of chance above which an autocorrelation is believed.
+_SIGNIFICANT = 5.0
+# Of the pairs of bins that a lag has at most, how many it must have to be looked at: a slow sensor leaves bins empty.
+_SHARE_OF_PAIRS = 0.5
+
+
+class Influence(NamedTuple):
+    """How consecutive scalar measurements move an estimate.
+
+    Attributes
+    ----------
+    time : ndarray, shape (m,)
+        s, in order.
+    channel : ndarray of int, shape (m,)
+        Which component of which sensor it is.
+    residual : ndarray, shape (m,)
+        By the standard deviation that it should have.
+    rows : ndarray, shape (m, n)
+        By how much each parameter moves for each unit of it.
+    """
+
+    time: Array
+    channel: Indices
+    residual: Array
+    rows: Array
+
+
+class _Sums(NamedTuple):
+    """What is added up over all segments.
+
+    Attributes
+    ----------
+    squares, count : ndarray, shape (n_channels,)
+        Of the residuals.
+    white : ndarray, shape (n_channels, n)
+        Squares of the influences.
+    products, pairs : ndarray, shape (_LAST_LAG + 1, n_channels)
+        Of averages over bins that are so many bins apart.
+    windows : ndarray, shape (n,)
+        Squares of the sums of scores over every window.
+    """
+
+    squares: Array
+    count: Array
+    white: Array
+    products: Array
+    pairs: Array
+    windows: Array
+
+
+class _Recent(NamedTuple):
+    """The bins of a segment that later ones are correlated with, one after the other in rings.
+
+    Attributes
+    ----------
+    bin : ndarray of int, shape (1,)
+        Which is being filled.
+    total, taken : ndarray, shape (n_channels,)
+        Sum of its residuals, and their number.
+    score : ndarray, shape (n,)
+        Sum of its scores.
+    averages : ndarray, shape (_LAST_LAG + 1, n_channels)
+        NaN where there was no measurement.
+    scores : ndarray, shape (_WINDOW, n)
+    window : ndarray, shape (n,)
+        Their sum.
+    """
+
+    bin: Indices
+    total: Array
+    taken: Array
+    score: Array
+    averages: Array
+    scores: Array
+    window: Array
+
+
+_INFLUENCE = types.NamedTuple((_vector, _indices, _vector, _matrix), Influence)
+_SUMS = types.NamedTuple((_vector, _vector, _matrix, _matrix, _matrix, _vector), _Sums)
+_RECENT = types.NamedTuple((_indices, _vector, _vector, _vector, _matrix, _matrix, _vector), _Recent)
+
+
+@compiled(types.void(_SUMS, _RECENT), internal=True)
+def _close_bin(sums, recent):
+    """Correlate the bin that is full with those before, and begin the next."""
+    n_lags, n_channels = recent.averages.shape
+    place, oldest = recent.bin[0] % n_lags, recent.bin[0] % recent.scores.shape[0]
+    for c in range(n_channels):
+        average = np.nan
+        if recent.taken[c] > 0.0:
+            average = recent.total[c] / recent.taken[c]
+        recent.averages[place, c] = average
+        recent.total[c], recent.taken[c] = 0.0, 0.0
+        if not np.isnan(average):
+            for lag in range(n_lags):
+                product = average * recent.averages[place - lag if lag <= place else place - lag + n_lags, c]
+                if not np.isnan(product):
+                    sums.products[lag, c] += product
+                    sums.pairs[lag, c] += 1.0
+    for i in range(recent.score.size):
+        recent.window[i] += recent.score[i] - recent.scores[oldest, i]
+        recent.scores[oldest, i], recent.score[i] = recent.score[i], 0.0
+        sums.windows[i] += recent.window[i] ** 2
+    recent.bin[0] += 1
+
+
+@compiled(types.void(_INFLUENCE, types.float64, _SUMS, _RECENT))
+def _gather(influence, start, sums, recent):
+    """Add measurements of a segment that starts at some time to the sums."""
+    for i in range(influence.time.size):
+        while recent.bin[0] < int((influence.time[i] - start) / BIN):
+            _close_bin(sums, recent)
+        c, residual = influence.channel[i], influence.residual[i]
+        recent.total[c] += residual
+        recent.taken[c] += 1.0
+        sums.squares[c] += residual**2
+        sums.count[c] += 1.0
+        for k in range(recent.score.size):
+            row = influence.rows[i, k]
+            recent.score[k] += row * residual
+            sums.white[c, k] += row**2
+
+
+@compiled(types.void(_SUMS, _RECENT))
+def _finish(sums, recent):
+    """Close the last bin of a segment, and move the window on until it is behind all bins."""
+    for _ in range(recent.scores.shape[0]):
+        _close_bin(sums, recent)
+
+
+@compiled(types.void(_INFLUENCE, _vector, _vector, _matrix, _matrix))
+def _pair(influence, time_constant, latest, faded, pairs):
+    """Add to the products of influences on a channel, by how much of the earlier one is left at the later."""
+    for i in range(influence.time.size):
+        c = influence.channel[i]
+        if time_constant[c] > 0.0:
+            left = np.exp((latest[c] - influence.time[i]) / time_constant[c])
+            latest[c] = influence.time[i]
+            for k in range(faded.shape[1]):
+                row = influence.rows[i, k]
+                faded[c, k] *= left
+                pairs[c, k] += row * faded[c, k]
+                faded[c, k] += row
+
+
+class _Autocovariance(NamedTuple):
+    """White noise, and noise that fades exponentially: of each channel, shape (n_channels,).
+
+    Attributes
+    ----------
+    variance : ndarray
+        Of both.
+    coloured : ndarray
+        Of what fades.
+    time_constant : ndarray
+        s; 0 where nothing is coloured.
+    """
+
+    variance: Array
+    coloured: Array
+    time_constant: Array
+
+
+def corrected_deviation(nominal: Array, segments: Sequence[Iterable[Influence]], n_channels: int) -> Array:
+    """Find standard deviations that allow for the autocorrelation of residuals.
+
+    Time is linear in the measurements, and memory does not grow with them.
+
+    Parameters
+    ----------
+    nominal : ndarray, shape (n,)
+        Of the parameters, as white residuals would leave them. What a prior contributes to these stays as it is.
+    segments : sequence of iterable of Influence
+        Each is gone through once, and once more if any residuals are coloured.
+    n_channels : int
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        No less than the nominal ones.
+    """
+    sums = _sums(nominal.size, segments, n_channels)
+    noise = _fitted(sums)
+    fitted = noise.variance @ sums.white
+    if noise.coloured.any():
+        fitted += 2.0 * noise.coloured @ _pairs(nominal.size, segments, noise.time_constant)
+    most = np.maximum(fitted, sums.windows / _WINDOW)
+    return np.sqrt(nominal**2 + np.maximum(most - sums.white.sum(axis=0), 0.0))
+
+
+def _sums(n: int, segments: Sequence[Iterable[Influence]], n_channels: int) -> _Sums:
+    of_channels, of_lags = np.zeros(n_channels), np.zeros((_LAST_LAG + 1, n_channels))
+    white = np.zeros((n_channels, n))
+    sums = _Sums(of_channels, of_channels.copy(), white, of_lags, of_lags.copy(), np.zeros(n))
+    for segment in segments:
+        recent, start = _nothing_yet(n, n_channels), None
+        for influence in segment:
+            if start is None and influence.time.size:
+                start = float(influence.time[0])
+            if start is not None:
+                _gather(influence, start, sums, recent)
+        _finish(sums, recent)
+    return sums
+
+
+def _nothing_yet(n: int, n_channels: int) -> _Recent:
+    return _Recent(
+        bin=np.zeros(1, dtype=np.int64),
+        total=np.zeros(n_channels),
+        taken=np.zeros(n_channels),
+        score=np.zeros(n),
+        averages=np.full((_LAST_LAG + 1, n_channels), np.nan),
+        scores=np.zeros((_WINDOW, n)),
+        window=np.zeros(n),
+    )
+
+
+def _pairs(n: int, segments: Sequence[Iterable[Influence]], time_constant: Array) -> Array:
+    pairs = np.zeros((time_constant.size, n))
+    for segment in segments:
+        latest, faded = np.full(time_constant.size, -np.inf), np.zeros(pairs.shape)
+        for influence in segment:
+            _pair(influence, time_constant, latest, faded, pairs)
+    return pairs
+
+
+def _fitted(sums: _Sums) -> _Autocovariance:
+    variance = sums.squares / np.maximum(sums.count, 1.0)
+    coloured, time_constant = np.zeros(variance.size), np.zeros(variance.size)
+    for c, (products, pairs) in enumerate(zip(sums.products.T, sums.pairs.T, strict=True)):
+        enough = pairs >= _SHARE_OF_PAIRS * pairs[1:].max()
+        enough[:_FIRST_LAG] = False
+        lags = np.flatnonzero(enough & (pairs > 0.0))
+        if not lags.size:
+            continue
+        covariance = products[lags] / pairs[lags]
+        # What chance leaves of the covariance of white averages.
+        if covariance[0] > _SIGNIFICANT * products[0] / pairs[0] / np.sqrt(pairs[lags[0]]):
+            below = np.flatnonzero(covariance < covariance[0] / np.e)
+            end = lags[below[0]] if below.size else lags[-1] + 1
+            time_constant[c] = BIN * (end - lags[0])
+            coloured[c] = min(covariance[0] * np.exp(BIN * lags[0] / time_constant[c]), variance[c])
+    return _Autocovariance(variance, coloured, time_constant)

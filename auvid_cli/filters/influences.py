@@ -1,0 +1,111 @@
+"""How each measurement moves what a batch estimator finds, for `auvid_cli.filters.coloured`.
+
+Of the output-error method the influence of a measurement on the parameters is the joint covariance times the whitened
+derivative of what is predicted. Of the smoother what is left of the motion is estimated as well as a filter can that
+knows the parameters: an innovation depends on these through
+
+    s = h_theta + h_x d,    d <- d - g s / S,    d <- F_x d + F_theta
+
+with motion d that errs with the parameters, and its influence is the parameters' covariance times ``s / sqrt(S)``.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.filters.coloured import Influence, corrected_deviation
+from auvid_cli.filters.fault_scores import FaultEffects, carry_errors
+from auvid_cli.filters.information import Uncertainty
+from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
+from auvid_cli.filters.problem import Gaussian, Timeline
+from auvid_cli.filters.segments import JointProblem, joint_gaussian, with_parameters
+from auvid_cli.filters.sensitivities import responses
+
+Array = NDArray[np.float64]
+
+# Of the prior's spread of the parameters, what is as good as none.
+_HELD = 1e-6
+
+
+def corrected_free_motion(problem: JointProblem, state: Array, uncertainty: Uncertainty) -> Array:
+    """Correct the standard deviations of parameters that were found with motions left to themselves.
+
+    Parameters
+    ----------
+    problem : JointProblem
+    state : ndarray, shape (n,)
+        The joint state that was found.
+    uncertainty : Uncertainty
+        Of it.
+    """
+    n = problem.n_parameters
+    segments = [_FreeMotion(problem, uncertainty, state, segment) for segment in range(len(problem.segments))]
+    return corrected_deviation(uncertainty.deviation(np.eye(n, state.size)), segments, problem.sensors.variance.size)
+
+
+def corrected_smoothing(problem: JointProblem, filtered: Filtered) -> Array:
+    """Correct the standard deviations of parameters about the most probable trajectory."""
+    n, final = problem.n_parameters, filtered.final
+    known = Gaussian(filtered.trajectory.parameters + final.mean[:n], _HELD * problem.prior.factor[:n, :n])
+    held = joint_gaussian([with_parameters(own, known) for own in problem.priors], problem.n_moving)
+    smoothing = LinearSmoothing(problem._replace(prior=held))
+    about = smoothing.filter(filtered.trajectory)
+    covariance = final.covariance()[:n, :n]
+    nominal = np.sqrt(np.diagonal(covariance))
+    if about is None:
+        return nominal
+    segments = [_Innovations(smoothing, about, covariance, segment) for segment in range(len(problem.segments))]
+    return corrected_deviation(nominal, segments, problem.sensors.variance.size)
+
+
+def _influence(timeline: Timeline, present: NDArray[np.bool_], residual: Array, rows: Array) -> Influence:
+    """Leave out components that are missing."""
+    n_measurements, n_components = present.shape
+    time = np.repeat(timeline.time, np.diff(timeline.measurement_offset))[:n_measurements]
+    channel = timeline.measurement_sensor[:n_measurements, None].astype(np.int64) * n_components
+    return Influence(
+        np.repeat(time, n_components)[present.ravel()],
+        (channel + np.arange(n_components))[present],
+        residual[present],
+        rows[present],
+    )
+
+
+@dataclass(frozen=True)
+class _FreeMotion:
+    """Influences of a segment on what the output-error method finds."""
+
+    problem: JointProblem
+    uncertainty: Uncertainty
+    state: Array
+    segment: int
+
+    def __iter__(self) -> Iterator[Influence]:
+        process, sensors, segments, _ = self.problem
+        place, root = self.problem.places[self.segment], self.uncertainty.root
+        covariance = root[place] @ root[: self.problem.n_parameters].T
+        for response in responses(process, sensors, segments[self.segment], self.state[place]):
+            rows, residual = response.whitened[..., :-1] @ covariance, response.whitened[..., -1]
+            yield _influence(response.timeline, ~np.isnan(response.innovation), residual, rows)
+
+
+@dataclass(frozen=True)
+class _Innovations:
+    """Influences of a segment on what the smoother finds."""
+
+    smoothing: LinearSmoothing
+    filtered: Filtered
+    covariance: Array
+    segment: int
+
+    def __iter__(self) -> Iterator[Influence]:
+        n, owed = len(self.covariance), self.filtered.by_parameters[self.segment]
+        error, moved = np.vstack([np.eye(n), owed]), np.empty(owed.shape)
+        for timeline, about, trace in self.smoothing.traced_segment(self.filtered, self.segment):
+            effects = FaultEffects(np.zeros((*about.moving.shape, n)), np.zeros((*about.residual.shape, n)))
+            carry_errors(timeline, about, trace, effects, error, moved)
+            deviation = np.sqrt(trace.total)
+            rows = (effects.added / deviation[..., None]) @ self.covariance
+            yield _influence(timeline, ~np.isnan(about.residual), trace.error / deviation, rows)
