@@ -141,7 +141,8 @@ def _close_bin(sums, recent):
 def _gather(influence, start, sums, recent):
     """Add measurements of a segment that starts at some time to the sums."""
     for i in range(influence.time.size):
-        while recent.bin[0] < int((influence.time[i] - start) / BIN):
+        # What comes regularly is in the middle of a bin, safe from rounding.
+        while recent.bin[0] < int((influence.time[i] - start) / BIN + 0.5):
             _close_bin(sums, recent)
         c, residual = influence.channel[i], influence.residual[i]
         recent.total[c] += residual
@@ -156,7 +157,7 @@ def _gather(influence, start, sums, recent):
 
 @compiled(types.void(_SUMS, _RECENT))
 def _finish(sums, recent):
-    """Close the last bin of a segment, and move the window on until it is behind all bins."""
+    """Move the window on until it is behind the last bin of a segment."""
     for _ in range(recent.scores.shape[0]):
         _close_bin(sums, recent)
 

@@ -9,7 +9,7 @@ knows the parameters: an innovation depends on these through
 with motion d that errs with the parameters, and its influence is the parameters' covariance times ``s / sqrt(S)``.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,24 +40,30 @@ def corrected_free_motion(problem: JointProblem, state: Array, uncertainty: Unce
     uncertainty : Uncertainty
         Of it.
     """
-    n = problem.n_parameters
-    segments = [_FreeMotion(problem, uncertainty, state, segment) for segment in range(len(problem.segments))]
-    return corrected_deviation(uncertainty.deviation(np.eye(n, state.size)), segments, problem.sensors.variance.size)
+    nominal = uncertainty.deviation(np.eye(problem.n_parameters, state.size))
+    return corrected_deviation(nominal, of_free_motion(problem, state, uncertainty), problem.sensors.variance.size)
 
 
 def corrected_smoothing(problem: JointProblem, filtered: Filtered) -> Array:
     """Correct the standard deviations of parameters about the most probable trajectory."""
+    nominal = np.sqrt(np.diagonal(filtered.final.covariance())[: problem.n_parameters])
+    return corrected_deviation(nominal, of_smoothing(problem, filtered), problem.sensors.variance.size)
+
+
+def of_free_motion(problem: JointProblem, state: Array, uncertainty: Uncertainty) -> list[Iterable[Influence]]:
+    """Return the influences of each segment on parameters found with motions left to themselves."""
+    return [_FreeMotion(problem, uncertainty, state, segment) for segment in range(len(problem.segments))]
+
+
+def of_smoothing(problem: JointProblem, filtered: Filtered) -> list[Iterable[Influence]]:
+    """Return the influences of each segment on parameters about the most probable trajectory."""
     n, final = problem.n_parameters, filtered.final
     known = Gaussian(filtered.trajectory.parameters + final.mean[:n], _HELD * problem.prior.factor[:n, :n])
     held = joint_gaussian([with_parameters(own, known) for own in problem.priors], problem.n_moving)
-    smoothing = LinearSmoothing(problem._replace(prior=held))
+    smoothing, covariance = LinearSmoothing(problem._replace(prior=held)), final.covariance()[:n, :n]
     about = smoothing.filter(filtered.trajectory)
-    covariance = final.covariance()[:n, :n]
-    nominal = np.sqrt(np.diagonal(covariance))
-    if about is None:
-        return nominal
-    segments = [_Innovations(smoothing, about, covariance, segment) for segment in range(len(problem.segments))]
-    return corrected_deviation(nominal, segments, problem.sensors.variance.size)
+    assert about is not None, "a filter that knows more goes as far"
+    return [_Innovations(smoothing, about, covariance, segment) for segment in range(len(problem.segments))]
 
 
 def _influence(timeline: Timeline, present: NDArray[np.bool_], residual: Array, rows: Array) -> Influence:

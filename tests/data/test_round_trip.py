@@ -206,5 +206,18 @@ def test_faults_come_back_as_they_were_tested(estimate, write_estimate, tmp_path
     assert [fault.z for fault in back.faults] == pytest.approx([5.0, -3.0])
 
 
+def test_corrected_standard_deviations_come_back_as_they_were(estimate, write_estimate, tmp_path):
+    corrected = {"X_u|u|": 1.5 * float(estimate.standard_deviation[-1, 0])}
+    write_estimate(tmp_path / "estimate.h5", replace(estimate, corrected=corrected))
+    assert read_estimate(tmp_path / "estimate.h5").corrected == corrected
+
+
+def test_an_estimate_without_corrected_standard_deviations_is_read_without(estimate, written):
+    back = read_estimate(written["estimate"])
+    assert estimate.corrected == back.corrected == {}
+    assert list(back.final_deviations().values()) == estimate.standard_deviation[-1].tolist()
+    assert np.array_equal(back.final_covariance(), estimate.covariance)
+
+
 def test_an_estimate_that_tests_for_no_faults_is_read_without(estimate, written):
     assert estimate.faults == read_estimate(written["estimate"]).faults == ()

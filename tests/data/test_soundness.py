@@ -239,3 +239,21 @@ def test_faults_are_as_a_test_can_have_found_them(name, change, estimate, write_
         del file["faults"][name]
         file["faults"][name] = values
     refused(read_estimate, path)
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("standard_deviation", lambda column: column[:-1]),
+        *(("standard_deviation", with_(0, value)) for value in (np.nan, np.inf, 0.0, -1.0)),
+        ("constant_state", with_(0, b"Y_nothing")),
+    ],
+)
+def test_corrected_standard_deviations_are_no_less_than_the_nominal(name, change, estimate, write_estimate, tmp_path):
+    path, nominal = tmp_path / "estimate.h5", estimate.standard_deviation[-1, :2].tolist()
+    write_estimate(path, replace(estimate, corrected=dict(zip(estimate.state, nominal, strict=False))))
+    with h5py.File(path, "a") as file:
+        values = change(file["corrected"][name][...])
+        del file["corrected"][name]
+        file["corrected"][name] = values
+    refused(read_estimate, path)

@@ -1,5 +1,7 @@
 """Errors of the coefficients on estimates whose errors are known by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -88,6 +90,17 @@ def test_what_is_known_to_a_fifth_of_its_value_is_identified(hand_made, truth_of
     assert [result.cramer_rao_bound for result in results] == [0.1, 0.1, 1.1, np.inf]
     assert [result.times_bound for result in results[:3]] == pytest.approx([2.5, 2.5, 0.25 / 1.1])
     assert results[3].times_bound is None
+
+
+def test_what_is_claimed_is_the_corrected_standard_deviation_and_what_is_judged_the_nominal(hand_made, truth_of):
+    estimate = replace(hand_made([0, 1], {"Y_url": [0.0, 1.3], "N_url": [0.0, 1.3]}), corrected={"Y_url": 0.5})
+    corrected, nominal = coefficient_results(
+        estimate, truth_of(Y_url=1.3, N_url=1.3), {"Y_url": 0.1, "N_url": 0.1}, True
+    )
+    assert (corrected.times_bound, nominal.times_bound) == (pytest.approx(5.0), pytest.approx(2.5))
+    assert (corrected.standard_deviation, corrected.corrected_standard_deviation) == (0.25, 0.5)
+    assert nominal.corrected_standard_deviation is None
+    assert [corrected.identified, nominal.identified] == [True, True]
 
 
 def test_a_true_zero_is_identified_by_the_natural_magnitude_of_the_vehicle(hand_made, truth_of):

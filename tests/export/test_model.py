@@ -50,6 +50,16 @@ def test_the_covariance_is_that_of_the_coefficients(model):
     assert np.array_equal(model.covariance, model.covariance.T)
 
 
+def test_uncertainties_are_the_corrected_ones_with_correlations_as_they_were(estimate, dataset, model):
+    nominal = dict(zip(estimate.state, estimate.standard_deviation[-1].tolist(), strict=True))
+    corrected = replace(estimate, corrected={symbol: 2.0 * nominal[symbol] for symbol in CHOSEN[:2]})
+    wider = identified_model(corrected, dataset, {}, ORIGIN)
+    stated = {each.symbol: each.standard_deviation for each in wider.coefficients if each.standard_deviation}
+    assert stated == {**corrected.corrected, CHOSEN[2]: nominal[CHOSEN[2]]}
+    times = np.array([2.0, 2.0, 1.0])
+    np.testing.assert_allclose(wider.covariance, model.covariance * np.outer(times, times))
+
+
 def test_what_is_identified_is_what_the_tables_say(estimate, dataset):
     bounds = {"Z_uude": np.inf}
     model = identified_model(estimate, dataset, bounds, ORIGIN, reference=replace(estimate, filter="smoother"))

@@ -3,7 +3,7 @@ import re
 import pytest
 
 from auvid_cli.report.latex import escape_latex, render_latex
-from auvid_cli.report.layout import lay_out
+from auvid_cli.report.layout import estimates, lay_out
 from auvid_cli.report.markdown import render_markdown
 from auvid_cli.report.notation import symbol_math, unit_latex, unit_text
 from auvid_cli.report.paper import published, published_filters
@@ -180,3 +180,21 @@ def test_files_are_written(tmp_path, evaluation):
     paths = write_tables(evaluation, tmp_path)
     assert {path.name for path in paths} == {path.name for path in tmp_path.iterdir()}
     assert {"tables.md", "tables.tex"} <= {path.name for path in paths}
+
+
+def test_a_corrected_standard_deviation_stands_where_it_is_wider(evaluation):
+    """Beside the nominal one, and only of a filter that has any."""
+
+    def column(times):
+        rows = [
+            row._replace(corrected_standard_deviation=times * row.standard_deviation if row.filter == "ckf" else None)
+            for row in evaluation.coefficients
+        ]
+        filters = [row.filter for row in evaluation.summary]
+        table = estimates(evaluation._replace(coefficients=rows), filters, with_truth=False)
+        headers = [column.header for column in table.columns]
+        return [row[headers.index("corrected sd")] for row in table.rows] if "corrected sd" in headers else None
+
+    assert column(1.01) is None
+    deviations = [row.standard_deviation for row in evaluation.coefficients if row.filter == "ckf"]
+    assert column(1.5) == [number(1.5 * deviation, 2) for deviation in deviations]

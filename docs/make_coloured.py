@@ -1,0 +1,50 @@
+"""Whether corrected standard deviations hold, into docs/studies.md: `python -m docs.make_coloured`.
+
+From the runs of `auvid campaign coloured` that there are, whichever share of them.
+"""
+
+import argparse
+from pathlib import Path
+
+import pandas as pd
+
+from auvid_cli.report.notation import filter_label
+from docs.campaign_rows import campaign_rows
+from docs.section import replace_section
+
+
+def row(case: tuple[str, ...], coefficients: pd.DataFrame) -> str:
+    """Say how often two standard deviations hold the truth, nominal and corrected."""
+    manoeuvre, attitude, name = case
+    error = (coefficients["estimate"] - coefficients["true"]).abs()
+    nominal, corrected = coefficients["standard_deviation"], coefficients["corrected_standard_deviation"]
+    within = error <= 2.0 * corrected
+    by_name = within.groupby(coefficients["name"]).mean()
+    worst = str(by_name.idxmin()).replace("|", r"\|")
+    return (
+        f"| {manoeuvre} | {attitude} | {filter_label(name)} | {coefficients['run'].nunique()} | "
+        f"{(error <= 2.0 * nominal).mean():.1%} | {within.mean():.1%} | {worst} {by_name.min():.0%} | "
+        f"{(corrected / nominal).median():.2f} | {(corrected / nominal).max():.2f} |"
+    )
+
+
+def main() -> None:
+    """Write the section."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--results", type=Path, default=Path("results/campaigns/coloured"))
+    rows = campaign_rows("coloured", parser.parse_args().results)
+    coefficients = rows.coefficients[rows.coefficients["corrected_standard_deviation"].notna()]
+    lines = [
+        rows.said(),
+        "",
+        "| manoeuvre | attitude | method | runs | within 2 nominal sd | within 2 corrected sd | fewest "
+        "| corrected / nominal, median | largest |",
+        "| --- | --- | --- | ---: | ---: | ---: | --- | ---: | ---: |",
+    ]
+    keys = ["manoeuvre", "attitude", "filter"]
+    lines += [row(case, cell) for case, cell in coefficients.groupby(keys, sort=False)]
+    replace_section("coloured", "\n".join(lines), "studies")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,123 @@
+"""Corrected standard deviations against the covariance of least squares, known in closed form where noise is known."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.signal import lfilter
+
+from auvid_cli.filters.coloured import Influence, corrected_deviation
+
+SPACING, EVENTS, CHANNELS = 0.1, 2000, 2
+
+
+class Regression:
+    """Slow regressors on two channels, measured in turn, and the influence of each measurement."""
+
+    def __init__(self):
+        time = np.repeat(SPACING * np.arange(EVENTS), CHANNELS)
+        rates, phases = np.random.default_rng(3).uniform(0.02, 0.5, (2, CHANNELS, 4))
+        self.time, self.channel = time, np.tile(np.arange(CHANNELS), EVENTS)
+        self.design = np.sin(rates[self.channel] * time[:, None] + 7.0 * phases[self.channel])
+        self.covariance = np.linalg.inv(self.design.T @ self.design)
+        self.rows = self.design @ self.covariance
+        self.nominal = np.sqrt(np.diagonal(self.covariance))
+
+    def noise(self, rng, coloured, time_constant):
+        """Draw it: of variance one, of which a share is coloured."""
+        left = np.exp(-SPACING / time_constant)
+        driving = np.sqrt(coloured * (1.0 - left**2)) * rng.standard_normal((EVENTS + 500, CHANNELS))
+        fading = lfilter([1.0], [1.0, -left], driving, axis=0)[500:]
+        return (fading + np.sqrt(1.0 - coloured) * rng.standard_normal((EVENTS, CHANNELS))).ravel()
+
+    def exact(self, coloured, time_constant):
+        """Return the standard deviations of least squares with such noise."""
+        apart = np.abs(np.subtract.outer(self.time[::CHANNELS], self.time[::CHANNELS]))
+        autocovariance = coloured * np.exp(-apart / time_constant) + (1.0 - coloured) * np.eye(EVENTS)
+        of_channels = (self.rows[c::CHANNELS] for c in range(CHANNELS))
+        return np.sqrt(sum(np.diagonal(rows.T @ autocovariance @ rows) for rows in of_channels))
+
+    def influences(self, noise, cuts=()):
+        """Of what least squares leaves, in chunks."""
+        residual = noise - self.design @ (self.rows.T @ noise)
+        whole = self.time, self.channel, residual, self.rows
+        return [Influence(*(part[first:last] for part in whole)) for first, last in pairwise((0, *cuts, noise.size))]
+
+
+@pytest.fixture(scope="module")
+def regression():
+    return Regression()
+
+
+def test_white_residuals_are_hardly_corrected(regression):
+    rng, nominal = np.random.default_rng(1), regression.nominal
+    ratios = [
+        corrected_deviation(nominal, [regression.influences(rng.standard_normal(regression.time.size))], CHANNELS)
+        / nominal
+        for _ in range(20)
+    ]
+    assert 1.0 <= np.mean(ratios) < 1.06
+    assert np.min(ratios) >= 1.0
+
+
+@pytest.mark.parametrize(("coloured", "time_constant"), [(0.5, 1.0), (0.1, 3.0)])
+def test_coloured_noise_is_allowed_for_as_much_as_least_squares_suffers_from_it(regression, coloured, time_constant):
+    """On average the correction is that of the closed form, and of the errors themselves."""
+    rng, corrected, errors = np.random.default_rng(2), [], []
+    for _ in range(30):
+        noise = regression.noise(rng, coloured, time_constant)
+        corrected.append(corrected_deviation(regression.nominal, [regression.influences(noise)], CHANNELS))
+        errors.append(regression.rows.T @ noise)
+    exact = regression.exact(coloured, time_constant)
+    assert (exact > 1.5 * regression.nominal).all()
+    assert_allclose(np.sqrt(np.mean(np.square(corrected), axis=0)), exact, rtol=0.15)
+    assert_allclose(np.sqrt(np.mean(np.square(errors), axis=0)), exact, rtol=0.3)
+    assert 0.92 < np.mean(np.abs(errors) < 2.0 * np.array(corrected)) < 0.98
+
+
+@given(st.lists(st.integers(0, CHANNELS * EVENTS), max_size=5), st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
+@settings(max_examples=5, deadline=None)
+def test_how_data_are_cut_into_chunks_does_not_matter_and_nothing_falls_below_the_nominal(cuts, coloured, seed):
+    regression = Regression()
+    noise = regression.noise(np.random.default_rng(seed), coloured, 2.0)
+    whole = corrected_deviation(regression.nominal, [regression.influences(noise)], CHANNELS)
+    in_chunks = corrected_deviation(regression.nominal, [regression.influences(noise, sorted(cuts))], CHANNELS)
+    assert (whole >= regression.nominal).all()
+    assert_allclose(in_chunks, whole, rtol=1e-9)
+
+
+def test_segments_owe_nothing_to_each_other(regression):
+    """The same data twice, as segments of one estimate, leave twice the variance wherever in time they are."""
+    noise = regression.noise(np.random.default_rng(4), 0.8, 2.0)
+    once = regression.influences(noise)
+    later = [chunk._replace(time=chunk.time + 1e5) for chunk in once]
+    alone = corrected_deviation(regression.nominal, [once], CHANNELS)
+    both = corrected_deviation(np.sqrt(2.0) * regression.nominal, [once, later], CHANNELS)
+    assert (alone > 1.5 * regression.nominal).all()
+    assert_allclose(both, np.sqrt(2.0) * alone, rtol=1e-9)
+
+
+def test_what_is_measured_every_other_second_may_be_coloured_too(regression):
+    """A sensor slower than the lag at which its autocovariance is read, after a silence of ten minutes."""
+    noise = regression.noise(np.random.default_rng(5), 0.9, 3.0)
+    (dense,) = regression.influences(noise)
+    slower = dense._replace(time=20.0 * dense.time + 600.0 * (dense.time > 100.0))
+    corrected = corrected_deviation(regression.nominal, [[slower]], CHANNELS)
+    assert (corrected > 1.5 * regression.nominal).all()
+
+
+def test_a_prior_is_no_less_sure_for_residuals_that_are_coloured(regression):
+    """Only what comes of the measurements is corrected: the rest of the variance stays as it is."""
+    noise = regression.noise(np.random.default_rng(6), 0.8, 2.0)
+    segments = [regression.influences(noise)]
+    alone = corrected_deviation(regression.nominal, segments, CHANNELS)
+    with_rest = corrected_deviation(np.hypot(regression.nominal, 1.0), segments, CHANNELS)
+    assert_allclose(with_rest, np.hypot(alone, 1.0))
+
+
+def test_nothing_measured_corrects_nothing(regression):
+    nothing = Influence(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 4)))
+    assert_allclose(corrected_deviation(np.ones(4), [[], [nothing]], CHANNELS), 1.0)
