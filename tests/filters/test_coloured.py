@@ -63,7 +63,7 @@ def test_white_residuals_are_hardly_corrected(regression):
     assert np.min(ratios) >= 1.0
 
 
-@pytest.mark.parametrize(("coloured", "time_constant"), [(0.5, 1.0), (0.1, 3.0)])
+@pytest.mark.parametrize(("coloured", "time_constant"), [(0.5, 1.0), (0.9, 3.0)])
 def test_coloured_noise_is_allowed_for_as_much_as_least_squares_suffers_from_it(regression, coloured, time_constant):
     """On average the correction is that of the closed form, and of the errors themselves."""
     rng, corrected, errors = np.random.default_rng(2), [], []
@@ -75,7 +75,7 @@ def test_coloured_noise_is_allowed_for_as_much_as_least_squares_suffers_from_it(
     assert (exact > 1.5 * regression.nominal).all()
     assert_allclose(np.sqrt(np.mean(np.square(corrected), axis=0)), exact, rtol=0.15)
     assert_allclose(np.sqrt(np.mean(np.square(errors), axis=0)), exact, rtol=0.3)
-    assert 0.92 < np.mean(np.abs(errors) < 2.0 * np.array(corrected)) < 0.98
+    assert 0.85 < np.mean(np.abs(errors) < 2.0 * np.array(corrected)) < 0.99
 
 
 @given(st.lists(st.integers(0, CHANNELS * EVENTS), max_size=5), st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
