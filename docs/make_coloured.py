@@ -4,6 +4,7 @@ From the runs of `auvid campaign coloured` that there are, whichever share of th
 """
 
 import argparse
+from collections.abc import Hashable
 from pathlib import Path
 
 import pandas as pd
@@ -13,7 +14,7 @@ from docs.campaign_rows import campaign_rows
 from docs.section import replace_section
 
 
-def row(case: tuple[str, ...], coefficients: pd.DataFrame) -> str:
+def row(case: tuple[Hashable, ...], coefficients: pd.DataFrame) -> str:
     """Say how often two standard deviations hold the truth, nominal and corrected."""
     manoeuvre, attitude, name = case
     error = (coefficients["estimate"] - coefficients["true"]).abs()
@@ -22,7 +23,7 @@ def row(case: tuple[str, ...], coefficients: pd.DataFrame) -> str:
     by_name = within.groupby(coefficients["name"]).mean()
     worst = str(by_name.idxmin()).replace("|", r"\|")
     return (
-        f"| {manoeuvre} | {attitude} | {filter_label(name)} | {coefficients['run'].nunique()} | "
+        f"| {manoeuvre} | {attitude} | {filter_label(str(name))} | {coefficients['run'].nunique()} | "
         f"{(error <= 2.0 * nominal).mean():.1%} | {within.mean():.1%} | {worst} {by_name.min():.0%} | "
         f"{(corrected / nominal).median():.2f} | {(corrected / nominal).max():.2f} |"
     )

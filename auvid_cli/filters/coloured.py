@@ -63,8 +63,8 @@ class _Sums(NamedTuple):
 
     Attributes
     ----------
-    squares, count : ndarray, shape (n_channels,)
-        Of the residuals.
+    squares, taken : ndarray, shape (n_channels,)
+        Of the residuals, and their number.
     white : ndarray, shape (n_channels, n)
         Squares of the influences.
     products, pairs : ndarray, shape (_LAST_LAG + 1, n_channels)
@@ -74,7 +74,7 @@ class _Sums(NamedTuple):
     """
 
     squares: Array
-    count: Array
+    taken: Array
     white: Array
     products: Array
     pairs: Array
@@ -148,7 +148,7 @@ def _gather(influence, start, sums, recent):
         recent.total[c] += residual
         recent.taken[c] += 1.0
         sums.squares[c] += residual**2
-        sums.count[c] += 1.0
+        sums.taken[c] += 1.0
         for k in range(recent.score.size):
             row = influence.rows[i, k]
             recent.score[k] += row * residual
@@ -259,7 +259,7 @@ def _pairs(n: int, segments: Sequence[Iterable[Influence]], time_constant: Array
 
 
 def _fitted(sums: _Sums) -> _Autocovariance:
-    variance = sums.squares / np.maximum(sums.count, 1.0)
+    variance = sums.squares / np.maximum(sums.taken, 1.0)
     coloured, time_constant = np.zeros(variance.size), np.zeros(variance.size)
     for c, (products, pairs) in enumerate(zip(sums.products.T, sums.pairs.T, strict=True)):
         enough = pairs >= _SHARE_OF_PAIRS * pairs[1:].max()
