@@ -10,6 +10,7 @@ with gain ``g_k`` and variance ``S`` of each component, and its innovation is ``
 part of the state: what they can explain is not in s.
 """
 
+from collections.abc import Callable, Iterator
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -23,7 +24,6 @@ from auvid_cli.filters.smoothing_forward import LINEARISED, TRACE, Linearised
 
 Array = NDArray[np.float64]
 
-_vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
 
@@ -36,11 +36,29 @@ class FaultEffects(NamedTuple):
     pushed : ndarray, shape (n_events, n_moving, n_faults)
         To the moving states between the event before and an event.
     added : ndarray, shape (n_measurements, c, n_faults)
-        To what is measured.
+        To what is measured; overwritten.
     """
 
     pushed: Array
     added: Array
+
+
+class ShownFaults(NamedTuple):
+    """What innovations show of faults in a chunk of the data.
+
+    Attributes
+    ----------
+    shown : ndarray, shape (m, n_faults)
+        In each innovation, by its standard deviation, per unit of each fault.
+    innovation : ndarray, shape (m,)
+        Itself, by its standard deviation.
+    error : ndarray, shape (n, n_faults)
+        Of the state after the chunk; the next one overwrites it.
+    """
+
+    shown: Array
+    innovation: Array
+    error: Array
 
 
 class Faults(Protocol):
@@ -113,6 +131,37 @@ def carry_errors(timeline, about, trace, effects, error, moved):
                         error[j, f] -= gain * effect[f]
 
 
+def shown_faults(
+    smoothing: LinearSmoothing,
+    filtered: Filtered,
+    n_faults: int,
+    effects: Callable[[int, Timeline, Linearised], FaultEffects],
+) -> Iterator[ShownFaults]:
+    """Find what innovations show of faults, chunk by chunk.
+
+    Parameters
+    ----------
+    smoothing : LinearSmoothing
+    filtered : Filtered
+    n_faults : int
+    effects : callable
+        As `Faults.effects`.
+    """
+    n_parameters, n_moving = filtered.trajectory.parameters.size, filtered.trajectory.initial[0].size
+    error, moved = np.zeros((n_parameters + n_moving, n_faults)), np.zeros((n_moving, n_faults))
+    started = -1
+    for segment, timeline, about, trace in smoothing.traced(filtered):
+        if segment > started:
+            # The motion begins anew, as far off as what it owes to the parameters.
+            error[n_parameters:] = filtered.by_parameters[segment] @ error[:n_parameters]
+            started = segment
+        of_chunk = effects(segment, timeline, about)
+        carry_errors(timeline, about, trace, of_chunk, error, moved)
+        there = ~np.isnan(about.residual)
+        deviation = np.sqrt(trace.total[there])
+        yield ShownFaults(of_chunk.added[there] / deviation[:, None], trace.error[there] / deviation, error)
+
+
 def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults) -> FaultScores:
     """Find what the data say of faults.
 
@@ -123,19 +172,10 @@ def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults)
         About the most probable trajectory.
     faults : Faults
     """
-    n_faults = len(faults.names)
-    n_parameters, n_moving = filtered.trajectory.parameters.size, filtered.trajectory.initial[0].size
-    error, moved = np.zeros((n_parameters + n_moving, n_faults)), np.zeros((n_moving, n_faults))
-    score, information = np.zeros(n_faults), np.zeros(n_faults)
-    started = -1
-    for segment, timeline, about, trace in smoothing.traced(filtered):
-        if segment > started:
-            # The motion begins anew, as far off as what it owes to the parameters.
-            error[n_parameters:] = filtered.by_parameters[segment] @ error[:n_parameters]
-            started = segment
-        effects = faults.effects(segment, timeline, about)
-        carry_errors(timeline, about, trace, effects, error, moved)
-        whitened = effects.added / np.sqrt(trace.total)[..., None]
-        score += np.einsum("kcf,kc->f", whitened, trace.error / np.sqrt(trace.total))
-        information += np.einsum("kcf,kcf->f", whitened, whitened)
-    return FaultScores(faults.names, faults.units, score, information, error[:n_parameters].copy())
+    n_faults, n_parameters = len(faults.names), filtered.trajectory.parameters.size
+    score, information, effect = np.zeros(n_faults), np.zeros(n_faults), np.zeros((n_parameters, n_faults))
+    for shown, innovation, error in shown_faults(smoothing, filtered, n_faults, faults.effects):
+        score += innovation @ shown
+        information += np.einsum("kf,kf->f", shown, shown)
+        effect = error[:n_parameters]
+    return FaultScores(faults.names, faults.units, score, information, effect)

@@ -170,15 +170,11 @@ class LinearSmoothing:
 
         What the way back needs is large: a chunk of which it was not kept is filtered once more from where it began.
         """
-        n, n_parameters = self._n, self._n_parameters
-        adjoint = Adjoint.of_nothing(n, with_variance)
-        for segment in reversed(range(len(self._segments))):
-            for chunk, timeline in reversed([*enumerate(self._segments[segment])]):
-                about, trace = self._traced(filtered, segment, chunk, timeline)
-                step, variance = (np.zeros(about.moving.shape) for _ in range(2))
-                backward(timeline, about, trace, adjoint, step, variance)
-                yield Smoothed(segment, timeline, trace, step, variance, adjoint.mean.copy())
-            adjoint.pass_on(np.vstack([np.eye(n_parameters), filtered.by_parameters[segment]]))
+        adjoint = Adjoint.of_nothing(self._n, with_variance)
+        for segment, timeline, about, trace in self.traced_back(filtered, adjoint):
+            step, variance = (np.zeros(about.moving.shape) for _ in range(2))
+            backward(timeline, about, trace, adjoint, step, variance)
+            yield Smoothed(segment, timeline, trace, step, variance, adjoint.mean.copy())
 
     def traced(self, filtered: Filtered) -> Iterator[tuple[int, Timeline, Linearised, Trace]]:
         """Go through the chunks of each segment once more, from the first to the last."""
@@ -190,6 +186,13 @@ class LinearSmoothing:
         """Go through the chunks of one of them."""
         for chunk, timeline in enumerate(self._segments[segment]):
             yield timeline, *self._traced(filtered, segment, chunk, timeline)
+
+    def traced_back(self, filtered: Filtered, adjoint: Adjoint) -> Iterator[tuple[int, Timeline, Linearised, Trace]]:
+        """Go through them from the last to the first, with an adjoint that is to be carried back over each."""
+        for segment in reversed(range(len(self._segments))):
+            for chunk, timeline in reversed([*enumerate(self._segments[segment])]):
+                yield segment, timeline, *self._traced(filtered, segment, chunk, timeline)
+            adjoint.pass_on(np.vstack([np.eye(self._n_parameters), filtered.by_parameters[segment]]))
 
     def _traced(self, filtered: Filtered, segment: int, chunk: int, timeline: Timeline) -> tuple[Linearised, Trace]:
         """Return what the way back needs of a chunk."""

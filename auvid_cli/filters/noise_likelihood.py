@@ -2,7 +2,8 @@
 
 About the most probable trajectory the problem is linear, and minus twice the log-likelihood of the measurements, with
 trajectory and parameters integrated out, is ``sum(log S + e^2 / S)`` over the innovations e of variance S (Schweppe,
-IEEE Trans. Autom. Control 11(1), 1965). It is minimised over logarithms of factors; then the trajectory is found anew.
+IEEE Trans. Autom. Control 11(1), 1965). It is maximised over logarithms of factors by scoring, with the derivatives of
+`auvid_cli.filters.noise_scores`; then the trajectory is found anew.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,38 +13,25 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
-from auvid_cli.filters.linear_smoothing import LinearSmoothing, Trajectory
+from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory
+from auvid_cli.filters.noise_scores import NoiseGroup, NoiseScores, noise_scores
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoother import minimise, most_probable
 
 Array = NDArray[np.float64]
 
-# scipy's hints know nothing of what it takes.
-_minimised: Any = scipy.optimize.minimize
-
-# Logarithms of factors: step of a derivative, and of a second one; how near the last two answers are to each other; how
-# far factors may be from 1.
-_STEP, _WIDE_STEP, _SAME, _FARTHEST = 0.05, 0.3, 0.05, 14.0
-_MOST_ROUNDS = 6
-# Twice the log-likelihood that is not worth another step.
-_NEGLIGIBLE = 0.02
-# Twice the log-likelihood that an end of a 95 % interval lies below the greatest, and that many standard deviations.
-_BELOW, _DEVIATIONS = 3.84, 1.96
-
-
-class NoiseGroup(NamedTuple):
-    """Noise that has one factor.
-
-    Attributes
-    ----------
-    moving : tuple of int
-        Moving states, whose densities it multiplies.
-    sensor : int
-        Row of the sensor whose standard deviations it multiplies; negative if none.
-    """
-
-    moving: tuple[int, ...] = ()
-    sensor: int = -1
+# Logarithms of factors: how near the last two answers are to each other, how far one goes in a step, how far factors
+# may be from 1, and how exactly the end of an interval is found.
+_SAME, _LONGEST, _FARTHEST, _EXACTLY = 0.05, 2.0, 14.0, 0.05
+_MOST_ROUNDS, _MOST_STEPS = 6, 40
+# Information that is none.
+_LEAST = 1e-9
+# Log-likelihood that is not worth another step.
+_NEGLIGIBLE = 0.01
+# Log-likelihood that an end of a 95 % interval lies below the greatest, and that many standard deviations.
+_BELOW, _DEVIATIONS = 1.92, 1.96
+# An interval that is narrower, in logarithms, cannot reach to no noise at all.
+_NARROW = 0.5
 
 
 class NoiseFactors(NamedTuple):
@@ -78,11 +66,27 @@ def scaled(problem: JointProblem, groups: Sequence[NoiseGroup], factors: Array) 
 
 
 class _Likelihood:
-    """Minus twice the log-likelihood along one trajectory after the other, by the logarithms of the factors."""
+    """Log-likelihood of noise along one trajectory after the other."""
 
     def __init__(self, problem: JointProblem, groups: Sequence[NoiseGroup], on_evaluation: Callable[[], None]) -> None:
         self._problem, self._groups, self._on_evaluation = problem, groups, on_evaluation
-        self.smoothing = LinearSmoothing(problem)
+        self._present, self.smoothing = problem, LinearSmoothing(problem)
+
+    def filter(self, logarithms: Array, trajectory: Trajectory) -> Filtered | None:
+        """Filter with some noise; None where it cannot be."""
+        self._on_evaluation()
+        self._with(logarithms)
+        return self.smoothing.filter(trajectory)
+
+    def at(self, logarithms: Array, trajectory: Trajectory) -> float:
+        """Evaluate it, but for a constant; minus infinity where the noise cannot be."""
+        filtered = self.filter(logarithms, trajectory)
+        return -np.inf if filtered is None else log_likelihood(filtered)
+
+    def scores(self, filtered: Filtered) -> NoiseScores:
+        """Differentiate it by the logarithms that were filtered with last."""
+        self._on_evaluation()
+        return noise_scores(self.smoothing, filtered, self._present, self._groups)
 
     def follow(self, trajectory: Trajectory, logarithms: Array, max_passes: int) -> Trajectory:
         """Return the most probable trajectory with other noise, from another one."""
@@ -90,22 +94,14 @@ class _Likelihood:
         answer = minimise(self.smoothing, trajectory, max_passes)
         return trajectory if answer is None else answer[0].trajectory
 
-    def along(self, logarithms: Array, trajectory: Trajectory) -> float:
-        """Evaluate it; infinite where the noise cannot be."""
-        self._on_evaluation()
-        self._with(logarithms)
-        filtered = self.smoothing.filter(trajectory)
-        return np.inf if filtered is None else filtered.least + filtered.log_determinant
-
-    def slope(self, logarithms: Array, trajectory: Trajectory) -> Array:
-        """Return its derivative: from both sides, for by one the likeliest noise of a sensor would be off by a step."""
-        steps = _STEP * np.eye(logarithms.size)
-        both = [[self.along(logarithms + sign * step, trajectory) for sign in (-1.0, 1.0)] for step in steps]
-        return np.diff(both, axis=1)[:, 0] / (2.0 * _STEP)
-
     def _with(self, logarithms: Array) -> None:
-        problem = scaled(self._problem, self._groups, np.exp(logarithms))
-        self.smoothing.change_noise(problem.process, problem.sensors)
+        self._present = scaled(self._problem, self._groups, np.exp(logarithms))
+        self.smoothing.change_noise(self._present.process, self._present.sensors)
+
+
+def log_likelihood(filtered: Filtered) -> float:
+    """Return the log-likelihood of the measurements in a linear problem, but for a constant."""
+    return -0.5 * (filtered.least + filtered.log_determinant)
 
 
 def most_likely_noise(
@@ -123,7 +119,7 @@ def most_likely_noise(
     max_passes : int
         Of the filter through the data, for each trajectory.
     on_evaluation : callable
-        Called before each pass; what it raises ends the search.
+        Called before each pass through the data, there or back; what it raises ends the search.
 
     Returns
     -------
@@ -135,54 +131,63 @@ def most_likely_noise(
     if not answers:
         return None
     trajectory, x, converged = answers[0][0].trajectory, np.zeros(len(groups)), False
-    as_stated = likelihood.along(x, trajectory)
+    as_stated = likelihood.at(x, trajectory)
     for _ in range(_MOST_ROUNDS):
-        solution = _minimised(
-            likelihood.along,
-            x,
-            args=(trajectory,),
-            jac=likelihood.slope,
-            method="L-BFGS-B",
-            bounds=[(-_FARTHEST, _FARTHEST)] * len(groups),
-            options={"ftol": _NEGLIGIBLE / max(abs(as_stated), 1.0), "maxiter": 50},
-        )
-        moved, x = np.abs(solution.x - x).max(), solution.x
+        before, x = x, _climb(likelihood, x, trajectory)
         trajectory = likelihood.follow(trajectory, x, max_passes)
-        if converged := bool(moved < _SAME):
+        if converged := bool(np.abs(x - before).max() < _SAME):
             break
-    best = likelihood.along(x, trajectory)
-    low, high = _intervals(lambda logarithms: likelihood.along(logarithms, trajectory) - best, x)
-    return NoiseFactors(np.exp(x), low, high, 0.5 * (as_stated - best), converged)
+    filtered = likelihood.filter(x, trajectory)
+    if filtered is None:
+        return None
+    best = log_likelihood(filtered)
+    information = likelihood.scores(filtered).information
+    low, high = _intervals(lambda logarithms: best - likelihood.at(logarithms, trajectory), x, information)
+    return NoiseFactors(np.exp(x), low, high, best - as_stated, converged)
 
 
-def _intervals(above: Callable[[Array], float], x: Array) -> tuple[Array, Array]:
-    """Return 95 % intervals of the factors, from how much less likely others are than the best."""
-    low, high = np.zeros(x.size), np.full(x.size, np.inf)
-    steps = _WIDE_STEP * np.eye(x.size)
-    level = np.array([[above(x + sign * step) for sign in (-1.0, 1.0)] for step in steps])
-    curvature = np.diag(level.sum(axis=1) / _WIDE_STEP**2)
-    for i in range(x.size):
-        for j in range(i):
-            both = above(x + steps[i] + steps[j]) - level[i, 1] - level[j, 1]
-            curvature[i, j] = curvature[j, i] = both / _WIDE_STEP**2
-    # Of what the likelihood hardly depends on, the other way to find an end.
-    curved = np.flatnonzero(level.min(axis=1) > 0.0)
-    covariance = 2.0 * np.linalg.pinv(curvature[np.ix_(curved, curved)])
-    for place, i in enumerate(curved):
-        width = _DEVIATIONS * np.sqrt(max(covariance[place, place], 0.0))
-        if width < _FARTHEST:
-            low[i], high[i] = np.exp(x[i] - width), np.exp(x[i] + width)
-    for i in range(x.size):
+def _climb(likelihood: _Likelihood, x: Array, trajectory: Trajectory) -> Array:
+    """Go up along a trajectory, as far as that is worth a step."""
+    here = likelihood.filter(x, trajectory)
+    for _ in range(_MOST_STEPS):
+        if here is None:
+            break
+        scores = likelihood.scores(here)
+        # No step is much longer than that, even where the data say nothing of noise that is too small to be seen.
+        bent = scores.information + np.diag(np.abs(scores.slope) / _LONGEST + _LEAST)
+        step = np.clip(x + np.linalg.solve(bent, scores.slope), -_FARTHEST, _FARTHEST) - x
+        if scores.slope @ step < _NEGLIGIBLE:
+            break
+        level, tried = log_likelihood(here), likelihood.filter(x + step, trajectory)
+        while tried is None or log_likelihood(tried) < level:
+            step /= 2.0
+            if scores.slope @ step < _NEGLIGIBLE:
+                return x
+            tried = likelihood.filter(x + step, trajectory)
+        x, here = x + step, tried
+    return x
+
+
+def _intervals(below: Callable[[Array], float], x: Array, information: Array) -> tuple[Array, Array]:
+    """Return 95 % intervals of the factors, from the curvature, and of little noise from how much less is as likely."""
+    variance = np.diag(np.linalg.inv(information + _LEAST * np.eye(x.size)))
+    width = np.minimum(_DEVIATIONS * np.sqrt(variance), _FARTHEST)
+    some = width < _FARTHEST
+    low, high = np.where(some, np.exp(x - width), 0.0), np.where(some, np.exp(x + width), np.inf)
+    for i in np.flatnonzero(width > _NARROW):
         unit = np.eye(x.size)[i]
-        if above(np.where(unit > 0.0, -_FARTHEST, x)) < _BELOW:
+        if below(x - (_FARTHEST + x[i]) * unit) < _BELOW:
             low[i] = 0.0
-            high[i] = np.exp(_crossing(lambda by, unit=unit: above(x + by * unit) - _BELOW, x[i]))
+            high[i] = np.exp(x[i] + _until(lambda by, unit=unit: below(x + by * unit) - _BELOW, _FARTHEST - x[i]))
     return low, high
 
 
-def _crossing(beyond: Callable[[float], float], start: float) -> float:
-    """Find where it is so much less likely, going up."""
-    if beyond(_FARTHEST - start) < 0.0:
-        return np.inf
-    root: Any = scipy.optimize.brentq(beyond, 0.0, _FARTHEST - start, xtol=_STEP)
-    return start + float(root)
+def _until(beyond: Callable[[float], float], farthest: float) -> float:
+    """Find how far to go until something is positive; infinite if it is nowhere."""
+    near, far = 0.0, 1.0
+    while beyond(far) < 0.0:
+        near, far = far, 2.0 * far
+        if near >= farthest:
+            return np.inf
+    root: Any = scipy.optimize.brentq(beyond, near, far, xtol=_EXACTLY)
+    return float(root)

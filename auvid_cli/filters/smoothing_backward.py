@@ -81,15 +81,16 @@ def _add_rows(weight, rows, n_columns, total):
             total[k] += weight[j] * rows[j, k]
 
 
-@compiled(types.void(_vector, _vector, types.float64, types.float64, _vector), reassociate=True, internal=True)
-def _take_in(row, gain, error, total, adjoint):
-    """Carry the adjoint back over one component."""
+@compiled(types.float64(_vector, _vector, types.float64, types.float64, _vector), reassociate=True, internal=True)
+def take_in(row, gain, error, total, adjoint):
+    """Carry the adjoint back over one component; returns what all data say of its noise, per variance of that."""
     known = 0.0
     for i in range(adjoint.size):
         known += gain[i] * adjoint[i]
     share = (error - known) / total
     for i in range(adjoint.size):
         adjoint[i] += share * row[i]
+    return share
 
 
 @compiled(types.void(_matrix, types.int64, _matrix), reassociate=True, internal=True)
@@ -120,9 +121,12 @@ def _make_square(root, n_columns, work):
                     work[j, k] -= share * work[i, k]
 
 
-@compiled(types.void(_vector, _vector, types.float64, ADJOINT), reassociate=True, internal=True)
-def _take_in_covariance(row, gain, total, adjoint):
-    """Carry the root back over one component: ``L' W`` with ``L = I - g h' / total``, and ``h / sqrt(total)``."""
+@compiled(types.float64(_vector, _vector, types.float64, ADJOINT), reassociate=True, internal=True)
+def take_in_covariance(row, gain, total, adjoint):
+    """Carry the root back over one component: ``L' W`` with ``L = I - g h' / total``, and ``h / sqrt(total)``.
+
+    Returns the variance of what `take_in` does.
+    """
     n, root, product = row.size, adjoint.root, adjoint.work[0]
     if adjoint.n_columns[0] == root.shape[1]:
         _make_square(root, root.shape[1], adjoint.work)
@@ -131,6 +135,9 @@ def _take_in_covariance(row, gain, total, adjoint):
     for k in range(n_columns):
         product[k] = 0.0
     _add_rows(gain, root, n_columns, product)
+    known = 0.0
+    for k in range(n_columns):
+        known += product[k] * product[k]
     last = 1.0 / np.sqrt(total)
     for i in range(n):
         h = row[i]
@@ -140,10 +147,11 @@ def _take_in_covariance(row, gain, total, adjoint):
                 root[i, k] -= share * product[k]
         root[i, n_columns] = h * last
     adjoint.n_columns[0] = n_columns + 1
+    return 1.0 / total + known / (total * total)
 
 
 @compiled(types.void(_matrix, types.int64, ADJOINT), reassociate=True, internal=True)
-def _back_in_time(transition, n_parameters, adjoint):
+def back_in_time(transition, n_parameters, adjoint):
     """Carry adjoint and root back over a transition: ``F' r`` and ``F' W``; of F the upper rows are the identity's."""
     mean, root, moving = adjoint.mean, adjoint.root, adjoint.work
     n = mean.size
@@ -209,7 +217,7 @@ def backward(timeline, about, trace, adjoint, step, variance):
                     continue
                 gain, total = trace.gain[k, c], trace.total[k, c]
                 if root.shape[0] > 0:
-                    _take_in_covariance(about.rows[k, c], gain, total, adjoint)
-                _take_in(about.rows[k, c], gain, trace.error[k, c], total, mean)
+                    take_in_covariance(about.rows[k, c], gain, total, adjoint)
+                take_in(about.rows[k, c], gain, trace.error[k, c], total, mean)
         if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
-            _back_in_time(trace.transition[event], n_parameters, adjoint)
+            back_in_time(trace.transition[event], n_parameters, adjoint)

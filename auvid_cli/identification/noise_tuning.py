@@ -9,7 +9,8 @@ from auvid_cli.config.quantity import Unit
 from auvid_cli.config.settings import Settings
 from auvid_cli.data.tuning import TunedNoise, Tuning
 from auvid_cli.errors import DataError
-from auvid_cli.filters.noise_likelihood import NoiseGroup, most_likely_noise
+from auvid_cli.filters.noise_likelihood import most_likely_noise
+from auvid_cli.filters.noise_scores import NoiseGroup
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
 from auvid_cli.identification.prepared_data import PreparedData

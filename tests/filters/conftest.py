@@ -290,3 +290,42 @@ def by_hand(linear_problem):
         matrix=np.array(matrices),
         measurement=np.array(measurements),
     )
+
+
+def _transitions(problem):
+    """Origin, matrix and duration of the way to each event from the one before."""
+    ((t,),), p, n = problem.segments, problem.process, problem.prior.mean.size
+    for event in range(t.time.size):
+        origin, matrix, duration = np.zeros(n), np.eye(n), 0.0
+        first, last = t.substep_offset[event : event + 2]
+        if last > first:
+            substeps = t.substep_input[first:last], t.substep_duration[first:last]
+            p.transition(origin, t.inputs, *substeps, p.constants, p.selection, matrix, np.zeros(1))
+            duration = substeps[1].sum()
+        yield origin, matrix, duration
+
+
+@pytest.fixture(scope="session")
+def moments_of_measurements():
+    """Function: all measurements of a problem in one chunk, and their mean and covariance by the model."""
+    return _moments_of_measurements
+
+
+def _moments_of_measurements(problem):
+    ((t,),), sensors, n = problem.segments, problem.sensors, problem.prior.mean.size
+    n_moving = problem.process.noise_density.size
+    mean, root = problem.prior.mean, problem.prior.factor
+    rows, expected, noise, measured = [], [], [], []
+    for event, (origin, matrix, duration) in enumerate(_transitions(problem)):
+        more = np.zeros((n, n_moving))
+        more[-n_moving:] = np.diag(problem.process.noise_density * np.sqrt(duration))
+        mean, root = origin + matrix @ mean, np.hstack([matrix @ root, more])
+        rows = [np.pad(row, (0, n_moving)) for row in rows]
+        for k in range(*t.measurement_offset[event : event + 2]):
+            sensor, there = t.measurement_sensor[k], ~np.isnan(t.measurement[k])
+            rows += [*(sensors.matrix[sensor, there] @ root)]
+            expected += [*(sensors.matrix[sensor, there] @ mean)]
+            noise += [*sensors.variance[sensor, there]]
+            measured += [*t.measurement[k, there]]
+    rows = np.array(rows)
+    return np.array(measured), np.array(expected), rows @ rows.T + np.diag(noise)

@@ -6,7 +6,8 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 
 from auvid_cli.filters.linear_smoothing import LinearSmoothing, Trajectory
-from auvid_cli.filters.noise_likelihood import NoiseGroup, most_likely_noise, scaled
+from auvid_cli.filters.noise_likelihood import most_likely_noise, scaled
+from auvid_cli.filters.noise_scores import NoiseGroup
 from auvid_cli.filters.segments import JointProblem
 
 GROUPS = (NoiseGroup(moving=(0, 1)), NoiseGroup(moving=(2, 3)), NoiseGroup(sensor=0))
@@ -16,57 +17,22 @@ def joint(problem):
     return JointProblem(problem.process, problem.sensors, [[problem.timeline]], problem.prior)
 
 
-def transitions(problem):
-    """Origin, matrix and duration of the way to each event from the one before."""
-    t, p, n = problem.timeline, problem.process, problem.prior.mean.size
-    for event in range(t.time.size):
-        origin, matrix, duration = np.zeros(n), np.eye(n), 0.0
-        first, last = t.substep_offset[event : event + 2]
-        if last > first:
-            substeps = t.substep_input[first:last], t.substep_duration[first:last]
-            p.transition(origin, t.inputs, *substeps, p.constants, p.selection, matrix, np.zeros(1))
-            duration = substeps[1].sum()
-        yield origin, matrix, duration
-
-
-def moments_of_measurements(problem):
-    """Mean and covariance of all measurements, which are the sums of independent Gaussians."""
-    t, sensors, n = problem.timeline, problem.sensors, problem.prior.mean.size
-    n_moving = problem.process.noise_density.size
-    mean, root = problem.prior.mean, problem.prior.factor
-    rows, expected, noise, measured = [], [], [], []
-    for event, (origin, matrix, duration) in enumerate(transitions(problem)):
-        more = np.zeros((n, n_moving))
-        more[-n_moving:] = np.diag(problem.process.noise_density * np.sqrt(duration))
-        mean, root = origin + matrix @ mean, np.hstack([matrix @ root, more])
-        rows = [np.pad(row, (0, n_moving)) for row in rows]
-        for k in range(*t.measurement_offset[event : event + 2]):
-            sensor, there = t.measurement_sensor[k], ~np.isnan(t.measurement[k])
-            rows += [*(sensors.matrix[sensor, there] @ root)]
-            expected += [*(sensors.matrix[sensor, there] @ mean)]
-            noise += [*sensors.variance[sensor, there]]
-            measured += [*t.measurement[k, there]]
-    rows = np.array(rows)
-    return np.array(measured), np.array(expected), rows @ rows.T + np.diag(noise)
-
-
 @pytest.mark.parametrize("factors", [(1.0, 1.0, 1.0), (0.3, 2.0, 0.7)])
-def test_it_is_the_likelihood_of_one_big_gaussian(linear_problem, factors):
+def test_it_is_the_likelihood_of_one_big_gaussian(linear_problem, moments_of_measurements, factors):
     problem = scaled(joint(linear_problem), GROUPS, np.array(factors))
     n, events = linear_problem.prior.mean.size, linear_problem.timeline.time.size
     n_moving = problem.n_moving
     nowhere = Trajectory(np.zeros(n - n_moving), [np.zeros(n_moving)], [[np.zeros((events, n_moving))]])
     filtered = LinearSmoothing(problem).filter(nowhere)
-    changed = type(linear_problem)(**vars(linear_problem) | {"process": problem.process, "sensors": problem.sensors})
-    measured, mean, covariance = moments_of_measurements(changed)
+    measured, mean, covariance = moments_of_measurements(problem)
     expected = -2.0 * multivariate_normal(mean, covariance).logpdf(measured) - measured.size * np.log(2.0 * np.pi)
     assert_allclose(filtered.least + filtered.log_determinant, expected, rtol=1e-8)
 
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
-def test_noise_that_is_stated_wrongly_is_found(linear_problem, rng):
+def test_noise_that_is_stated_wrongly_is_found(linear_problem, moments_of_measurements, rng):
     """Measurements are drawn with the stated noise; then sensors and process are told three times as much, or less."""
-    _, mean, covariance = moments_of_measurements(linear_problem)
+    _, mean, covariance = moments_of_measurements(joint(linear_problem))
     drawn, t = mean + np.linalg.cholesky(covariance) @ rng.standard_normal(mean.size), linear_problem.timeline
     measurement = t.measurement.copy()
     measurement[~np.isnan(measurement)] = drawn
