@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from auvid_cli.config import load
+from auvid_cli.config.assemble import changed_keys
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.load import find_experiment
 from auvid_cli.data import dataset_file, estimate_file
@@ -21,7 +22,8 @@ def load_experiment(source: str | Path | None = None, *overrides: str) -> Experi
     source : str or pathlib.Path, optional
         A YAML file, or the name of an experiment that ships with auvid, such as ``"remus100"``. Default: the spiral.
     *overrides : str
-        ``KEY=VALUE`` each, with units, as behind ``--set`` on the command line; applied in turn.
+        ``KEY=VALUE`` each, with units, or a YAML file of settings, as behind ``--set`` on the command line; applied in
+        turn.
 
     Returns
     -------
@@ -49,7 +51,8 @@ def read_dataset(path: str | Path, *overrides: str) -> Dataset:
     ----------
     path : str or pathlib.Path
     *overrides : str
-        ``KEY=VALUE`` each: changes of ``identification.*``, ``vehicle.*`` or ``name`` in the settings inside.
+        ``KEY=VALUE`` each, or a YAML file of settings: changes of ``identification.*``, ``vehicle.*`` or ``name``
+        in the settings inside.
 
     Returns
     -------
@@ -70,11 +73,13 @@ def read_dataset(path: str | Path, *overrides: str) -> Dataset:
     ['accelerometer', 'attitude', 'dvl', 'gyroscope', 'magnetometer']
     """
     for override in overrides:
-        if not override.startswith(("identification.", "vehicle.", "name=")):
-            raise ConfigError(
-                f"{override}: would change nothing, the data of {path} are already recorded; "
-                "only vehicle.*, identification.* and name can be set for a dataset"
-            )
+        for key in changed_keys(override):
+            if not f"{key}.".startswith(("identification.", "vehicle.", "name.")):
+                what = override if "=" in override else f"{override}: {key}"
+                raise ConfigError(
+                    f"{what}: would change nothing, the data of {path} are already recorded; "
+                    "only vehicle.*, identification.* and name can be set for a dataset"
+                )
     return dataset_file.read_dataset(Path(path), overrides)
 
 

@@ -9,7 +9,10 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.estimate_file import record_estimate
 from auvid_cli.identification import identify as filters
+from auvid_cli.identification.identify import with_noise_settled
 from auvid_cli.identification.prepared_data import prepare
+
+__all__ = ["identify", "with_noise_settled"]
 
 
 def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None) -> Estimate:
@@ -49,5 +52,5 @@ def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None)
     if file is None:
         return filters.identify(dataset, name)
     refuse_to_replace(dataset, Path(file))
-    (run,) = filters.set_up_filters(prepare(dataset), [name])
+    (run,) = filters.set_up_filters(with_noise_settled(prepare(dataset)), [name])
     return record_estimate(Path(file), run.header, run.run)

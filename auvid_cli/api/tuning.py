@@ -18,7 +18,8 @@ def tune(dataset: Dataset, sensors: bool = False, on_pass: Callable[[], None] | 
     sensors : bool, default False
         Whether the standard deviations of the sensors are found along; else they count as stated.
     on_pass : callable, optional
-        Called before each pass through the data, of which there are hundreds; what it raises ends the search.
+        Called before each pass through the data, there or back, of which there are some dozens; what it raises ends
+        the search.
 
     Returns
     -------

@@ -60,7 +60,8 @@ def identify(
         pipeline.say_doubts(dataset.experiment.vehicle, terminal)
         with terminal.compiling():
             from auvid_cli.api.preparation import prepare
-        estimates = pipeline.identify_to(folder, prepare(dataset), chosen, terminal, overwrite)
+        prepared = pipeline.settle_noise(prepare(dataset), terminal)
+        estimates = pipeline.identify_to(folder, prepared, chosen, terminal, overwrite)
         with terminal.compiling():
             from auvid_cli.api.judgement import judge
             from auvid_cli.report.judgements import judgement_sentences

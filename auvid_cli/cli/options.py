@@ -41,8 +41,8 @@ SetOption = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
-        metavar="KEY=VALUE",
-        help='Override a setting, e.g. --set sensors.dvl.rate="5 Hz"; repeatable.',
+        metavar="KEY=VALUE|FILE",
+        help='Override a setting, e.g. --set sensors.dvl.rate="5 Hz", or those in a YAML file; repeatable.',
         show_default=False,
     ),
 ]

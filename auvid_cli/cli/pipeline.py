@@ -82,6 +82,20 @@ def say_doubts(vehicle: VehicleSettings, terminal: Terminal) -> None:
         terminal.say(f"note: vehicle {vehicle.name}: {doubt}")
 
 
+def settle_noise(prepared: "PreparedData", terminal: Terminal) -> "PreparedData":
+    """Find the noise that makes the data most likely, where that is asked for, and say in a line what it is."""
+    if prepared.experiment.identification.noise == "stated":
+        return prepared
+    with terminal.compiling():
+        from auvid_cli.api.identification import with_noise_settled
+    with terminal.stage("tune the noise"):
+        settled = with_noise_settled(prepared)
+    found = settled.experiment.identification.process_noise.model_dump()
+    densities = ", ".join(f"{name} {density:.3g}" for name, density in found.items())
+    terminal.say(f"process noise that makes the data most likely, SI: {densities}")
+    return settled
+
+
 def identify_to(
     folder: Path,
     prepared: "PreparedData",

@@ -1,5 +1,6 @@
 """auvid tune."""
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -36,21 +37,22 @@ def tune(
     """Find the noise that makes the data most likely: how far the model may be trusted, and with --sensors these.
 
     Process noise is what the model leaves out. The iterated smoother follows the data again and again, with more noise
-    and with less; some minutes for five minutes of data. It ends with the settings to give to `auvid identify`.
+    and with less. What it finds is in tuned.yaml, which `auvid identify` takes behind --set.
     """
     with reporting_errors():
         from auvid_cli.api.files import read_dataset
-        from auvid_cli.data.files import keep_apart
+        from auvid_cli.data.files import keep_apart, write_text
         from auvid_cli.data.replacement import put_copy
         from auvid_cli.data.results_folder import folder_of_dataset, tables_and_figures
 
-        terminal = Terminal(quiet, verbose)
-        read, folder = read_dataset(dataset, *overrides(settings, use=use)), output or folder_of_dataset(dataset)
-        files = [dataset, *read.experiment.data_files()]
+        terminal, changes = Terminal(quiet, verbose), (*overrides(settings, use=use), "identification.noise=stated")
+        read, folder = read_dataset(dataset, *changes), output or folder_of_dataset(dataset)
+        files, tuned = [dataset, *read.experiment.data_files()], folder / "tuned.yaml"
         put_copy(dataset, read, folder, files, overwrite)
-        keep_apart(tables_and_figures(folder), files)
+        keep_apart([tuned, *tables_and_figures(folder)], files)
         with terminal.compiling():
             from auvid_cli.api.identification import identify
+            from auvid_cli.api.judgement import judge
             from auvid_cli.api.tuning import tune as tune_noise
             from auvid_cli.report.csv_tables import write_csv_tables
             from auvid_cli.report.tuning_screen import print_tuning
@@ -65,8 +67,10 @@ def tune(
             tuning = tune_noise(read, sensors, count)
             say("fit with the tuned noise")
             after = identify(replace(read, experiment=tuning.experiment), "smoother")
-        print_tuning(terminal.out, tuning, before, after)
+        judged = ((estimate, judge(estimate)[estimate.filter]) for estimate in (before, after))
+        print_tuning(terminal.out, tuning, *judged)
         terminal.say(f"log-likelihood: {tuning.gain:.4g} more than as stated")
         terminal.say_all(write_csv_tables({"tuning": tuning.rows()}, folder / "tables"))
-        options = " ".join(f"--set {setting}" for setting in tuning.settings())
-        terminal.say(f"Next: auvid identify {dataset} {options}")
+        write_text(tuned, tuning.settings())
+        given = [*(f"--set={setting}" for setting in settings or ()), *(f"--use={span}" for span in use or ())]
+        terminal.say(f"next: {shlex.join(['auvid', 'identify', str(dataset), *given, '--set', str(tuned)])}")

@@ -1,7 +1,7 @@
 """One tree of settings from an experiment file, the files that it names, and overrides."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,7 +35,7 @@ def assemble(source: ConfigSource, overrides: Iterable[str] = ()) -> tuple[Tree,
     source : ConfigSource
         The experiment file.
     overrides : iterable of str
-        ``key.key=value``; the value is YAML.
+        ``key.key=value``, where the value is YAML; or a YAML file with settings.
 
     Returns
     -------
@@ -47,12 +47,13 @@ def assemble(source: ConfigSource, overrides: Iterable[str] = ()) -> tuple[Tree,
     tree, mistakes = read_tree(source)
     if not isinstance(tree.content, dict):
         return tree, mistakes
-    changes = []
+    changes: list[tuple[KeyPath, Tree]] = []
     for override in overrides:
         try:
-            changes.append(parse_override(override))
+            new, wrong = read_changes(override)
         except ValueError as error:
-            mistakes.append(Mistake(_place(override), (), str(error)))
+            new, wrong = [], [Mistake(_place(override), (), str(error))]
+        changes, mistakes = changes + new, mistakes + wrong
     tree, wrong = with_changes(tree, changes, source.folder)
     return tree, mistakes + wrong
 
@@ -87,6 +88,40 @@ def with_changes(tree: Tree, changes: Iterable[tuple[KeyPath, Tree]], folder: Pa
     for place in (("manoeuvre", "file"), ("identification", "prior", "from_estimate")):
         tree = _absolute_data_file(tree, place)
     return tree, mistakes
+
+
+def read_changes(override: str) -> tuple[list[tuple[KeyPath, Tree]], list[Mistake]]:
+    """Read an override: a value and where it goes, or those of a settings file.
+
+    Raises
+    ------
+    ValueError
+        If it is neither, or the file cannot be read.
+    """
+    if "=" in override or not override.endswith(SUFFIXES):
+        return [parse_override(override)], []
+    tree, mistakes = read_tree(read_source(Path(override)))
+    if not mistakes and not isinstance(tree.content, dict):
+        raise ValueError("expected settings, key: value")
+    return [*_values(tree)], mistakes
+
+
+def changed_keys(override: str) -> list[str]:
+    """Return the settings that an override changes, with dots; none if it cannot be read, which `assemble` says."""
+    try:
+        changes, _ = read_changes(override)
+    except ValueError:
+        return []
+    return [".".join(map(str, path)) for path, _ in changes]
+
+
+def _values(tree: Tree, path: KeyPath = ()) -> Iterator[tuple[KeyPath, Tree]]:
+    """Yield what is no mapping itself, and where it stands."""
+    if isinstance(tree.content, dict):
+        for key, child in tree.content.items():
+            yield from _values(child, (*path, key))
+    elif path:
+        yield path, tree
 
 
 def parse_override(override: str) -> tuple[KeyPath, Tree]:

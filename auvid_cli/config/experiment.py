@@ -153,6 +153,10 @@ class Identification(Settings):
     estimate: AugmentedStates = AugmentedStates()
     prior: Prior = Prior()
     process_noise: ProcessNoise = ProcessNoise()
+    noise: Annotated[
+        Literal["stated", "estimate"],
+        Field(description="process noise as stated here, or as the data make it most likely"),
+    ] = "stated"
     measurement_noise: dict[str, Annotated[float, Field(ge=1e-6, le=1e6)]] = Field(
         default_factory=dict, description="by sensor: how many times the standard deviation that its record states"
     )

@@ -1,7 +1,9 @@
 """Noise as the data have it: the value object between identification and report."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import yaml
 
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.data.named_rows import NamedRows
@@ -60,6 +62,13 @@ class Tuning:
         """Return a table with a row for each noise."""
         return self.rows().to_pandas()
 
-    def settings(self) -> list[str]:
-        """Return what to put behind ``--set``, one each."""
-        return [f"{noise.setting}={noise.tuned:.3g}" for noise in self.noises]
+    def settings(self) -> str:
+        """Return settings with the tuned noise, as YAML in SI."""
+        tree: dict[str, Any] = {}
+        for noise in self.noises:
+            *sections, key = noise.setting.split(".")
+            within = tree
+            for section in sections:
+                within = within.setdefault(section, {})
+            within[key] = float(f"{noise.tuned:.3g}")
+        return yaml.safe_dump(tree, sort_keys=False)

@@ -69,8 +69,24 @@ def set_up_filters(
     ]
 
 
+def with_noise_settled(prepared: PreparedData) -> PreparedData:
+    """Return data with settings that state their noise: where it is to be estimated, as the data make it most likely.
+
+    Raises
+    ------
+    ConfigError, DataError
+        As `auvid_cli.identification.noise_tuning.tune_noise`.
+    """
+    if prepared.experiment.identification.noise == "stated":
+        return prepared
+    # It has compiled code that nothing else needs.
+    from auvid_cli.identification.noise_tuning import tune_noise
+
+    return prepared.with_settings(tune_noise(prepared).experiment)
+
+
 def identify(dataset: Dataset, filter_name: FilterName) -> Estimate:
     """Estimate coefficients and motion from a dataset, all in memory; see `set_up_filters` and `FilterRun`."""
-    (run,), chunks = set_up_filters(prepare(dataset), [filter_name]), []
+    (run,), chunks = set_up_filters(with_noise_settled(prepare(dataset)), [filter_name]), []
     outcome = run.run(chunks.append)
     return Estimate.of(run.header, chunks, outcome)

@@ -76,6 +76,7 @@ def tune_noise(
     ]
     for noise, row in zip(noises, tuned, strict=True):
         experiment = _changed(experiment, ("identification", *noise.path), float(f"{row.tuned:.3g}"))
+    experiment = _changed(experiment, ("identification", "noise"), "stated")
     return Tuning(tuple(tuned), found.gain, found.converged, experiment)
 
 
@@ -112,7 +113,7 @@ def _sensor_noises(augmented: AugmentedProblem, settings: Identification) -> Ite
         yield AdjustableNoise(("measurement_noise", name), "1", stated, NoiseGroup(sensor=number))
 
 
-def _changed(settings: SettingsClass, path: tuple[str, ...], value: float) -> SettingsClass:
+def _changed(settings: SettingsClass, path: tuple[str, ...], value: float | str) -> SettingsClass:
     """Return the same settings with another value at a path."""
     key, *rest = path
     own = getattr(settings, key)

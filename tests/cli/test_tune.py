@@ -7,7 +7,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from auvid_cli.api.files import read_dataset
+from auvid_cli.api.identification import identify
 from auvid_cli.cli.tune import tune
+from auvid_cli.config.moving_states import ProcessNoise
 from auvid_cli.data.dataset_file import write_dataset
 
 FEW = "identification.coefficients=[X_u|u|, N_url]"
@@ -27,18 +30,29 @@ def test_it_says_what_the_noise_is_and_what_to_do_with_it(simulated_with, tmp_pa
     dvl = dataset.sensors["dvl"]
     half = replace(dvl, standard_deviation=0.5 * dvl.standard_deviation)
     write_dataset(tmp_path / "dataset.h5", replace(dataset, sensors=dataset.sensors | {"dvl": half}))
-    result = run(tmp_path / "dataset.h5", "--sensors")
+    result = run(tmp_path / "dataset.h5", "--sensors", "--set", "identification.gate=null")
     assert result.exit_code == 0, result.output
     with (tmp_path / "tables/tuning.csv").open(encoding="utf-8", newline="") as file:
         rows = {row["setting"]: row for row in csv.DictReader(file)}
     assert len(rows) == 6
     found = rows["identification.measurement_noise.dvl"]
     assert float(found["low"]) < 2.0 < float(found["high"])
-    assert "measurement_noise.dvl" in result.output
     assert "mean NIS of dvl" in result.output
+    assert "no more of process_noise.velocity" in result.output
     advice = result.output.splitlines()[-1]
-    assert advice.startswith(f"Next: auvid identify {tmp_path}/dataset.h5 --set identification.process_noise.velocity=")
-    assert f"--set identification.measurement_noise.dvl={float(found['tuned']):.3g}" in advice
+    given = "--set=identification.gate=null"
+    assert advice == f"next: auvid identify {tmp_path}/dataset.h5 {given} --set {tmp_path}/tuned.yaml"
+    tuned = read_dataset(tmp_path / "dataset.h5", str(tmp_path / "tuned.yaml")).experiment.identification
+    assert tuned.measurement_noise["dvl"] == pytest.approx(float(found["tuned"]), rel=0.01)
+    rate = float(rows["identification.process_noise.rate"]["tuned"])
+    assert tuned.process_noise.rate == pytest.approx(rate, rel=0.01)
+
+
+def test_who_asks_for_it_identifies_with_the_noise_of_the_data(simulated_with):
+    dataset = simulated_with("manoeuvre.duration=4 s", *SLOW, FEW, "identification.noise=estimate")
+    settings = identify(dataset, "ckf").experiment.identification
+    assert settings.noise == "stated"
+    assert settings.process_noise != ProcessNoise()
 
 
 def test_what_is_no_dataset_is_one_line(tmp_path, run, capsys):

@@ -3,7 +3,10 @@ from pathlib import Path
 
 import pytest
 
+from auvid_cli.api.files import read_dataset
 from auvid_cli.config.assemble import assemble, read_source
+from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.errors import ConfigError
 
 
 @pytest.fixture
@@ -142,3 +145,23 @@ def test_broken_reference_points_into_the_file(folder):
 def test_references_stay_within_their_sections(folder):
     (folder / "e.yaml").write_text("name: vehicles/a.yaml\n")
     assert data(folder) == {"name": "vehicles/a.yaml"}
+
+
+def test_a_file_of_settings_is_an_override_and_its_mistakes_have_places_there(tmp_path):
+    file = tmp_path / "tuned.yaml"
+    file.write_text("identification:\n  process_noise: {rate: 2e-3}\n")
+    experiment = load_experiment(find_experiment("spiral"), ("identification.process_noise.rate=1", str(file)))
+    assert experiment.identification.process_noise.rate == pytest.approx(2e-3)
+    assert experiment.identification.process_noise.velocity == pytest.approx(1e-4)
+    file.write_text("identification:\n  process_noise: {rate: -1}\n")
+    with pytest.raises(ConfigError, match=r"tuned\.yaml:2:25"):
+        load_experiment(find_experiment("spiral"), (str(file),))
+    file.write_text("- 1\n")
+    with pytest.raises(ConfigError, match=r"tuned\.yaml: expected settings, key: value"):
+        load_experiment(find_experiment("spiral"), (str(file),))
+
+
+def test_a_dataset_refuses_a_file_that_would_change_what_is_recorded(tmp_path):
+    (tmp_path / "more.yaml").write_text("seed: 3\n")
+    with pytest.raises(ConfigError, match=r"more\.yaml: seed: would change nothing"):
+        read_dataset(tmp_path / "dataset.h5", str(tmp_path / "more.yaml"))
