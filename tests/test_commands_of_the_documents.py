@@ -20,11 +20,12 @@ ROOT = Path(__file__).parents[1]
 # They begin what is no matter of auvid's commands.
 OTHERS = ("python3 -m venv", ". .venv/bin/activate", "pip install", "pytest")
 FENCE = re.compile(r"```yaml\n(name: (\w+).*?)```\n", re.DOTALL)
+FRAGMENT = re.compile(r"```yaml\n(.*?)```\n", re.DOTALL)
 
 
 def indented(text: str) -> list[str]:
     """Blocks of indented lines, outside of fences."""
-    lines = FENCE.sub("\n", text).splitlines()
+    lines = FRAGMENT.sub("\n", FENCE.sub("\n", text)).splitlines()
     marked = "".join(f"{line[4:]}\n" if line.startswith("    ") else "\0" for line in lines)
     return [block for block in marked.split("\0") if block]
 
@@ -78,6 +79,9 @@ def test_commands_of_the_readme_and_the_guide_run_in_order_in_one_empty_folder(q
     text = "\n".join((ROOT / page).read_text(encoding="utf-8") for page in ("README.md", "docs/guide.md"))
     for written, name in FENCE.findall(text):
         Path(f"{name}.yaml").write_text(written, encoding="utf-8")
+    for k, written in enumerate(FRAGMENT.findall(FENCE.sub("\n", text))):
+        Path(f"fragment{k}.yaml").write_text(written, encoding="utf-8")
+        assert load.load_experiment(load.find_experiment(None), [f"fragment{k}.yaml"])
     seen = set()
     for block in indented(text):
         if block.startswith("import "):

@@ -147,7 +147,8 @@ def _not_too_wide(name: str, rows: Sequence[Prediction]) -> Check:
         within,
         limit=_LARGEST_SHARE,
         meaning="of the errors within two sigma",
-        advice="The model is better than its bands: by chance, or there is less process noise than stated (`auvid tune`).",
+        advice="The model is better than its bands: by chance, or there is less process noise than stated (`auvid "
+        "tune`).",
         fails=False,
     )
 
