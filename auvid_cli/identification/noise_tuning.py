@@ -61,13 +61,15 @@ def tune_noise(
     noises = [*process_noises(augmented, settings), *(_sensor_noises(augmented, settings) if with_sensors else ())]
     segments = [segment.timelines for segment in augmented.segments]
     problem = JointProblem(augmented.process, augmented.sensors, segments, augmented.prior)
-    found = most_likely_noise(problem, [noise.group for noise in noises], settings.smoother.max_passes, on_evaluation)
-    if found is None:
+    likeliest = most_likely_noise(problem, [noise.group for noise in noises], settings.smoother.max_passes, on_evaluation)
+    if likeliest is None:
         raise DataError(
             "no trajectory follows these data with the noise that is stated: raise identification.process_noise to "
             "begin with, and look at signs and units (auvid inspect)"
         )
-    factors = zip(noises, found.factor.tolist(), found.low.tolist(), found.high.tolist(), strict=True)
+    factors = zip(
+        noises, likeliest.factor.tolist(), likeliest.low.tolist(), likeliest.high.tolist(), strict=True
+    )
     tuned = [
         TunedNoise(
             ".".join(("identification", *noise.path)), noise.unit, noise.stated, *(noise.stated * f for f in each)
@@ -77,7 +79,7 @@ def tune_noise(
     for noise, row in zip(noises, tuned, strict=True):
         experiment = _changed(experiment, ("identification", *noise.path), float(f"{row.tuned:.3g}"))
     experiment = _changed(experiment, ("identification", "noise"), "stated")
-    return Tuning(tuple(tuned), found.gain, found.converged, experiment)
+    return Tuning(tuple(tuned), likeliest.gain, likeliest.converged, experiment)
 
 
 def process_noises(augmented: AugmentedProblem, settings: Identification) -> Iterator[AdjustableNoise]:
