@@ -90,8 +90,8 @@ def settle_noise(prepared: "PreparedData", terminal: Terminal) -> "PreparedData"
         from auvid_cli.api.identification import with_noise_settled
     with terminal.stage("tune the noise"):
         settled = with_noise_settled(prepared)
-    found = settled.experiment.identification.process_noise.model_dump()
-    densities = ", ".join(f"{name} {density:.3g}" for name, density in found.items())
+    stated, tuned = (data.experiment.identification.process_noise.model_dump() for data in (prepared, settled))
+    densities = ", ".join(f"{name} {density:.3g}" for name, density in tuned.items() if density != stated[name])
     terminal.say(f"process noise that makes the data most likely, SI: {densities}")
     return settled
 

@@ -61,15 +61,15 @@ def tune_noise(
     noises = [*process_noises(augmented, settings), *(_sensor_noises(augmented, settings) if with_sensors else ())]
     segments = [segment.timelines for segment in augmented.segments]
     problem = JointProblem(augmented.process, augmented.sensors, segments, augmented.prior)
-    likeliest = most_likely_noise(problem, [noise.group for noise in noises], settings.smoother.max_passes, on_evaluation)
+    likeliest = most_likely_noise(
+        problem, [noise.group for noise in noises], settings.smoother.max_passes, on_evaluation
+    )
     if likeliest is None:
         raise DataError(
             "no trajectory follows these data with the noise that is stated: raise identification.process_noise to "
             "begin with, and look at signs and units (auvid inspect)"
         )
-    factors = zip(
-        noises, likeliest.factor.tolist(), likeliest.low.tolist(), likeliest.high.tolist(), strict=True
-    )
+    factors = zip(noises, likeliest.factor.tolist(), likeliest.low.tolist(), likeliest.high.tolist(), strict=True)
     tuned = [
         TunedNoise(
             ".".join(("identification", *noise.path)), noise.unit, noise.stated, *(noise.stated * f for f in each)

@@ -9,9 +9,11 @@ from typer.testing import CliRunner
 
 from auvid_cli.api.files import read_dataset
 from auvid_cli.api.identification import identify
+from auvid_cli.cli.app import app
 from auvid_cli.cli.tune import tune
 from auvid_cli.config.moving_states import ProcessNoise
 from auvid_cli.data.dataset_file import write_dataset
+from auvid_cli.data.estimate_file import read_estimate
 
 FEW = "identification.coefficients=[X_u|u|, N_url]"
 SLOW = "sensors.attitude={source: direct, rate: 20 Hz}", "sensors.gyroscope.rate=20 Hz"
@@ -20,9 +22,9 @@ SLOW = "sensors.attitude={source: direct, rate: 20 Hz}", "sensors.gyroscope.rate
 @pytest.fixture
 def run():
     """Function: the command with arguments; its result."""
-    app = typer.Typer()
-    app.command()(tune)
-    return lambda *arguments: CliRunner().invoke(app, [str(argument) for argument in arguments])
+    alone = typer.Typer()
+    alone.command()(tune)
+    return lambda *arguments: CliRunner().invoke(alone, [str(argument) for argument in arguments])
 
 
 def test_it_says_what_the_noise_is_and_what_to_do_with_it(simulated_with, tmp_path, run):
@@ -53,6 +55,18 @@ def test_who_asks_for_it_identifies_with_the_noise_of_the_data(simulated_with):
     settings = identify(dataset, "ckf").experiment.identification
     assert settings.noise == "stated"
     assert settings.process_noise != ProcessNoise()
+
+
+def test_the_command_says_what_noise_it_found_first(simulated_with, tmp_path):
+    write_dataset(tmp_path / "dataset.h5", simulated_with("manoeuvre.duration=4 s", *SLOW, FEW))
+    arguments = ["identify", f"{tmp_path}/dataset.h5", "--filter", "ckf", "--set", "identification.noise=estimate"]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    (said,) = [line for line in result.output.splitlines() if line.startswith("process noise that makes")]
+    settings = read_estimate(tmp_path / "estimates/ckf.h5").experiment.identification.process_noise
+    assert said.endswith(
+        f"velocity {settings.velocity:.3g}, rate {settings.rate:.3g}, attitude {settings.attitude:.3g}"
+    )
 
 
 def test_what_is_no_dataset_is_one_line(tmp_path, run, capsys):
