@@ -131,8 +131,9 @@ def test_holding_a_coefficient_without_a_value_is_refused(short_run, with_settin
     assert "\n" not in str(caught.value)
 
 
-# Those that go through the data many times take their time.
-WIDE = [(name, factor) for name in FilterName for factor in ((1, 100) if name.in_one_batch else (1, 30, 300))]
+# The smoother goes through the data many times, and output error knows of no prior.
+FACTORS = {FilterName.SMOOTHER: (1, 100), FilterName.OUTPUT_ERROR: (1,)}
+WIDE = [(name, factor) for name in FilterName for factor in FACTORS.get(name, (1, 30, 300))]
 
 
 @pytest.mark.parametrize(("name", "factor"), WIDE)
