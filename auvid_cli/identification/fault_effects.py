@@ -1,7 +1,5 @@
 """What the faults of a vehicle do to the data of an augmented problem, chunk by chunk along a trajectory."""
 
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +29,7 @@ class VehicleFaults:
     def __init__(self, problem: AugmentedProblem) -> None:
         self._problem = problem
         present, modelled = ("", *problem.measuring), problem.layout.symbols
+        self._motion_rows = problem.layout.moving_rows_of("motion")
         self._faults = tuple(f for f in FAULTS if f.sensor in present and f.state not in modelled)
 
     @property
@@ -43,19 +42,12 @@ class VehicleFaults:
         """Return the SI unit of the size of each."""
         return tuple(fault.unit for fault in self._faults)
 
-    @cached_property
-    def _motion(self) -> slice:
-        """Say where the motion stands among the moving states."""
-        layout = self._problem.layout
-        rows = layout.rows_of("motion")
-        return slice(rows.start - layout.n_parameters, rows.stop - layout.n_parameters)
-
     def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
         """Say what they do to a chunk of a segment, along a trajectory."""
         model = FaultedVehicle(self._problem.known, factors(self._problem.held | self._identified(about.parameters)))
         rate = self._problem.segments[segment].timelines.input_rate
         states = np.vstack([about.before, about.moving])
-        motion = states[:, self._motion]
+        motion = states[:, self._motion_rows]
         current = np.column_stack([self._along(symbol, about.parameters, states) for symbol in _CURRENTS])
         # What the thrust is more than stated acts like more of it.
         acting = np.ones((len(states), len(INPUTS)))
@@ -90,7 +82,7 @@ class VehicleFaults:
             if fault.sensor:
                 added[measured[fault.sensor], :3, f] = fault.effect(model, at_measurements[fault.sensor])
                 continue
-            pushed[led, self._motion, f] = np.add.reduceat(fault.effect(model, on_the_way) * duration, first)
+            pushed[led, self._motion_rows, f] = np.add.reduceat(fault.effect(model, on_the_way) * duration, first)
             if "accelerometer" in at_measurements:
                 # What changes the motion is measured besides.
                 pull = fault.effect(model, at_measurements["accelerometer"])

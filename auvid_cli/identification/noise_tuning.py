@@ -87,21 +87,21 @@ def process_noises(augmented: AugmentedProblem, settings: Identification) -> Ite
     layout, noise = augmented.layout, settings.process_noise
 
     def adjustable(path: tuple[str, ...], of: Settings, rows: slice) -> AdjustableNoise:
-        moving = tuple(row - layout.n_parameters for row in range(rows.start, rows.stop))
+        moving = tuple(range(rows.start, rows.stop))
         return AdjustableNoise(path, _unit(of, path[-1]), getattr(of, path[-1]), NoiseGroup(moving))
 
-    first = layout.rows_of("motion").start
+    first = layout.moving_rows_of("motion").start
     for place, key in enumerate(("velocity", "rate", "attitude")):
         yield adjustable(("process_noise", key), noise, slice(first + 3 * place, first + 3 * place + 3))
     for state in FURTHER_STATES:
         if layout.row(state.quantity.symbol) is not None:
-            yield adjustable(("process_noise", state.name), noise, layout.rows_of(state.name))
+            yield adjustable(("process_noise", state.name), noise, layout.moving_rows_of(state.name))
     for bias in dict.fromkeys(settings.estimate.biases):
         of_bias = getattr(settings.estimate, bias.value)
         for block in of_bias.blocks():
             if block.walk > 0.0:
                 own = "walk" if "walk" in type(of_bias).model_fields else f"{block.name.partition('_')[2]}_walk"
-                yield adjustable(("estimate", bias.value, own), of_bias, layout.rows_of(block.name))
+                yield adjustable(("estimate", bias.value, own), of_bias, layout.moving_rows_of(block.name))
 
 
 def _unit(settings: Settings, key: str) -> str:

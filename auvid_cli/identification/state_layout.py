@@ -124,6 +124,11 @@ class StateLayout:
                 return slice(begin, end)
         return slice(0, 0)
 
+    def moving_rows_of(self, name: str) -> slice:
+        """Return where a block stands among the moving states alone; empty if there is none of that name."""
+        rows, n_parameters = self.rows_of(name), self.n_parameters
+        return slice(rows.start - n_parameters, rows.stop - n_parameters) if rows.stop else rows
+
 
 def state_layout(settings: Identification, size: Size, measuring: Collection[str]) -> StateLayout:
     """Lay out the augmented state that settings ask for.

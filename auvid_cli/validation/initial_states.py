@@ -126,8 +126,7 @@ def _with_noise(prepared: PreparedData, factor: float) -> PreparedData:
 
 def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
     problem = augmented_problem(prepared)
-    motion, n_parameters = problem.layout.rows_of("motion"), problem.layout.n_parameters
-    in_motion = slice(motion.start - n_parameters, motion.stop - n_parameters)
+    motion = problem.layout.rows_of("motion")
     kept, squares, components = [], np.zeros(len(problem.measuring)), np.zeros(len(problem.measuring))
     timelines, prior = problem.segments[0].timelines, problem.prior
     reached, last = timelines.span[0], prior.mean
@@ -163,5 +162,5 @@ def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
         estimated_errors(problem.layout.symbols, last),
         {name: float(s / max(n, 1.0)) for name, s, n in zip(problem.measuring, squares, components, strict=True)},
         "completed" if outcome.failure == OK else f"diverged at t = {reached:.3f} s",
-        problem.process.noise_density[in_motion],
+        problem.process.noise_density[problem.layout.moving_rows_of("motion")],
     )
