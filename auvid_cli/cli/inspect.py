@@ -1,21 +1,17 @@
 """auvid inspect."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
-from auvid_cli.cli.options import OutputOption, OverwriteOption, QuietOption, overrides
+from auvid_cli.cli.options import DatasetArgument, OutputOption, OverwriteOption, QuietOption, overrides
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.errors import ConfigError
 
 
 def inspect(
-    dataset: Annotated[
-        Path,
-        typer.Argument(metavar="DATASET", help="Dataset file (.h5): results/NAME/dataset.h5 after `auvid import`."),
-    ],
+    dataset: DatasetArgument,
     use: Annotated[
         list[str] | None,
         typer.Option(

@@ -24,6 +24,10 @@ DataArgument = Annotated[
         show_default=False,
     ),
 ]
+DatasetArgument = Annotated[
+    Path,
+    typer.Argument(metavar="DATASET", help="Dataset file (.h5): results/NAME/dataset.h5 after `auvid import`."),
+]
 ResultsArgument = Annotated[
     Path,
     typer.Argument(metavar="RESULTS", help="Results folder with dataset.h5 and estimates/."),

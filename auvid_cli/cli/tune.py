@@ -2,12 +2,12 @@
 
 import shlex
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from auvid_cli.cli.options import (
+    DatasetArgument,
     OutputOption,
     OverwriteOption,
     QuietOption,
@@ -20,10 +20,7 @@ from auvid_cli.cli.terminal import Terminal, reporting_errors
 
 
 def tune(
-    dataset: Annotated[
-        Path,
-        typer.Argument(metavar="DATASET", help="Dataset file (.h5): results/NAME/dataset.h5 after `auvid import`."),
-    ],
+    dataset: DatasetArgument,
     sensors: Annotated[
         bool, typer.Option("--sensors", help="Find the noise of the sensors as well, instead of what is stated.")
     ] = False,
