@@ -52,3 +52,9 @@ def campaign_rows(name: str, results: Path) -> CampaignRows:
     plan = CampaignPlan(*load_campaign(path), path)
     labels = plan.labels()
     return CampaignRows(plan, in_order(Store(results, plan.columns).rows(labels).to_pandas(), labels))
+
+
+def fewest(within: pd.Series, coefficients: pd.DataFrame) -> str:
+    """Name the coefficient of which the smallest share is within something, with that share, for a cell of a table."""
+    shares = within.groupby(coefficients["name"]).mean()
+    return f"{shares.idxmin()} {shares.min():.0%}".replace("|", r"\|")

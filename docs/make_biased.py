@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from auvid_cli.report.notation import filter_label
-from docs.campaign_rows import campaign_rows
+from docs.campaign_rows import campaign_rows, fewest
 from docs.section import replace_section
 
 
@@ -17,11 +17,10 @@ def row(attitude: str, name: str, runs: pd.DataFrame, coefficients: pd.DataFrame
     """Say what a filter makes of all seeds."""
     percent = runs["steady_state_error_percent"]
     grades = ", ".join(f"{count} {grade}" for grade, count in runs["grade"].value_counts().items())
-    within = (coefficients["error"] <= 2.0).groupby(coefficients["name"]).mean()
-    worst = str(within.idxmin()).replace("|", r"\|")
+    within = coefficients["error"] <= 2.0
     return (
         f"| {attitude} | {filter_label(name)} | {len(runs)} | {percent.mean():.3g} ± {percent.std():.2g} | "
-        f"{percent.max():.3g} | {grades} | {(coefficients['error'] <= 2.0).mean():.1%} | {worst} {within.min():.0%} |"
+        f"{percent.max():.3g} | {grades} | {within.mean():.1%} | {fewest(within, coefficients)} |"
     )
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from auvid_cli.report.notation import filter_label
-from docs.campaign_rows import campaign_rows
+from docs.campaign_rows import campaign_rows, fewest
 from docs.section import replace_section
 
 
@@ -20,11 +20,9 @@ def row(case: tuple[Hashable, ...], coefficients: pd.DataFrame) -> str:
     error = (coefficients["estimate"] - coefficients["true"]).abs()
     nominal, corrected = coefficients["standard_deviation"], coefficients["corrected_standard_deviation"]
     within = error <= 2.0 * corrected
-    by_name = within.groupby(coefficients["name"]).mean()
-    worst = str(by_name.idxmin()).replace("|", r"\|")
     return (
         f"| {manoeuvre} | {attitude} | {filter_label(str(name))} | {coefficients['run'].nunique()} | "
-        f"{(error <= 2.0 * nominal).mean():.1%} | {within.mean():.1%} | {worst} {by_name.min():.0%} | "
+        f"{(error <= 2.0 * nominal).mean():.1%} | {within.mean():.1%} | {fewest(within, coefficients)} | "
         f"{(corrected / nominal).median():.2f} | {(corrected / nominal).max():.2f} |"
     )
 
