@@ -38,6 +38,7 @@ def check(dataset: Dataset, *estimates: Estimate) -> Checks:
     prepared = prepare_checked(dataset, *estimates)
     bounds_of = BoundsOf(prepared)
     judgements, reference = judge(estimates), reference_among(estimates)
+    causes_of_all = None if reference is None else likely_causes(reference)
     return Checks(
         verdict
         for estimate in estimates
@@ -46,6 +47,6 @@ def check(dataset: Dataset, *estimates: Estimate) -> Checks:
             estimate,
             bounds_of(estimate),
             judgements[estimate.filter],
-            likely_causes(reference or estimate),
+            likely_causes(estimate) if causes_of_all is None else causes_of_all,
         )
     )

@@ -278,7 +278,7 @@ def _read_innovations(group: h5py.Group, sensor: str, filter_name: FilterName) -
         return thinned
     start = float(read_rows(group, "time", 0, 1)[0])
     blocks = (innovations(partial(_rows_of, group, first)) for first in range(0, rows, _MOST_ROWS))
-    tallies, memories = zip(*((block.tally(start), block.memory()) for block in blocks), strict=True)
+    tallies, memories = zip(*((block.tally(start), block.memory) for block in blocks), strict=True)
     return replace(thinned, whole=reduce(Tally.plus, tallies), whole_memory=reduce(Memory.plus, memories))
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -114,8 +115,9 @@ class Innovations:
         rejected = int((np.isfinite(self.innovation) & ~self.used()).sum())
         return Tally(start, squares, components, int(np.isfinite(self.nis).sum()), rejected)
 
+    @cached_property
     def memory(self) -> Memory:
-        """Correlate each component with itself, also over those that were left out when they were read."""
+        """Return how each component correlates with itself, also over those left out when they were read."""
         if self.whole_memory is not None:
             return self.whole_memory
         n_components = self.innovation.shape[1]

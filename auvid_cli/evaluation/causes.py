@@ -54,7 +54,8 @@ def likely_causes(estimate: Estimate) -> list[Cause]:
         if not is_other_answer(test)
     ]
     # As much as a fault that would make the estimate doubtful.
-    likely = [cause for cause in [*faults, *_noises(estimate)] if cause.gain > 0.5 * LARGEST_FAULT**2]
+    noises = [noise_cause(*of_sensor) for of_sensor in told_as_noise(estimate)]
+    likely = [cause for cause in [*faults, *noises] if cause.gain > 0.5 * LARGEST_FAULT**2]
     return sorted(likely, key=lambda cause: -cause.gain)
 
 
@@ -63,11 +64,11 @@ def causes_text(causes: list[Cause]) -> str:
     return "; or ".join(map(str, causes[:_MOST_NAMED]))
 
 
-def _noises(estimate: Estimate) -> Iterator[Cause]:
+def told_as_noise(estimate: Estimate) -> Iterator[tuple[str, Innovations]]:
+    """Yield sensors with innovations that should be noise as it is stated; that of an AHRS is overstated on purpose."""
     for sensor, innovations in estimate.innovations.items():
-        # The noise of an AHRS is stated larger than it is on purpose.
         if (sensor != "attitude" or not is_from_ahrs(estimate)) and innovations.used().any():
-            yield noise_cause(sensor, innovations)
+            yield sensor, innovations
 
 
 def noise_cause(sensor: str, innovations: Innovations) -> Cause:
@@ -77,7 +78,7 @@ def noise_cause(sensor: str, innovations: Innovations) -> Cause:
     and, for each component, -n / 2 log(1 - R^2) by its memory, less the number of its coefficients (Akaike, IEEE Trans.
     Autom. Control 19(6), 1974).
     """
-    tally, (correlation, samples) = innovations.tally(), innovations.memory()
+    tally, (correlation, samples) = innovations.tally(), innovations.memory
     nis = tally.mean_nis
     by_size = 0.5 * float(tally.components.sum()) * (nis - 1.0 - np.log(nis)) if nis > 0.0 else 0.0
     explained = np.array([_explained_by_the_past(row) for row in correlation])

@@ -106,7 +106,7 @@ def _whiteness(filter_name: str, sensor: str, innovations: Innovations) -> Check
     # Of few, later pairs are fewer: each correlation by the number of its own.
     largest = {
         quantity.symbol: float(np.max(np.abs(correlation) * n / (n - lags)))
-        for quantity, correlation, n in zip(SENSORS[sensor], *innovations.memory(), strict=True)
+        for quantity, correlation, n in zip(SENSORS[sensor], *innovations.memory, strict=True)
         if n
     }
     if not largest:

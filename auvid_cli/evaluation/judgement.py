@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 from auvid_cli.config.filter_name import JUDGE
 from auvid_cli.data.estimate import Estimate, FaultTest
 from auvid_cli.data.innovations import LAGS, Innovations
-from auvid_cli.evaluation.causes import LARGEST_FAULT, fault_with_size, is_from_ahrs, is_other_answer, noise_cause
+from auvid_cli.evaluation.causes import (
+    LARGEST_FAULT,
+    fault_with_size,
+    is_from_ahrs,
+    is_other_answer,
+    noise_cause,
+    told_as_noise,
+)
 from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.evaluation.remedies import remedy_of_divergence, remedy_of_nonlinearity
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
@@ -132,9 +139,7 @@ class _Doubt(NamedTuple):
 
 
 def _doubts_of_noise(reference: Estimate) -> Iterator[_Doubt]:
-    for sensor, innovations in reference.innovations.items():
-        if sensor == "attitude" and is_from_ahrs(reference):
-            continue
+    for sensor, innovations in told_as_noise(reference):
         statistics, beyond = whiteness(innovations), ""
         if statistics.nis > LARGEST_NIS:
             beyond = (
@@ -216,7 +221,7 @@ def whiteness(innovations: Innovations) -> Whiteness:
     squares, components = float(tally.squares.sum()), float(tally.components.sum())
     if not components:
         return Whiteness(0.0, 0.0)
-    correlation, samples = innovations.memory()
+    correlation, samples = innovations.memory
     enough = samples >= _FEWEST
     squared, n = correlation[enough] ** 2, samples[enough]
     # The squares of a Gaussian sequence correlate by the square of its own correlation.

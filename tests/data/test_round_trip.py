@@ -188,7 +188,7 @@ def test_what_innovations_remember_is_of_neighbours_however_few_are_read(
     innovations = estimate.innovations | {"gyroscope": long}
     write_estimate(tmp_path / "estimate.h5", replace(estimate, innovations=innovations))
     monkeypatch.setattr(estimate_file, "_MOST_ROWS", 500)
-    got, expected = read_estimate(tmp_path / "estimate.h5").innovations["gyroscope"].memory(), long.memory()
+    got, expected = read_estimate(tmp_path / "estimate.h5").innovations["gyroscope"].memory, long.memory
     assert np.array_equal(got.samples, expected.samples)
     # But for those at the edges of the blocks that are read.
     assert np.allclose(got.correlation, expected.correlation, atol=0.01)
