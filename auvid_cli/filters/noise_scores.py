@@ -25,8 +25,7 @@ from auvid_cli.filters.smoothing_backward import (
     ADJOINT,
     Adjoint,
     back_in_time,
-    take_in,
-    take_in_covariance,
+    take_in_event,
 )
 from auvid_cli.filters.smoothing_forward import LINEARISED, TRACE, Linearised
 
@@ -88,16 +87,7 @@ def _look_back(timeline, about, trace, adjoint, told):
     n_parameters = mean.size - n_moving
     for back in range(timeline.time.size):
         event = timeline.time.size - 1 - back
-        first, last = timeline.measurement_offset[event], timeline.measurement_offset[event + 1]
-        for before in range(last - first):
-            k = last - 1 - before
-            for reverse in range(about.residual.shape[1]):
-                c = about.residual.shape[1] - 1 - reverse
-                if np.isnan(about.residual[k, c]):
-                    continue
-                row, gain, total = about.rows[k, c], trace.gain[k, c], trace.total[k, c]
-                told.of_sensor[k, c] = take_in_covariance(row, gain, total, adjoint)
-                told.sensor[k, c] = take_in(row, gain, trace.error[k, c], total, mean)
+        take_in_event(event, timeline, about, trace, adjoint, told.sensor, told.of_sensor)
         if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
             for i in range(n_moving):
                 told.process[event, i] = mean[n_parameters + i]

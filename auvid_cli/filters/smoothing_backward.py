@@ -82,7 +82,7 @@ def _add_rows(weight, rows, n_columns, total):
 
 
 @compiled(types.float64(_vector, _vector, types.float64, types.float64, _vector), reassociate=True, internal=True)
-def take_in(row, gain, error, total, adjoint):
+def _take_in(row, gain, error, total, adjoint):
     """Carry the adjoint back over one component; returns what all data say of its noise, per variance of that."""
     known = 0.0
     for i in range(adjoint.size):
@@ -122,10 +122,10 @@ def _make_square(root, n_columns, work):
 
 
 @compiled(types.float64(_vector, _vector, types.float64, ADJOINT), reassociate=True, internal=True)
-def take_in_covariance(row, gain, total, adjoint):
+def _take_in_covariance(row, gain, total, adjoint):
     """Carry the root back over one component: ``L' W`` with ``L = I - g h' / total``, and ``h / sqrt(total)``.
 
-    Returns the variance of what `take_in` does.
+    Returns the variance of what `_take_in` does.
     """
     n, root, product = row.size, adjoint.root, adjoint.work[0]
     if adjoint.n_columns[0] == root.shape[1]:
@@ -173,6 +173,36 @@ def back_in_time(transition, n_parameters, adjoint):
         _add_rows(transition[:, j], moving, n_columns, root[j])
 
 
+@compiled(
+    types.void(types.int64, TIMELINE, LINEARISED, TRACE, ADJOINT, _matrix, _matrix), reassociate=True, inline=True
+)
+def take_in_event(event, timeline, about, trace, adjoint, told, variance):
+    """Carry the adjoint back over the measurements of an event; write down what is said of their noise, if asked for.
+
+    Parameters
+    ----------
+    event, timeline, about, trace, adjoint
+        As of `backward`.
+    told, variance : ndarray, shape (n_measurements, c)
+        Filled in: what all data say of the noise of each component, per variance of it, and the variance of that. Of no
+        rows where they are not asked for.
+    """
+    n_components = about.residual.shape[1]
+    first, last = timeline.measurement_offset[event], timeline.measurement_offset[event + 1]
+    for before in range(last - first):
+        k = last - 1 - before
+        for reverse in range(n_components):
+            c = n_components - 1 - reverse
+            if np.isnan(about.residual[k, c]):
+                continue
+            row, gain, total, its_variance = about.rows[k, c], trace.gain[k, c], trace.total[k, c], 0.0
+            if adjoint.root.shape[0] > 0:
+                its_variance = _take_in_covariance(row, gain, total, adjoint)
+            said = _take_in(row, gain, trace.error[k, c], total, adjoint.mean)
+            if told.shape[0] > 0:
+                told[k, c], variance[k, c] = said, its_variance
+
+
 @compiled(types.void(TIMELINE, LINEARISED, TRACE, ADJOINT, _matrix, _matrix), reassociate=True)
 def backward(timeline, about, trace, adjoint, step, variance):
     """Smooth a chunk of the data.
@@ -208,16 +238,6 @@ def backward(timeline, about, trace, adjoint, step, variance):
                 for k in range(n_columns):
                     square += projected[k] * projected[k]
                 variance[event, i] = row[n_parameters + i] - square
-        first, last = timeline.measurement_offset[event], timeline.measurement_offset[event + 1]
-        for before in range(last - first):
-            k = last - 1 - before
-            for reverse in range(about.residual.shape[1]):
-                c = about.residual.shape[1] - 1 - reverse
-                if np.isnan(about.residual[k, c]):
-                    continue
-                gain, total = trace.gain[k, c], trace.total[k, c]
-                if root.shape[0] > 0:
-                    take_in_covariance(about.rows[k, c], gain, total, adjoint)
-                take_in(about.rows[k, c], gain, trace.error[k, c], total, mean)
+        take_in_event(event, timeline, about, trace, adjoint, step[:0], step[:0])
         if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
             back_in_time(trace.transition[event], n_parameters, adjoint)
