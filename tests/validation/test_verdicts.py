@@ -53,9 +53,9 @@ def test_errors_beyond_the_band_fail():
 
 def test_a_band_that_is_never_left_is_noted_where_it_is_more_than_noise():
     rows = [row(share=1.0), row("v", share=1.0, expected=0.05), row("v", 5.0, share=0.98, expected=0.05)]
-    assert verdict_on("no surer than it says", rows[:1]).passed is True
-    assert verdict_on("no surer than it says", rows).passed is True
-    verdict = verdict_on("no surer than it says", rows[:2])
+    assert verdict_on("no wider than its errors", rows[:1]).passed is True
+    assert verdict_on("no wider than its errors", rows).passed is True
+    verdict = verdict_on("no wider than its errors", rows[:2])
     assert (verdict.passed, verdict.statistic) == (None, "v 1")
 
 
