@@ -107,7 +107,7 @@ def carry_errors(timeline, about, trace, effects, error, moved):
                 for f in range(n_faults):
                     moved[i, f] = effects.pushed[event, i, f]
                 for j in range(n):
-                    rate = trace.transition[event, i, j]
+                    rate = about.transition[event, i, j]
                     for f in range(n_faults):
                         moved[i, f] += rate * error[j, f]
             for i in range(n_moving):

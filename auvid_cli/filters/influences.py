@@ -19,14 +19,12 @@ from auvid_cli.filters.coloured import Influence, corrected_deviation
 from auvid_cli.filters.fault_scores import FaultEffects, carry_errors
 from auvid_cli.filters.information import Uncertainty
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
-from auvid_cli.filters.problem import Gaussian, Timeline
-from auvid_cli.filters.segments import JointProblem, joint_gaussian, with_parameters
+from auvid_cli.filters.problem import Gaussian, ModelData, Timeline
+from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.sensitivities import responses
+from auvid_cli.filters.smoothing_forward import Linearised, Trace, Work, forward, new_state
 
 Array = NDArray[np.float64]
-
-# Of the prior's spread of the parameters, what is as good as none.
-_HELD = 1e-6
 
 
 def corrected_free_motion(problem: JointProblem, state: Array, uncertainty: Uncertainty) -> Array:
@@ -44,10 +42,10 @@ def corrected_free_motion(problem: JointProblem, state: Array, uncertainty: Unce
     return corrected_deviation(nominal, of_free_motion(problem, state, uncertainty), problem.sensors.variance.size)
 
 
-def corrected_smoothing(problem: JointProblem, filtered: Filtered) -> Array:
+def corrected_smoothing(problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered) -> Array:
     """Correct the standard deviations of parameters about the most probable trajectory."""
     nominal = np.sqrt(np.diagonal(filtered.final.covariance())[: problem.n_parameters])
-    return corrected_deviation(nominal, of_smoothing(problem, filtered), problem.sensors.variance.size)
+    return corrected_deviation(nominal, of_smoothing(problem, smoothing, filtered), problem.sensors.variance.size)
 
 
 def of_free_motion(problem: JointProblem, state: Array, uncertainty: Uncertainty) -> list[Iterable[Influence]]:
@@ -55,15 +53,9 @@ def of_free_motion(problem: JointProblem, state: Array, uncertainty: Uncertainty
     return [_FreeMotion(problem, uncertainty, state, segment) for segment in range(len(problem.segments))]
 
 
-def of_smoothing(problem: JointProblem, filtered: Filtered) -> list[Iterable[Influence]]:
+def of_smoothing(problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered) -> list[Iterable[Influence]]:
     """Return the influences of each segment on parameters about the most probable trajectory."""
-    n, final = problem.n_parameters, filtered.final
-    known = Gaussian(filtered.trajectory.parameters + final.mean[:n], _HELD * problem.prior.factor[:n, :n])
-    held = joint_gaussian([with_parameters(own, known) for own in problem.priors], problem.n_moving)
-    smoothing, covariance = LinearSmoothing(problem._replace(prior=held)), final.covariance()[:n, :n]
-    about = smoothing.filter(filtered.trajectory)
-    assert about is not None, "a filter that knows more goes as far"
-    return [_Innovations(smoothing, about, covariance, segment) for segment in range(len(problem.segments))]
+    return [_Innovations(problem, smoothing, filtered, segment) for segment in range(len(problem.segments))]
 
 
 def _influence(timeline: Timeline, present: NDArray[np.bool_], residual: Array, rows: Array) -> Influence:
@@ -101,17 +93,42 @@ class _FreeMotion:
 class _Innovations:
     """Influences of a segment on what the smoother finds."""
 
+    problem: JointProblem
     smoothing: LinearSmoothing
     filtered: Filtered
-    covariance: Array
     segment: int
 
     def __iter__(self) -> Iterator[Influence]:
-        n, owed = len(self.covariance), self.filtered.by_parameters[self.segment]
-        error, moved = np.vstack([np.eye(n), owed]), np.empty(owed.shape)
-        for timeline, about, trace in self.smoothing.traced_segment(self.filtered, self.segment):
-            effects = FaultEffects(np.zeros((*about.moving.shape, n)), np.zeros((*about.residual.shape, n)))
-            carry_errors(timeline, about, trace, effects, error, moved)
+        process, sensors, _, _ = self.problem
+        n, n_moving, n_components = self.problem.n_parameters, self.problem.n_moving, sensors.matrix.shape[1]
+        covariance, step = self.filtered.final.covariance()[:n, :n], self.filtered.final.mean[:n]
+        error, moved = self.filtered.by_parameters[self.segment].copy(), np.empty((n_moving, n))
+        state = new_state(self._beginning(step), n_components)
+        data, work = ModelData.of(process, sensors), Work.of(process, n_moving, n_components)
+        for timeline, about in self.smoothing.linearised_segment(self.filtered, self.segment):
+            motion, by_parameters = _given_parameters(about, step)
+            trace = Trace.of(motion)
+            good, *_ = forward(data, timeline, motion, state, trace, work)
+            assert good == timeline.time.size, "a filter that knows more goes as far"
+            carry_errors(timeline, motion, trace, by_parameters, error, moved)
             deviation = np.sqrt(trace.total)
-            rows = (effects.added / deviation[..., None]) @ self.covariance
-            yield _influence(timeline, ~np.isnan(about.residual), trace.error / deviation, rows)
+            rows = (by_parameters.added / deviation[..., None]) @ covariance
+            yield _influence(timeline, ~np.isnan(motion.residual), trace.error / deviation, rows)
+
+    def _beginning(self, step: Array) -> Gaussian:
+        """Find what is known of the deviation of the motion before the segment, given the parameters."""
+        n, own, trajectory = step.size, self.problem.priors[self.segment], self.filtered.trajectory
+        owed = self.filtered.by_parameters[self.segment] @ (trajectory.parameters + step - own.mean[:n])
+        return Gaussian(own.mean[n:] + owed - trajectory.initial[self.segment], own.factor[n:, n:])
+
+
+def _given_parameters(about: Linearised, step: Array) -> tuple[Linearised, FaultEffects]:
+    """Leave the motion alone of a linear problem, with parameters that are known; return what these do to it, too."""
+    n = step.size
+    by_parameters = FaultEffects(about.transition[..., :n].copy(), about.rows[..., :n].copy())
+    return about._replace(
+        residual=about.residual - by_parameters.added @ step,
+        rows=about.rows[..., n:].copy(),
+        defect=about.defect + by_parameters.pushed @ step,
+        transition=about.transition[..., n:].copy(),
+    ), by_parameters

@@ -16,9 +16,16 @@ from scipy.linalg import solve_triangular
 from auvid_cli.filters.problem import Gaussian, ModelData, Process, Sensors, Timeline
 from auvid_cli.filters.segments import JointProblem, with_parameters
 from auvid_cli.filters.smoothing_backward import Adjoint, backward
-from auvid_cli.filters.smoothing_forward import Linearised, Trace, Work, forward, linearise_measurements
+from auvid_cli.filters.smoothing_forward import (
+    Linearised,
+    Trace,
+    Work,
+    forward,
+    linearise_measurements,
+    linearise_process,
+    new_state,
+)
 from auvid_cli.filters.square_root_state import State
-from auvid_cli.filters.workspace import padded
 
 Array = NDArray[np.float64]
 
@@ -118,7 +125,7 @@ class LinearSmoothing:
         self._data, self._n_components = ModelData.of(process, sensors), sensors.matrix.shape[1]
         self._n_parameters = problem.n_parameters
         self._n = problem.n_parameters + problem.n_moving
-        self._work = _new_work(process, self._n, self._n_components)
+        self._work = Work.of(process, self._n, self._n_components)
         self._kept, self._kept_of = dict[tuple[int, int], tuple[Linearised, Trace]](), None
 
     def change_noise(self, process: Process, sensors: Sensors) -> None:
@@ -135,14 +142,14 @@ class LinearSmoothing:
             cost += distance
             # The first segment's prior counts as a whole, of the others what it says of their own states.
             by_parameters.append(owed)
-            state = self._state(gaussian)
+            state = new_state(gaussian, self._n_components)
             before.append([])
             for chunk, timeline in enumerate(self._segments[segment]):
                 about = self._about(trajectory, segment, chunk, timeline)
                 before[-1].append(state.copy())
                 _, trace = self._kept.pop((segment, chunk), (None, None))
-                trace = _new_trace(about) if trace is None else trace
-                if (room := room - sum(array.nbytes for array in (*trace, about.rows))) >= 0:
+                trace = Trace.of(about) if trace is None else trace
+                if (room := room - sum(array.nbytes for array in (*trace, about.rows, about.transition))) >= 0:
                     self._kept[segment, chunk] = about, trace
                 good, *sums = self._forward(timeline, about, state, trace)
                 cost, least, log_determinant = cost + sums[0], least + sums[1], log_determinant + sums[2]
@@ -179,13 +186,16 @@ class LinearSmoothing:
     def traced(self, filtered: Filtered) -> Iterator[tuple[int, Timeline, Linearised, Trace]]:
         """Go through the chunks of each segment once more, from the first to the last."""
         for segment in range(len(self._segments)):
-            for timeline, about, trace in self.traced_segment(filtered, segment):
-                yield segment, timeline, about, trace
+            for chunk, timeline in enumerate(self._segments[segment]):
+                yield segment, timeline, *self._traced(filtered, segment, chunk, timeline)
 
-    def traced_segment(self, filtered: Filtered, segment: int) -> Iterator[tuple[Timeline, Linearised, Trace]]:
-        """Go through the chunks of one of them."""
+    def linearised_segment(self, filtered: Filtered, segment: int) -> Iterator[tuple[Timeline, Linearised]]:
+        """Go through the chunks of one of them, without filtering them again."""
         for chunk, timeline in enumerate(self._segments[segment]):
-            yield timeline, *self._traced(filtered, segment, chunk, timeline)
+            if self._is_kept(filtered, segment, chunk):
+                yield timeline, self._kept[segment, chunk][0]
+            else:
+                yield timeline, self._about(filtered.trajectory, segment, chunk, timeline)
 
     def traced_back(self, filtered: Filtered, adjoint: Adjoint) -> Iterator[tuple[int, Timeline, Linearised, Trace]]:
         """Go through them from the last to the first, with an adjoint that is to be carried back over each."""
@@ -196,19 +206,30 @@ class LinearSmoothing:
 
     def _traced(self, filtered: Filtered, segment: int, chunk: int, timeline: Timeline) -> tuple[Linearised, Trace]:
         """Return what the way back needs of a chunk."""
-        if filtered.trajectory is self._kept_of and (segment, chunk) in self._kept:
+        if self._is_kept(filtered, segment, chunk):
             return self._kept[segment, chunk]
         about = self._about(filtered.trajectory, segment, chunk, timeline)
-        trace = _new_trace(about)
+        trace = Trace.of(about)
         self._forward(timeline, about, filtered.before[segment][chunk].copy(), trace)
         return about, trace
+
+    def _is_kept(self, filtered: Filtered, segment: int, chunk: int) -> bool:
+        return filtered.trajectory is self._kept_of and (segment, chunk) in self._kept
 
     def _about(self, trajectory: Trajectory, segment: int, chunk: int, timeline: Timeline) -> Linearised:
         """Linearise a chunk about a trajectory."""
         chunks, shape = trajectory.moving[segment], timeline.measurement.shape
         before = chunks[chunk - 1][-1] if chunk else trajectory.initial[segment]
-        residual, rows = np.full(shape, np.nan), np.zeros((*shape, self._n))
-        about = Linearised(trajectory.parameters, before, chunks[chunk], residual, rows)
+        about = Linearised(
+            trajectory.parameters,
+            before,
+            chunks[chunk],
+            residual=np.full(shape, np.nan),
+            rows=np.zeros((*shape, self._n)),
+            defect=np.zeros(chunks[chunk].shape),
+            transition=np.zeros((*chunks[chunk].shape, self._n)),
+        )
+        linearise_process(self._process.transition, self._data, timeline, about, self._work)
         linearise_measurements(self._process.linearise, self._data, timeline, about, self._work)
         return about
 
@@ -224,46 +245,12 @@ class LinearSmoothing:
             own, distance = with_parameters(own, known), distance[n:]
         return own._replace(mean=own.mean - nominal), owed, float(distance @ distance)
 
-    def _state(self, gaussian: Gaussian) -> State:
-        return State.of(gaussian, self._n + self._n % 2, padded(self._n + self._n_components))
-
     def _forward(
         self, timeline: Timeline, about: Linearised, state: State, trace: Trace
     ) -> tuple[int, float, float, float]:
-        return forward(self._process.transition, self._data, timeline, about, state, trace, self._work)
+        return forward(self._data, timeline, about, state, trace, self._work)
 
 
 def is_led_to(first: Timeline) -> bool:
     """Say whether anything leads to the first event of a segment."""
     return bool(first.substep_offset[1] > first.substep_offset[0])
-
-
-def _new_trace(about: Linearised) -> Trace:
-    (n_events, n_moving), (n_measurements, n_components, n) = about.moving.shape, about.rows.shape
-    return Trace(
-        np.empty((n_events, n_moving, n)),
-        np.empty((n_events, n)),
-        np.empty((n_events, n_moving, n)),
-        np.empty((n_measurements, n_components, n)),
-        *(np.ones((n_measurements, n_components)) for _ in range(2)),
-        *(np.full((n_measurements, n_components), np.nan) for _ in range(2)),
-        weight=np.ones((n_measurements, n_components)),
-    )
-
-
-def _new_work(process: Process, n: int, n_components: int) -> Work:
-    n_moving, even = process.noise_density.size, n + n % 2
-    rows = n_moving + 2
-    return Work(
-        point=np.zeros(n),
-        matrix=np.eye(n),
-        product=np.zeros((n, n)),
-        rows=np.zeros((n_moving + n_moving % 2, padded(n))),
-        spread=np.zeros((rows, padded(2 * n_moving))),
-        lower=np.zeros((rows, rows)),
-        gain=np.zeros(padded(n + n_components)),
-        ratio=np.zeros(even),
-        share=np.zeros(even),
-        predictions=np.zeros(n_components),
-        process=np.zeros(process.scratch_size),
-    )

@@ -95,7 +95,7 @@ def _look_back(timeline, about, trace, adjoint, told):
                 for column in range(adjoint.n_columns[0]):
                     square += root[n_parameters + i, column] * root[n_parameters + i, column]
                 told.of_process[event, i] = square
-            back_in_time(trace.transition[event], n_parameters, adjoint)
+            back_in_time(about.transition[event], n_parameters, adjoint)
 
 
 def noise_scores(

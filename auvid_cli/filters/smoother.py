@@ -91,7 +91,8 @@ def run_smoother(
     if len(problem.segments) > 1:
         rivals += answers_of_segments(problem, best)
     scores = None if faults is None else score_faults(smoothing, best, faults)
-    return outcome._replace(faults=scores, others=tuple(rivals), corrected=corrected_smoothing(problem, best))
+    corrected = corrected_smoothing(problem, smoothing, best)
+    return outcome._replace(faults=scores, others=tuple(rivals), corrected=corrected)
 
 
 def most_probable(problem: JointProblem, smoothing: LinearSmoothing, max_passes: int) -> list[tuple[Filtered, bool]]:

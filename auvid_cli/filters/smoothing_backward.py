@@ -240,4 +240,4 @@ def backward(timeline, about, trace, adjoint, step, variance):
                 variance[event, i] = row[n_parameters + i] - square
         take_in_event(event, timeline, about, trace, adjoint, step[:0], step[:0])
         if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
-            back_in_time(trace.transition[event], n_parameters, adjoint)
+            back_in_time(about.transition[event], n_parameters, adjoint)

@@ -14,8 +14,16 @@ from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import TILE, carlson_update, triangularise
 from auvid_cli.filters.huber import weight
 from auvid_cli.filters.measurement import predict_linearly, wrapped
-from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, MODEL_DATA, TIMELINE, TRANSITION_SIGNATURE
-from auvid_cli.filters.square_root_state import STATE
+from auvid_cli.filters.problem import (
+    LINEARISATION_SIGNATURE,
+    MODEL_DATA,
+    TIMELINE,
+    TRANSITION_SIGNATURE,
+    Gaussian,
+    Process,
+)
+from auvid_cli.filters.square_root_state import STATE, State
+from auvid_cli.filters.workspace import padded
 
 Array = NDArray[np.float64]
 
@@ -38,6 +46,10 @@ class Linearised(NamedTuple):
         Measured less what the trajectory predicts; NaN where missing.
     rows : ndarray, shape (n_measurements, c, n)
         Derivative of what is predicted by the state.
+    defect : ndarray, shape (n_events, n_moving)
+        Where the process takes the trajectory from the event before, less the trajectory; zero where nothing leads.
+    transition : ndarray, shape (n_events, n_moving, n)
+        Moving rows of the transition matrix that leads to an event, if anything does.
     """
 
     parameters: Array
@@ -45,6 +57,8 @@ class Linearised(NamedTuple):
     moving: Array
     residual: Array
     rows: Array
+    defect: Array
+    transition: Array
 
 
 class Trace(NamedTuple):
@@ -52,8 +66,6 @@ class Trace(NamedTuple):
 
     Attributes
     ----------
-    transition : ndarray, shape (n_events, n_moving, n)
-        Moving rows of the transition matrix that leads to an event.
     filtered : ndarray, shape (n_events, n)
         Deviation after its measurements.
     covariance : ndarray, shape (n_events, n_moving, n)
@@ -68,7 +80,6 @@ class Trace(NamedTuple):
         By how much each counts: the variance of its noise is by so much larger.
     """
 
-    transition: Array
     filtered: Array
     covariance: Array
     gain: Array
@@ -78,6 +89,19 @@ class Trace(NamedTuple):
     variance: Array
     weight: Array
 
+    @classmethod
+    def of(cls, about: Linearised) -> "Trace":
+        """Make room for that of a chunk."""
+        (n_events, n_moving), (n_measurements, n_components, n) = about.moving.shape, about.rows.shape
+        return cls(
+            np.empty((n_events, n)),
+            np.empty((n_events, n_moving, n)),
+            np.empty((n_measurements, n_components, n)),
+            *(np.ones((n_measurements, n_components)) for _ in range(2)),
+            *(np.full((n_measurements, n_components), np.nan) for _ in range(2)),
+            weight=np.ones((n_measurements, n_components)),
+        )
+
 
 class Work(NamedTuple):
     """Arrays that hold nothing from one use to the next.
@@ -85,7 +109,8 @@ class Work(NamedTuple):
     Attributes
     ----------
     point : ndarray, shape (n,)
-    matrix, product : ndarray, shape (n, n)
+    matrix : ndarray, shape (n, n)
+    product : ndarray, shape (even number of moving states, n)
     rows : ndarray, shape (even number of moving states, whole tiles)
         Zero beyond the moving rows of the matrix.
     spread : ndarray, shape (even number of moving states, whole tiles)
@@ -110,9 +135,34 @@ class Work(NamedTuple):
     predictions: Array
     process: Array
 
+    @classmethod
+    def of(cls, process: Process, n: int, n_components: int) -> "Work":
+        """Make it for a state of n entries, and sensors of up to `n_components`."""
+        n_moving, even = process.noise_density.size, n + n % 2
+        rows, even_moving = n_moving + 2, n_moving + n_moving % 2
+        return cls(
+            point=np.zeros(n),
+            matrix=np.eye(n),
+            product=np.zeros((even_moving, n)),
+            rows=np.zeros((even_moving, padded(n))),
+            spread=np.zeros((rows, padded(2 * n_moving))),
+            lower=np.zeros((rows, rows)),
+            gain=np.zeros(padded(n + n_components)),
+            ratio=np.zeros(even),
+            share=np.zeros(even),
+            predictions=np.zeros(n_components),
+            process=np.zeros(process.scratch_size),
+        )
 
-LINEARISED = types.NamedTuple((_vector, _vector, _matrix, _matrix, _stack), Linearised)
-TRACE = types.NamedTuple((_stack, _matrix, _stack, _stack, *[_matrix] * 5), Trace)
+
+def new_state(gaussian: Gaussian, n_components: int) -> State:
+    """Lay out a Gaussian, with room for measurements of up to `n_components`."""
+    n = gaussian.mean.size
+    return State.of(gaussian, n + n % 2, padded(n + n_components))
+
+
+LINEARISED = types.NamedTuple((_vector, _vector, _matrix, _matrix, _stack, _matrix, _stack), Linearised)
+TRACE = types.NamedTuple((_matrix, _stack, _stack, *[_matrix] * 5), Trace)
 WORK = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 5), Work)
 
 
@@ -144,9 +194,29 @@ def linearise_measurements(linearise, data, timeline, about, work):
                 about.residual[k, c] = wrapped(difference, sensors.angular[sensor, c])
 
 
-@compiled(types.boolean(_vector, types.float64, STATE, WORK), reassociate=True, internal=True)
-def _predict(noise_density, elapsed, state, work):
-    """Move mean and factor of the deviation by ``work.matrix``; False if there is no factor."""
+@compiled(types.void(types.FunctionType(TRANSITION_SIGNATURE), MODEL_DATA, TIMELINE, LINEARISED, WORK))
+def linearise_process(transition, data, timeline, about, work):
+    """Fill in transitions, and by how much they miss the trajectory."""
+    n_moving, n_parameters, moved = about.moving.shape[1], about.parameters.size, work.point
+    for event in range(timeline.time.size):
+        first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
+        if last > first:
+            for j in range(n_parameters):
+                moved[j] = about.parameters[j]
+            for i in range(n_moving):
+                moved[n_parameters + i] = about.before[i] if event == 0 else about.moving[event - 1, i]
+            substeps = timeline.substep_input[first:last], timeline.substep_duration[first:last]
+            inputs, constants, selection = timeline.inputs, data.constants, data.selection
+            transition(moved, inputs, substeps[0], substeps[1], constants, selection, work.matrix, work.process)
+            for i in range(n_moving):
+                about.defect[event, i] = moved[n_parameters + i] - about.moving[event, i]
+                for j in range(moved.size):
+                    about.transition[event, i, j] = work.matrix[n_parameters + i, j]
+
+
+@compiled(types.boolean(_matrix, _vector, types.float64, STATE, WORK), reassociate=True, internal=True)
+def _predict(transition, noise_density, elapsed, state, work):
+    """Move mean and factor of the deviation; False if there is no factor."""
     n, mean, columns, rows, moved = state.n, state.mean, state.columns, work.rows, work.product
     n_moving = noise_density.size
     n_parameters = n - n_moving
@@ -156,7 +226,7 @@ def _predict(noise_density, elapsed, state, work):
             spread[i, k] = 0.0
     for i in range(n_moving):
         for j in range(n):
-            rows[i, j] = work.matrix[n_parameters + i, j]
+            rows[i, j] = transition[i, j]
         total = 0.0
         for j in range(n):
             total += rows[i, j] * mean[j]
@@ -243,18 +313,15 @@ def _write_down(event, state, n_parameters, trace):
 
 @compiled(
     types.Tuple((types.int64, types.float64, types.float64, types.float64))(
-        types.FunctionType(TRANSITION_SIGNATURE),
-        *(MODEL_DATA, TIMELINE, LINEARISED, STATE, TRACE, WORK),
+        MODEL_DATA, TIMELINE, LINEARISED, STATE, TRACE, WORK
     ),
     reassociate=True,
 )
-def forward(transition, data, timeline, about, state, trace, work):
+def forward(data, timeline, about, state, trace, work):
     """Filter the deviations from a trajectory through a chunk of the data.
 
     Parameters
     ----------
-    transition
-        Of the process, see `auvid_cli.filters.problem`.
     data : ModelData
     timeline : Timeline
     about : Linearised
@@ -285,24 +352,12 @@ def forward(transition, data, timeline, about, state, trace, work):
             elapsed = 0.0
             for substep in range(first, last):
                 elapsed += timeline.substep_duration[substep]
-            for j in range(n_parameters):
-                work.point[j] = about.parameters[j]
             for i in range(n_moving):
-                work.point[n_parameters + i] = about.before[i] if event == 0 else about.moving[event - 1, i]
-            substeps = timeline.substep_input[first:last], timeline.substep_duration[first:last]
-            moved = work.point
-            inputs, constants, selection = timeline.inputs, data.constants, data.selection
-            transition(moved, inputs, substeps[0], substeps[1], constants, selection, work.matrix, work.process)
-            for i in range(n_moving):
-                defect = moved[n_parameters + i] - about.moving[event, i]
-                cost += defect * defect / (noise_density[i] ** 2 * elapsed)
-                work.gain[i] = defect
-                for j in range(n):
-                    trace.transition[event, i, j] = work.matrix[n_parameters + i, j]
-            if not _predict(noise_density, elapsed, state, work):
+                cost += about.defect[event, i] * about.defect[event, i] / (noise_density[i] ** 2 * elapsed)
+            if not _predict(about.transition[event], noise_density, elapsed, state, work):
                 return event, cost, least, log_determinant
             for i in range(n_moving):
-                state.mean[n_parameters + i] += work.gain[i]
+                state.mean[n_parameters + i] += about.defect[event, i]
         for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
             sensor = timeline.measurement_sensor[k]
             for c in range(about.residual.shape[1]):

@@ -46,7 +46,7 @@ def test_of_the_smoother_they_sum_up_to_what_the_data_add_to_the_prior(problem):
     found = answer.trajectory.parameters + answer.final.mean[:n]
     factor = problem.prior.factor[:n, :n]
     known = np.linalg.inv(factor @ factor.T)
-    variance, moved = explained(of_smoothing(problem, answer))
+    variance, moved = explained(of_smoothing(problem, smoothing, answer))
     size = np.sqrt(np.diagonal(covariance))
     assert_allclose(
         variance / np.outer(size, size),

@@ -129,6 +129,12 @@ def test_cross_flow_is_a_force_or_a_moment(name, row, model, known, at):
     assert not faster[:, 6:].any()
 
 
+def linearised(parameters, before, moving, rows):
+    """Nothing is left of a trajectory, and nothing known of what leads along it."""
+    residual, transition = np.zeros(rows.shape[:2]), np.zeros((*moving.shape, rows.shape[2]))
+    return Linearised(parameters, before, moving, residual, rows, np.zeros(moving.shape), transition)
+
+
 @pytest.fixture
 def along(simulated_with, rng):
     """A chunk of data with some motion along it: problem, timeline and what is linear about it."""
@@ -142,7 +148,7 @@ def along(simulated_with, rng):
     states[:, 0] += 2.0
     shape = timeline.measurement.shape
     rows = np.zeros((*shape, len(symbols)))
-    return problem, timeline, Linearised(parameters, states[0], states[1:].copy(), np.zeros(shape), rows)
+    return problem, timeline, linearised(parameters, states[0], states[1:].copy(), rows)
 
 
 def moved(problem, timeline, about, known, inputs):
@@ -209,7 +215,7 @@ def test_a_propeller_drives_by_the_thrust_that_was_found(walk, simulated_with, a
     shape = timeline.measurement.shape
     rows = np.zeros((*shape, problem.layout.scale.size))
     parameters = np.array([*values.values()]) / problem.layout.scale[:n]
-    about = Linearised(parameters, start, states, np.zeros(shape), rows)
+    about = linearised(parameters, start, states, rows)
     faults = VehicleFaults(problem)
     late = faults.effects(0, timeline, about).added[..., faults.names.index("delay of the DVL")]
     (last,) = np.flatnonzero(timeline.measurement_sensor == [*problem.measuring].index("dvl"))[-1:]
