@@ -1,21 +1,24 @@
 """Models on data that they have not seen: `validate`, and its two steps, of which the first takes no time."""
 
+from collections.abc import Sequence
+
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.validation.data_leakage import unseen_data
+from auvid_cli.validation.data_leakage import unseen_segments
 from auvid_cli.validation.results import Validation
 from auvid_cli.validation.validate import validate as predict
 
-__all__ = ["predict", "unseen_data", "validate"]
+__all__ = ["predict", "unseen_segments", "validate"]
 
 
-def validate(dataset: Dataset, estimate: Estimate, training: Dataset | None = None) -> Validation:
+def validate(data: Dataset | Sequence[Dataset], estimate: Estimate, training: Dataset | None = None) -> Validation:
     """Say how well an identified model predicts data that it has not seen, and whether its uncertainty is honest.
 
     Parameters
     ----------
-    dataset : Dataset
-        Of another run than the estimate was made from.
+    data : Dataset or sequence of Dataset
+        Of other runs than the estimate was made from; several, and all segments that are used of each, are judged
+        together.
     estimate : Estimate
     training : Dataset, optional
         That the estimate was made from: a copy of it, or of a part, is then refused as well. Data that were in no file
@@ -25,12 +28,12 @@ def validate(dataset: Dataset, estimate: Estimate, training: Dataset | None = No
     -------
     Validation
         Predictions by signal and horizon beside the prior and an unchanged motion, numbers of manoeuvres, verdicts,
-        which ``to_pandas()`` makes tables of; ``run`` is the free run, with ``to_xarray()``.
+        which ``to_pandas()`` makes tables of; ``run`` is the free run of the longest segment, with ``to_xarray()``.
 
     Raises
     ------
     DataError
-        If the estimate has seen the data or did not end well, or the data are too short or in several segments.
+        If the estimate has seen the data or did not end well, or the data are too short.
 
     Examples
     --------
@@ -38,4 +41,6 @@ def validate(dataset: Dataset, estimate: Estimate, training: Dataset | None = No
     >>> validation.run.to_xarray()["u"].attrs["units"]
     'm/s'
     """
-    return predict(unseen_data(dataset, estimate, training), estimate, training)
+    datasets = [data] if isinstance(data, Dataset) else data
+    unseen = [segment for dataset in datasets for segment in unseen_segments(dataset, estimate, training)]
+    return predict(unseen, estimate, training)

@@ -18,8 +18,9 @@ def validate(
     estimate_file: Annotated[
         Path, typer.Argument(metavar="ESTIMATE", help="Estimate file (.h5), e.g. results/spiral/estimates/ckf.h5.")
     ],
-    dataset_file: Annotated[
-        Path, typer.Argument(metavar="DATASET", help="Dataset file (.h5) of another run than it was made from.")
+    dataset_files: Annotated[
+        list[Path],
+        typer.Argument(metavar="DATASET...", help="Dataset files (.h5) of other runs than it was made from."),
     ],
     use: UseOption = None,
     output: OutputOption = None,
@@ -31,7 +32,8 @@ def validate(
 
     The estimate's vehicle and coefficients move by the dataset's inputs alone: in one free run, and from many starts
     over horizons of 0.5 to 50 s. The errors stand beside those of the prior, of a motion that goes on unchanged, and
-    beside what the stated uncertainties amount to.
+    beside what the stated uncertainties amount to. Several datasets, and all segments of each (--use, of all of them),
+    are judged together; the results stand beside the first.
     """
     with reporting_errors():
         from auvid_cli.api.files import read_dataset, read_estimate
@@ -41,22 +43,23 @@ def validate(
         from auvid_cli.data.screening import screen
 
         terminal = Terminal(quiet, verbose)
-        screen([estimate_file, dataset_file])
-        estimate, whole = read_estimate(estimate_file), read_dataset(dataset_file, *overrides(None, use=use))
+        screen([estimate_file, *dataset_files])
+        estimate = read_estimate(estimate_file)
+        datasets = [read_dataset(path, *overrides(None, use=use)) for path in dataset_files]
         with terminal.compiling():
-            from auvid_cli.api.validation import predict, unseen_data
+            from auvid_cli.api.validation import predict, unseen_segments
             from auvid_cli.cli.tables import write_and_draw
             from auvid_cli.report.validation_screen import print_validation
         with terminal.stage("compare with the estimate's own data"):
             training = _dataset_behind(estimate_file, estimate)
-            dataset = unseen_data(whole, estimate, training)
-        folder = output or folder_of_dataset(dataset_file)
-        put_copy(dataset_file, whole, folder, [estimate_file], overwrite)
-        keep_apart(tables_and_figures(folder), [estimate_file, dataset_file])
+            segments = [part for dataset in datasets for part in unseen_segments(dataset, estimate, training)]
+        folder, inputs = output or folder_of_dataset(dataset_files[0]), [estimate_file, *dataset_files]
+        put_copy(dataset_files[0], datasets[0], folder, inputs, overwrite)
+        keep_apart(tables_and_figures(folder), inputs)
         with terminal.stage("predict"):
-            validation = predict(dataset, estimate, training)
+            validation = predict(segments, estimate, training)
         tables = validation.tables()
-        paths = write_and_draw(folder, tables, lambda figures: figures.add_validation(dataset, validation), terminal)
+        paths = write_and_draw(folder, tables, lambda figures: figures.add_validation(validation), terminal)
         print_validation(terminal.out, validation)
         terminal.say_all(paths)
         raise typer.Exit(VERDICT_FAILED if validation.checks.failed() else DONE)

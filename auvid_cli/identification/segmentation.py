@@ -15,20 +15,6 @@ Array = NDArray[np.float64]
 Span = tuple[float, float]
 
 
-def the_only_segment(dataset: Dataset) -> Dataset:
-    """Return what is used of a dataset, which is one segment.
-
-    Raises
-    ------
-    DataError
-        If there are several, or none.
-    """
-    segments = used_segments(dataset, measuring_sensors(dataset))
-    if len(segments) > 1:
-        raise DataError(f"one segment of data is looked at here, and there are {len(segments)}: name one with --use")
-    return segments[0]
-
-
 def used_data(dataset: Dataset) -> Dataset:
     """Return all that is used of a dataset, as one."""
     segments = used_segments(dataset, measuring_sensors(dataset))

@@ -9,7 +9,8 @@ from auvid_cli.config.experiment import ImportedRun
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from auvid_cli.identification.segmentation import the_only_segment, used_data
+from auvid_cli.identification.segmentation import used_data, used_segments
+from auvid_cli.identification.timeline import measuring_sensors
 
 Array = NDArray[np.float64]
 
@@ -19,8 +20,8 @@ _RUN, _PLACES = 8, 1000
 _SAME = 1e-6
 
 
-def unseen_data(dataset: Dataset, estimate: Estimate, training: Dataset | None = None) -> Dataset:
-    """Return what is used of a dataset, if an estimate was not made from it.
+def unseen_segments(dataset: Dataset, estimate: Estimate, training: Dataset | None = None) -> list[Dataset]:
+    """Return what is used of a dataset, segment by segment, if an estimate was not made from it.
 
     Parameters
     ----------
@@ -32,13 +33,14 @@ def unseen_data(dataset: Dataset, estimate: Estimate, training: Dataset | None =
     Raises
     ------
     DataError
-        As of `check_unseen`, or if several segments of the dataset are used, or none.
+        As of `check_unseen`, or if nothing of the dataset is used.
     """
     if training is not None:
         training = used_data(replace(training, experiment=estimate.experiment))
-    part = the_only_segment(dataset)
-    check_unseen(part, estimate, training)
-    return part
+    segments = used_segments(dataset, measuring_sensors(dataset))
+    for segment in segments:
+        check_unseen(segment, estimate, training)
+    return segments
 
 
 def check_unseen(dataset: Dataset, estimate: Estimate, training: Dataset | None = None) -> None:

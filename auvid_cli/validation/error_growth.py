@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auvid_cli.validation.horizon_prediction import HORIZONS, Sample
-from auvid_cli.validation.signals import MeasuredSignal
+from auvid_cli.validation.signals import SignalSize
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 # So many errors say how large they are to a fifth.
@@ -42,18 +42,18 @@ class ErrorGrowth(NamedTuple):
     variance: dict[tuple[str, float], float]
     moved: dict[str, float]
 
-    def in_motion(self, signals: Mapping[str, MeasuredSignal]) -> dict[tuple[str, float], float]:
+    def in_motion(self, sizes: Mapping[str, SignalSize]) -> dict[tuple[str, float], float]:
         """Return the variance for other data, SI, by motion symbol and horizon: in proportion to what moves there."""
-        moved = _moved(signals)
+        moved = _moved(sizes)
         ratio = {symbol: moved[symbol] / self.moved[symbol] for symbol in moved if symbol in self.moved}
         scale = {
             symbol: max((ratio[other] for other in _GROWS_WITH.get(symbol, (symbol,)) if other in ratio), default=1.0)
-            for symbol in signals
+            for symbol in sizes
         }
         return {(symbol, h): scale[symbol] * v for (symbol, h), v in self.variance.items() if symbol in scale}
 
 
-def error_growth(samples: Sequence[Sample], signals: Mapping[str, MeasuredSignal]) -> ErrorGrowth:
+def error_growth(samples: Sequence[Sample], sizes: Mapping[str, SignalSize]) -> ErrorGrowth:
     """Find by how much mean squares of errors exceed what is stated; never less than at a shorter horizon.
 
     Horizons beyond the data, and those that too few starts reach, get what the longest one has.
@@ -62,11 +62,11 @@ def error_growth(samples: Sequence[Sample], signals: Mapping[str, MeasuredSignal
     ----------
     samples : sequence of Sample
         Predictions of the identified model's own data, from many starts.
-    signals : mapping
-        Of these data.
+    sizes : mapping
+        Of these data, see `signal_sizes`.
     """
     variance = {}
-    for symbol in signals:
+    for symbol in sizes:
         largest = 0.0
         for horizon in HORIZONS:
             excess = [
@@ -77,10 +77,9 @@ def error_growth(samples: Sequence[Sample], signals: Mapping[str, MeasuredSignal
             if len(excess) >= _FEWEST and np.isfinite(excess).all():
                 largest = max(largest, float(np.mean(excess)))
             variance[symbol, horizon] = largest
-    return ErrorGrowth(variance, _moved(signals))
+    return ErrorGrowth(variance, _moved(sizes))
 
 
-def _moved(signals: Mapping[str, MeasuredSignal]) -> dict[str, float]:
+def _moved(sizes: Mapping[str, SignalSize]) -> dict[str, float]:
     """Return the variance of each signal without that of its noise; at least that."""
-    noise = {symbol: signal.deviation**2 for symbol, signal in signals.items()}
-    return {symbol: max(float(signals[symbol].values.var()) - noise[symbol], noise[symbol]) for symbol in signals}
+    return {symbol: max(s.variance - s.deviation**2, s.deviation**2) for symbol, s in sizes.items()}

@@ -49,6 +49,12 @@ class PredictionFit(NamedTuple):
         spread = self.spread + other.spread + apart**2 * self.measurements * other.measurements / measurements
         return PredictionFit(measurements, mean, spread, self.squares + other.squares)
 
+    def beside(self, other: "PredictionFit") -> "PredictionFit":
+        """Join both, where each deviates from its own mean: that of another segment."""
+        measurements = self.measurements + other.measurements
+        mean = (self.measurements * self.mean + other.measurements * other.mean) / max(measurements, 1)
+        return PredictionFit(measurements, mean, self.spread + other.spread, self.squares + other.squares)
+
     @property
     def rmse(self) -> float | None:
         """Return the root mean square error; None without measurements or where the prediction is not finite."""

@@ -1,6 +1,6 @@
 """The free run against every measurement: the identified model, what there was before, and an unchanged motion."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,7 +17,7 @@ from auvid_cli.validation.initial_states import InitialStates
 from auvid_cli.validation.model_bundle import Models
 from auvid_cli.validation.motion_prediction import unchanged_motion
 from auvid_cli.validation.results import FREE_RUN, Prediction
-from auvid_cli.validation.signals import SAME, MeasuredSignal, is_angle
+from auvid_cli.validation.signals import SAME, MeasuredSignal, SignalSize, is_angle
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
@@ -26,21 +26,25 @@ _Run: TypeAlias = Iterator[tuple[Array, Array]]
 
 
 class FreeRunFit(NamedTuple):
-    """Fit of the free runs to all measurements.
+    """Fit of the free runs to all measurements of a segment.
 
     Attributes
     ----------
     run : FreeRun
         Of the identified model, as the sensors read it: with their errors, and where a current is estimated over
         ground. Of a long run evenly spaced samples.
-    rows : list of Prediction
+    length : float
+        s.
+    fits : dict of dict of PredictionFit
+        By model and motion symbol.
     excursion : dict of float
         How far the run went from the mean of each signal but the heading, over how far the measurements went; infinite
         where it is not finite.
     """
 
     run: FreeRun
-    rows: list[Prediction]
+    length: float
+    fits: dict[str, dict[str, PredictionFit]]
     excursion: dict[str, float]
 
 
@@ -75,12 +79,18 @@ def fit_free_runs(
     keeper, farthest = Keeper(prepared.measuring), _Farthest(signals)
     predictions["identified"] = _watched(predictions["identified"], keeper, farthest)
     fits = {name: _fits(run, signals) for name, run in predictions.items()}
-    length = timelines.span[1] - start
-    rows = [
-        _row(symbol, signal, length, {name: by_symbol[symbol] for name, by_symbol in fits.items()})
-        for symbol, signal in signals.items()
-    ]
-    return FreeRunFit(keeper.kept(), rows, farthest.over_reach())
+    return FreeRunFit(keeper.kept(), timelines.span[1] - start, fits, farthest.over_reach())
+
+
+def free_run_rows(segments: Sequence[FreeRunFit], sizes: Mapping[str, SignalSize]) -> Iterator[Prediction]:
+    """Yield a row for each signal of several segments."""
+    length = max(segment.length for segment in segments)
+    for symbol, size in sizes.items():
+        fits = dict.fromkeys(segments[0].fits, PredictionFit())
+        for segment in segments:
+            for name, by_symbol in segment.fits.items():
+                fits[name] = fits[name].beside(by_symbol.get(symbol, PredictionFit()))
+        yield _row(symbol, size, length, fits)
 
 
 class _Farthest:
@@ -143,7 +153,7 @@ def _fits(run: _Run, signals: Mapping[str, MeasuredSignal]) -> dict[str, Predict
     return fits
 
 
-def _row(symbol: str, signal: MeasuredSignal, length: float, fits: Mapping[str, PredictionFit]) -> Prediction:
+def _row(symbol: str, size: SignalSize, length: float, fits: Mapping[str, PredictionFit]) -> Prediction:
     rmse, identified = {name: fit.rmse for name, fit in fits.items()}, fits["identified"]
     return Prediction(
         signal=symbol,
@@ -151,7 +161,7 @@ def _row(symbol: str, signal: MeasuredSignal, length: float, fits: Mapping[str, 
         kind=FREE_RUN,
         horizon_s=length,
         measurements=identified.measurements,
-        noise=signal.deviation,
+        noise=size.deviation,
         fit_percent=identified.percent,
         rmse=identified.rmse,
         prior_rmse=rmse.get("prior"),

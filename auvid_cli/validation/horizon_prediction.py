@@ -12,7 +12,7 @@ from auvid_cli.validation.fit import PredictionFit
 from auvid_cli.validation.initial_states import InitialStates
 from auvid_cli.validation.motion_prediction import Shaken, move_side_by_side, unchanged_motion
 from auvid_cli.validation.results import AHEAD, Prediction
-from auvid_cli.validation.signals import MeasuredSignal, is_angle
+from auvid_cli.validation.signals import MeasuredSignal, SignalSize, is_angle
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
@@ -76,6 +76,10 @@ class Collected(NamedTuple):
 
     samples: list[Sample]
     blown_up: NDArray[np.bool_]
+
+    def plus(self, other: "Collected") -> "Collected":
+        """Join those of another segment."""
+        return Collected(self.samples + other.samples, self.blown_up | other.blown_up)
 
 
 def evenly_spaced(begin: float, end: float, most: int) -> Array:
@@ -162,7 +166,7 @@ def _variance(drawn: Array, centre: float) -> float:
 def rows_ahead(
     collected: Collected,
     names: Sequence[str],
-    signals: Mapping[str, MeasuredSignal],
+    sizes: Mapping[str, SignalSize],
     growth: Mapping[tuple[str, float], float],
 ) -> Iterator[Prediction]:
     """Yield a row for each horizon that is reached often enough, and signal.
@@ -173,7 +177,7 @@ def rows_ahead(
     """
     drawn, blown_up = collected.blown_up.size, int(collected.blown_up.sum())
     for horizon in HORIZONS:
-        for symbol, signal in signals.items():
+        for symbol, size in sizes.items():
             column = MOTION_SYMBOLS.index(symbol)
             samples = [s for s in collected.samples if s.target.horizon == horizon and s.target.column == column]
             if len(samples) < FEWEST_STARTS:
@@ -181,7 +185,7 @@ def rows_ahead(
             measured = np.array([sample.target.measurement for sample in samples])
             predicted = np.array([sample.named for sample in samples])
             fits = {name: PredictionFit.of(measured, predicted[:, i]) for i, name in enumerate(names)}
-            whole = fits["identified"]._replace(spread=len(samples) * float(signal.values.var()))
+            whole = fits["identified"]._replace(spread=len(samples) * size.variance)
             deviation = np.sqrt([sample.variance + growth.get((symbol, horizon), 0.0) for sample in samples])
             has_band = bool(np.isfinite(deviation).all() and fits["identified"].rmse is not None)
             within = np.abs(measured - predicted[:, 0]) <= _SIGMAS * deviation
@@ -191,7 +195,7 @@ def rows_ahead(
                 AHEAD,
                 horizon,
                 len(samples),
-                signal.deviation,
+                size.deviation,
                 whole.percent,
                 fits["identified"].rmse,
                 fits["prior"].rmse if "prior" in fits else None,

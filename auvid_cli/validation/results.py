@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING, NamedTuple
 
 from auvid_cli.data.check import Check, Checks
+from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.named_rows import NamedRows, frames
 from auvid_cli.evaluation.predicted_motion import FreeRun
 
@@ -94,8 +95,10 @@ class Validation(NamedTuple):
         Those of the free run, then by horizon.
     manoeuvres : list of ManoeuvreNumber
     checks : Checks
+    shown : Dataset
+        The longest segment of the data.
     run : FreeRun
-        Of the identified model, as the sensors read it, see `FreeRunFit`.
+        Of the identified model there, as the sensors read it, see `FreeRunFit`.
     remarks : list of str
         Sentences on what is missing.
     """
@@ -104,6 +107,7 @@ class Validation(NamedTuple):
     predictions: list[Prediction]
     manoeuvres: list[ManoeuvreNumber]
     checks: Checks
+    shown: Dataset
     run: FreeRun
     remarks: list[str]
 

@@ -1,10 +1,11 @@
 """Measurements as one signal for each measured motion state."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, state_of
@@ -14,6 +15,10 @@ Array = NDArray[np.float64]
 _ANGLES = MOTION_SYMBOLS[6:]
 # s; times that differ by less are the same: those of events are whole nanoseconds, half of one from a measurement's.
 SAME = 0.75e-9
+# s; over which a change of heading tells the yaw rate, if no gyroscope does.
+_WHILE_TURNING = 1.0
+# Headings before and after it, at least.
+_FEWEST_AROUND = 2
 
 
 class MeasuredSignal(NamedTuple):
@@ -41,6 +46,21 @@ class MeasuredSignal(NamedTuple):
         return 2.0 * np.pi * float(np.round((measurement - value) / (2.0 * np.pi)))
 
 
+class SignalSize(NamedTuple):
+    """What the measurements of one motion state are like, over all segments.
+
+    Attributes
+    ----------
+    deviation : float
+        Stated standard deviation of a measurement, SI; of several, root of the mean square.
+    variance : float
+        Of the measurements about the mean of their segment, SI.
+    """
+
+    deviation: float
+    variance: float
+
+
 def is_angle(symbol: str) -> bool:
     """Say whether a motion state is known modulo a turn."""
     return symbol in _ANGLES
@@ -58,4 +78,54 @@ def measured_signals(measuring: Mapping[str, SensorRecord]) -> dict[str, Measure
                 continuous = np.unwrap(values[finite]) if is_angle(symbol) else values[finite]
                 deviation = float(record.standard_deviation[component])
                 signals[symbol] = MeasuredSignal(record.time[finite], continuous, deviation)
+    if "r" not in signals and (yaw_rate := _yaw_rate_by_attitude(signals)) is not None:
+        signals["r"] = yaw_rate
     return {symbol: signals[symbol] for symbol in MOTION_SYMBOLS if symbol in signals}
+
+
+def signal_sizes(segments: Sequence[Mapping[str, MeasuredSignal]]) -> dict[str, SignalSize]:
+    """Return what signals of several segments are like, by motion symbol, in the order of the motion states."""
+    sizes = {}
+    for symbol in MOTION_SYMBOLS:
+        if own := [signals[symbol] for signals in segments if symbol in signals]:
+            weights = [signal.values.size for signal in own]
+            noise, variance = ([s.deviation**2 for s in own], [float(s.values.var()) for s in own])
+            sizes[symbol] = SignalSize(
+                float(np.sqrt(np.average(noise, weights=weights))), float(np.average(variance, weights=weights))
+            )
+    return sizes
+
+
+def _yaw_rate_by_attitude(signals: Mapping[str, MeasuredSignal]) -> MeasuredSignal | None:
+    """Take the yaw rate from how the attitude changes, by cubics through a second of it (Savitzky and Golay 1964).
+
+    ``r = psi_dot cos phi cos theta - theta_dot sin phi`` (Fossen 2011, eq. 2.28); an angle that is not measured at the
+    times of the heading is taken as zero. None if there is no heading, or it comes too seldom.
+    """
+    if "psi" not in signals or signals["psi"].time.size < 3:
+        return None
+    time, heading, deviation = signals["psi"]
+    interval = float(np.median(np.diff(time)))
+    half = round(0.5 * _WHILE_TURNING / interval)
+    # Half a window before and after, and a little more, measurements come without a gap.
+    ends = np.concatenate([[True], np.diff(time) > 0.5 * _WHILE_TURNING, [True]])
+    last_begin = np.maximum.accumulate(np.where(ends[:-1], time, -np.inf))
+    next_end = np.minimum.accumulate(np.where(ends[1:], time, np.inf)[::-1])[::-1]
+    good = np.minimum(time - last_begin, next_end - time) >= (half + 0.9) * interval
+    if half < _FEWEST_AROUND or not good.any():
+        return None
+    even = time[0] + interval * np.arange(int((time[-1] - time[0]) / interval) + 1)
+    window = 2 * half + 1, 3
+
+    def rate(angle: Array) -> Array:
+        changing = savgol_filter(np.interp(even, time, angle), *window, deriv=1, delta=interval)
+        return np.interp(time, even, np.asarray(changing, dtype=np.float64))
+
+    angles = (signals.get(symbol) for symbol in ("phi", "theta"))
+    roll, pitch = (
+        angle.values if angle is not None and np.array_equal(angle.time, time) else np.zeros(time.size)
+        for angle in angles
+    )
+    yaw_rate = rate(heading) * np.cos(roll) * np.cos(pitch) - rate(pitch) * np.sin(roll)
+    noise = float(np.linalg.norm(savgol_coeffs(*window, deriv=1, delta=interval)))
+    return MeasuredSignal(time[good], yaw_rate[good], noise * deviation)

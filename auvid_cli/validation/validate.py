@@ -1,7 +1,9 @@
 """Everything that is said of an estimate on data that it has not seen."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from math import ceil
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +15,13 @@ from auvid_cli.errors import DataError
 from auvid_cli.identification.prepared_data import PreparedData, prepare
 from auvid_cli.validation.data_leakage import other_vehicle
 from auvid_cli.validation.error_growth import ErrorGrowth, error_growth
-from auvid_cli.validation.free_run_fit import fit_free_runs
-from auvid_cli.validation.horizon_prediction import Bundle, evenly_spaced, predict_ahead, rows_ahead
+from auvid_cli.validation.free_run_fit import fit_free_runs, free_run_rows
+from auvid_cli.validation.horizon_prediction import Bundle, Collected, evenly_spaced, predict_ahead, rows_ahead
 from auvid_cli.validation.initial_states import InitialStates, filtered_initial_states, with_model
 from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
 from auvid_cli.validation.model_bundle import Models, drawn_coefficients, models_of
 from auvid_cli.validation.results import ManoeuvreNumber, Validation
-from auvid_cli.validation.signals import MeasuredSignal, measured_signals
+from auvid_cli.validation.signals import MeasuredSignal, measured_signals, signal_sizes
 from auvid_cli.validation.verdicts import verdicts
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
@@ -29,60 +31,107 @@ Array = NDArray[np.float64]
 STARTS, DRAWS = 100, 50
 
 
-def validate(dataset: Dataset, estimate: Estimate, training: Dataset | None = None, starts: int = STARTS) -> Validation:
-    """Predict a manoeuvre with an identified model; no truth is looked at.
+class _Followed(NamedTuple):
+    """A segment of the data with the motion that a filter finds there.
 
-    Vehicle, coefficients and settings are the estimate's, inputs and measurements the dataset's.
+    Attributes
+    ----------
+    prepared : PreparedData
+        From `with_model`.
+    signals : dict of MeasuredSignal
+    states : InitialStates
+        At least one.
+    """
+
+    prepared: PreparedData
+    signals: dict[str, MeasuredSignal]
+    states: InitialStates
+
+    @property
+    def length(self) -> float:
+        """Return how long it is, s."""
+        begin, end = _span(self.prepared, self.signals)
+        return end - begin
+
+
+def validate(
+    segments: Sequence[Dataset], estimate: Estimate, training: Dataset | None = None, starts: int = STARTS
+) -> Validation:
+    """Predict manoeuvres with an identified model; no truth is looked at.
+
+    Vehicle, coefficients and settings are the estimate's, inputs and measurements those of the data.
 
     Parameters
     ----------
-    dataset : Dataset
-        That the estimate has not seen, see `check_unseen`.
+    segments : sequence of Dataset
+        That the estimate has not seen, see `unseen_segments`; of one run or of several.
     estimate : Estimate
     training : Dataset, optional
         That the estimate was made from: by how much its predictions of that are worse than is stated, horizon by
         horizon, is then part of the bands.
     starts : int
-        Most starts of predictions ahead.
+        Most starts of predictions ahead, over all segments.
 
     Raises
     ------
     DataError
-        If the estimate did not end well, the dataset has no usable sensor, or is too short to predict anything.
+        If the estimate did not end well, no segment has a usable sensor, or all are too short to predict anything.
     """
     if not estimate.completed:
         raise DataError(f"the estimate {estimate.status}: it is no model to be validated")
-    prepared, models = prepare(with_model(dataset, estimate)), models_of(estimate)
-    signals = measured_signals(prepared.measuring)
-    initial_states = filtered_initial_states(prepared, _spread_over(prepared, signals, starts))
-    if not initial_states.time.size:
-        begin, end = _span(prepared, signals)
-        raise DataError(
-            f"there is no time at which a prediction can start: the measurements from {begin:g} s to {end:g} s are too "
-            f"short, or this model cannot follow them ({initial_states.status})"
-        )
-    free = fit_free_runs(prepared, signals, models, initial_states)
+    models = models_of(estimate)
+    followed, too_short = _follow(segments, estimate, starts)
+    if not followed:
+        raise DataError(too_short[0])
+    sizes = signal_sizes([segment.signals for segment in followed])
+    free = [fit_free_runs(segment.prepared, segment.signals, models, segment.states) for segment in followed]
     rng = np.random.default_rng(estimate.experiment.seed)
     bundle = _bundle(models, drawn_coefficients(estimate, DRAWS, rng))
     # What is seen on the model's own data says better how errors grow than white noise that stands for their causes.
-    process_noise = initial_states.process_noise if training is None else None
-    collected = predict_ahead(prepared, signals, initial_states, bundle, rng, process_noise)
-    growth = {} if training is None else _growth(training, estimate, bundle, starts, rng).in_motion(signals)
-    rows = [*free.rows, *rows_ahead(collected, bundle.names, signals, growth)]
-    numbers = manoeuvre_numbers(prepared.dataset.inputs, signals, free.run)
-    remarks = [
-        *_remarks(dataset, estimate, initial_states, collected.blown_up),
-        *_unknown_growth(training),
-        *_taken_as_level(numbers, signals),
+    collected = _predict(followed, bundle, rng, with_process_noise=training is None)
+    growth = {} if training is None else _growth(training, estimate, bundle, starts, rng).in_motion(sizes)
+    rows = [*free_run_rows(free, sizes), *rows_ahead(collected, bundle.names, sizes, growth)]
+    numbers = [
+        number
+        for segment, its_run in zip(followed, free, strict=True)
+        for number in manoeuvre_numbers(segment.prepared.dataset.inputs, segment.signals, its_run.run)
     ]
+    remarks = [
+        *too_short,
+        *_remarks(segments[0], estimate, [segment.states for segment in followed], collected.blown_up),
+        *_unknown_growth(training),
+        *_without_a_gyroscope(followed),
+        *_taken_as_level(numbers, sizes),
+    ]
+    longest = max(range(len(followed)), key=lambda k: followed[k].length)
     return Validation(
         estimate.filter,
         rows,
         numbers,
-        Checks(verdicts(estimate.filter, rows, free.excursion, initial_states.nis, initial_states.status)),
-        free.run,
+        Checks(verdicts(estimate.filter, rows, _largest(its_run.excursion for its_run in free), *_doubts(followed))),
+        followed[longest].prepared.dataset,
+        free[longest].run,
         remarks,
     )
+
+
+def _follow(segments: Sequence[Dataset], estimate: Estimate, starts: int) -> tuple[list[_Followed], list[str]]:
+    """Filter each segment, with its share of the starts; say which are too short."""
+    prepared = [prepare(with_model(segment, estimate)) for segment in segments]
+    signals = [measured_signals(data.measuring) for data in prepared]
+    spans = [_span(data, measured) for data, measured in zip(prepared, signals, strict=True)]
+    total, followed, too_short = sum(end - begin for begin, end in spans), list[_Followed](), list[str]()
+    for data, measured, (begin, end) in zip(prepared, signals, spans, strict=True):
+        share = ceil(starts * (end - begin) / total) if end > begin else 0
+        states = filtered_initial_states(data, evenly_spaced(begin, end, share))
+        if states.time.size:
+            followed.append(_Followed(data, measured, states))
+        else:
+            too_short.append(
+                f"there is no time at which a prediction can start: the measurements from {begin:g} s to {end:g} s are "
+                f"too short, or this model cannot follow them ({states.status})"
+            )
+    return followed, too_short
 
 
 def _span(prepared: PreparedData, signals: Mapping[str, MeasuredSignal]) -> tuple[float, float]:
@@ -90,20 +139,38 @@ def _span(prepared: PreparedData, signals: Mapping[str, MeasuredSignal]) -> tupl
     return prepared.segments[0].timelines.span[0], max(float(signal.time[-1]) for signal in signals.values())
 
 
-def _spread_over(prepared: PreparedData, signals: Mapping[str, MeasuredSignal], starts: int) -> Array:
-    return evenly_spaced(*_span(prepared, signals), starts)
+def _predict(
+    followed: Sequence[_Followed], bundle: Bundle, rng: np.random.Generator, with_process_noise: bool
+) -> Collected:
+    collected = Collected([], np.zeros(len(bundle.coefficients) - len(bundle.names), dtype=np.bool_))
+    for prepared, signals, states in followed:
+        process_noise = states.process_noise if with_process_noise else None
+        collected = collected.plus(predict_ahead(prepared, signals, states, bundle, rng, process_noise))
+    return collected
 
 
 def _growth(
     training: Dataset, estimate: Estimate, bundle: Bundle, starts: int, rng: np.random.Generator
 ) -> ErrorGrowth:
-    """Find by how much predictions of an estimate's own data, in the longest segment of them, are worse than stated."""
+    """Find by how much predictions of an estimate's own data are worse than stated."""
     used = prepare(replace(training, experiment=estimate.experiment)).segments
-    longest = max(used, key=lambda segment: segment.timelines.span[1] - segment.timelines.span[0]).dataset
-    prepared = prepare(with_model(longest, estimate))
-    signals = measured_signals(prepared.measuring)
-    states = filtered_initial_states(prepared, _spread_over(prepared, signals, starts))
-    return error_growth(predict_ahead(prepared, signals, states, bundle, rng).samples, signals)
+    followed, _ = _follow([segment.dataset for segment in used], estimate, starts)
+    sizes = signal_sizes([segment.signals for segment in followed])
+    return error_growth(_predict(followed, bundle, rng, with_process_noise=False).samples, sizes)
+
+
+def _doubts(followed: Sequence[_Followed]) -> tuple[dict[str, float], str]:
+    """Return the largest NIS of each sensor over the segments, and how a filter ended that did not come to the end."""
+    statuses = [segment.states.status for segment in followed]
+    return _largest(segment.states.nis for segment in followed), min(statuses, key=lambda s: s == "completed")
+
+
+def _largest(values: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    largest: dict[str, float] = {}
+    for by_name in values:
+        for name, value in by_name.items():
+            largest[name] = max(value, largest.get(name, 0.0))
+    return largest
 
 
 def _bundle(models: Models, drawn: Array | None) -> Bundle:
@@ -113,15 +180,17 @@ def _bundle(models: Models, drawn: Array | None) -> Bundle:
     return Bundle(tuple(named), table if drawn is None else np.vstack([table, drawn]))
 
 
-def _remarks(dataset: Dataset, estimate: Estimate, starts: InitialStates, blown_up: NDArray[np.bool_]) -> Iterator[str]:
+def _remarks(
+    dataset: Dataset, estimate: Estimate, states: Sequence[InitialStates], blown_up: NDArray[np.bool_]
+) -> Iterator[str]:
     if other := other_vehicle(dataset, estimate):
         yield (
             f"the dataset states another vehicle ({', '.join(other)} differ); the model is the estimate's, of "
             f"{estimate.experiment.vehicle.name}"
         )
-    if starts.noise_factor > 1.0:
+    if (noise_factor := max(found.noise_factor for found in states)) > 1.0:
         yield (
-            f"the filter that finds where predictions start got {starts.noise_factor:g} times the process noise of the "
+            f"the filter that finds where predictions start got {noise_factor:g} times the process noise of the "
             "settings, which the measurements contradict"
         )
     if not blown_up.size:
@@ -141,7 +210,12 @@ def _unknown_growth(training: Dataset | None) -> Iterator[str]:
         )
 
 
-def _taken_as_level(numbers: Sequence[ManoeuvreNumber], signals: Mapping[str, MeasuredSignal]) -> Iterator[str]:
+def _without_a_gyroscope(followed: Sequence[_Followed]) -> Iterator[str]:
+    if any("r" in segment.signals and "gyroscope" not in segment.prepared.measuring for segment in followed):
+        yield "no gyroscope measures r: it is taken from how the attitude changes over a second"
+
+
+def _taken_as_level(numbers: Sequence[ManoeuvreNumber], signals: Collection[str]) -> Iterator[str]:
     unmeasured = [symbol for symbol in TILT if symbol not in signals]
     if unmeasured and any(row.number == "radius" for row in numbers):
         lacking = " or ".join(unmeasured)

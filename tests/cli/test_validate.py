@@ -110,6 +110,19 @@ def test_what_an_estimate_left_out_of_a_dataset_is_new_to_it(results, tmp_path):
     seen = run(tmp_path / "early.h5", results / "dataset.h5", "--use", f"{half - 5.0}:1000", "-o", tmp_path / "seen")
     assert seen.exit_code == 2
     assert "these very data" in seen.stderr
-    two = run(tmp_path / "early.h5", results / "dataset.h5", "--use", "0:5", "--use", "8:20", "-o", tmp_path / "two")
-    assert two.exit_code == 2
-    assert "name one with --use" in two.stderr
+
+
+@pytest.mark.usefixtures("without_figures")
+def test_several_datasets_and_segments_are_judged_together(results, simulated_with, tmp_path):
+    write_dataset(tmp_path / "other.h5", simulated_with(CIRCLE, WHITE, "seed=6"))
+    some, estimate = ("--use", "0:20", "--use", "25:60"), results / "estimates/ckf.h5"
+    result = run(estimate, results / "circle.h5", tmp_path / "other.h5", *some, "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    with (tmp_path / "out/tables/validation.csv").open(encoding="utf-8") as file:
+        free = {row["signal"]: row for row in csv.DictReader(file) if row["kind"] == "free_run"}
+    rate = 100.0
+    assert float(free["p"]["measurements"]) == pytest.approx(2 * (18.0 + 31.5) * rate, rel=0.05)
+    assert read_dataset(tmp_path / "out/dataset.h5").sha256 == read_dataset(results / "circle.h5").sha256
+    own = run(estimate, results / "circle.h5", results / "dataset.h5", "-o", tmp_path / "own")
+    assert own.exit_code == 2
+    assert "these very data" in own.stderr

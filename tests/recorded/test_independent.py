@@ -137,7 +137,7 @@ def test_what_both_models_share_agrees_and_the_rest_does_not(loosely_identified)
 def test_it_predicts_a_zigzag_that_it_has_never_seen(loosely_identified, recorded, training):
     unseen = recorded("B_zigzag_10_10", 2)
     check_unseen(unseen, loosely_identified, training)
-    found = validate(unseen, loosely_identified, recorded("E_combined_multisine", 1, *LOOSE))
+    found = validate([unseen], loosely_identified, recorded("E_combined_multisine", 1, *LOOSE))
     fits = {row.signal: row.fit_percent for row in found.predictions if row.kind == "free_run"}
     assert fits["v"] > 90.0
     assert min(fits["r"], fits["psi"]) > 80.0

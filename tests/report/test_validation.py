@@ -25,7 +25,7 @@ def prediction(quantity, kind=AHEAD, horizon=120.0, share=0.9):
 
 
 @pytest.fixture
-def validation():
+def validation(dataset):
     rows = [prediction(quantity, FREE_RUN) for quantity in MOTION]
     rows += [prediction(quantity, horizon=horizon) for horizon in HORIZONS for quantity in MOTION]
     overshoots = [ManoeuvreNumber("zigzag 20", f"overshoot {k}", 10.0 * k, "rad", 0.1, 0.05 * k) for k in (1, 2)]
@@ -40,7 +40,7 @@ def validation():
         advice="Look again.",
     )
     run = FreeRun(np.arange(3.0), np.zeros((3, 9)))
-    return Validation("ckf", rows, [*overshoots, turn], Checks([check]), run, ["one [thing] is missing"])
+    return Validation("ckf", rows, [*overshoots, turn], Checks([check]), dataset, run, ["one [thing] is missing"])
 
 
 def shown(validation, width):

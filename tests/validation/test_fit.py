@@ -47,3 +47,11 @@ def test_what_cannot_be_said_is_not_said():
     for broken in (np.nan, np.inf, 1e300):
         fit = PredictionFit.of(np.arange(3.0), np.array([0.0, broken, 0.0]))
         assert (fit.rmse, fit.percent) == (None, None)
+
+
+def test_fits_of_segments_go_by_the_mean_of_each():
+    some, others = (PredictionFit.of(level + np.sin(PHASE), level + 0.5 * np.sin(PHASE)) for level in (0.0, 100.0))
+    both = some.beside(others)
+    assert (both.measurements, both.mean) == (2000, pytest.approx(50.0))
+    assert both.percent == pytest.approx(50.0)
+    assert both.rmse == pytest.approx(0.5 / np.sqrt(2.0))

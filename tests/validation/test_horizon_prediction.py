@@ -12,11 +12,12 @@ from auvid_cli.validation.horizon_prediction import (
     rows_ahead,
     targets_of,
 )
-from auvid_cli.validation.signals import MeasuredSignal
+from auvid_cli.validation.signals import MeasuredSignal, SignalSize
 
 TIME = np.arange(0.0, 100.0, 0.25)
 # Up and down by 2 about 7.
 SIGNAL = MeasuredSignal(TIME, 7.0 + 2.0 * (-1.0) ** np.arange(TIME.size), 0.1)
+SIZE = SignalSize(0.1, 4.0)
 
 
 def collected(predictions, variance, blown_up=(False, True)):
@@ -29,7 +30,7 @@ def collected(predictions, variance, blown_up=(False, True)):
 def test_errors_are_related_to_the_whole_run_and_to_what_was_stated():
     # The identified model is off by 0.5 and by 1.0 in turn, the prior by 4.
     data = collected([(9.5, 5.0), (8.0, 5.0)] * 6, 0.4**2)
-    (row,) = rows_ahead(data, ("identified", "prior"), {"u": SIGNAL}, {})
+    (row,) = rows_ahead(data, ("identified", "prior"), {"u": SIZE}, {})
     rmse = np.sqrt((0.5**2 + 1.0**2) / 2.0)
     assert (row.signal, row.kind, row.horizon_s, row.measurements, row.noise) == ("u", "ahead", 5.0, 12, 0.1)
     assert row.rmse == pytest.approx(rmse)
@@ -41,11 +42,11 @@ def test_errors_are_related_to_the_whole_run_and_to_what_was_stated():
 
 
 def test_too_few_starts_are_no_row():
-    assert list(rows_ahead(collected([(9.0,)] * 9, 1.0), ("identified",), {"u": SIGNAL}, {})) == []
+    assert list(rows_ahead(collected([(9.0,)] * 9, 1.0), ("identified",), {"u": SIZE}, {})) == []
 
 
 def test_a_model_that_blew_up_has_no_numbers():
-    (row,) = rows_ahead(collected([(9.0,)] * 11 + [(np.nan,)], 1.0), ("identified",), {"u": SIGNAL}, {})
+    (row,) = rows_ahead(collected([(9.0,)] * 11 + [(np.nan,)], 1.0), ("identified",), {"u": SIZE}, {})
     assert (row.rmse, row.fit_percent, row.share_within_band) == (None, None, None)
 
 

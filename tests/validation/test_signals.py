@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.identification.timeline import Timelines
-from auvid_cli.validation.signals import SAME, MeasuredSignal, measured_signals
+from auvid_cli.validation.signals import SAME, MeasuredSignal, SignalSize, measured_signals, signal_sizes
 
 
 def test_signals_hold_what_is_finite_of_each_component_in_the_order_of_the_motion():
@@ -41,3 +41,42 @@ def test_every_measurement_is_found_among_the_events_at_whatever_time_it_was_tak
     events = np.concatenate([part.time for part in Timelines(inputs, {"gyroscope": record}, late, 0.02)])
     nearest = events[np.searchsorted(events, time - SAME)]
     assert_allclose(nearest, time, rtol=0.0, atol=1e-9)
+
+
+def test_without_a_gyroscope_the_yaw_rate_is_how_fast_the_attitude_turns():
+    """A steady helix: ``r = psi_dot cos phi cos theta``, whatever the turns of the heading."""
+    time = np.arange(0.0, 60.0, 0.1)
+    attitude = np.column_stack([np.full(time.size, 0.2), np.full(time.size, -0.3), (0.4 * time) % (2.0 * np.pi)])
+    silent = (time > 20.0) & (time < 30.0)
+    record = SensorRecord(time[~silent], attitude[~silent], np.array([0.01, 0.01, 0.02]))
+    rate = measured_signals({"attitude": record})["r"]
+    assert_allclose(rate.values, 0.4 * np.cos(0.2) * np.cos(0.3))
+    # What lies half a second before and after is measured.
+    assert rate.time[[0, -1]].tolist() == pytest.approx([0.6, 59.3])
+    assert not ((rate.time > 19.5) & (rate.time < 30.5)).any()
+    assert set(rate.time) <= set(record.time)
+
+
+def test_the_yaw_rate_by_attitude_is_that_of_a_gyroscope(simulated_with):
+    zigzag = "manoeuvre={type: zigzag, duration: 40 s, speed: 3.9 m/s, rudder: 20 deg, heading: 20 deg, approach: 8 s}"
+    run = simulated_with(zigzag, "sensors.attitude={source: direct, rate: 10 Hz, noise: 0.01 deg}")
+    rate = measured_signals({"attitude": run.sensors["attitude"]})["r"]
+    true = np.interp(rate.time, run.truth.time, run.truth.motion[:, 5])
+    assert np.std(rate.values - true) < 0.05 * np.std(true)
+    # Seldom headings tell no rate, and a gyroscope comes first.
+    seldom = SensorRecord(rate.time[::20], np.zeros((rate.time[::20].size, 3)), np.full(3, 0.01))
+    assert "r" not in measured_signals({"attitude": seldom})
+    # Of white angles it has the noise that is stated.
+    angles = np.random.default_rng(1).normal(0.0, 0.01, (5000, 3))
+    noise = measured_signals({"attitude": SensorRecord(0.1 * np.arange(5000.0), angles, np.full(3, 0.01))})["r"]
+    assert np.std(noise.values) == pytest.approx(noise.deviation, rel=0.05)
+    both = measured_signals({name: run.sensors[name] for name in ("attitude", "gyroscope")})
+    assert both["r"].time.size == run.sensors["gyroscope"].time.size
+
+
+def test_sizes_are_of_all_segments_each_about_its_own_mean():
+    some, others = (MeasuredSignal(np.arange(4.0), level + np.array([1.0, -1.0] * 2), 0.1) for level in (0.0, 50.0))
+    assert signal_sizes([{"v": some}, {"v": others, "u": some}]) == {
+        "u": SignalSize(pytest.approx(0.1), 1.0),
+        "v": SignalSize(pytest.approx(0.1), 1.0),
+    }

@@ -45,7 +45,7 @@ def undisturbed(with_coefficients, zigzag, experiment_with):
 
 
 def test_true_coefficients_predict_to_within_the_noise(zigzag, undisturbed):
-    validation = validate(zigzag, undisturbed)
+    validation = validate([zigzag], undisturbed)
     ahead = rows_of(validation, AHEAD)
     assert {row.horizon_s for row in ahead} == set(HORIZONS)
     assert {row.signal for row in ahead} == set(MOTION_SYMBOLS)
@@ -65,12 +65,12 @@ def test_true_coefficients_predict_to_within_the_noise(zigzag, undisturbed):
 
 def test_no_truth_is_looked_at(zigzag, with_coefficients):
     estimate = with_coefficients(zigzag.truth.coefficients)
-    some = validate(zigzag, estimate, starts=5)
-    assert validate(zigzag.without_truth(), estimate, starts=5).predictions == some.predictions
+    some = validate([zigzag], estimate, starts=5)
+    assert validate([zigzag.without_truth()], estimate, starts=5).predictions == some.predictions
 
 
 def test_a_spiral_teaches_the_zigzag(zigzag, identified):
-    validation = validate(zigzag, identified)
+    validation = validate([zigzag], identified)
     fits = free_fits(validation)
     assert min(fits["u"], fits["r"], fits["psi"]) > 90.0
     overshoots = np.array([(n.measured, n.predicted) for n in validation.manoeuvres])
@@ -81,7 +81,7 @@ def test_a_spiral_teaches_the_zigzag(zigzag, identified):
 
 def test_a_rudder_of_the_wrong_sign_is_worse_than_the_mean(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
-    validation = validate(zigzag, with_coefficients(true, N_uudr=-true["N_uudr"]))
+    validation = validate([zigzag], with_coefficients(true, N_uudr=-true["N_uudr"]))
     assert free_fits(validation)["r"] < 0.0
     assert {row.fit_percent < 0.0 for row in rows_of(validation, AHEAD) if row.signal == "r"} == {True}
     assert "better than constant velocity" in {check.check for check in validation.checks.failed()}
@@ -95,7 +95,7 @@ def test_a_rudder_of_the_wrong_sign_is_worse_than_the_mean(zigzag, with_coeffici
 def test_an_error_that_was_stated_is_explained_and_one_that_was_not_fails(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
     off = {"X_u|u|": 1.1 * true["X_u|u|"]}
-    uncertain, certain = (validate(zigzag, with_coefficients(true, share, **off)) for share in (0.1, 1e-6))
+    uncertain, certain = (validate([zigzag], with_coefficients(true, share, **off)) for share in (0.1, 1e-6))
     name = "explained by its uncertainty"
     (sound,), (failed,) = (
         [check for check in validation.checks if check.check == name] for validation in (uncertain, certain)
@@ -106,7 +106,7 @@ def test_an_error_that_was_stated_is_explained_and_one_that_was_not_fails(zigzag
 
 
 def test_draws_that_blow_up_are_counted_and_said(zigzag, with_coefficients):
-    validation = validate(zigzag, with_coefficients(zigzag.truth.coefficients, share=20.0), starts=12)
+    validation = validate([zigzag], with_coefficients(zigzag.truth.coefficients, share=20.0), starts=12)
     ahead = rows_of(validation, AHEAD)
     assert {row.draws for row in ahead} == {50}
     (blown_up,) = {row.draws_blown_up for row in ahead}
@@ -116,14 +116,14 @@ def test_draws_that_blow_up_are_counted_and_said(zigzag, with_coefficients):
 
 def test_without_a_covariance_there_is_no_band(zigzag, with_coefficients):
     estimate = with_coefficients(zigzag.truth.coefficients)
-    validation = validate(zigzag, replace(estimate, covariance=np.full_like(estimate.covariance, np.inf)), starts=12)
+    validation = validate([zigzag], replace(estimate, covariance=np.full_like(estimate.covariance, np.inf)), starts=12)
     assert {row.share_within_band for row in rows_of(validation, AHEAD)} == {None}
     assert any("no band" in remark for remark in validation.remarks)
 
 
 def test_a_model_that_runs_away_is_unstable(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
-    validation = validate(zigzag, with_coefficients(true, **{"X_u|u|": 5.0}), starts=12)
+    validation = validate([zigzag], with_coefficients(true, **{"X_u|u|": 5.0}), starts=12)
     assert "stable" in {check.check for check in validation.checks.failed()}
     assert free_fits(validation)["u"] is None
 
@@ -131,8 +131,8 @@ def test_a_model_that_runs_away_is_unstable(zigzag, with_coefficients):
 def test_another_vehicle_is_said_and_the_models_own_is_used(zigzag, with_coefficients, with_settings):
     estimate = with_coefficients(zigzag.truth.coefficients)
     heavier = with_settings(zigzag, "vehicle.parameters.m=200")
-    validation = validate(heavier, estimate, starts=12)
-    assert validation.predictions == validate(zigzag, estimate, starts=12).predictions
+    validation = validate([heavier], estimate, starts=12)
+    assert validation.predictions == validate([zigzag], estimate, starts=12).predictions
     assert any("another vehicle (m differ)" in remark for remark in validation.remarks)
 
 
@@ -142,7 +142,7 @@ def test_a_gyroscope_with_a_bias_is_seen_through_where_the_settings_ask_for_it(
     biased = simulated_with(ZIGZAG, WHITE, "seed=31", "sensors.gyroscope.bias=0.5 deg/s")
     plain = with_coefficients(biased.truth.coefficients)
     asking = replace(plain, experiment=experiment_with("identification.estimate.biases=[gyro]"))
-    before, after = (validate(biased, estimate, starts=30) for estimate in (plain, asking))
+    before, after = (validate([biased], estimate, starts=30) for estimate in (plain, asking))
     rates = [row for row in rows_of(after, FREE_RUN) if row.signal in "pqr"]
     assert [row.rmse for row in rates] == pytest.approx([row.noise for row in rates], rel=0.2)
     assert min(row.rmse / row.noise for row in rows_of(before, FREE_RUN) if row.signal in "pqr") > 2.0
@@ -157,11 +157,11 @@ def test_a_current_is_seen_through_where_the_settings_ask_for_it(simulated_with)
     seen, unseen = (
         simulated_with("manoeuvre.duration=100 s", WHITE, *current, *asking, f"seed={seed}") for seed in (1, 2)
     )
-    estimate = identify(seen, FilterName.OUTPUT_ERROR)
+    estimate = identify(seen, FilterName.SMOOTHER)
     _, errors = free_run(prepare(seen), estimate)
     # Of white noise, the mean absolute value is 0.8 of its standard deviation, 1 mm/s.
     assert max(error.mean_absolute_error for error in errors[:3]) < 2e-3
-    validation = validate(unseen, estimate)
+    validation = validate([unseen], estimate)
     velocities = [row for row in validation.predictions if row.signal in "uvw"]
     assert min(row.fit_percent for row in velocities) > 97.0
     assert max(row.rmse for row in velocities) < 1e-2
@@ -174,7 +174,7 @@ def test_a_turn_in_a_current_is_drawn_and_measured_over_ground(simulated_with, w
     drifting = simulated_with(CIRCLE, "manoeuvre.duration=40 s", WHITE, "seed=31", *current)
     asking = experiment_with("identification.estimate.biases=[current]", "identification.estimate.current.walk=0")
     estimate = replace(with_coefficients(drifting.truth.coefficients), experiment=asking)
-    validation = validate(drifting, estimate, starts=12)
+    validation = validate([drifting], estimate, starts=12)
     dvl = drifting.sensors["dvl"]
     after = dvl.time > validation.run.time[0]
     drawn = [np.interp(dvl.time[after], validation.run.time, component) for component in validation.run.motion[:, :3].T]
@@ -196,7 +196,7 @@ def test_a_turn_without_a_roll_is_taken_as_level_and_that_is_said(simulated_with
     attitude = whole.sensors["attitude"]
     without_roll = replace(attitude, values=attitude.values * [np.nan, 1.0, 1.0])
     blind = replace(whole, sensors=whole.sensors | {"attitude": without_roll})
-    seen, unseen = (validate(data, with_coefficients(whole.truth.coefficients), starts=12) for data in (whole, blind))
+    seen, unseen = (validate([data], with_coefficients(whole.truth.coefficients), starts=12) for data in (whole, blind))
     assert not any("level" in remark for remark in seen.remarks)
     (remark,) = [remark for remark in unseen.remarks if "level" in remark]
     assert remark.endswith("no sensor measures phi")
@@ -209,21 +209,21 @@ def test_a_turn_without_a_roll_is_taken_as_level_and_that_is_said(simulated_with
 
 def test_without_a_dvl_predictions_start_from_what_the_model_says_of_the_velocity(zigzag, with_coefficients):
     blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "dvl"})
-    validation = validate(blind, with_coefficients(zigzag.truth.coefficients), starts=30)
+    validation = validate([blind], with_coefficients(zigzag.truth.coefficients), starts=30)
     assert set(free_fits(validation)) == set(MOTION_SYMBOLS[3:])
     assert free_fits(validation)["r"] > 90.0
 
 
 def test_a_short_run_has_short_horizons(simulated_with, with_coefficients):
     short = simulated_with("manoeuvre.duration=15 s", WHITE)
-    validation = validate(short, with_coefficients(short.truth.coefficients), starts=20)
+    validation = validate([short], with_coefficients(short.truth.coefficients), starts=20)
     assert {row.horizon_s for row in rows_of(validation, AHEAD)} == {0.5, 1.0, 2.0, 5.0}
 
 
 def test_a_filter_that_diverged_left_no_model(zigzag, with_coefficients):
     estimate = replace(with_coefficients(zigzag.truth.coefficients), status="diverged at t = 3 s: why")
     with pytest.raises(DataError, match="no model"):
-        validate(zigzag, estimate)
+        validate([zigzag], estimate)
 
 
 def test_a_moment_of_data_is_too_short(zigzag, with_coefficients):
@@ -232,7 +232,7 @@ def test_a_moment_of_data_is_too_short(zigzag, with_coefficients):
         for name, record in zigzag.sensors.items()
     }
     with pytest.raises(DataError, match="no time at which a prediction can start"):
-        validate(replace(zigzag, sensors=sensors), with_coefficients(zigzag.truth.coefficients))
+        validate([replace(zigzag, sensors=sensors)], with_coefficients(zigzag.truth.coefficients))
 
 
 def test_errors_on_the_data_of_the_model_are_in_its_bands_on_others(
@@ -243,10 +243,34 @@ def test_errors_on_the_data_of_the_model_are_in_its_bands_on_others(
     mass = 1.05 * undisturbed.experiment.vehicle.known_parameters()["m"]
     heavier = experiment_with(NO_NOISE, f"vehicle.parameters.m={mass}")
     estimate = replace(undisturbed, experiment=heavier)
-    without, with_own = (validate(zigzag, estimate, training, starts=40) for training in (None, own))
+    without, with_own = (validate([zigzag], estimate, training, starts=40) for training in (None, own))
 
     def share(validation):
         return np.mean([row.share_within_band for row in rows_of(validation, AHEAD) if row.signal in "vr"])
 
     assert share(without) < 0.8
     assert share(with_own) > 0.85
+
+
+def test_several_segments_and_runs_are_judged_together(zigzag, simulated_with, undisturbed):
+    circle = simulated_with(CIRCLE, WHITE, "seed=5")
+    segments = [zigzag.sensors_between(2.0, 40.0), zigzag.sensors_between(45.0, 45.3), circle]
+    together = validate(segments, undisturbed, starts=30)
+    alone = [validate([segment], undisturbed, starts=30) for segment in (segments[0], circle)]
+    measured = [sum(row.measurements for row in rows_of(each, FREE_RUN)) for each in (together, *alone)]
+    assert measured[0] == measured[1] + measured[2]
+    assert {number.manoeuvre for number in together.manoeuvres} == {"zigzag 20", "turning circle 15"}
+    for row in rows_of(together, AHEAD):
+        assert row.rmse == pytest.approx(row.noise, rel=0.5), row
+    assert not together.checks.failed()
+    # The free run is that of the longest, and what is too short is said.
+    np.testing.assert_array_equal(together.run.motion, alone[1].run.motion)
+    assert together.shown.sensors["dvl"].time[-1] == circle.sensors["dvl"].time[-1]
+    assert [remark for remark in together.remarks if "too short" in remark]
+
+
+def test_without_a_gyroscope_the_yaw_rate_is_judged_by_the_attitude(zigzag, with_coefficients):
+    blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "gyroscope"})
+    validation = validate([blind], with_coefficients(zigzag.truth.coefficients), starts=30)
+    assert free_fits(validation)["r"] > 90.0
+    assert any("no gyroscope measures r" in remark for remark in validation.remarks)

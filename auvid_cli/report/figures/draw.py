@@ -76,10 +76,10 @@ class FigureQueue:
         self._add("identifiability_bounds", "bounds", identifiability)
         self._add("identifiability_correlation", "correlation", identifiability)
 
-    def add_validation(self, dataset: Dataset, validation: "Validation") -> None:
-        """Draw what a model predicts of data that it has not seen."""
+    def add_validation(self, validation: "Validation") -> None:
+        """Draw what a model predicts of data that it has not seen; of several segments the free run of the longest."""
         for name, quantities in (("velocities", MOTION[:6]), ("attitude", MOTION[6:])):
-            sensors = _records_of(quantities, dataset.sensors)
+            sensors = _records_of(quantities, validation.shown.sensors)
             self._add(f"validation_{name}", "motion", quantities, sensors, {validation.filter: validation.run})
         self._add("validation_horizons", "horizons", validation.filter, validation.predictions)
 
