@@ -6,6 +6,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
+from auvid_cli.report.judgements import judgement_sentences
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.screen import print_checks
 from auvid_cli.report.screen_table import narrowed, printed, screen_table
@@ -22,7 +23,10 @@ _BAND = (
 
 
 def print_validation(console: Console, validation: Validation) -> None:
-    """Print errors of the free run, fits by horizon, numbers of manoeuvres, and verdicts."""
+    """Print what is against the estimate, errors of the free run, fits by horizon, manoeuvres, and verdicts."""
+    if validation.judgement.is_against:
+        for line in judgement_sentences({validation.filter: validation.judgement}, with_sound=False):
+            console.print(Text(line))
     ahead = [row for row in validation.predictions if row.kind == AHEAD]
     free = [row for row in validation.predictions if row.kind == FREE_RUN]
     console.print(narrowed(console, _free_run(free), _LEAST_OF_MODELS, _DIGITS))

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from auvid_cli.data.check import Check, Checks
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.named_rows import NamedRows, frames
+from auvid_cli.evaluation.judgement import Judgement
 from auvid_cli.evaluation.predicted_motion import FreeRun
 
 if TYPE_CHECKING:
@@ -91,6 +92,8 @@ class Validation(NamedTuple):
     Attributes
     ----------
     filter : str
+    judgement : Judgement
+        Of the estimate, by itself.
     predictions : list of Prediction
         Those of the free run, then by horizon.
     manoeuvres : list of ManoeuvreNumber
@@ -104,6 +107,7 @@ class Validation(NamedTuple):
     """
 
     filter: str
+    judgement: Judgement
     predictions: list[Prediction]
     manoeuvres: list[ManoeuvreNumber]
     checks: Checks

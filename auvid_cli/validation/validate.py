@@ -12,6 +12,7 @@ from auvid_cli.data.check import Checks
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
+from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.prepared_data import PreparedData, prepare
 from auvid_cli.validation.data_leakage import other_vehicle
 from auvid_cli.validation.error_growth import ErrorGrowth, error_growth
@@ -106,6 +107,7 @@ def validate(
     longest = max(range(len(followed)), key=lambda k: followed[k].length)
     return Validation(
         estimate.filter,
+        judge_one(estimate, None),
         rows,
         numbers,
         Checks(verdicts(estimate.filter, rows, _largest(its_run.excursion for its_run in free), *_doubts(followed))),

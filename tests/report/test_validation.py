@@ -9,6 +9,7 @@ from matplotlib.colors import to_rgba
 from rich.console import Console
 
 from auvid_cli.data.check import Check, Checks
+from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.report.csv_tables import write_csv_tables
 from auvid_cli.report.figures.validation import horizon_figure
@@ -40,7 +41,16 @@ def validation(dataset):
         advice="Look again.",
     )
     run = FreeRun(np.arange(3.0), np.zeros((3, 9)))
-    return Validation("ckf", rows, [*overshoots, turn], Checks([check]), dataset, run, ["one [thing] is missing"])
+    return Validation(
+        "ckf",
+        Judgement(Grade.SOUND),
+        rows,
+        [*overshoots, turn],
+        Checks([check]),
+        dataset,
+        run,
+        ["one [thing] is missing"],
+    )
 
 
 def shown(validation, width):
@@ -82,6 +92,13 @@ def test_the_screen_speaks_of_degrees_and_ends_with_the_verdict(validation):
     assert "One [thing] is missing." in text
     assert text.splitlines()[-1] == "The model of the CKF does not predict these data."
     assert next(line for line in text.splitlines() if line.startswith(" % within")).split()[-7:] == ["90.0"] * 7
+
+
+def test_what_is_against_the_estimate_stands_on_top(validation):
+    assert "CKF" not in shown(validation, 100).splitlines()[0]
+    for grade in (Grade.INCONSISTENT, Grade.DOUBTFUL):
+        doubted = validation._replace(judgement=Judgement(grade, "because"))
+        assert shown(doubted, 100).splitlines()[0] == f"CKF {grade}: because."
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])

@@ -7,7 +7,9 @@ import pytest
 from scipy.stats import chi2
 
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError
+from auvid_cli.evaluation.judgement import Grade
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.validation.horizon_prediction import HORIZONS
 from auvid_cli.validation.results import AHEAD, FREE_RUN
@@ -250,6 +252,15 @@ def test_errors_on_the_data_of_the_model_are_in_its_bands_on_others(
 
     assert share(without) < 0.8
     assert share(with_own) > 0.85
+
+
+def test_an_inconsistent_estimate_is_validated_with_that_word(zigzag, with_coefficients):
+    time, large = np.arange(100.0), np.full((100, 3), 3.0)
+    innovations = {"dvl": Innovations(time, large, np.ones((100, 3)), np.square(large).sum(axis=1), np.ones(3))}
+    doubted = validate(
+        [zigzag], replace(with_coefficients(zigzag.truth.coefficients), innovations=innovations), starts=5
+    )
+    assert doubted.judgement.grade is Grade.INCONSISTENT
 
 
 def test_several_segments_and_runs_are_judged_together(zigzag, simulated_with, undisturbed):
