@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from auvid_cli.config.augmented_states import AugmentedStates
 from auvid_cli.config.filter_name import JUDGE, FilterName
@@ -21,12 +21,34 @@ from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import INERTIAL, SENSORS
 
 
-class Prior(Settings):
-    """Zero-mean prior of the coefficients: natural magnitude from the vehicle's size times `factor`."""
+def _shares(value: Any) -> Any:
+    """Parse a share, or one for each coefficient or group of them."""
+    if not isinstance(value, dict):
+        return value if value is None else check_amount(parse_quantity(value, "1"), "1")
+    groups = dict.fromkeys(c.group for c in COEFFICIENTS)
+    for name in value:
+        if name not in groups:
+            check_symbol(name, *groups)
+    return {name: check_amount(parse_quantity(share, "1"), "1") for name, share in value.items()}
 
+
+class Prior(Settings):
+    """Prior of the coefficients: zero and natural magnitude from the vehicle's size times `factor`, or a vehicle's."""
+
+    mean: Annotated[
+        Literal["zero", "vehicle"], Field(description="zero, or what the vehicle file states of a coefficient")
+    ] = "zero"
+    relative: Annotated[
+        float | dict[str, float] | None,
+        BeforeValidator(_shares),
+        Field(
+            description="standard deviation as a share of that mean, or by coefficient and group (damping, lift, "
+            "control); else that of the vehicle file's entry, else 50 %"
+        ),
+    ] = None
     factor: Annotated[float, Field(ge=1e-6, le=1e6, description="times the natural magnitude")] = 3.0
     standard_deviation: dict[str, float] = Field(
-        default_factory=dict, description="by coefficient, instead of the natural magnitude times factor"
+        default_factory=dict, description="by coefficient, instead of all else"
     )
     from_estimate: Annotated[
         str | None,
@@ -49,6 +71,15 @@ class Prior(Settings):
             if not deviation > 0.0:
                 raise ValueError(f"the standard deviation of {symbol} must be greater than 0")
         return parsed
+
+    @model_validator(mode="after")
+    def _shares_of_something(self) -> "Prior":
+        if self.relative is not None and self.mean == "zero":
+            raise ValueError("relative is a share of the vehicle file's values: it needs mean: vehicle")
+        shares = self.relative.values() if isinstance(self.relative, dict) else (self.relative,)
+        if any(share is not None and not share > 0.0 for share in shares):
+            raise ValueError("a share must be greater than 0")
+        return self
 
 
 class Use(Settings):
@@ -255,14 +286,15 @@ class Identification(Settings):
             raise FileError(f"identification.prior.from_estimate: {earlier}: no such estimate file")
 
 
-def check_symbol(symbol: str) -> None:
-    """Raise ValueError, with the nearest known symbols, if `symbol` is not one of the 22."""
+def check_symbol(symbol: str, *groups: str) -> None:
+    """Raise ValueError, with the nearest known symbols, if `symbol` is not one of the 22, nor one of some groups."""
     from difflib import get_close_matches
 
-    if symbol not in SYMBOLS:
-        near = get_close_matches(symbol, SYMBOLS, n=1, cutoff=0.5)
-        hint = f"; did you mean {near[0]!r}?" if near else f"; one of {', '.join(SYMBOLS)}"
-        raise ValueError(f"{symbol!r} is not a coefficient{hint}")
+    known = (*SYMBOLS, *groups)
+    if symbol not in known:
+        near = get_close_matches(symbol, known, n=1, cutoff=0.5)
+        hint = f"; did you mean {near[0]!r}?" if near else f"; one of {', '.join(known)}"
+        raise ValueError(f"{symbol!r} is not a coefficient{' or a group of them' if groups else ''}{hint}")
 
 
 class RecordedFile(Settings):

@@ -36,6 +36,7 @@ EXAMPLES = {
     "N*m": ("a moment", "2 N*m"),
     "kg": ("a mass", "47.5 kg"),
     "kg/m^3": ("a density", "1025 kg/m^3"),
+    "1": ("a share", "50 %"),
 }
 
 
@@ -147,7 +148,8 @@ class AmountPerAxis(Amount):
 def expected(unit: str) -> str:
     """Say what a quantity of that unit looks like, as a phrase for messages."""
     kind, example = EXAMPLES.get(unit, ("a quantity", f"0.1 {unit}"))
-    return f"{kind} such as '{example}' or a bare number in {unit}"
+    bare = "a bare number" if unit == "1" else f"a bare number in {unit}"
+    return f"{kind} such as '{example}' or {bare}"
 
 
 def describe(value: Any) -> str:
@@ -184,6 +186,8 @@ def _registry() -> "UnitRegistry":
 @cache
 def _factor(text: str, unit: str) -> float:
     """Return the size of the unit `text` in `unit`; ValueError if it is unknown or of another dimension."""
+    if (text, unit) == ("%", "1"):
+        return 0.01
     scale, dimension, angle = _base(unit)
     if dimension.get("meter") and not dimension.get("kilogram") and dimension.get("second", 0.0) < -1.0:
         text = _STANDARD_GRAVITY.sub(r"\1g_0", text)

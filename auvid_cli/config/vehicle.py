@@ -1,5 +1,6 @@
 """Settings of a vehicle: its size, the known parameters and the coefficients, each with its source."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, create_model, model_validator
@@ -48,9 +49,16 @@ class _Table(Settings):
 
     def by_symbol(self) -> dict[str, float]:
         """Return the values of the entries that are given, SI, by the paper's symbol."""
-        fields = type(self).model_fields.items()
-        entries = ((field.alias or name, getattr(self, name)) for name, field in fields)
-        return {symbol: entry.value for symbol, entry in entries if entry is not None}
+        return {symbol: entry.value for symbol, entry in self._entries()}
+
+    def deviations(self) -> dict[str, float]:
+        """Return the standard deviations of the entries that state one, SI, by the paper's symbol."""
+        return {symbol: entry.standard_deviation for symbol, entry in self._entries() if entry.standard_deviation}
+
+    def _entries(self) -> Iterator[tuple[str, VehicleEntry]]:
+        for name, field in type(self).model_fields.items():
+            if (entry := getattr(self, name)) is not None:
+                yield field.alias or name, entry
 
 
 if TYPE_CHECKING:

@@ -1,5 +1,6 @@
 """What was commanded and what was measured: the value object between simulation and identification."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -142,6 +143,11 @@ class Dataset:
         duration, sensors = self.inputs.time[-1] - self.inputs.time[0], ", ".join(self.sensors)
         truth = "known" if self.truth is not None else "unknown"
         return f"<Dataset of {self.experiment.name!r}: {duration:g} s, sensors {sensors}, truth {truth}>"
+
+    def simulated_with(self, coefficients: Mapping[str, float]) -> list[str]:
+        """Name those of some coefficients, SI, that are the very ones of the simulation: nobody may start there."""
+        true = {} if self.truth is None else self.truth.coefficients
+        return [symbol for symbol, value in coefficients.items() if value != 0.0 and true.get(symbol) == value]
 
     def without_truth(self) -> "Dataset":
         """Return the same as a vehicle would have logged it."""

@@ -17,7 +17,7 @@ from auvid_cli.evaluation.innovation_checks import innovation_checks
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
 from auvid_cli.identification.prepared_data import PreparedData
-from auvid_cli.identification.prior import natural_magnitude, prior_standard_deviations
+from auvid_cli.identification.prior import coefficient_priors, natural_magnitude
 from auvid_cli.inspection.data_checks import data_checks
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
@@ -188,14 +188,14 @@ def _at_limits(estimate: Estimate) -> list[Check]:
 def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) -> list[Check]:
     """Judge what the data added to the prior, and how much of each value is known."""
     settings = estimate.experiment.identification
-    priors = prior_standard_deviations(
-        estimate.experiment.vehicle.size, settings.prior.factor, settings.prior.standard_deviation
-    )
+    priors = coefficient_priors(estimate.experiment.vehicle, settings.prior)
     left = {}
     for i, symbol in enumerate(estimate.state):
         if symbol in SYMBOLS:
-            # What an earlier estimate knew is what the filter begins with.
-            before = priors[symbol] if settings.prior.from_estimate is None else estimate.standard_deviation[0, i]
+            before = priors[symbol].standard_deviation
+            if settings.prior.from_estimate is not None:
+                # What an earlier estimate knew is what the filter begins with.
+                before = estimate.standard_deviation[0, i]
             left[symbol] = float(estimate.standard_deviation[-1, i] / before)
     return [
         Check.of_values(

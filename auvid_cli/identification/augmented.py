@@ -14,7 +14,7 @@ from auvid_cli.filters.segments import joint_gaussian, places
 from auvid_cli.identification.compiled_layout import NOT_USED, KnownSensor, KnownSensors
 from auvid_cli.identification.initial_state import initial_gaussian
 from auvid_cli.identification.prepared_data import PreparedData, Segment
-from auvid_cli.identification.prior import earlier_gaussian
+from auvid_cli.identification.prior import coefficient_priors, earlier_gaussian, refuse_simulated
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.state_layout import StateLayout, state_layout
 from auvid_cli.identification.timeline import measurement_model
@@ -76,14 +76,14 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     ConfigError
         If a coefficient that is to be held has no value.
     DataError
-        If a sensor whose error is asked for is missing, or an earlier estimate does not fit.
+        If a sensor whose error is asked for is missing, an earlier estimate does not fit, or the prior is the truth.
     FileError
         If an earlier estimate cannot be read.
     """
     experiment, measuring = prepared.experiment, prepared.measuring
     settings = experiment.identification
     held = held_coefficients(experiment)
-    layout = state_layout(settings, experiment.vehicle.size, measuring)
+    layout = state_layout(settings, experiment.vehicle, measuring)
     known = experiment.vehicle.known_parameters()
     process = vehicle_process(vehicle_constants(known), held, layout, _known_sensors(measuring))
     parameters = _prior_of_parameters(layout, prepared.dataset)
@@ -115,12 +115,16 @@ def _known_sensors(measuring: dict[str, SensorRecord]) -> KnownSensors:
 
 
 def _prior_of_parameters(layout: StateLayout, dataset: Dataset) -> Gaussian:
-    """Return the prior of the layout, and of the coefficients what an earlier estimate says, if one is named."""
+    """Return the prior of the layout, and of the coefficients what the vehicle file or an earlier estimate says."""
     n, coefficients = layout.n_parameters, layout.rows_of("coefficients")
     parameters = Gaussian(np.zeros(n), np.diag(layout.prior_std[:n]))
-    earlier = dataset.experiment.identification.prior.from_estimate
-    if earlier is not None:
-        known = earlier_gaussian(Path(earlier), dataset, layout.symbols[coefficients], layout.scale[coefficients])
+    symbols, scale, settings = layout.symbols[coefficients], layout.scale[coefficients], dataset.experiment
+    priors = coefficient_priors(settings.vehicle, settings.identification.prior)
+    refuse_simulated(dataset, {symbol: priors[symbol] for symbol in symbols})
+    mean = np.array([priors[symbol].mean for symbol in symbols]) / scale
+    parameters.mean[coefficients] = mean
+    if (earlier := settings.identification.prior.from_estimate) is not None:
+        known = earlier_gaussian(Path(earlier), dataset, symbols, scale, mean)
         parameters.mean[coefficients], parameters.factor[coefficients, coefficients] = known
     return parameters
 

@@ -1,12 +1,14 @@
-"""Priors of the coefficients: from the vehicle's size alone, or from an earlier estimate."""
+"""Priors of the coefficients: from the vehicle's size alone, from its file, or from an earlier estimate."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.vehicle import Size
+from auvid_cli.config.experiment import Prior
+from auvid_cli.config.vehicle import Size, VehicleSettings
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.errors import DataError
@@ -44,21 +46,67 @@ def natural_magnitude(coefficient: Coefficient, size: Size) -> float:
     return float(pressure * area * lever ** (turns + (coefficient.row >= 3)))
 
 
-def prior_standard_deviations(size: Size, factor: float, given: dict[str, float]) -> dict[str, float]:
-    """Return the standard deviation of each coefficient's zero-mean prior, SI, by symbol.
+class CoefficientPrior(NamedTuple):
+    """What is known of a coefficient before any data, SI."""
+
+    mean: float
+    standard_deviation: float
+
+
+# Of a vehicle file's value, if nothing says how sure it is.
+_RELATIVE = 0.5
+
+
+def coefficient_priors(vehicle: VehicleSettings, prior: Prior) -> dict[str, CoefficientPrior]:
+    """Return what settings say of each coefficient before any data, by symbol.
 
     Parameters
     ----------
-    size : Size
-    factor : float
-        Times the natural magnitude.
-    given : dict
-        By symbol, instead of that.
+    vehicle : VehicleSettings
+        Its coefficients count only where `prior.mean` asks for them. What its file does not state, or states as zero
+        without a standard deviation, has zero mean and its natural magnitude times `prior.factor`.
+    prior : Prior
     """
-    return {c.symbol: given.get(c.symbol, factor * natural_magnitude(c, size)) for c in COEFFICIENTS}
+    means = vehicle.coefficients.by_symbol() if prior.mean == "vehicle" else {}
+    known = vehicle.coefficients.deviations() if prior.mean == "vehicle" else {}
+    priors = {}
+    for coefficient in COEFFICIENTS:
+        symbol = coefficient.symbol
+        mean, share = means.get(symbol, 0.0), _share(prior, coefficient)
+        stated = known.get(symbol) if share is None else None
+        relative = abs(mean) * (_RELATIVE if share is None else share)
+        natural = prior.factor * natural_magnitude(coefficient, vehicle.size)
+        deviation = prior.standard_deviation.get(symbol) or stated or relative or natural
+        priors[symbol] = CoefficientPrior(mean, deviation)
+    return priors
 
 
-def earlier_gaussian(path: Path, dataset: Dataset, estimated: Sequence[str], scale: Array) -> tuple[Array, Array]:
+def _share(prior: Prior, coefficient: Coefficient) -> float | None:
+    """Return what a user says of the standard deviation relative to the mean: of the coefficient, else of its group."""
+    if isinstance(prior.relative, dict):
+        return prior.relative.get(coefficient.symbol, prior.relative.get(coefficient.group))
+    return prior.relative
+
+
+def refuse_simulated(dataset: Dataset, priors: Mapping[str, CoefficientPrior]) -> None:
+    """Refuse a prior about the very coefficients with which data were simulated.
+
+    Raises
+    ------
+    DataError
+        If any of the means is such a one.
+    """
+    if same := dataset.simulated_with({symbol: prior.mean for symbol, prior in priors.items()}):
+        raise DataError(
+            "identification.prior.mean=vehicle: these data were simulated with the vehicle file's own "
+            f"{', '.join(same)}, and such a prior proves nothing; state what was guessed, e.g. --set "
+            f"vehicle.coefficients.{same[0]}=..."
+        )
+
+
+def earlier_gaussian(
+    path: Path, dataset: Dataset, estimated: Sequence[str], scale: Array, otherwise: Array
+) -> tuple[Array, Array]:
     """Return what an earlier estimate says of coefficients, in units of `scale`; others keep their prior.
 
     Parameters
@@ -71,6 +119,8 @@ def earlier_gaussian(path: Path, dataset: Dataset, estimated: Sequence[str], sca
         Symbols.
     scale : ndarray, shape (p,)
         Prior standard deviations.
+    otherwise : ndarray, shape (p,)
+        The prior's mean, in these units.
 
     Returns
     -------
@@ -93,7 +143,7 @@ def earlier_gaussian(path: Path, dataset: Dataset, estimated: Sequence[str], sca
             f"identification.prior.from_estimate: {path} was made from this very dataset, which would count twice; "
             "name an estimate of other data"
         )
-    mean, covariance = np.zeros(scale.size), np.eye(scale.size)
+    mean, covariance = otherwise.copy(), np.eye(scale.size)
     here = [i for i, symbol in enumerate(estimated) if symbol in earlier.state]
     there = [earlier.state.index(estimated[i]) for i in here]
     mean[here] = earlier.mean[-1, there] / scale[here]

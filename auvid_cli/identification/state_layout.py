@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from auvid_cli.config.augmented_states import ErrorBlock
 from auvid_cli.config.experiment import Identification
 from auvid_cli.config.moving_states import FURTHER_STATES
-from auvid_cli.config.vehicle import Size
-from auvid_cli.identification.prior import prior_standard_deviations
+from auvid_cli.config.vehicle import VehicleSettings
+from auvid_cli.identification.prior import coefficient_priors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION, Quantity
 
@@ -130,25 +130,29 @@ class StateLayout:
         return slice(rows.start - n_parameters, rows.stop - n_parameters) if rows.stop else rows
 
 
-def state_layout(settings: Identification, size: Size, measuring: Collection[str]) -> StateLayout:
+def state_layout(settings: Identification, vehicle: VehicleSettings, measuring: Collection[str]) -> StateLayout:
     """Lay out the augmented state that settings ask for.
 
     Parameters
     ----------
     settings : Identification
-    size : Size
-        Of the vehicle, from which natural magnitudes of its coefficients follow.
+    vehicle : VehicleSettings
+        Natural magnitudes of its coefficients follow from its size.
     measuring : collection of str
         Sensors; what only one of them measures, as the depth, is a state where it does.
     """
     noise, initial = settings.process_noise, settings.initial_motion
-    prior_std = prior_standard_deviations(size, settings.prior.factor, settings.prior.standard_deviation)
-    estimated = settings.estimated()
+    priors, estimated = coefficient_priors(vehicle, settings.prior), settings.estimated()
     coefficients = tuple(
         Quantity(c.symbol, c.unit, c.meaning, c.equation) for c in COEFFICIENTS if c.symbol in estimated
     )
     blocks = [
-        StateBlock("coefficients", coefficients, tuple(prior_std[q.symbol] for q in coefficients), scaled=True),
+        StateBlock(
+            "coefficients",
+            coefficients,
+            tuple(priors[q.symbol].standard_deviation for q in coefficients),
+            scaled=True,
+        ),
         StateBlock(
             "motion",
             MOTION,

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.identification.prior import coefficient_priors
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 Array = NDArray[np.float64]
@@ -36,8 +37,10 @@ def models_of(estimate: Estimate) -> Models:
 
 def _prior(estimate: Estimate) -> Mapping[str, float] | None:
     estimated = [symbol for symbol in SYMBOLS if symbol in estimate.state]
-    if estimate.experiment.identification.prior.from_estimate is None:
-        return estimate.held | dict.fromkeys(estimated, 0.0)
+    settings = estimate.experiment
+    if settings.identification.prior.from_estimate is None:
+        priors = coefficient_priors(settings.vehicle, settings.identification.prior)
+        return estimate.held | {symbol: priors[symbol].mean for symbol in estimated}
     if estimate.in_one_batch:
         return None
     # The first measurements say nothing of coefficients: there the mean is still the prior's.

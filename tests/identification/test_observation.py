@@ -35,7 +35,7 @@ INPUTS = np.array([0.1, -0.15, 40.0, 0.5])
 def process_and_layout(asked, has_depth, experiment, **given):
     """With two coefficients, unless others are given."""
     settings = Identification(**{"coefficients": ("X_u|u|", "N_uvl"), "estimate": asked} | given)
-    layout = state_layout(settings, experiment.vehicle.size, ("depth",) if has_depth else ())
+    layout = state_layout(settings, experiment.vehicle, ("depth",) if has_depth else ())
     held = experiment.vehicle.coefficients.by_symbol()
     position = KnownSensors(KnownSensor(ACCELEROMETER, POSITION), KnownSensor(MAGNETOMETER, FIELD))
     return vehicle_process(vehicle_constants(experiment.vehicle.known_parameters()), held, layout, position), layout

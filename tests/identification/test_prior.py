@@ -1,10 +1,19 @@
-"""Priors follow from the size of the vehicle alone."""
+"""Priors follow from the size of the vehicle alone, or from what its file states."""
 
+import numpy as np
 import pint
 import pytest
+from numpy.testing import assert_allclose
 
+from auvid_cli.config.experiment import Prior
+from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.vehicle import Size
-from auvid_cli.identification.prior import natural_magnitude, prior_standard_deviations
+from auvid_cli.errors import ConfigError, DataError
+from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.identification.identify import identify
+from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.prior import coefficient_priors, natural_magnitude
+from auvid_cli.validation.model_bundle import models_of
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
 UNITS = pint.UnitRegistry()
@@ -41,9 +50,81 @@ def test_magnitude_holds_for_all_shipped_vehicles_within_two_orders(vehicle_file
     assert not wide
 
 
-def test_factor_widens_every_prior_alike_and_a_stated_one_stands():
-    one = prior_standard_deviations(SIZE, 1.0, {})
-    ten = prior_standard_deviations(SIZE, 10.0, {"Y_url": 5.0})
+def test_factor_widens_every_prior_alike_and_a_stated_one_stands(experiment_with):
+    vehicle = experiment_with().vehicle
+    one = coefficient_priors(vehicle, Prior(factor=1.0))
+    ten = coefficient_priors(vehicle, Prior(factor=10.0, standard_deviation={"Y_url": "5 kg/rad"}))
     assert tuple(one) == SYMBOLS
-    assert ten.pop("Y_url") == 5.0
-    assert ten == pytest.approx({symbol: 10.0 * one[symbol] for symbol in ten})
+    assert {prior.mean for prior in (one | ten).values()} == {0.0}
+    assert ten.pop("Y_url").standard_deviation == 5.0
+    for symbol, prior in ten.items():
+        assert prior.standard_deviation == pytest.approx(10.0 * one[symbol].standard_deviation)
+
+
+STATED = (
+    "vehicle.coefficients.X_u|u|={value: -8 kg/m, standard_deviation: 3 kg/m}",
+    "vehicle.coefficients.Y_v|v|={value: -50 kg/m, standard_deviation: 4 kg/m}",
+    "vehicle.coefficients.N_r|r|=0 kg*m^2/rad^2",
+    "vehicle.coefficients.N_uudr=-10 kg/rad",
+    "vehicle.coefficients.M_uude=null",
+)
+
+
+def test_a_vehicle_file_says_what_is_expected_and_how_sure_that_is(experiment_with):
+    vehicle = experiment_with(*STATED).vehicle
+    natural = {c.symbol: natural_magnitude(c, vehicle.size) for c in COEFFICIENTS}
+
+    def priors(**settings):
+        return coefficient_priors(vehicle, Prior.model_validate({"mean": "vehicle", "factor": 2.0} | settings))
+
+    plain = priors()
+    assert plain["X_u|u|"] == (-8.0, 3.0)
+    assert plain["N_uudr"] == (-10.0, 5.0)
+    # A zero is sure to no share of itself, and of what is not stated only the size tells.
+    assert plain["N_r|r|"] == (0.0, 2.0 * natural["N_r|r|"])
+    assert plain["M_uude"] == (0.0, 2.0 * natural["M_uude"])
+    # What the user says of shares stands above the file, of a coefficient above its group; a deviation above all.
+    shared = priors(
+        relative={"damping": "20 %", "Y_v|v|": 0.1, "N_uudr": "30 %"}, standard_deviation={"N_uudr": "1 kg/rad"}
+    )
+    assert shared["X_u|u|"] == pytest.approx((-8.0, 1.6))
+    assert shared["Y_v|v|"] == pytest.approx((-50.0, 5.0))
+    assert shared["N_uudr"] == (-10.0, 1.0)
+    assert priors(relative="10 %")["X_u|u|"] == pytest.approx((-8.0, 0.8))
+    assert coefficient_priors(vehicle, Prior(factor=2.0))["N_uudr"].mean == 0.0
+
+
+@pytest.mark.parametrize(
+    ("prior", "words"),
+    [
+        ("{relative: 50 %}", "needs mean: vehicle"),
+        ("{mean: vehicle, relative: {drag: 50 %}}", "'drag' is not a coefficient or a group of them"),
+        ("{mean: vehicle, relative: {N_uudr: 0}}", "greater than 0"),
+        ("{mean: vehicle, relative: 2 kg}", "a share such as '50 %'"),
+        ("{mean: file}", "'zero' or 'vehicle'"),
+    ],
+)
+def test_what_makes_no_prior_is_refused_in_words(prior, words, experiment_with):
+    with pytest.raises(ConfigError, match=words):
+        experiment_with(f"identification.prior={prior}")
+
+
+def test_the_truth_of_a_simulation_is_no_prior(short_run, with_settings):
+    asking = with_settings(short_run, "identification.prior.mean=vehicle")
+    with pytest.raises(DataError, match="such a prior proves nothing"):
+        augmented_problem(prepare(asking))
+    assert augmented_problem(prepare(asking.without_truth())).prior.mean.any()
+
+
+def test_an_estimate_starts_at_what_the_file_states_and_moves_off_it(simulated_with, with_settings):
+    """The file is 30 % off, and as wrong as it says."""
+    run = simulated_with("manoeuvre.duration=60 s", "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}")
+    truth = run.truth.coefficients
+    guessed = [f"vehicle.coefficients.{symbol}={1.3 * truth[symbol]}" for symbol in SYMBOLS]
+    asking = with_settings(run, *guessed, "identification.prior={mean: vehicle, relative: 30 %}")
+    estimate = identify(asking, FilterName.CKF)
+    first, last = estimate.mean[0, :22], estimate.mean[-1, :22]
+    true = np.array([truth[symbol] for symbol in SYMBOLS])
+    assert_allclose(first, 1.3 * true, rtol=1e-3)
+    assert np.median(np.abs(last / true - 1.0)) < 0.05
+    assert models_of(estimate).prior == pytest.approx({symbol: 1.3 * truth[symbol] for symbol in SYMBOLS})

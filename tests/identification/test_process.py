@@ -22,7 +22,7 @@ MOTION = np.array([2.0, 0.1, -0.1, 0.02, 0.03, -0.05, 0.1, -0.2, 0.3])
 def layout_of(vehicle, measuring=(), **settings):
     """A state with coefficients in units of `SCALE`."""
     prior = {"standard_deviation": dict(zip(SYMBOLS, SCALE.tolist(), strict=True))}
-    return state_layout(Identification(prior=prior, **settings), vehicle.size, measuring)
+    return state_layout(Identification(prior=prior, **settings), vehicle, measuring)
 
 
 @pytest.fixture(

@@ -17,7 +17,7 @@ from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, Quantity
 def layout(experiment_with):
     asked = {"biases": ("gyro", "current", "dvl"), "dvl": {"yaw_walk": 1e-3}}
     settings = Identification(coefficients=("X_u|u|", "N_uvl"), estimate=asked)
-    return state_layout(settings, experiment_with().vehicle.size, ("depth",))
+    return state_layout(settings, experiment_with().vehicle, ("depth",))
 
 
 def test_parameters_stand_before_moving_states(layout):
