@@ -1,18 +1,20 @@
 """Errors of sensors and actuators that may be estimated along with the coefficients, and what is known beforehand.
 
 A block of them is written down here alone: its settings, its states, and whose errors they are. A current is one of
-them: an error of the DVL that would measure the motion through the water. So is the scale error of the thrust, which no
-sensor measures.
+them: an error of the DVL that would measure the motion through the water. So are the scale error of the thrust and what
+disturbs the motion, which no sensor measures.
 """
 
 from enum import StrEnum
+from math import inf, sqrt
 from typing import Annotated, ClassVar, NamedTuple
 
 from pydantic import Field
 
+from auvid_cli.config.disturbance import Disturbance, DisturbingForce, DisturbingMoment
 from auvid_cli.config.quantity import Amount
 from auvid_cli.config.settings import Settings
-from auvid_cli.vehicle.parameters import SENSORS, Quantity
+from auvid_cli.vehicle.parameters import DISTURBANCE, SENSORS, Quantity
 
 DVL_SCALE = Quantity("dvl_scale", "1", "scale error of the DVL", "measurement")
 DVL_YAW = Quantity("dvl_yaw", "rad", "mounting yaw of the DVL", "measurement")
@@ -35,6 +37,7 @@ class BiasName(StrEnum):
     DVL = "dvl"
     CURRENT = "current"
     THRUST = "thrust"
+    DISTURBANCE = "disturbance"
 
 
 class ErrorBlock(NamedTuple):
@@ -53,6 +56,8 @@ class ErrorBlock(NamedTuple):
     additive : bool
         Whether component by component it adds to states that the sensor measures as they are; otherwise compiled code
         of `auvid_cli.identification` names each of its symbols.
+    time_constant : float
+        After which 1/e of it is left, s; infinite for what does not fade.
     """
 
     name: str
@@ -61,6 +66,12 @@ class ErrorBlock(NamedTuple):
     walk: float
     sensor: str | None
     additive: bool = False
+    time_constant: float = inf
+
+    @property
+    def is_named(self) -> bool:
+        """Say whether compiled code names each of its symbols: not those of axes that are all alike."""
+        return not self.additive and self.time_constant == inf
 
 
 class _Bias(Settings):
@@ -198,6 +209,18 @@ class ThrustScale(Settings):
         return (ErrorBlock("thrust", (THRUST_SCALE,), self.spread, self.walk, None),)
 
 
+class EstimatedDisturbance(Disturbance):
+    """Gauss-Markov force and moment beside those of the model, a state for each axis with a standard deviation."""
+
+    def blocks(self) -> tuple[ErrorBlock, ...]:
+        """Return the states, each stationary: what it forgets is made up for by the noise that drives it."""
+        return tuple(
+            ErrorBlock(quantity.symbol, (quantity,), size, size * sqrt(2.0 / time), None, time_constant=time)
+            for quantity, (size, time) in zip(DISTURBANCE, self.per_axis(), strict=True)
+            if size > 0.0
+        )
+
+
 class AugmentedStates(Settings):
     """What is estimated besides coefficients and motion."""
 
@@ -214,6 +237,7 @@ class AugmentedStates(Settings):
     dvl: DvlError = DvlError()
     current: Current = Current()
     thrust: ThrustScale = ThrustScale()
+    disturbance: EstimatedDisturbance = EstimatedDisturbance()
 
     def blocks(self) -> tuple[ErrorBlock, ...]:
         """Return the blocks that are asked for, each once."""
@@ -224,7 +248,10 @@ if {*AugmentedStates.model_fields} - {"biases"} != {*BiasName}:
     raise TypeError("each block of further states has a name in BiasName and settings in AugmentedStates")
 
 # Every block that may be asked for, whatever the settings say, and its states.
-ERROR_BLOCKS = AugmentedStates(biases=tuple(BiasName)).blocks()
+_ON_ALL_AXES = EstimatedDisturbance(
+    force=DisturbingForce(standard_deviation=(1.0,)), moment=DisturbingMoment(standard_deviation=(1.0,))
+)
+ERROR_BLOCKS = AugmentedStates(biases=tuple(BiasName), disturbance=_ON_ALL_AXES).blocks()
 ERROR_STATES = tuple(quantity for block in ERROR_BLOCKS for quantity in block.quantities)
 if len({quantity.symbol for quantity in ERROR_STATES}) < len(ERROR_STATES):
     raise TypeError("two errors have the same symbol: a second sensor of the same states needs a `prefix` of its own")

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
-from auvid_cli.config.augmented_states import AugmentedStates
+from auvid_cli.config.augmented_states import AugmentedStates, BiasName, ErrorBlock
 from auvid_cli.config.filter_name import JUDGE, FilterName
 from auvid_cli.config.magnitudes import check_amount, check_size
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
@@ -95,6 +95,10 @@ class Use(Settings):
         float | None, Amount("s"), Field(gt=0, description="a sensor that is silent for longer ends a segment")
     ] = None
     shortest: Annotated[float, Amount("s"), Field(ge=0, description="leave out segments that last less")] = 2.0
+
+
+# So that what a disturbance forgets from one step to the next is little.
+_STEPS_PER_TIME_CONSTANT = 5
 
 
 class EkfSettings(Settings):
@@ -254,6 +258,28 @@ class Identification(Settings):
                 )
         return self
 
+    @model_validator(mode="after")
+    def _disturbance_of_a_size(self) -> "Identification":
+        blocks = self._disturbances()
+        if BiasName.DISTURBANCE in self.estimate.biases and not blocks:
+            raise ValueError(
+                "estimate.biases has disturbance, so estimate.disturbance must state the standard_deviation of a force "
+                "or a moment, such as {force: {standard_deviation: 5 N, time_constant: 3 s}}"
+            )
+        shortest = _STEPS_PER_TIME_CONSTANT * self.integration_step
+        for block in blocks:
+            if block.time_constant < shortest:
+                raise ValueError(
+                    f"estimate.disturbance: {block.name} has a time_constant of {block.time_constant:g} s; expected at "
+                    f"least {shortest:g} s, {_STEPS_PER_TIME_CONSTANT} times integration_step: what fades sooner is "
+                    "white process noise (process_noise.velocity, process_noise.rate)"
+                )
+        return self
+
+    def _disturbances(self) -> tuple[ErrorBlock, ...]:
+        asked = BiasName.DISTURBANCE in self.estimate.biases
+        return self.estimate.disturbance.blocks() if asked else ()
+
     def estimated(self) -> tuple[str, ...]:
         """Return the symbols of the coefficients to estimate, in the order of the table."""
         return SYMBOLS if self.coefficients == "all" else tuple(self.coefficients)
@@ -280,6 +306,11 @@ class Identification(Settings):
             raise ConfigError(
                 f"identification.gate has no meaning for {batch}, which weighs all measurements at once; leave out "
                 "the gate or the filter, or let it weigh down outliers (identification.robust=huber)"
+            )
+        if self._disturbances() and any(name.is_free_run_fit for name in filters):
+            raise ConfigError(
+                "identification.estimate.biases has disturbance, which output_error cannot follow: it fits motions "
+                "without process noise; leave out one of the two, or take the smoother"
             )
         earlier = self.prior.from_estimate
         if earlier is not None and not Path(earlier).is_file():

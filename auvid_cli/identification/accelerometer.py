@@ -18,10 +18,12 @@ from auvid_cli.identification.compiled_layout import (
     ACCELEROMETER,
     ROW,
     first_moving_row,
+    is_disturbed,
     known_vector,
     row_of,
     value_of,
 )
+from auvid_cli.identification.disturbance import fill_in_specific_force, push
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
@@ -113,6 +115,8 @@ def measure_forces(moving, parameters, inputs, constants, selection, n_lanes, pr
     work = _workspace(scratch)
     fill_in_lanes(moving, parameters, constants, selection, n_lanes, work.coefficient_block)
     motion_derivative(moving, work.coefficient_block, inputs, constants[:N_CONSTANTS], n_lanes, work.slope)
+    if is_disturbed(constants):
+        push(moving, LANES, constants, n_lanes, 1.0, work.slope, LANES)
     _specific_force(moving, work.slope, constants, n_lanes, predicted)
     scales, biases = (ROW.scale_fx, ROW.scale_fy, ROW.scale_fz), (ROW.bias_fx, ROW.bias_fy, ROW.bias_fz)
     for axis in range(3):
@@ -133,6 +137,8 @@ def linearise_force(mean, inputs, constants, selection, predicted, matrix, scrat
     for i in range(N_MOTION):
         work.block[i * LANES] = motion[i]
     motion_derivative(work.block, work.coefficient_block, inputs, vehicle, 1, work.slope)
+    if is_disturbed(constants):
+        push(mean[first:], 1, constants, 1, 1.0, work.slope, LANES)
     _specific_force(work.block, work.slope, constants, 1, work.force)
     motion_jacobian(motion, work.coefficients, inputs, vehicle, jacobian, work.for_jacobian)
 
@@ -164,6 +170,8 @@ def linearise_force(mean, inputs, constants, selection, predicted, matrix, scrat
         for column in range(N_COLUMNS):
             row[column] *= gain
         fill_in_row(row, constants, selection, matrix[i])
+        if is_disturbed(constants):
+            fill_in_specific_force(constants, arm, i, gain, matrix[i])
         predicted[i] = gain * work.force[i * LANES]
         if scale >= 0:
             matrix[i, scale] = work.force[i * LANES]

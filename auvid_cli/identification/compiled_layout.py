@@ -17,6 +17,7 @@ from auvid_cli.identification.state_layout import StateLayout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import N_CONSTANTS
+from auvid_cli.vehicle.parameters import DISTURBANCE
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,8 @@ _vector = types.float64[::1]
 
 # States that compiled code looks for by name, with where their rows stand among themselves: moving states beside the
 # motion, and errors that do not just add to a sensor. They stand at the end of the constants, behind the vehicle, the
-# 22 held values, one scale for each estimated coefficient and the known sensors, and before the number of parameters.
+# 22 held values, one scale for each estimated coefficient, how what disturbs fades, and the known sensors, and before
+# the number of parameters.
 _SYMBOLS = (
     *(state.quantity.symbol for state in FURTHER_STATES),
     *(quantity.symbol for block in ERROR_BLOCKS if not block.additive for quantity in block.quantities),
@@ -68,6 +70,9 @@ NONE_KNOWN = KnownSensors()
 ACCELEROMETER, MAGNETOMETER = range(len(KnownSensors._fields))
 _N_KNOWN = 4
 _SENSORS = 1 + _N_ROWS + _N_KNOWN * len(KnownSensors._fields)
+# Before them how fast what disturbs each axis fades, and before that the fastest, 0 if nothing does.
+_FADING = _SENSORS + len(DISTURBANCE)
+_FASTEST = _FADING + 1
 
 
 # Blocks that the compiled process moves, or is made of, without being asked.
@@ -86,8 +91,10 @@ def model_constants(vehicle: Array, held: Array, layout: StateLayout, known: Kno
         raise TypeError(f"no compiled code knows of {', '.join(sorted(compiled_in - {*_SYMBOLS}))}")
     rows = [row if (row := layout.row(symbol)) is not None else _NOWHERE for symbol in _SYMBOLS]
     scale = layout.scale[layout.rows_of("coefficients")]
+    time_constants = {block.name: block.error.time_constant for block in layout.blocks if block.error is not None}
+    fading = [1.0 / time_constants.get(quantity.symbol, np.inf) for quantity in DISTURBANCE]
     sensors = [number for sensor in known for number in (sensor.sensor, *sensor.vector)]
-    return np.concatenate([vehicle, held, scale, sensors, rows, [layout.n_parameters]])
+    return np.concatenate([vehicle, held, scale, [max(fading)], fading, sensors, rows, [layout.n_parameters]])
 
 
 def check_named(symbols: Iterable[str], modules: Iterable[ModuleType], by: int) -> None:
@@ -141,6 +148,18 @@ def known_vector(constants, which):
 def depth_is_state(constants):
     """Say whether it is."""
     return row_of(constants, ROW.down) >= 0
+
+
+@compiled(types.boolean(_vector), internal=True)
+def is_disturbed(constants):
+    """Say whether a disturbing force or moment is a state."""
+    return constants[constants.size - _FASTEST] > 0.0
+
+
+@compiled(types.float64(_vector, types.int64), internal=True)
+def fading_rate(constants, axis):
+    """Return how fast the disturbing force or moment of an axis fades, 1/s; 0 if it is no state."""
+    return constants[constants.size - _FADING + axis]
 
 
 @compiled(types.float64(_vector, types.int64, _vector, _vector, types.int64), internal=True)

@@ -23,10 +23,22 @@ from auvid_cli.identification.compiled_layout import (
     check_named,
     depth_is_state,
     first_moving_row,
+    is_disturbed,
     model_constants,
     row_of,
 )
+from auvid_cli.identification.disturbance import (
+    N_DISTURBANCE_WORK,
+    begin,
+    begin_step,
+    derive_at_once,
+    end_step,
+    fade,
+    fill_in_forces,
+    push,
+)
 from auvid_cli.identification.observation import linearise, observe
+from auvid_cli.identification.sinking import before_moving, sink, sink_rate
 from auvid_cli.identification.state_layout import StateLayout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import SYMBOLS
@@ -37,7 +49,6 @@ from auvid_cli.vehicle.dynamics import (
     N_FACTORS,
     N_WORK,
     runge_kutta_step,
-    sine_cosine,
 )
 from auvid_cli.vehicle.parameters import N_MOTION
 from auvid_cli.vehicle.sensitivity import N_COLUMNS, N_TRANSITION_WORK, motion_jacobian, transition_step
@@ -96,19 +107,6 @@ def _workspace(scratch):
     )
 
 
-@compiled(types.void(_vector, types.int64, types.uint64, types.float64), internal=True)
-def _sink(moving, place, n_lanes, duration):
-    """Move the depth on at the present rate: a half step before and one after the motion are the trapezoidal rule.
-
-    The depth is the moving state at `place`.
-    """
-    for k in range(n_lanes):
-        sin_phi, cos_phi = sine_cosine(moving[6 * LANES + k])
-        sin_theta, cos_theta = sine_cosine(moving[7 * LANES + k])
-        across = sin_phi * moving[LANES + k] + cos_phi * moving[2 * LANES + k]
-        moving[place * LANES + k] += duration * (cos_theta * across - sin_theta * moving[k])
-
-
 @compiled(PROCESS_SIGNATURE)
 def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration, scratch):
     # Not from `_workspace`: with slices that begin at an offset a step of the sigma-point filters is 2 to 4 % longer.
@@ -116,10 +114,15 @@ def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration
     fill_in_lanes(motion, parameters, constants, selection, n_lanes, coefficients)
     depth = row_of(constants, ROW.down) - first_moving_row(constants)
     if depth_is_state(constants):
-        _sink(motion, depth, n_lanes, 0.5 * duration)
+        sink(motion, depth, n_lanes, 0.5 * duration)
+    if is_disturbed(constants):
+        push(motion, LANES, constants, n_lanes, 0.5 * duration, motion, LANES)
     runge_kutta_step(motion, coefficients, inputs, constants[:N_CONSTANTS], n_lanes, duration, work)
+    if is_disturbed(constants):
+        fade(motion, LANES, constants, n_lanes, duration)
+        push(motion, LANES, constants, n_lanes, 0.5 * duration, motion, LANES)
     if depth_is_state(constants):
-        _sink(motion, depth, n_lanes, 0.5 * duration)
+        sink(motion, depth, n_lanes, 0.5 * duration)
 
 
 @compiled(types.void(_matrix, _vector, _indices, _matrix), internal=True)
@@ -129,68 +132,56 @@ def _fill_in(sensitivity, constants, selection, matrix):
         fill_in_row(sensitivity[i], constants, selection, matrix[first_moving_row(constants) + i])
 
 
-@compiled(types.void(_matrix, _vector), internal=True)
-def _before_moving(sensitivity, sinking):
-    """Begin: the motion depends on itself alone, and the depth has not changed."""
-    for i in range(N_MOTION):
-        for j in range(N_COLUMNS):
-            sensitivity[i, j] = 1.0 if i == j else 0.0
-    for j in range(sinking.size):
-        sinking[j] = 0.0
-
-
-@compiled(types.void(_vector, _matrix, types.float64, _vector), internal=True)
-def _sink_rate(motion, sensitivity, duration, sinking):
-    """Add the derivative of the present vertical velocity, for so long, and in the last place the velocity itself."""
-    u, v, w = motion[0], motion[1], motion[2]
-    sin_phi, cos_phi = sine_cosine(motion[6])
-    sin_theta, cos_theta = sine_cosine(motion[7])
-    across, along = sin_phi * v + cos_phi * w, cos_phi * v - sin_phi * w
-    for j in range(N_COLUMNS):
-        turning = cos_theta * along * sensitivity[6, j] - (sin_theta * across + cos_theta * u) * sensitivity[7, j]
-        moving = cos_theta * (sin_phi * sensitivity[1, j] + cos_phi * sensitivity[2, j])
-        sinking[j] += duration * (turning + moving - sin_theta * sensitivity[0, j])
-    sinking[N_COLUMNS] += duration * (cos_theta * across - sin_theta * u)
-
-
 @compiled(TRANSITION_SIGNATURE)
 def _exact_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     """Integrate the variational equation along the motion."""
     work, vehicle = _workspace(scratch), constants[:N_CONSTANTS]
     depth, motion = row_of(constants, ROW.down), mean[first_moving_row(constants) :][:N_MOTION]
     fill_in_all(mean, constants, selection, work.coefficients)
-    _before_moving(work.sensitivity, work.sinking)
+    before_moving(work.sensitivity, work.sinking)
+    if is_disturbed(constants):
+        begin(scratch[_N_SCRATCH:])
     for substep in range(substep_duration.size):
         held, duration = inputs[substep_input[substep]], substep_duration[substep]
         if depth_is_state(constants):
-            _sink_rate(motion, work.sensitivity, 0.5 * duration, work.sinking)
+            sink_rate(motion, work.sensitivity, 0.5 * duration, work.sinking)
+        if is_disturbed(constants):
+            begin_step(mean, work.coefficients, held, constants, duration, scratch[_N_SCRATCH:], work.step)
         transition_step(motion, work.coefficients, held, vehicle, duration, work.sensitivity, work.step)
+        if is_disturbed(constants):
+            end_step(mean, constants, duration, scratch[_N_SCRATCH:])
         if depth_is_state(constants):
-            _sink_rate(motion, work.sensitivity, 0.5 * duration, work.sinking)
+            sink_rate(motion, work.sensitivity, 0.5 * duration, work.sinking)
     _fill_in(work.sensitivity, constants, selection, matrix)
     if depth_is_state(constants):
         mean[depth] += work.sinking[N_COLUMNS]
         fill_in_row(work.sinking, constants, selection, matrix[depth])
+    if is_disturbed(constants):
+        fill_in_forces(constants, scratch[_N_SCRATCH:], matrix)
 
 
 @compiled(TRANSITION_SIGNATURE)
 def first_order_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     """Linearise once, where the interval begins: the paper's I + A dt, Table A1."""
     work, vehicle = _workspace(scratch), constants[:N_CONSTANTS]
-    depth, motion = row_of(constants, ROW.down), mean[first_moving_row(constants) :][:N_MOTION]
+    moving = mean[first_moving_row(constants) :]
+    depth, motion = row_of(constants, ROW.down), moving[:N_MOTION]
     sensitivity, block, elapsed = work.sensitivity, work.block, 0.0
     fill_in_all(mean, constants, selection, work.coefficients)
     for substep in range(substep_duration.size):
         elapsed += substep_duration[substep]
     if depth_is_state(constants):
-        _before_moving(sensitivity, work.sinking)
-        _sink_rate(motion, sensitivity, elapsed, work.sinking)
+        before_moving(sensitivity, work.sinking)
+        sink_rate(motion, sensitivity, elapsed, work.sinking)
         fill_in_row(work.sinking, constants, selection, matrix[depth])
     motion_jacobian(motion, work.coefficients, inputs[substep_input[0]], vehicle, sensitivity, work.step)
     for i in range(N_MOTION):
         for j in range(N_COLUMNS):
             sensitivity[i, j] = elapsed * sensitivity[i, j] + (1.0 if i == j else 0.0)
     _fill_in(sensitivity, constants, selection, matrix)
+    if is_disturbed(constants):
+        derive_at_once(constants, elapsed, scratch[_N_SCRATCH:])
+        fill_in_forces(constants, scratch[_N_SCRATCH:], matrix)
     for i in range(N_MOTION):
         block[i * LANES] = motion[i]
     block[N_MOTION * LANES] = 0.0
@@ -199,10 +190,15 @@ def first_order_transition(mean, inputs, substep_input, substep_duration, consta
     for substep in range(substep_duration.size):
         held, duration = inputs[substep_input[substep]], substep_duration[substep]
         if depth_is_state(constants):
-            _sink(block, N_MOTION, 1, 0.5 * duration)
+            sink(block, N_MOTION, 1, 0.5 * duration)
+        if is_disturbed(constants):
+            push(moving, 1, constants, 1, 0.5 * duration, block, LANES)
         runge_kutta_step(block, work.coefficient_block, held, vehicle, 1, duration, work.step)
+        if is_disturbed(constants):
+            fade(moving, 1, constants, 1, duration)
+            push(moving, 1, constants, 1, 0.5 * duration, block, LANES)
         if depth_is_state(constants):
-            _sink(block, N_MOTION, 1, 0.5 * duration)
+            sink(block, N_MOTION, 1, 0.5 * duration)
     for i in range(N_MOTION):
         motion[i] = block[i * LANES]
     if depth_is_state(constants):
@@ -239,7 +235,7 @@ def vehicle_process(
         constants=model_constants(vehicle, of_symbols, layout, known),
         selection=np.array([SYMBOLS.index(symbol) for symbol in estimated], dtype=np.int64),
         noise_density=layout.noise_density,
-        scratch_size=_N_SCRATCH,
+        scratch_size=_N_SCRATCH + N_DISTURBANCE_WORK,
         observe=observe,
         linearise=linearise,
     )
@@ -247,7 +243,7 @@ def vehicle_process(
 
 # Of errors what comes of them and the derivative; of moving states how they advance, and both transitions.
 check_named(
-    [quantity.symbol for block in ERROR_BLOCKS if not block.additive for quantity in block.quantities],
+    [quantity.symbol for block in ERROR_BLOCKS if block.is_named for quantity in block.quantities],
     (accelerometer, compiled_coefficients, dvl, magnetic_field),
     by=2,
 )

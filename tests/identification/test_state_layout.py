@@ -46,7 +46,7 @@ def test_scaled_components_have_a_prior_of_one(layout):
 
 
 def test_an_error_that_no_compiled_code_names_is_refused_at_import():
-    errors = [quantity.symbol for block in ERROR_BLOCKS if not block.additive for quantity in block.quantities]
+    errors = [quantity.symbol for block in ERROR_BLOCKS if block.is_named for quantity in block.quantities]
     check_named(errors, (accelerometer, compiled_coefficients, dvl, magnetic_field), by=2)
     with pytest.raises(TypeError, match="no compiled code says what comes of dvl_pitch"):
         check_named(["dvl_pitch"], (dvl,), by=2)

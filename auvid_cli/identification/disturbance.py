@@ -1,0 +1,216 @@
+"""What disturbs the motion: a Gauss-Markov force or moment for each axis, which pushes the vehicle and fades.
+
+For the first half of a substep the force at its beginning acts, for the second half that at its end, so that the error
+falls with the square of the substep.
+"""
+
+from itertools import accumulate
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.compilation import compiled
+from auvid_cli.identification.compiled_layout import (
+    ROW,
+    depth_is_state,
+    fading_rate,
+    first_moving_row,
+    row_of,
+)
+from auvid_cli.identification.sinking import sink_rate
+from auvid_cli.vehicle.dynamics import N_CONSTANTS, named_constants
+from auvid_cli.vehicle.parameters import DISTURBANCE, N_MOTION
+from auvid_cli.vehicle.sensitivity import N_COLUMNS, transition_step
+
+Array = NDArray[np.float64]
+
+_vector = types.float64[::1]
+_matrix = types.float64[:, ::1]
+_N_AXES = len(DISTURBANCE)
+_ROWS = tuple(getattr(ROW, quantity.symbol) for quantity in DISTURBANCE)
+
+
+class _Workspace(NamedTuple):
+    """What is known of the way of one state so far.
+
+    Attributes
+    ----------
+    by_force : ndarray, shape (9, N_COLUMNS)
+        Derivative of the motion by the force or moment of each axis where the way began; the other columns are moved
+        along with them, and mean nothing.
+    sinking : ndarray, shape (N_COLUMNS + 1,)
+        The same of the depth.
+    left : ndarray, shape (6,)
+        How much is left of each.
+    motion : ndarray, shape (9,)
+        Holds nothing from one use to the next.
+    """
+
+    by_force: Array
+    sinking: Array
+    left: Array
+    motion: Array
+
+
+# Where each of them ends in the scratch that is handed over.
+_BY_FORCE, _SINKING, _LEFT, N_DISTURBANCE_WORK = accumulate((N_MOTION * N_COLUMNS, N_COLUMNS + 1, _N_AXES, N_MOTION))
+
+
+@compiled(types.NamedTuple((_matrix, *[_vector] * 3), _Workspace)(_vector), inline=True)
+def _workspace(scratch):
+    return _Workspace(
+        by_force=scratch[:_BY_FORCE].reshape(N_MOTION, N_COLUMNS),
+        sinking=scratch[_BY_FORCE:_SINKING],
+        left=scratch[_SINKING:_LEFT],
+        motion=scratch[_LEFT:N_DISTURBANCE_WORK],
+    )
+
+
+@compiled(
+    types.void(_vector, types.int64, _vector, types.uint64, types.float64, _vector, types.int64),
+    internal=True,
+)
+def push(moving, row_length, constants, n_lanes, duration, velocity, velocity_row_length):
+    """Let what disturbs some states act for so long on their velocities and rates, or for 1 on these' derivatives.
+
+    Parameters
+    ----------
+    moving : ndarray
+        Rows of moving states, with a lane for each state.
+    row_length : int
+    constants : ndarray
+        Of the process.
+    n_lanes : int
+    duration : float
+        s.
+    velocity : ndarray
+        Rows of which the first six are changed; may be the same as `moving`.
+    velocity_row_length : int
+    """
+    inverse, first = named_constants(constants).inverse, first_moving_row(constants)
+    for axis in range(_N_AXES):
+        row = row_of(constants, _ROWS[axis])
+        if row >= 0:
+            force = moving[(row - first) * row_length :]
+            for i in range(6):
+                share = duration * inverse[6 * i + axis]
+                for k in range(n_lanes):
+                    velocity[i * velocity_row_length + k] += share * force[k]
+
+
+@compiled(types.void(_vector, types.int64, _vector, types.uint64, types.float64), internal=True)
+def fade(moving, row_length, constants, n_lanes, duration):
+    """Let what disturbs some states fade for so long; arguments as of `push`."""
+    for axis in range(_N_AXES):
+        row = row_of(constants, _ROWS[axis])
+        if row >= 0:
+            force = moving[(row - first_moving_row(constants)) * row_length :]
+            left = np.exp(-duration * fading_rate(constants, axis))
+            for k in range(n_lanes):
+                force[k] *= left
+
+
+@compiled(types.void(_vector, types.float64, _vector, _matrix), internal=True)
+def _push_derivative(constants, duration, left, by_force):
+    """Do to the derivative of the motion what `push` does to the motion."""
+    inverse = named_constants(constants).inverse
+    for i in range(6):
+        for axis in range(_N_AXES):
+            by_force[i, axis] += duration * inverse[6 * i + axis] * left[axis]
+
+
+@compiled(types.void(_vector, types.float64, _vector), internal=True)
+def _fade_derivative(constants, duration, left):
+    for axis in range(_N_AXES):
+        left[axis] *= np.exp(-duration * fading_rate(constants, axis))
+
+
+@compiled(types.void(_vector), internal=True)
+def begin(scratch):
+    """Begin the way of one state: all of the force is left, and nothing has come of it yet."""
+    work = _workspace(scratch)
+    for i in range(N_MOTION):
+        for j in range(N_COLUMNS):
+            work.by_force[i, j] = 0.0
+    for j in range(work.sinking.size):
+        work.sinking[j] = 0.0
+    for axis in range(_N_AXES):
+        work.left[axis] = 1.0
+
+
+@compiled(types.void(*[_vector] * 4, types.float64, _vector, _vector), internal=True)
+def begin_step(mean, coefficients, inputs, constants, duration, scratch, for_step):
+    """Push one state for the first half of a substep, and carry over all of it what the pushes so far came to.
+
+    The motion itself and its derivatives by all else are moved between this and `end_step`.
+
+    Parameters
+    ----------
+    mean : ndarray, shape (n,)
+    coefficients : ndarray, shape (N_FACTORS,)
+    inputs, constants : ndarray
+        Of the process.
+    duration : float
+        Of the substep, s.
+    scratch : ndarray, shape (N_DISTURBANCE_WORK,)
+        From the step before, or `begin`.
+    for_step : ndarray, shape (N_TRANSITION_WORK,)
+        Overwritten.
+    """
+    work, moving = _workspace(scratch), mean[first_moving_row(constants) :]
+    if depth_is_state(constants):
+        sink_rate(moving[:N_MOTION], work.by_force, 0.5 * duration, work.sinking)
+    push(moving, 1, constants, 1, 0.5 * duration, moving, 1)
+    _push_derivative(constants, 0.5 * duration, work.left, work.by_force)
+    for i in range(N_MOTION):
+        work.motion[i] = moving[i]
+    transition_step(work.motion, coefficients, inputs, constants[:N_CONSTANTS], duration, work.by_force, for_step)
+
+
+@compiled(types.void(_vector, _vector, types.float64, _vector), internal=True)
+def end_step(mean, constants, duration, scratch):
+    """Let the force fade, and push for the second half of the substep; arguments as of `begin_step`."""
+    work, moving = _workspace(scratch), mean[first_moving_row(constants) :]
+    fade(moving, 1, constants, 1, duration)
+    _fade_derivative(constants, duration, work.left)
+    push(moving, 1, constants, 1, 0.5 * duration, moving, 1)
+    _push_derivative(constants, 0.5 * duration, work.left, work.by_force)
+    if depth_is_state(constants):
+        sink_rate(moving[:N_MOTION], work.by_force, 0.5 * duration, work.sinking)
+
+
+@compiled(types.void(_vector, types.float64, _vector), internal=True)
+def derive_at_once(constants, duration, scratch):
+    """Find what comes of the forces to first order in the interval."""
+    work = _workspace(scratch)
+    begin(scratch)
+    _push_derivative(constants, duration, work.left, work.by_force)
+    _fade_derivative(constants, duration, work.left)
+
+
+@compiled(types.void(_vector, _vector, _matrix), internal=True)
+def fill_in_forces(constants, scratch, matrix):
+    """Copy the derivatives by the forces to a transition matrix."""
+    work, first = _workspace(scratch), first_moving_row(constants)
+    for axis in range(_N_AXES):
+        row = row_of(constants, _ROWS[axis])
+        if row >= 0:
+            for i in range(N_MOTION):
+                matrix[first + i, row] = work.by_force[i, axis]
+            matrix[row, row] = work.left[axis]
+            if depth_is_state(constants):
+                matrix[row_of(constants, ROW.down), row] = work.sinking[axis]
+
+
+@compiled(types.void(_vector, types.UniTuple(types.float64, 3), types.int64, types.float64, _vector), internal=True)
+def fill_in_specific_force(constants, arm, component, gain, row):
+    """Copy the derivative of a component of the acceleration at a lever arm to a row of derivatives by the state."""
+    inverse = named_constants(constants).inverse
+    j, k = (component + 1) % 3, (component + 2) % 3
+    for axis in range(_N_AXES):
+        state = row_of(constants, _ROWS[axis])
+        if state >= 0:
+            turning = inverse[6 * (3 + j) + axis] * arm[k] - inverse[6 * (3 + k) + axis] * arm[j]
+            row[state] = gain * (inverse[6 * component + axis] + turning)
