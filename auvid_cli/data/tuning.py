@@ -18,7 +18,7 @@ class TunedNoise(NamedTuple):
     Attributes
     ----------
     setting : str
-        Its key, as behind ``--set``.
+        Its key, as behind ``--set``, and of one of a list its number.
     unit : str
         SI.
     stated, tuned : float
@@ -65,10 +65,11 @@ class Tuning:
     def settings(self) -> str:
         """Return settings with the tuned noise, as YAML in SI."""
         tree: dict[str, Any] = {}
+        tuned = self.experiment.model_dump(mode="json")
         for noise in self.noises:
-            *sections, key = noise.setting.split(".")
-            within = tree
+            *sections, key = (part for part in noise.setting.split(".") if not part.isdigit())
+            within, value = tree, tuned
             for section in sections:
-                within = within.setdefault(section, {})
-            within[key] = float(f"{noise.tuned:.3g}")
+                within, value = within.setdefault(section, {}), value[section]
+            within[key] = value[key]
         return yaml.safe_dump(tree, sort_keys=False)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from typing import NamedTuple, TypeVar
 
+from auvid_cli.config.augmented_states import BiasName, EstimatedDisturbance
 from auvid_cli.config.experiment import Identification
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.config.quantity import Unit
@@ -14,6 +15,8 @@ from auvid_cli.filters.noise_scores import NoiseGroup
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
 from auvid_cli.identification.prepared_data import PreparedData
+from auvid_cli.identification.state_layout import StateLayout
+from auvid_cli.vehicle.parameters import DISTURBANCE
 
 SettingsClass = TypeVar("SettingsClass", bound=Settings)
 
@@ -24,7 +27,7 @@ class AdjustableNoise(NamedTuple):
     Attributes
     ----------
     path : tuple of str
-        Of its setting, within those of the identification.
+        Of its setting, within those of the identification; of one of a list its number at the end.
     unit : str
     stated : float
     group : NoiseGroup
@@ -98,10 +101,26 @@ def process_noises(augmented: AugmentedProblem, settings: Identification) -> Ite
             yield adjustable(("process_noise", state.name), noise, layout.moving_rows_of(state.name))
     for bias in dict.fromkeys(settings.estimate.biases):
         of_bias = getattr(settings.estimate, bias.value)
+        if bias == BiasName.DISTURBANCE:
+            yield from _disturbances(layout, of_bias)
+            continue
         for block in of_bias.blocks():
             if block.walk > 0.0:
                 own = "walk" if "walk" in type(of_bias).model_fields else f"{block.name.partition('_')[2]}_walk"
                 yield adjustable(("estimate", bias.value, own), of_bias, layout.moving_rows_of(block.name))
+
+
+def _disturbances(layout: StateLayout, settings: EstimatedDisturbance) -> Iterator[AdjustableNoise]:
+    """Yield the sizes of what disturbs the motion: one for all three axes, or those of a list one by one."""
+    for name, quantities in (("force", DISTURBANCE[:3]), ("moment", DISTURBANCE[3:])):
+        of_name = getattr(settings, name)
+        sizes, path = of_name.standard_deviation, ("estimate", "disturbance", name, "standard_deviation")
+        slices = [layout.moving_rows_of(quantity.symbol) for quantity in quantities]
+        rows = [tuple(range(place.start, place.stop)) for place in slices]
+        each = [((), sum(rows, ()))] if len(sizes) == 1 else [((str(i),), own) for i, own in enumerate(rows)]
+        for size, (place, moving) in zip(sizes, each, strict=True):
+            if moving:
+                yield AdjustableNoise((*path, *place), _unit(of_name, path[-1]), size, NoiseGroup(moving))
 
 
 def _unit(settings: Settings, key: str) -> str:
@@ -121,6 +140,9 @@ def _changed(settings: SettingsClass, path: tuple[str, ...], value: float | str)
     own = getattr(settings, key)
     if isinstance(own, dict):
         value_there = {**own, rest[0]: value}
+    elif isinstance(own, tuple):
+        place = int(rest[0]) if rest else 0
+        value_there = (*own[:place], value, *own[place + 1 :])
     else:
         value_there = _changed(own, tuple(rest), value) if rest else value
     return settings.model_copy(update={key: value_there})
