@@ -6,13 +6,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.config.augmented_states import BiasName
 from auvid_cli.evaluation.measurement_errors import measured_motion
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.validation.fit import PredictionFit
 from auvid_cli.validation.initial_states import InitialStates
-from auvid_cli.validation.motion_prediction import Shaken, move_side_by_side, unchanged_motion
+from auvid_cli.validation.motion_prediction import Disturbed, Shaken, move_side_by_side, unchanged_motion
 from auvid_cli.validation.results import AHEAD, Prediction
 from auvid_cli.validation.signals import MeasuredSignal, SignalSize, is_angle
+from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
@@ -111,10 +113,10 @@ def predict_ahead(
 ) -> Collected:
     """Predict measurements from every start, with the sensors' errors and the current that are known there.
 
-    The variance holds how unsure coefficients, start, measurements and their additive errors are, each by itself, and
-    process noise where it is given. It leaves out the uncertainty of the current and of the DVL's scale and yaw, and
-    that these go with the start's velocity: what the filter knows well is the velocity over ground, less well its share
-    through the water.
+    The variance holds how unsure coefficients, start, measurements and their additive errors are, each by itself, what
+    disturbs the motion where that is estimated, and process noise where it is given. It leaves out the uncertainty of
+    the current and of the DVL's scale and yaw, and that these go with the start's velocity: what the filter knows well
+    is the velocity over ground, less well its share through the water.
 
     Parameters
     ----------
@@ -141,7 +143,8 @@ def predict_ahead(
         motion = np.tile(starts.motion[k], (len(bundle.coefficients), 1))
         motion[named:] += starts.deviation[k] * rng.standard_normal((drawn, N_MOTION))
         timelines = prepared.segments[0].timelines.between(float(start), float(wanted[-1]))
-        predicted = move_side_by_side(timelines, motion, bundle.coefficients, parameters, wanted, shaken)
+        disturbed = _disturbed(prepared, starts, k, slice(named, named + drawn), rng)
+        predicted = move_side_by_side(timelines, motion, bundle.coefficients, parameters, wanted, shaken, disturbed)
         collected.blown_up[:] |= ~np.isfinite(predicted[:, named:]).all(axis=(0, 2))
         errors = starts.errors[k]
         unchanged = measured_motion(unchanged_motion(wanted - start, starts.motion[k]), errors)
@@ -155,6 +158,20 @@ def predict_ahead(
             variance = _variance(lanes[named:], lanes[0]) + noise
             collected.samples.append(Sample(target, lanes[:named], unchanged[at, column] + turns, variance))
     return collected
+
+
+def _disturbed(
+    prepared: PreparedData, starts: InitialStates, k: int, drawn: slice, rng: np.random.Generator
+) -> Disturbed | None:
+    """Return what disturbs the models from a start on, as unsure as it is there for those that are drawn, or None."""
+    estimated = prepared.experiment.identification.estimate
+    if BiasName.DISTURBANCE not in estimated.biases:
+        return None
+    deviation, time_constant = np.array(estimated.disturbance.per_axis()).T
+    force = np.tile(starts.force[k][:, None], drawn.stop)
+    force[:, drawn] += starts.force_deviation[k][:, None] * rng.standard_normal(force[:, drawn].shape)
+    inverse = np.linalg.inv(mass_matrix(prepared.experiment.vehicle.known_parameters())).astype(np.float64)
+    return Disturbed(drawn, force, deviation, time_constant, inverse, rng)
 
 
 def _variance(drawn: Array, centre: float) -> float:

@@ -16,7 +16,7 @@ from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.actuators import lagged
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.prepared_data import PreparedData
-from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
+from auvid_cli.vehicle.parameters import DISTURBANCE, INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -37,6 +37,8 @@ class InitialStates:
     motion, deviation : ndarray, shape (k, 9)
         Mean and standard deviation.
         The velocity is that through the water where the filter looks for a current.
+    force, force_deviation : ndarray, shape (k, 6)
+        Mean and standard deviation of what disturbs the motion, N and N m; zero where the filter does not look for it.
     errors, errors_deviation : list of MeasurementErrors
         Mean and standard deviation of what the filter finds of the sensors' errors and of the current by then.
     final_errors : MeasurementErrors
@@ -55,6 +57,8 @@ class InitialStates:
     time: Array
     motion: Array
     deviation: Array
+    force: Array
+    force_deviation: Array
     errors: list[MeasurementErrors]
     errors_deviation: list[MeasurementErrors]
     final_errors: MeasurementErrors
@@ -148,6 +152,11 @@ def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
             squares[sensor] += records.nis[counted].sum()
             components[sensor] += np.isfinite(records.innovation_variance[counted]).sum()
 
+    def forces(states: Array) -> Array:
+        columns = [problem.layout.row(quantity.symbol) for quantity in DISTURBANCE]
+        none = np.zeros(len(states))
+        return np.column_stack([none if column is None else states[:, column] for column in columns])
+
     points = cubature(prior.mean.size)
     outcome = run_square_root_filter(points, problem.process, problem.sensors, timelines, prior, receive)
     time, mean, deviation = (np.array(rows) for rows in zip(*kept, strict=True)) if kept else (np.zeros(0),) * 3
@@ -157,6 +166,8 @@ def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
         time,
         mean[:, motion],
         deviation[:, motion],
+        forces(mean),
+        forces(deviation),
         [estimated_errors(problem.layout.symbols, row) for row in mean],
         [estimated_errors(problem.layout.symbols, row) for row in deviation],
         estimated_errors(problem.layout.symbols, last),

@@ -41,6 +41,41 @@ class Shaken(NamedTuple):
         pushed += np.sqrt(elapsed) * self.density[:, None] * self.rng.standard_normal(pushed.shape)
 
 
+class Disturbed(NamedTuple):
+    """What disturbs models side by side: a Gauss-Markov force or moment for each axis.
+
+    Attributes
+    ----------
+    which : slice
+        Those models for which it goes on at random; for the others it fades.
+    force : ndarray, shape (6, n)
+        At present, N and N m; changed on the way.
+    deviation, time_constant : ndarray, shape (6,)
+        Of each axis in the long run, and after which 1/e of it is left, s.
+    inverse : ndarray, shape (6, 6)
+        Of the mass matrix.
+    rng : numpy.random.Generator
+    """
+
+    which: slice
+    force: Array
+    deviation: Array
+    time_constant: Array
+    inverse: Array
+    rng: np.random.Generator
+
+    def push(self, states: Array, elapsed: float) -> None:
+        """Let it act for some time, s, on the states, shape (9, n)."""
+        states[:6] += elapsed * self.inverse @ self.force
+
+    def go_on(self, elapsed: float) -> None:
+        """Let some time pass, s."""
+        left = np.exp(-elapsed / self.time_constant)[:, None]
+        self.force[:] *= left
+        driven = self.force[:, self.which]
+        driven += np.sqrt(1.0 - left**2) * self.deviation[:, None] * self.rng.standard_normal(driven.shape)
+
+
 def move_side_by_side(
     timelines: Iterable[Timeline],
     motion: Array,
@@ -48,6 +83,7 @@ def move_side_by_side(
     parameters: Mapping[str, float],
     wanted: Array,
     shaken: Shaken | None = None,
+    disturbed: Disturbed | None = None,
 ) -> Array:
     """Move up to `LANES` models by the same inputs.
 
@@ -64,6 +100,7 @@ def move_side_by_side(
     wanted : ndarray, shape (k,)
         Times of events, s, increasing.
     shaken : Shaken, optional
+    disturbed : Disturbed, optional
 
     Returns
     -------
@@ -79,7 +116,12 @@ def move_side_by_side(
     def move(inputs: list[Array], durations: list[float], is_wanted: bool) -> None:
         nonlocal since_push
         for held, duration in zip(inputs, durations, strict=True):
+            if disturbed is not None:
+                disturbed.push(states[:, :n], 0.5 * duration)
             runge_kutta_step(block, rows, held, constants, n, duration, work)
+            if disturbed is not None:
+                disturbed.go_on(duration)
+                disturbed.push(states[:, :n], 0.5 * duration)
             since_push += duration
             if shaken is not None and since_push >= _BETWEEN_PUSHES:
                 shaken.push(states, since_push)
