@@ -1,18 +1,27 @@
 """A force or moment that disturbs the motion, as a state: what it does, and what is found of it."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from auvid_cli.config.experiment import Identification
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.errors import ConfigError
+from auvid_cli.filters.extended import run_extended_filter
+from auvid_cli.filters.point_sets import cubature, transformed
+from auvid_cli.filters.problem import OK, Gaussian, Sensors, Timeline
+from auvid_cli.filters.square_root import run_square_root_filter
+from auvid_cli.identification.identify import identify
 from auvid_cli.identification.process import first_order_transition, vehicle_process
 from auvid_cli.identification.state_layout import state_layout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.dynamics import factors, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.matrices import mass_matrix
-from auvid_cli.vehicle.parameters import DISTURBANCE
+from auvid_cli.vehicle.parameters import DISTURBANCE, PARAMETER_SYMBOLS
 
 INPUTS = np.array([[0.1, -0.05, 30.0, 1.0], [-0.1, 0.07, 35.0, -1.0]])
 MOTION = np.array([2.0, 0.1, -0.1, 0.02, 0.03, -0.05, 0.1, -0.2, 0.3])
@@ -119,3 +128,146 @@ def test_a_force_accelerates_by_the_mass_matrix_and_fades(experiment_with):
         errors.append(np.abs(state[2:11] - right).max())
     assert errors[0] < 1e-4
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
+
+
+# Neutral and balanced, without any drag: in surge it is a mass that forces push.
+MASS = 64.0
+DRAGLESS = {
+    **dict.fromkeys(PARAMETER_SYMBOLS, 0.0),
+    **{"m": 60.0, "W": 600.0, "B": 600.0, "Ixx": 1.0, "Iyy": 20.0, "Izz": 20.0, "X_udot": 60.0 - MASS},
+    **{"Y_vdot": -50.0, "Z_wdot": -50.0, "K_pdot": -0.1, "M_qdot": -10.0, "N_rdot": -10.0},
+}
+STEP, EVERY, DENSITY = 0.004, 25, 1e-3
+NEVER = np.zeros((1, 4))
+
+
+def pushed_mass(vehicle, size, time_constant, measured):
+    """Its process, and a timeline on which every so many steps the surge is measured to 1 cm/s."""
+    force = {"standard_deviation": [size, 0.0, 0.0], "time_constant": time_constant}
+    settings = Identification(
+        coefficients=("K_p|p|",),
+        estimate={"biases": ("disturbance",), "disturbance": {"force": force}},
+        process_noise={"velocity": DENSITY},
+        integration_step=STEP,
+    )
+    layout = state_layout(settings, vehicle.size, ())
+    process = vehicle_process(vehicle_constants(DRAGLESS), dict.fromkeys(SYMBOLS, 0.0), layout)
+    row = np.zeros((1, 1, len(layout.symbols)))
+    row[0, 0, layout.row("u")] = 1.0
+    sensors = Sensors(row, np.full((1, 1), 1e-4), np.zeros((1, 1), dtype=bool), np.zeros(1, dtype=bool))
+    n = EVERY * len(measured)
+    steps = np.arange(n + 1)
+    timeline = Timeline(
+        *(STEP * (1 + np.arange(n)), steps, np.full(n, STEP), np.zeros(n, dtype=np.int64), NEVER),
+        *(np.zeros(n, dtype=np.int64), steps // EVERY, np.zeros(len(measured), dtype=np.int8), measured[:, None]),
+    )
+    # The rest stands still, so that nothing couples and all is linear.
+    rows, std = layout.rows(("u", "disturbance_X")), np.full(len(layout.symbols), 1e-12)
+    std[rows], density = layout.prior_std[rows], np.full(len(process.noise_density), 1e-12)
+    density[np.array(rows) - 1] = process.noise_density[np.array(rows) - 1]
+    prior = Gaussian(np.zeros(len(layout.symbols)), np.diag(std))
+    return process._replace(noise_density=density), sensors, timeline, prior, rows
+
+
+def filtered(problem, run):
+    process, sensors, timeline, prior, rows = problem
+    told = []
+    outcome = run(process, sensors, [timeline], prior, lambda chunk, records: told.append(records))
+    assert outcome.failure == OK
+    return told[0].mean[:, rows], outcome.covariance[np.ix_(rows, rows)]
+
+
+KALMAN = {
+    "ekf": run_extended_filter,
+    "ckf": partial(run_square_root_filter, cubature(11)),
+    "tukf": partial(run_square_root_filter, transformed(11)),
+}
+
+
+@pytest.mark.parametrize("run", KALMAN.values(), ids=KALMAN)
+def test_of_a_mass_under_a_force_every_filter_is_the_kalman_filter_of_the_textbook(run, experiment_with, rng):
+    measured, size, time_constant = 0.05 * rng.standard_normal(12), 5.0, 0.5
+    problem = pushed_mass(experiment_with().vehicle, size, time_constant, measured)
+    left = np.exp(-STEP / time_constant)
+    transition = np.array([[1.0, 0.5 * STEP * (1.0 + left) / MASS], [0.0, left]])
+    driven = np.diag([DENSITY**2 * STEP, 2.0 * size**2 / time_constant * STEP])
+    mean, covariance = np.zeros(2), np.diag([0.1**2, size**2])
+    means = []
+    for event in range(EVERY * len(measured)):
+        mean, covariance = transition @ mean, transition @ covariance @ transition.T + driven
+        if event % EVERY == EVERY - 1:
+            gain = covariance[:, 0] / (covariance[0, 0] + 1e-4)
+            mean = mean + gain * (measured[event // EVERY] - mean[0])
+            covariance = covariance - np.outer(gain, covariance[0])
+        means.append(mean)
+    found = filtered(problem, run)
+    assert_allclose(found[0], means, rtol=1e-8, atol=1e-9)
+    assert_allclose(found[1], covariance, rtol=1e-8)
+
+
+def test_what_fades_ever_sooner_becomes_white_process_noise(experiment_with, rng):
+    """Of the same density at low frequency; by how much they differ falls with the time constant."""
+    measured, density, vehicle = 0.05 * rng.standard_normal(12), 5.0, experiment_with().vehicle
+    white = pushed_mass(vehicle, 1e-6, 1.0, measured)
+    driven = white[0].noise_density.copy()
+    driven[0] = np.hypot(DENSITY, density / MASS)
+    mean, covariance = filtered((white[0]._replace(noise_density=driven), *white[1:]), KALMAN["ckf"])
+    differences = []
+    for time_constant in (0.08, 0.04, 0.02):
+        size = density / np.sqrt(2.0 * time_constant)
+        coloured, uncertain = filtered(pushed_mass(vehicle, size, time_constant, measured), KALMAN["ckf"])
+        off = np.abs(coloured - mean)[EVERY - 1 :: EVERY, 0].max() / np.sqrt(covariance[0, 0])
+        differences.append([off, abs(uncertain[0, 0] / covariance[0, 0] - 1.0)])
+    first, second, third = np.array(differences)
+    assert np.all(second < 0.6 * first)
+    assert np.all(third < 0.6 * second)
+
+
+PUSHED = "{force: {standard_deviation: 5 N, time_constant: 2 s}, moment: {standard_deviation: [0, 2, 2]}}"
+SHORT = "manoeuvre.duration=40 s", "sensors.attitude={source: direct, rate: 20 Hz}", "sensors.gyroscope.rate=20 Hz"
+ASKED = f"identification.estimate={{biases: [disturbance], disturbance: {PUSHED}}}"
+
+
+@pytest.fixture(scope="module")
+def pushed(simulated_with):
+    """A run under forces that are estimated, with few coefficients."""
+    few = "identification.coefficients=[X_u|u|, N_url, N_uudr]"
+    return simulated_with(*SHORT, f"manoeuvre.disturbance={PUSHED}", ASKED, few)
+
+
+@pytest.mark.parametrize("name", [name for name in FilterName if not name.is_free_run_fit])
+def test_estimators_follow_the_force_and_are_consistent_with_it(name, pushed):
+    estimate = identify(pushed, name)
+    assert estimate.status == "completed"
+    late = estimate.time > 5.0
+    acted = pushed.truth.disturbance[np.searchsorted(pushed.truth.time, estimate.time[late] - 1e-9, side="right") - 1]
+    for axis in (0, 1, 2, 4, 5):
+        row = estimate.state.index(DISTURBANCE[axis].symbol)
+        found, deviation = estimate.mean[late, row], estimate.standard_deviation[late, row]
+        assert np.corrcoef(found, acted[:, axis])[0, 1] > 0.5
+        assert np.sqrt(np.mean(((found - acted[:, axis]) / deviation) ** 2)) < 1.5
+    assert "disturbance_K" not in estimate.state
+    for sensor, innovations in estimate.innovations.items():
+        assert innovations.tally().mean_nis == pytest.approx(1.0, abs=0.15), sensor
+
+
+def test_the_output_error_method_says_that_it_cannot(pushed):
+    with pytest.raises(ConfigError, match="biases has disturbance, which output_error cannot follow"):
+        identify(pushed, FilterName.OUTPUT_ERROR)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ("{}", r"must state the standard_deviation of a force or a moment"),
+        (
+            "{moment: {standard_deviation: [0, 0, 1], time_constant: [1, 1, 0.09]}}",
+            r"disturbance_N has a time_constant of 0.09 s; expected at least 0.1 s, 5 times integration_step",
+        ),
+    ],
+)
+def test_a_disturbance_without_size_or_duration_is_refused(settings, words, experiment_with):
+    asked = f"identification.estimate={{biases: [disturbance], disturbance: {settings}}}"
+    with pytest.raises(ConfigError, match=words):
+        experiment_with(asked)
+    experiment_with(asked.replace("[disturbance]", "[]"))

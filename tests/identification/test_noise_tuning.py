@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.identification.augmented import augmented_problem
@@ -71,3 +72,36 @@ def test_depth_and_walks_have_noises_of_their_own(simulated_with):
         "estimate.dvl.yaw_walk": ["dvl_yaw"],
     }
     assert noises["estimate", "dvl", "yaw_walk"].stated == pytest.approx(1e-3)
+
+
+DISTURBED = (
+    "{biases: [disturbance], disturbance: {force: {standard_deviation: 2 N}, moment: {standard_deviation: [0, 1, 1]}}}"
+)
+
+
+@pytest.fixture(scope="module")
+def tuned_disturbance(simulated_with):
+    """What pushes is stated too small in force, and in yaw where there is nothing."""
+    pushes = "manoeuvre.disturbance={force: {standard_deviation: 5 N}, moment: {standard_deviation: [0, 2, 0]}}"
+    asked = DISTURBED.replace("2 N", "3 N")
+    return tune_noise(
+        prepare(simulated_with("manoeuvre.duration=15 s", *SLOW, FEW, pushes, f"identification.estimate={asked}"))
+    )
+
+
+def test_what_disturbs_the_motion_is_sized_by_the_data(tuned_disturbance):
+    noises = {noise.setting.partition("disturbance.")[2]: noise for noise in tuned_disturbance.noises}
+    sizes = ("force.standard_deviation", 5.0), ("moment.standard_deviation.1", 2.0)
+    for key, true in sizes:
+        width = np.log(noises[key].high / noises[key].low) / 4.0
+        assert abs(np.log(noises[key].tuned / true)) < 3.0 * width < 0.5, key
+    yaw = noises["moment.standard_deviation.2"]
+    assert yaw.low == 0.0 < yaw.high < 0.2
+
+
+def test_its_sizes_are_written_and_read_as_lists(tuned_disturbance, experiment_with):
+    asked = f"identification.estimate={DISTURBED}"
+    held = yaml.safe_load(tuned_disturbance.settings())["identification"]["estimate"]["disturbance"]
+    read = experiment_with(asked, f"identification.estimate.disturbance={held}").identification.estimate.disturbance
+    assert read == tuned_disturbance.experiment.identification.estimate.disturbance
+    assert read.moment.standard_deviation[0] == 0.0

@@ -22,6 +22,7 @@ from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.dynamics import factors, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.kinematics import GRAVITY
+from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 DVL, ACCELEROMETER, POSITION = 0, 1, (0.4, -0.2, 0.1)
@@ -101,12 +102,13 @@ def test_a_dvl_over_ground_sees_the_current(blocks, walk, has_depth, experiment_
     assert_seen_alike(process, state, n_parameters, expected)
 
 
-def felt_by_a_passenger(experiment, coefficients, thrust):
+def felt_by_a_passenger(experiment, coefficients, thrust, force=0.0):
     """The second derivative of its place in the earth, by differences along the motion of the model, less gravity."""
     constants = vehicle_constants(experiment.vehicle.known_parameters())
     row, slope = np.repeat(factors(coefficients, thrust), LANES), np.zeros(9 * LANES)
     motion_derivative(np.repeat(MOTION, LANES), row, INPUTS, constants, 1, slope)
     rate = slope.reshape(9, LANES)[:, 0]
+    rate[:6] += np.linalg.inv(mass_matrix(experiment.vehicle.known_parameters())) @ np.full(6, force)
 
     def velocity(motion):
         turn = Rotation.from_euler("ZYX", motion[:5:-1])
@@ -140,6 +142,19 @@ def test_an_accelerometer_feels_what_a_passenger_at_its_place_does(coefficients,
     predicted, _ = linearised(process, state, ACCELEROMETER)
     scaled = np.array([1.02, 0.99, 1.03]) * felt
     assert_allclose(predicted, scaled + np.array([0.03, -0.02, 0.01]), rtol=1e-7, atol=1e-7)
+    assert_seen_alike(process, state, layout.n_parameters, predicted, ACCELEROMETER)
+
+
+def test_an_accelerometer_feels_what_disturbs_the_motion(experiment_with):
+    experiment, size = experiment_with(), {"standard_deviation": 1.0}
+    asked = AugmentedStates(biases=("accelerometer_scale", "disturbance"), disturbance={"force": size, "moment": size})
+    process, layout = process_and_layout(asked, False, experiment, attitude_from="inertial")
+    true = experiment.vehicle.coefficients.by_symbol()
+    values = true | dict(zip(MOTION_SYMBOLS, MOTION, strict=True)) | {"scale_fx": 0.0, "scale_fy": 0.0, "scale_fz": 0.1}
+    state = np.array([values.get(symbol, 0.7) for symbol in layout.symbols]) / layout.scale
+    felt = felt_by_a_passenger(experiment, true, 1.0, force=0.7) * [1.0, 1.0, 1.1]
+    predicted, _ = linearised(process, state, ACCELEROMETER)
+    assert_allclose(predicted, felt, rtol=1e-7, atol=1e-7)
     assert_seen_alike(process, state, layout.n_parameters, predicted, ACCELEROMETER)
 
 

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from auvid_cli.filters.problem import Timeline
-from auvid_cli.validation.motion_prediction import move_side_by_side, unchanged_motion
+from auvid_cli.validation.motion_prediction import Disturbed, move_side_by_side, unchanged_motion
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS
 
@@ -44,6 +44,27 @@ def test_coasting_slows_down_as_one_over_time_at_any_event_of_any_part():
     # (m - X_udot) u' = X u^2
     assert_allclose(moved[:, :, 0], 2.0 / (1.0 - drags / 64.0 * 2.0 * wanted[:, None]), rtol=1e-9)
     assert_allclose(moved[:, :, 1:], 0.0, atol=1e-12)
+
+
+def test_a_force_fades_as_it_pushes_and_goes_on_at_random_where_it_is_drawn():
+    """Of a mass without drag; the error falls with the square of the step."""
+    n, time_constant, wanted = 60, 2.0, np.array([0.0, 1.0, 10.0])
+    force = np.zeros((6, n))
+    force[0] = 8.0
+    inverse = np.diag([1.0 / 64.0, *[1.0 / 110.0] * 2, *[1.0 / 30.0] * 3])
+    deviation, times = np.array([3.0, 0.0, 0.0, 0.0, 0.0, 0.0]), np.full(6, time_constant)
+    disturbed = Disturbed(slice(10, n), force, deviation, times, inverse, np.random.default_rng(2))
+    parts, table = [coasting(0, 101, before=False)], with_drag(*[0.0] * n)
+    moved = move_side_by_side(parts, np.zeros((n, 9)), table, PLAIN, wanted, disturbed=disturbed)
+    expected = 8.0 * time_constant / 64.0 * (1.0 - np.exp(-wanted / time_constant))
+    assert_allclose(moved[:, :10, 0], np.repeat(expected[:, None], 10, axis=1), rtol=1e-4)
+    assert_allclose(disturbed.force[0, :10], 8.0 * np.exp(-10.0 / time_constant))
+    assert disturbed.force[0, 10:].std() == pytest.approx(3.0, rel=0.25)
+    # The integral of a stationary process, Var = 2 s^2 T (t - T (1 - exp(-t / T))), of which the start is known here.
+    settled = 1.0 - np.exp(-10.0 / time_constant)
+    variance = 2.0 * time_constant * (10.0 - time_constant * settled) - (time_constant * settled) ** 2
+    assert moved[2, 10:, 0].std() == pytest.approx(3.0 * np.sqrt(variance) / 64.0, rel=0.25)
+    assert_allclose(moved[..., 1:], 0.0, atol=1e-12)
 
 
 def test_a_model_that_blows_up_leaves_the_others_alone():
