@@ -97,8 +97,8 @@ class Use(Settings):
     shortest: Annotated[float, Amount("s"), Field(ge=0, description="leave out segments that last less")] = 2.0
 
 
-# So that what a disturbance forgets from one step to the next is little.
-_STEPS_PER_TIME_CONSTANT = 5
+# So that what a disturbance forgets from one step, or measurement, to the next is little.
+STEPS_PER_TIME_CONSTANT = 5
 
 
 class EkfSettings(Settings):
@@ -266,12 +266,12 @@ class Identification(Settings):
                 "estimate.biases has disturbance, so estimate.disturbance must state the standard_deviation of a force "
                 "or a moment, such as {force: {standard_deviation: 5 N, time_constant: 3 s}}"
             )
-        shortest = _STEPS_PER_TIME_CONSTANT * self.integration_step
+        shortest = STEPS_PER_TIME_CONSTANT * self.integration_step
         for block in blocks:
             if block.time_constant < shortest:
                 raise ValueError(
                     f"estimate.disturbance: {block.name} has a time_constant of {block.time_constant:g} s; expected at "
-                    f"least {shortest:g} s, {_STEPS_PER_TIME_CONSTANT} times integration_step: what fades sooner is "
+                    f"least {shortest:g} s, {STEPS_PER_TIME_CONSTANT} times integration_step: what fades sooner is "
                     "white process noise (process_noise.velocity, process_noise.rate)"
                 )
         return self

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.experiment import STEPS_PER_TIME_CONSTANT, RunSettings
 from auvid_cli.data.dataset import Dataset, SensorRecord
-from auvid_cli.errors import ConfigError
+from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.filters.huber import THRESHOLD
 from auvid_cli.filters.problem import Gaussian, Indices, Process, Sensors
 from auvid_cli.filters.segments import joint_gaussian, places
@@ -76,7 +76,8 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     ConfigError
         If a coefficient that is to be held has no value.
     DataError
-        If a sensor whose error is asked for is missing, an earlier estimate does not fit, or the prior is the truth.
+        If a sensor whose error is asked for is missing, a disturbance fades too soon to be seen, an earlier estimate
+        does not fit, or the prior is the truth.
     FileError
         If an earlier estimate cannot be read.
     """
@@ -84,6 +85,7 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     settings = experiment.identification
     held = held_coefficients(experiment)
     layout = state_layout(settings, experiment.vehicle, measuring)
+    _check_time_constants(layout, measuring)
     known = experiment.vehicle.known_parameters()
     process = vehicle_process(vehicle_constants(known), held, layout, _known_sensors(measuring))
     parameters = _prior_of_parameters(layout, prepared.dataset)
@@ -103,6 +105,20 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
         segments=prepared.segments,
         prior=joint_gaussian(gaussians, process.noise_density.size),
     )
+
+
+def _check_time_constants(layout: StateLayout, measuring: dict[str, SensorRecord]) -> None:
+    """Refuse what fades so soon that little is left of it from one measurement to the next."""
+    interval = min(
+        float(np.median(np.diff(record.time))) if record.time.size > 1 else np.inf for record in measuring.values()
+    )
+    for block in layout.blocks:
+        if block.error is not None and block.error.time_constant < STEPS_PER_TIME_CONSTANT * interval:
+            raise DataError(
+                f"identification.estimate.disturbance: {block.name} has a time_constant of "
+                f"{block.error.time_constant:g} s, and measurements come every {interval:g} s; expected at least "
+                f"{STEPS_PER_TIME_CONSTANT} times that"
+            )
 
 
 def _known_sensors(measuring: dict[str, SensorRecord]) -> KnownSensors:

@@ -128,7 +128,7 @@ def _fade_derivative(constants, duration, left):
 
 
 @compiled(types.void(_vector), internal=True)
-def begin(scratch):
+def undisturbed(scratch):
     """Begin the way of one state: all of the force is left, and nothing has come of it yet."""
     work = _workspace(scratch)
     for i in range(N_MOTION):
@@ -142,7 +142,7 @@ def begin(scratch):
 
 @compiled(types.void(*[_vector] * 4, types.float64, _vector, _vector), internal=True)
 def begin_step(mean, coefficients, inputs, constants, duration, scratch, for_step):
-    """Push one state for the first half of a substep, and carry over all of it what the pushes so far came to.
+    """Move what the pushes so far came to over a substep, and push one state for the first half of it.
 
     The motion itself and its derivatives by all else are moved between this and `end_step`.
 
@@ -155,7 +155,7 @@ def begin_step(mean, coefficients, inputs, constants, duration, scratch, for_ste
     duration : float
         Of the substep, s.
     scratch : ndarray, shape (N_DISTURBANCE_WORK,)
-        From the step before, or `begin`.
+        From the step before, or `undisturbed`.
     for_step : ndarray, shape (N_TRANSITION_WORK,)
         Overwritten.
     """
@@ -185,7 +185,7 @@ def end_step(mean, constants, duration, scratch):
 def derive_at_once(constants, duration, scratch):
     """Find what comes of the forces to first order in the interval."""
     work = _workspace(scratch)
-    begin(scratch)
+    undisturbed(scratch)
     _push_derivative(constants, duration, work.left, work.by_force)
     _fade_derivative(constants, duration, work.left)
 

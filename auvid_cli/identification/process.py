@@ -29,13 +29,13 @@ from auvid_cli.identification.compiled_layout import (
 )
 from auvid_cli.identification.disturbance import (
     N_DISTURBANCE_WORK,
-    begin,
     begin_step,
     derive_at_once,
     end_step,
     fade,
     fill_in_forces,
     push,
+    undisturbed,
 )
 from auvid_cli.identification.observation import linearise, observe
 from auvid_cli.identification.sinking import before_moving, sink, sink_rate
@@ -140,7 +140,7 @@ def _exact_transition(mean, inputs, substep_input, substep_duration, constants, 
     fill_in_all(mean, constants, selection, work.coefficients)
     before_moving(work.sensitivity, work.sinking)
     if is_disturbed(constants):
-        begin(scratch[_N_SCRATCH:])
+        undisturbed(scratch[_N_SCRATCH:])
     for substep in range(substep_duration.size):
         held, duration = inputs[substep_input[substep]], substep_duration[substep]
         if depth_is_state(constants):

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from auvid_cli.config.experiment import Identification
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.errors import ConfigError
+from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.filters.extended import run_extended_filter
 from auvid_cli.filters.point_sets import cubature, transformed
 from auvid_cli.filters.problem import OK, Gaussian, Sensors, Timeline
@@ -271,3 +271,9 @@ def test_a_disturbance_without_size_or_duration_is_refused(settings, words, expe
     with pytest.raises(ConfigError, match=words):
         experiment_with(asked)
     experiment_with(asked.replace("[disturbance]", "[]"))
+
+
+def test_one_that_fades_between_measurements_is_refused(simulated_with):
+    slow = "sensors.dvl.rate=2 Hz", "sensors.gyroscope.rate=2 Hz", "sensors.attitude={source: direct, rate: 2 Hz}"
+    with pytest.raises(DataError, match=r"disturbance_X has a time_constant of 2 s, and measurements come every 0.5 s"):
+        identify(simulated_with("manoeuvre.duration=10 s", *slow, ASKED), FilterName.CKF)
