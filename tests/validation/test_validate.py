@@ -171,6 +171,28 @@ def test_a_current_is_seen_through_where_the_settings_ask_for_it(simulated_with)
     assert not validation.checks.failed()
 
 
+def test_what_disturbs_the_motion_is_in_the_predictions_and_their_bands(
+    simulated_with, with_coefficients, experiment_with
+):
+    """Beside settings that know nothing of it, whose predictions are worse and whose bands say too little."""
+    force, moment = (
+        "{standard_deviation: 20 N, time_constant: 4 s}",
+        "{standard_deviation: [0, 0, 8], time_constant: 4}",
+    )
+    pushes = f"{{force: {force}, moment: {moment}}}"
+    pushed = simulated_with(ZIGZAG, "manoeuvre.duration=25 s", WHITE, f"manoeuvre.disturbance={pushes}")
+    plain = with_coefficients(pushed.truth.coefficients)
+    asking = f"identification.estimate={{biases: [disturbance], disturbance: {pushes}}}"
+    told, untold = (
+        [row for row in validate(pushed, estimate, starts=20).predictions if row.kind == AHEAD and row.horizon_s <= 1.0]
+        for estimate in (replace(plain, experiment=experiment_with(asking)), plain)
+    )
+    for row, other in zip(told, untold, strict=True):
+        if row.signal in "uvr":
+            assert row.rmse < 0.9 * other.rmse
+            assert row.share_within_band > 0.8 > other.share_within_band
+
+
 def test_a_turn_in_a_current_is_drawn_and_measured_over_ground(simulated_with, with_coefficients, experiment_with):
     current = "manoeuvre.current_north=0.4 m/s", "manoeuvre.current_east=-0.3 m/s"
     drifting = simulated_with(CIRCLE, "manoeuvre.duration=40 s", WHITE, "seed=31", *current)
