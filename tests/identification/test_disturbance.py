@@ -48,7 +48,7 @@ class Disturbed:
     def __init__(self, vehicle, axes, has_depth):
         true = vehicle.all_coefficients()
         settings = Identification(coefficients=("X_u|u|", "N_uvl"), estimate=asked_for(axes))
-        self.layout = state_layout(settings, vehicle.size, ("depth",) if has_depth else ())
+        self.layout = state_layout(settings, vehicle, ("depth",) if has_depth else ())
         self.parameters = vehicle.known_parameters()
         self.process = vehicle_process(vehicle_constants(self.parameters), true, self.layout)
         values = dict(zip(self.layout.symbols[2:11], MOTION, strict=True)) | {"down": 7.0}
@@ -150,7 +150,7 @@ def pushed_mass(vehicle, size, time_constant, measured):
         process_noise={"velocity": DENSITY},
         integration_step=STEP,
     )
-    layout = state_layout(settings, vehicle.size, ())
+    layout = state_layout(settings, vehicle, ())
     process = vehicle_process(vehicle_constants(DRAGLESS), dict.fromkeys(SYMBOLS, 0.0), layout)
     row = np.zeros((1, 1, len(layout.symbols)))
     row[0, 0, layout.row("u")] = 1.0

@@ -184,7 +184,11 @@ def test_what_disturbs_the_motion_is_in_the_predictions_and_their_bands(
     plain = with_coefficients(pushed.truth.coefficients)
     asking = f"identification.estimate={{biases: [disturbance], disturbance: {pushes}}}"
     told, untold = (
-        [row for row in validate(pushed, estimate, starts=20).predictions if row.kind == AHEAD and row.horizon_s <= 1.0]
+        [
+            row
+            for row in validate([pushed], estimate, starts=20).predictions
+            if row.kind == AHEAD and row.horizon_s <= 1.0
+        ]
         for estimate in (replace(plain, experiment=experiment_with(asking)), plain)
     )
     for row, other in zip(told, untold, strict=True):
