@@ -7,7 +7,7 @@ disturbs the motion, which no sensor measures.
 
 from enum import StrEnum
 from math import inf, sqrt
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import Field
 
@@ -22,6 +22,15 @@ CURRENT = (
     Quantity("current_north", "m/s", "current, north", "measurement"),
     Quantity("current_east", "m/s", "current, east", "measurement"),
 )
+DVL_ARM = (
+    Quantity("dvl_x", "m", "DVL ahead of the origin", "measurement"),
+    Quantity("dvl_y", "m", "DVL to starboard of the origin", "measurement"),
+    Quantity("dvl_z", "m", "DVL below the origin", "measurement"),
+)
+FIN_TRIMS = (
+    Quantity("rudder_trim", "rad", "rudder beyond its stated deflection", "tau_control"),
+    Quantity("elevator_trim", "rad", "elevator beyond its stated deflection", "tau_control"),
+)
 THRUST_SCALE = Quantity("thrust_scale", "1", "scale error of the stated surge force", "tau_propulsion")
 
 
@@ -35,8 +44,10 @@ class BiasName(StrEnum):
     MAGNETOMETER = "magnetometer"
     MAGNETIC_FIELD = "magnetic_field"
     DVL = "dvl"
+    DVL_ARM = "dvl_arm"
     CURRENT = "current"
     THRUST = "thrust"
+    FIN_TRIM = "fin_trim"
     DISTURBANCE = "disturbance"
 
 
@@ -185,6 +196,24 @@ class DvlError(Settings):
         )
 
 
+class DvlArm(Settings):
+    """Where the DVL sits, from the vehicle's origin: a vehicle that turns carries it along."""
+
+    axes: Annotated[
+        tuple[Literal["x", "y", "z"], ...],
+        Field(min_length=1, description="components that are sought: forward, starboard, down"),
+    ] = ("x",)
+    spread: Annotated[float, Amount("m"), Field(gt=0, description="standard deviation before any data")] = 0.3
+
+    def blocks(self) -> tuple[ErrorBlock, ...]:
+        """Return the states, which are constant."""
+        return tuple(
+            ErrorBlock(arm.symbol, (arm,), self.spread, 0.0, "dvl")
+            for axis, arm in zip("xyz", DVL_ARM, strict=True)
+            if axis in self.axes
+        )
+
+
 class Current(Settings):
     """Horizontal current, north and east: what a DVL measures over ground beyond the motion through the water."""
 
@@ -207,6 +236,24 @@ class ThrustScale(Settings):
     def blocks(self) -> tuple[ErrorBlock, ...]:
         """Return the one state."""
         return (ErrorBlock("thrust", (THRUST_SCALE,), self.spread, self.walk, None),)
+
+
+class FinTrims(Settings):
+    """Angles that the fins stand beyond what is stated: a zero that is off, or a hull that is bent."""
+
+    fins: Annotated[
+        tuple[Literal["rudder", "elevator"], ...], Field(min_length=1, description="whose trims are sought")
+    ] = ("rudder", "elevator")
+    spread: Annotated[float, Amount("rad"), Field(gt=0, description="standard deviation before any data")] = 0.05
+    walk: Annotated[float, Amount("rad/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
+
+    def blocks(self) -> tuple[ErrorBlock, ...]:
+        """Return the states."""
+        return tuple(
+            ErrorBlock(trim.symbol, (trim,), self.spread, self.walk, None)
+            for trim in FIN_TRIMS
+            if trim.symbol.removesuffix("_trim") in self.fins
+        )
 
 
 class EstimatedDisturbance(Disturbance):
@@ -235,8 +282,10 @@ class AugmentedStates(Settings):
     magnetometer: MagnetometerBias = MagnetometerBias()
     magnetic_field: HardIron = HardIron()
     dvl: DvlError = DvlError()
+    dvl_arm: DvlArm = DvlArm()
     current: Current = Current()
     thrust: ThrustScale = ThrustScale()
+    fin_trim: FinTrims = FinTrims()
     disturbance: EstimatedDisturbance = EstimatedDisturbance()
 
     def blocks(self) -> tuple[ErrorBlock, ...]:
@@ -251,7 +300,9 @@ if {*AugmentedStates.model_fields} - {"biases"} != {*BiasName}:
 _ON_ALL_AXES = EstimatedDisturbance(
     force=DisturbingForce(standard_deviation=(1.0,)), moment=DisturbingMoment(standard_deviation=(1.0,))
 )
-ERROR_BLOCKS = AugmentedStates(biases=tuple(BiasName), disturbance=_ON_ALL_AXES).blocks()
+ERROR_BLOCKS = AugmentedStates(
+    biases=tuple(BiasName), disturbance=_ON_ALL_AXES, dvl_arm=DvlArm(axes=("x", "y", "z"))
+).blocks()
 ERROR_STATES = tuple(quantity for block in ERROR_BLOCKS for quantity in block.quantities)
 if len({quantity.symbol for quantity in ERROR_STATES}) < len(ERROR_STATES):
     raise TypeError("two errors have the same symbol: a second sensor of the same states needs a `prefix` of its own")

@@ -157,6 +157,9 @@ class Dvl(SensorSettings):
         float, Field(gt=-1, le=10, description="of all components, from a wrong speed of sound: 0.01 is 1 % too fast")
     ] = 0.0
     mounting_yaw: Annotated[float, Unit("rad"), Field(description="how far it is turned to starboard")] = 0.0
+    arm: Annotated[
+        Lever, Field(description="[forward, starboard, down] from the vehicle's origin; no estimator is told")
+    ] = (0.0, 0.0, 0.0)
 
 
 class Depth(SensorSettings):

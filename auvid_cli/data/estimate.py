@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.augmented_states import ERROR_STATES, THRUST_SCALE
+from auvid_cli.config.augmented_states import ERROR_STATES, FIN_TRIMS, THRUST_SCALE
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.data.innovations import Innovations
+from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION
 
@@ -232,12 +233,11 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
             self.completed,
         )
 
-    def final_thrust(self) -> float:
-        """Return how many times the stated surge force acts, at the last time."""
-        return (
-            1.0 + float(self.mean[-1, self.state.index(THRUST_SCALE.symbol)])
-            if THRUST_SCALE.symbol in self.state
-            else 1.0
+    def final_actuators(self) -> ActuatorErrors:
+        """Return what lies between the inputs as they are stated and those that act, at the last time."""
+        found = dict(zip(self.state, self.mean[-1].tolist(), strict=True))
+        return ActuatorErrors(
+            1.0 + found.get(THRUST_SCALE.symbol, 0.0), *(found.get(trim.symbol, 0.0) for trim in FIN_TRIMS)
         )
 
     def final_coefficients(self) -> dict[str, float]:

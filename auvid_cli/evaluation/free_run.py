@@ -15,6 +15,7 @@ from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.free_motion import move_freely
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
 from auvid_cli.vehicle.dynamics import N_WORK, factors, vehicle_constants
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION, SENSORS
 
@@ -68,7 +69,7 @@ def free_motion(
     motion: Array,
     parameters: Mapping[str, float],
     coefficients: Mapping[str, float],
-    thrust: float = 1.0,
+    actuators: ActuatorErrors = AS_STATED,
 ) -> Iterator[tuple[Timeline, Array]]:
     """Move a model by the inputs alone.
 
@@ -80,8 +81,7 @@ def free_motion(
         At the start of the first.
     parameters, coefficients : mapping
         Of the model, SI, by symbol.
-    thrust : float
-        How many times the stated surge force acts.
+    actuators : ActuatorErrors
 
     Yields
     ------
@@ -90,7 +90,7 @@ def free_motion(
         At its events; not finite from where the model blew up.
     """
     constants = vehicle_constants(parameters)
-    block, row = (np.repeat(each, LANES) for each in (motion, factors(coefficients, thrust)))
+    block, row = (np.repeat(each, LANES) for each in (motion, factors(coefficients, actuators)))
     work = np.zeros(N_WORK)
     for timeline in timelines:
         predicted = np.empty((timeline.time.size, N_MOTION))
@@ -112,7 +112,7 @@ def free_run(prepared: PreparedData, estimate: Estimate) -> tuple[FreeRun, list[
         Mean absolute difference from every measurement of a velocity or rate, as in the paper's Table V.
     """
     measuring = prepared.measuring
-    model = prepared.experiment.vehicle.known_parameters(), estimate.final_coefficients(), estimate.final_thrust()
+    model = prepared.experiment.vehicle.known_parameters(), estimate.final_coefficients(), estimate.final_actuators()
     sensor_errors = estimated_errors(estimate.state, estimate.mean[-1])
     sums, counts = np.zeros(N_MOTION), np.zeros(N_MOTION)
     keeper = Keeper(measuring)

@@ -32,7 +32,7 @@ class MeasurementErrors(NamedTuple):
     ----------
     offset : ndarray, shape (9,)
         Adds to the measurements of each motion state, SI.
-    dvl : ndarray, shape (4,)
+    dvl : ndarray, shape (7,)
         Those of `VELOCITY_ERRORS`, SI.
     """
 
@@ -68,12 +68,12 @@ def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
     """
     read = motion + errors.offset
     with np.errstate(invalid="ignore", over="ignore"):
-        read[..., :3] = measured_velocity(motion[..., :3], motion[..., 6:], errors.dvl) + errors.offset[:3]
+        read[..., :3] = measured_velocity(motion, errors.dvl) + errors.offset[:3]
     return read
 
 
 def motion_behind(measurement: Array, errors: MeasurementErrors) -> Array:
     """Return the motion, shape (..., 9), of which noiseless sensors would say this; inverts `measured_motion`."""
     motion = measurement - errors.offset
-    motion[..., :3] = velocity_behind(motion[..., :3], motion[..., 6:], errors.dvl)
+    motion[..., :3] = velocity_behind(motion, errors.dvl)
     return motion

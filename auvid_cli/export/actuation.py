@@ -38,7 +38,7 @@ class Actuation(NamedTuple):
 
 
 def acting_inputs(estimate: Estimate, inputs: InputRecord) -> Array:
-    """Return inputs at the times of an estimate, the fins where its filter saw them, the surge force as stated."""
+    """Return inputs at the times of an estimate, the fins where its filter saw them, but for trims and thrust."""
     settings = estimate.experiment.identification
     acting = lagged(inputs, settings.fin_time_constant, settings.integration_step)
     return held_inputs(estimate.time, acting.time, acting.values)
@@ -62,7 +62,7 @@ def actuation(estimate: Estimate, inputs: InputRecord, coefficients: Mapping[str
         term_histories(coefficients, motion, each) for each in (commanded, acting_inputs(estimate, inputs))
     )
     changes = np.sqrt(np.mean((by_fin - by_command) ** 2, axis=0))
-    thrust, force = estimate.final_thrust(), commanded[:, INPUT_SYMBOLS.index("surge_force")]
+    thrust, force = estimate.final_actuators().thrust, commanded[:, INPUT_SYMBOLS.index("surge_force")]
     return Actuation(
         thrust=thrust,
         thrust_rms=float(abs(thrust - 1.0) * np.sqrt(np.mean(force**2))),

@@ -5,16 +5,18 @@ from numba import types
 from auvid_cli.compilation import compiled
 from auvid_cli.identification.compiled_layout import HELD, ROW, SCALE, first_moving_row, row_of, value_of
 from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.actuators import AS_STATED
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.parameters import N_MOTION
 
+N_ACTUATORS = len(AS_STATED)
 _vector = types.float64[::1]
 _indices = types.int64[::1]
 
 
 @compiled(types.void(_vector, _vector, _vector, _indices, types.uint64, _vector), inline=True)
 def fill_in_lanes(moving, parameters, constants, selection, n_lanes, coefficients):
-    """Fill in the coefficients, estimated or held, and the thrust's factor of a block of states.
+    """Fill in the coefficients, estimated or held, and the actuators' errors of a block of states.
 
     Parameters
     ----------
@@ -36,12 +38,14 @@ def fill_in_lanes(moving, parameters, constants, selection, n_lanes, coefficient
         else:
             for k in range(LANES):
                 row[k] = constants[HELD + m]
-    thrust = coefficients[N_COEFFICIENTS * LANES :]
-    for k in range(LANES):
-        thrust[k] = 1.0
-    if row_of(constants, ROW.thrust_scale) >= 0:
-        for k in range(n_lanes):
-            thrust[k] += value_of(constants, ROW.thrust_scale, parameters, moving, k)
+    for a in range(N_ACTUATORS):
+        error = coefficients[(N_COEFFICIENTS + a) * LANES : (N_COEFFICIENTS + a + 1) * LANES]
+        which = (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim)[a]
+        for k in range(LANES):
+            error[k] = AS_STATED[a]
+        if row_of(constants, which) >= 0:
+            for k in range(n_lanes):
+                error[k] += value_of(constants, which, parameters, moving, k)
 
 
 @compiled(types.void(_vector, _vector, _indices, _vector), internal=True)
@@ -51,8 +55,9 @@ def fill_in_all(mean, constants, selection, coefficients):
         coefficients[m] = constants[HELD + m]
     for j in range(selection.size):
         coefficients[selection[j]] = constants[SCALE + j] * mean[j]
-    row = row_of(constants, ROW.thrust_scale)
-    coefficients[N_COEFFICIENTS] = 1.0 + mean[row] if row >= 0 else 1.0
+    for a in range(N_ACTUATORS):
+        row = row_of(constants, (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim)[a])
+        coefficients[N_COEFFICIENTS + a] = AS_STATED[a] + mean[row] if row >= 0 else AS_STATED[a]
 
 
 @compiled(types.void(_vector, _vector, _indices, _vector), internal=True)
@@ -63,6 +68,7 @@ def fill_in_row(sensitivity, constants, selection, row):
         row[j] = sensitivity[N_MOTION + selection[j]] * constants[SCALE + j]
     for j in range(N_MOTION):
         row[n_parameters + j] = sensitivity[j]
-    thrust = row_of(constants, ROW.thrust_scale)
-    if thrust >= 0:
-        row[thrust] = sensitivity[N_MOTION + N_COEFFICIENTS]
+    for a in range(N_ACTUATORS):
+        error = row_of(constants, (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim)[a])
+        if error >= 0:
+            row[error] = sensitivity[N_MOTION + N_COEFFICIENTS + a]

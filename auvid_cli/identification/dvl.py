@@ -1,6 +1,6 @@
-"""What a DVL measures of a motion through the water: over ground, with a scale error, mounted at a small yaw.
+"""What a DVL measures of a motion through the water: over ground, off the origin, with a scale error, turned a little.
 
-``(1 + scale) Rz(yaw)' ([u v w] + R(phi, theta, psi)' [current_north current_east 0])``.
+``(1 + scale) Rz(yaw)' ([u v w] + R(phi, theta, psi)' [current_north current_east 0] + [p q r] x arm)``.
 """
 
 import numpy as np
@@ -8,7 +8,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.config.augmented_states import CURRENT, DVL_SCALE, DVL_YAW
+from auvid_cli.config.augmented_states import CURRENT, DVL_ARM, DVL_SCALE, DVL_YAW
 from auvid_cli.identification.compiled_layout import ROW, first_moving_row, row_of, value_of
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import sine_cosine
@@ -16,7 +16,7 @@ from auvid_cli.vehicle.kinematics import current_in_body_axes, dvl_axes
 
 Array = NDArray[np.float64]
 
-VELOCITY_ERRORS = tuple(quantity.symbol for quantity in (DVL_SCALE, DVL_YAW, *CURRENT))
+VELOCITY_ERRORS = tuple(quantity.symbol for quantity in (DVL_SCALE, DVL_YAW, *CURRENT, *DVL_ARM))
 """Symbols of what lies between the velocity through the water and its measurement, but for what adds to that."""
 
 _vector = types.float64[::1]
@@ -34,9 +34,13 @@ def measure_velocities(moving, parameters, constants, n_lanes, predicted):
         sin_theta, cos_theta = sine_cosine(moving[7 * LANES + k])
         sin_psi, cos_psi = sine_cosine(moving[8 * LANES + k])
         ahead, aside = cos_psi * north + sin_psi * east, cos_psi * east - sin_psi * north
-        u = moving[k] + cos_theta * ahead
-        v = moving[LANES + k] + sin_phi * sin_theta * ahead + cos_phi * aside
-        w = moving[2 * LANES + k] + cos_phi * sin_theta * ahead - sin_phi * aside
+        p, q, r = moving[3 * LANES + k], moving[4 * LANES + k], moving[5 * LANES + k]
+        x = value_of(constants, ROW.dvl_x, parameters, moving, k)
+        y = value_of(constants, ROW.dvl_y, parameters, moving, k)
+        z = value_of(constants, ROW.dvl_z, parameters, moving, k)
+        u = moving[k] + cos_theta * ahead + q * z - r * y
+        v = moving[LANES + k] + sin_phi * sin_theta * ahead + cos_phi * aside + r * x - p * z
+        w = moving[2 * LANES + k] + cos_phi * sin_theta * ahead - sin_phi * aside + p * y - q * x
         sin_yaw, cos_yaw = sine_cosine(value_of(constants, ROW.dvl_yaw, parameters, moving, k))
         gain = 1.0 + value_of(constants, ROW.dvl_scale, parameters, moving, k)
         predicted[k] = gain * (cos_yaw * u + sin_yaw * v)
@@ -76,8 +80,26 @@ def linearise_velocity(mean, constants, predicted, matrix):
     ahead, aside = cos_psi * north + sin_psi * east, cos_psi * east - sin_psi * north
     drift_v = sin_phi * sin_theta * ahead + cos_phi * aside
     drift_w = cos_phi * sin_theta * ahead - sin_phi * aside
-    u, v, w = mean[first] + cos_theta * ahead, mean[first + 1] + drift_v, mean[first + 2] + drift_w
+    p, q, r = mean[first + 3], mean[first + 4], mean[first + 5]
+    x, y, z = (
+        _value(constants, mean, ROW.dvl_x),
+        _value(constants, mean, ROW.dvl_y),
+        _value(constants, mean, ROW.dvl_z),
+    )
+    u = mean[first] + cos_theta * ahead + q * z - r * y
+    v = mean[first + 1] + drift_v + r * x - p * z
+    w = mean[first + 2] + drift_w + p * y - q * x
 
+    # By the rates it moves at right angles to its arm, by the arm at right angles to the rates.
+    for column, by in (
+        (first + 3, (0.0, -z, y)),
+        (first + 4, (z, 0.0, -x)),
+        (first + 5, (-y, x, 0.0)),
+        (row_of(constants, ROW.dvl_x), (0.0, r, -q)),
+        (row_of(constants, ROW.dvl_y), (-r, 0.0, p)),
+        (row_of(constants, ROW.dvl_z), (q, -p, 0.0)),
+    ):
+        _put(matrix, column, gain, yaw, by)
     # Along a horizontal direction with so much ahead and aside of the heading, in the vehicle's axes.
     for column, f, s in (
         (row_of(constants, ROW.current_north), cos_psi, -sin_psi),
@@ -99,21 +121,25 @@ def linearise_velocity(mean, constants, predicted, matrix):
     predicted[0], predicted[1], predicted[2] = gain * (cosine * u + sine * v), gain * (cosine * v - sine * u), gain * w
 
 
-def measured_velocity(velocity: Array, attitude: Array, errors: Array) -> Array:
-    """Return what it measures of velocities through the water, shape (..., 3), at as many attitudes.
+def measured_velocity(motion: Array, errors: Array) -> Array:
+    """Return what it measures of motions, shape (..., 9): velocities, shape (..., 3), m/s.
 
     Parameters
     ----------
-    velocity, attitude : ndarray, shape (..., 3)
-        m/s; rad.
-    errors : ndarray, shape (4,)
+    motion : ndarray, shape (..., 9)
+        Its velocity is that through the water.
+    errors : ndarray, shape (7,)
         In the order of `VELOCITY_ERRORS`.
     """
-    scale, yaw, *current = errors
-    return (velocity + current_in_body_axes(attitude, *current)) @ dvl_axes(scale, yaw).T
+    return (motion[..., :3] + _beyond(motion, errors)) @ dvl_axes(*errors[:2]).T
 
 
-def velocity_behind(measurement: Array, attitude: Array, errors: Array) -> Array:
-    """Return the velocity through the water of which it measures this; inverts `measured_velocity`."""
-    scale, yaw, *current = errors
-    return measurement @ np.linalg.inv(dvl_axes(scale, yaw)).T - current_in_body_axes(attitude, *current)
+def velocity_behind(motion: Array, errors: Array) -> Array:
+    """Return the velocity through the water, where that of a motion is as measured; inverts `measured_velocity`."""
+    return motion[..., :3] @ np.linalg.inv(dvl_axes(*errors[:2])).T - _beyond(motion, errors)
+
+
+def _beyond(motion: Array, errors: Array) -> Array:
+    """Return the velocity of the DVL over ground less that of the origin through the water."""
+    _, _, north, east, *arm = errors
+    return current_in_body_axes(motion[..., 6:], north, east) + np.cross(motion[..., 3:6], arm)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.augmented_states import CURRENT, THRUST_SCALE
+from auvid_cli.config.augmented_states import CURRENT, FIN_TRIMS, THRUST_SCALE
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.filters.smoothing_forward import Linearised
@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 _CURRENTS = tuple(quantity.symbol for quantity in CURRENT)
 _THRUST_INPUT = INPUT_SYMBOLS.index("surge_force")
+_FINS = tuple(INPUT_SYMBOLS.index(name) for name in ("rudder", "elevator"))
 
 
 class VehicleFaults:
@@ -49,14 +50,16 @@ class VehicleFaults:
         states = np.vstack([about.before, about.moving])
         motion = states[:, self._motion_rows]
         current = np.column_stack([self._along(symbol, about.parameters, states) for symbol in _CURRENTS])
-        # What the thrust is more than stated acts like more of it.
-        acting = np.ones((len(states), len(INPUTS)))
-        acting[:, _THRUST_INPUT] += self._along(THRUST_SCALE.symbol, about.parameters, states)
+        # What the thrust is more than stated acts like more of it, and a trim like a fin that is over.
+        gain, trim = np.ones((len(states), len(INPUTS))), np.zeros((len(states), len(INPUTS)))
+        gain[:, _THRUST_INPUT] += self._along(THRUST_SCALE.symbol, about.parameters, states)
+        for fin, state in zip(_FINS, FIN_TRIMS, strict=True):
+            trim[:, fin] = self._along(state.symbol, about.parameters, states)
 
         def under(place: NDArray[np.int64], given: NDArray[np.int64]) -> Motion:
-            inputs = acting[place] * timeline.inputs[given]
+            inputs = gain[place] * timeline.inputs[given] + trim[place]
             rates = model.rates(motion[place], inputs)
-            return Motion(motion[place], inputs, acting[place] * rate[given], rates, current[place])
+            return Motion(motion[place], inputs, gain[place] * rate[given], rates, current[place])
 
         # Over a substep the motion is taken for that at the event before: faults are small, and substeps short.
         n_substeps, held = np.diff(timeline.substep_offset), timeline.substep_input

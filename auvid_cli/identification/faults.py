@@ -169,8 +169,8 @@ _EARLY = (
     "add it to the times of the inputs where they are recorded or imported; fins that lag: "
     "identification.fin_time_constant"
 )
-_LEVER = "move what the DVL measured to the origin of the vehicle"
-_TRIM = "add it to the recorded angle, or look at the zero of that fin"
+_LEVER = "move what the DVL measured to the origin, or estimate its arm (identification.estimate.biases: [dvl_arm])"
+_TRIM = "add it to the recorded angle, or estimate it (identification.estimate.biases: [fin_trim])"
 _THRUST = "add it to the recorded thrust, or estimate its scale (identification.estimate.biases: [thrust])"
 _TERM = "the model lacks this term, and others make up for it"
 _CHECK = "check vehicle.parameters.{}"
@@ -209,11 +209,11 @@ FAULTS: tuple[Fault, ...] = (
         *("rad", _DVL, "dvl_yaw", "dvl"),
         lambda model, at: at.over_ground[:, [1, 0, 2]] * [1.0, -1.0, 0.0],
     ),
-    *(Fault(f"lever arm of the DVL, {axis}", "m", _LEVER, "", "dvl", _lever(i)) for i, axis in enumerate("xyz")),
+    *(Fault(f"lever arm of the DVL, {a}", "m", _LEVER, f"dvl_{a}", "dvl", _lever(i)) for i, a in enumerate("xyz")),
     Fault("current, north", "m/s", _CURRENT, "current_north", "dvl", _current(0)),
     Fault("current, east", "m/s", _CURRENT, "current_east", "dvl", _current(1)),
-    Fault("trim of the rudder", "rad", _TRIM, "", "", _offset(0)),
-    Fault("trim of the elevator", "rad", _TRIM, "", "", _offset(1)),
+    Fault("trim of the rudder", "rad", _TRIM, "rudder_trim", "", _offset(0)),
+    Fault("trim of the elevator", "rad", _TRIM, "elevator_trim", "", _offset(1)),
     Fault(
         "constant thrust",
         *("N", _THRUST, "", ""),

@@ -69,12 +69,14 @@ def _motion_states(quantities: Sequence[Quantity], sampled: _Sampled) -> Array:
 
 
 def _velocity_over_ground(sampled: _Sampled) -> Array:
-    """Turn the velocity through the water and that of the water into the axes of a DVL, times its scale."""
+    """Turn the velocity of a DVL over ground into its axes, times its scale."""
     motion, current, dvl = sampled.motion, sampled.current, sampled.settings
     assert isinstance(dvl, Dvl)
     velocity = motion[:, :3]
     if current.any():
         velocity = velocity + earth_to_body(motion[:, 6:], np.broadcast_to(current, (len(motion), 3)))
+    if any(dvl.arm):
+        velocity = velocity + np.cross(motion[:, 3:6], dvl.arm)
     return velocity @ dvl_axes(dvl.scale_error, dvl.mounting_yaw).T
 
 

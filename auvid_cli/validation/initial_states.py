@@ -16,7 +16,7 @@ from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.actuators import lagged
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.prepared_data import PreparedData
-from auvid_cli.vehicle.parameters import DISTURBANCE, INPUT_SYMBOLS
+from auvid_cli.vehicle.parameters import DISTURBANCE
 
 Array = NDArray[np.float64]
 
@@ -73,9 +73,8 @@ def with_model(dataset: Dataset, estimate: Estimate) -> Dataset:
     earlier, identification = estimate.experiment, estimate.experiment.identification
     table = earlier.vehicle.coefficients.model_validate(estimate.final_coefficients())
     inputs = lagged(dataset.inputs, identification.fin_time_constant, identification.integration_step)
-    values = inputs.values.copy()
-    values[:, INPUT_SYMBOLS.index("surge_force")] *= estimate.final_thrust()
-    kept = tuple(block for block in identification.estimate.biases if block != BiasName.THRUST)
+    values = estimate.final_actuators().acting(inputs.values)
+    kept = tuple(block for block in identification.estimate.biases if block not in (BiasName.THRUST, BiasName.FIN_TRIM))
     changes = {
         "coefficients": (),
         "prior": Prior(),

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
@@ -24,12 +25,12 @@ from auvid_cli.vehicle.parameters import N_MOTION
 Array = NDArray[np.float64]
 
 N_CONSTANTS = 36 + 36 + 4
-# What the regressors are multiplied by: the coefficients, and how many times the stated surge force acts.
-N_FACTORS = N_COEFFICIENTS + 1
+# What the forces are made with: the coefficients, and what lies between stated and acting inputs.
+N_FACTORS = N_COEFFICIENTS + len(ActuatorErrors._fields)
 _vector = types.float64[::1]
 # Where the row of each of them begins in a block, by its name in code; signed like every index into a block, for with
 # unsigned ones among them the loop stays scalar.
-_FactorRows = namedtuple("_FactorRows", [*(coefficient.identifier for coefficient in COEFFICIENTS), "thrust"])
+_FactorRows = namedtuple("_FactorRows", [*(c.identifier for c in COEFFICIENTS), *ActuatorErrors._fields])
 _AT = _FactorRows(*range(0, N_FACTORS * LANES, LANES))
 
 
@@ -85,17 +86,16 @@ def named_constants(constants):
     )
 
 
-def factors(coefficients: Mapping[str, float], thrust: float = 1.0) -> Array:
-    """Return what the regressors are multiplied by, shape (N_FACTORS,).
+def factors(coefficients: Mapping[str, float], actuators: ActuatorErrors = AS_STATED) -> Array:
+    """Return what the forces are made with, shape (N_FACTORS,).
 
     Parameters
     ----------
     coefficients : mapping
         All 22 by symbol, SI.
-    thrust : float
-        How many times the stated surge force acts.
+    actuators : ActuatorErrors
     """
-    return np.array([*(coefficients[symbol] for symbol in SYMBOLS), thrust])
+    return np.array([*(coefficients[symbol] for symbol in SYMBOLS), *actuators])
 
 
 @compiled(types.UniTuple(types.float64, 2)(types.float64))
@@ -133,7 +133,7 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
     motion : ndarray, shape (9 * LANES,)
         Rows u, v, w, p, q, r, phi, theta, psi; m/s, rad/s, rad.
     coefficients : ndarray, shape (N_FACTORS * LANES,)
-        One row per coefficient, in the order of `COEFFICIENTS`, SI; then how many times the stated surge force acts.
+        One row per coefficient, in the order of `COEFFICIENTS`, SI; then one for each of `ActuatorErrors`.
     inputs : ndarray, shape (4,)
         Rudder, elevator (rad), surge force (N), roll moment (N m), the same for all lanes.
     constants : ndarray, shape (N_CONSTANTS,)
@@ -144,7 +144,7 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
         Filled in.
     """
     n = LANES
-    rudder, elevator, surge_force, roll_moment = inputs[0], inputs[1], inputs[2], inputs[3]
+    stated_rudder, stated_elevator, surge_force, roll_moment = inputs[0], inputs[1], inputs[2], inputs[3]
     mass, inverse, excess, lever_x, lever_y, lever_z = named_constants(constants)
     m11, m15, m16 = mass[0], mass[4], mass[5]
     m22, m24, m26 = mass[7], mass[9], mass[11]
@@ -162,6 +162,8 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
         b1, b2, b3 = m24 * v + m34 * w + m44 * p, m15 * u + m35 * w + m55 * q, m16 * u + m26 * v + m66 * r
         down_y, down_z = cos_theta * sin_phi, cos_theta * cos_phi
 
+        rudder = stated_rudder + omega[_AT.rudder_trim + k]
+        elevator = stated_elevator + omega[_AT.elevator_trim + k]
         uu, uv, uw, uq, ur = u * u, u * v, u * w, u * q, u * r
         vv, ww, pp, qq, rr = abs(v) * v, abs(w) * w, abs(p) * p, abs(q) * q, abs(r) * r
         x = r * a2 - q * a3 - excess * sin_theta + omega[_AT.thrust + k] * surge_force

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, MOST_FACTORS, N_COEFFICIENTS, SIGNALS
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
@@ -39,15 +40,19 @@ _N_FORCE = 6 * 8
 N_JACOBIAN_WORK = _N_FORCE + 6
 
 
-@compiled(types.float64(_vector, _vector, types.int64), inline=True)
-def signal(motion, inputs, which):
-    """Return one of `SIGNALS`."""
-    return motion[which] if which < 6 else inputs[which - 6]
+# Where the factor stands that adds to a fin, less the place of that among `SIGNALS`.
+_TRIM = N_COEFFICIENTS + ActuatorErrors._fields.index("rudder_trim") - SIGNALS.index("rudder")
+
+
+@compiled(types.float64(_vector, _vector, _vector, types.int64), inline=True)
+def signal(motion, coefficients, inputs, which):
+    """Return one of `SIGNALS`, fins as they act."""
+    return motion[which] if which < 6 else inputs[which - 6] + coefficients[_TRIM + which]
 
 
 @compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _vector))
 def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
-    """Differentiate `motion_derivative` by the motion states, the 22 coefficients and the thrust's factor.
+    """Differentiate `motion_derivative` by the motion states, the 22 coefficients and the actuators' errors.
 
     Parameters
     ----------
@@ -58,7 +63,7 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
         From `vehicle_constants`.
     jacobian : ndarray, shape (9, 9 + N_FACTORS)
         Filled in: A of Sabet et al. 2018, Table A1, motion part, then the regressor B(x); the equations are linear
-        in the coefficients.
+        in the coefficients, and in the thrust's factor and the trims.
     work : ndarray, shape (N_JACOBIAN_WORK,)
         Overwritten.
     """
@@ -105,17 +110,19 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
     for m in range(N_COEFFICIENTS):
         row, regressor = _ROW[m], 1.0
         for a in range(_N_FACTORS[m]):
-            value = signal(motion, inputs, _SIGNAL[m, a])
+            value = signal(motion, coefficients, inputs, _SIGNAL[m, a])
             regressor *= abs(value) if _MODULUS[m, a] else value
-            if _SIGNAL[m, a] >= 6:
-                continue
             # The product rule: the derivative of this factor times the others.
             slope = coefficients[m] * (np.sign(value) if _MODULUS[m, a] else 1.0)
             for b in range(_N_FACTORS[m]):
                 if b != a:
-                    other = signal(motion, inputs, _SIGNAL[m, b])
+                    other = signal(motion, coefficients, inputs, _SIGNAL[m, b])
                     slope *= abs(other) if _MODULUS[m, b] else other
-            force[row, _SIGNAL[m, a]] += slope
+            if _SIGNAL[m, a] < 6:
+                force[row, _SIGNAL[m, a]] += slope
+                continue
+            for i in range(6):
+                jacobian[i, N_MOTION + _TRIM + _SIGNAL[m, a]] += inverse[i, row] * slope
         for i in range(6):
             jacobian[i, N_MOTION + m] = inverse[i, row] * regressor
     for i in range(6):

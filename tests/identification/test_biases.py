@@ -107,3 +107,39 @@ def test_an_error_of_a_sensor_that_is_not_there_is_refused(biased, with_settings
         identify(
             with_settings(replace(biased, sensors=sensors), "identification.estimate.biases=[dvl]"), FilterName.CKF
         )
+
+
+ARM, TRIM = np.array([0.4, -0.1, 0.15]), np.array([0.012, -0.008])
+
+
+@pytest.fixture(scope="module")
+def off_centre(simulated_with):
+    """A DVL ahead of the origin, and fins that are not where they are said to be."""
+    direct = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
+    trim = f"manoeuvre.fin_trim={{rudder: {TRIM[0]}, elevator: {TRIM[1]}}}"
+    return simulated_with("manoeuvre.duration=60 s", direct, trim, f"sensors.dvl.arm={ARM.tolist()}")
+
+
+def test_fin_trims_and_the_arm_of_a_dvl_are_found(off_centre, with_settings, filter_name):
+    settings = (
+        "identification.estimate={biases: [dvl_arm, fin_trim], dvl_arm: {axes: [x, y, z]}}",
+        "identification.prior.factor=0.3",
+    )
+    estimate = identify(with_settings(off_centre, *settings), filter_name)
+    assert status_of(estimate) == "completed"
+    found = by_state(estimate)
+    expected = dict(zip(("dvl_x", "dvl_y", "dvl_z", "rudder_trim", "elevator_trim"), (*ARM, *TRIM), strict=True))
+    for symbol, value in expected.items():
+        row = found[symbol]
+        assert row.observed, symbol
+        assert abs(row.estimate - value) < 4.0 * row.standard_deviation, symbol
+        assert row.standard_deviation < 0.3 * abs(value), symbol
+    trims = tuple(found[f"{fin}_trim"].estimate for fin in ("rudder", "elevator"))
+    assert estimate.final_actuators() == (1.0, *trims)
+
+
+def test_a_trim_that_walks_and_one_axis_of_an_arm_are_states_of_their_own(off_centre, with_settings):
+    asked = "{biases: [dvl_arm, fin_trim], fin_trim: {fins: [rudder], walk: 1e-4}}"
+    estimate = identify(with_settings(off_centre, f"identification.estimate={asked}"), FilterName.CKF)
+    assert set(by_state(estimate)) == {"dvl_x", "rudder_trim"}
+    assert estimate.state[-1] == "rudder_trim"

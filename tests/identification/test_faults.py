@@ -18,6 +18,7 @@ from auvid_cli.identification.faults import FAULTS, FaultedVehicle, Motion, reme
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.process import vehicle_process
+from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.dynamics import factors, vehicle_constants
 from auvid_cli.vehicle.kinematics import dvl_axes, rotation_matrix
 from auvid_cli.vehicle.matrices import mass_matrix
@@ -221,7 +222,7 @@ def test_a_propeller_drives_by_the_thrust_that_was_found(walk, simulated_with, a
     (last,) = np.flatnonzero(timeline.measurement_sensor == [*problem.measuring].index("dvl"))[-1:]
     event = np.searchsorted(timeline.measurement_offset, last, side="right") - 1
     inputs = timeline.inputs[timeline.substep_input[timeline.substep_offset[event + 1] - 1]]
-    model = FaultedVehicle(problem.known, factors(values, 1.2))
+    model = FaultedVehicle(problem.known, factors(values, ActuatorErrors(1.2)))
     assert_allclose(late[last], -model.rates(states[:1, :9], inputs[None])[0, :3], rtol=1e-12)
 
 

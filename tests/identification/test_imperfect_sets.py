@@ -101,7 +101,7 @@ def test_the_gain_of_a_propeller_is_found(with_depth, with_settings, kalman_filt
     blind = identify(weaker, kalman_filter)
     seeing = identify(with_settings(weaker, "identification.estimate.biases=[thrust]"), kalman_filter)
     assert status_of(seeing) == "completed"
-    assert seeing.final_thrust() == pytest.approx(1.2, rel=0.01)
+    assert seeing.final_actuators().thrust == pytest.approx(1.2, rel=0.01)
     wrong, right = (
         {r.coefficient: r for r in coefficient_results(e, with_depth.truth, {}, True)} for e in (blind, seeing)
     )

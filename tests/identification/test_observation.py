@@ -10,15 +10,18 @@ from auvid_cli.config.augmented_states import (
     AccelerometerScale,
     AugmentedStates,
     Current,
+    DvlArm,
     DvlError,
     HardIron,
     ThrustScale,
 )
 from auvid_cli.config.experiment import Identification
 from auvid_cli.identification.compiled_layout import KnownSensor, KnownSensors
+from auvid_cli.identification.dvl import VELOCITY_ERRORS, measured_velocity, velocity_behind
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.state_layout import state_layout
 from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.dynamics import factors, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.kinematics import GRAVITY
@@ -102,10 +105,28 @@ def test_a_dvl_over_ground_sees_the_current(blocks, walk, has_depth, experiment_
     assert_seen_alike(process, state, n_parameters, expected)
 
 
+@pytest.mark.parametrize("walk", [0.0, 1e-3])
+def test_a_dvl_off_the_origin_is_carried_along(walk, experiment_with):
+    arm = {"dvl_x": 0.4, "dvl_y": -0.2, "dvl_z": 0.1}
+    asked = AugmentedStates(
+        biases=("dvl", "dvl_arm", "current"), dvl_arm=DvlArm(axes=("x", "y", "z")), current=Current(walk=walk)
+    )
+    process, layout = process_and_layout(asked, False, experiment_with())
+    symbols = layout.symbols
+    values = dict(zip(MOTION_SYMBOLS, MOTION, strict=True)) | arm | {"dvl_scale": 0.05, "dvl_yaw": 0.1}
+    state = np.array([values.get(symbol, 0.0) for symbol in symbols])
+    carried = MOTION[:3] + np.cross(MOTION[3:6], [*arm.values()])
+    expected = 1.05 * Rotation.from_euler("z", 0.1).apply(carried, inverse=True)
+    assert_seen_alike(process, state, layout.n_parameters, expected)
+    errors = np.array([values.get(symbol, 0.0) for symbol in VELOCITY_ERRORS])
+    assert_allclose(measured_velocity(MOTION, errors), expected, rtol=1e-12)
+    assert_allclose(velocity_behind(np.concatenate([expected, MOTION[3:]]), errors), MOTION[:3], rtol=1e-12)
+
+
 def felt_by_a_passenger(experiment, coefficients, thrust, force=0.0):
     """The second derivative of its place in the earth, by differences along the motion of the model, less gravity."""
     constants = vehicle_constants(experiment.vehicle.known_parameters())
-    row, slope = np.repeat(factors(coefficients, thrust), LANES), np.zeros(9 * LANES)
+    row, slope = np.repeat(factors(coefficients, ActuatorErrors(thrust)), LANES), np.zeros(9 * LANES)
     motion_derivative(np.repeat(MOTION, LANES), row, INPUTS, constants, 1, slope)
     rate = slope.reshape(9, LANES)[:, 0]
     rate[:6] += np.linalg.inv(mass_matrix(experiment.vehicle.known_parameters())) @ np.full(6, force)

@@ -50,7 +50,7 @@ def test_an_error_that_no_compiled_code_names_is_refused_at_import():
     check_named(errors, (accelerometer, compiled_coefficients, dvl, magnetic_field), by=2)
     with pytest.raises(TypeError, match="no compiled code says what comes of dvl_pitch"):
         check_named(["dvl_pitch"], (dvl,), by=2)
-    with pytest.raises(TypeError, match="says what comes of dvl_scale, dvl_yaw, current_north, current_east"):
+    with pytest.raises(TypeError, match="says what comes of dvl_scale, dvl_yaw, dvl_x, dvl_y, dvl_z, current_north"):
         check_named(errors, (accelerometer, compiled_coefficients, magnetic_field), by=2)
 
 
@@ -62,9 +62,9 @@ def test_a_moving_state_that_no_compiled_code_moves_is_refused_at_import():
 
 @pytest.mark.parametrize("noise", [(), (0.1,)])
 def test_a_state_that_no_compiled_code_moves_is_no_random_walk(layout, noise):
-    new = StateBlock("trim", (Quantity("rudder_trim", "rad", "", ""),), (0.1,), noise)
+    new = StateBlock("trim", (Quantity("rudder_twist", "rad", "", ""),), (0.1,), noise)
     wider = StateLayout([*layout.blocks, new])
-    with pytest.raises(TypeError, match="rudder_trim"):
+    with pytest.raises(TypeError, match="rudder_twist"):
         model_constants(np.zeros(N_CONSTANTS), np.zeros(N_COEFFICIENTS), wider, KnownSensors())
 
 

@@ -215,7 +215,7 @@ def test_thrust_and_drag_balance_on_the_straight(identified):
     for name in FILTERS:
         drag, _ = found_by(folder, name, "X_u|u|")
         stated = 30.0 * 0.35**2
-        assert estimate_of(folder, name).final_thrust() * stated == pytest.approx(-drag * 0.958**2, rel=0.05)
+        assert estimate_of(folder, name).final_actuators().thrust * stated == pytest.approx(-drag * 0.958**2, rel=0.05)
 
 
 def nomoto(converted, begin=8.0, end=88.9, step=0.02):

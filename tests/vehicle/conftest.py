@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.actuators import AS_STATED
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import N_WORK, motion_derivative, runge_kutta_step
 from auvid_cli.vehicle.parameters import N_MOTION
@@ -17,8 +18,8 @@ def _block(values):
     return block
 
 
-def _factors(coefficients, thrust=1.0):
-    return np.append(coefficients, thrust) if coefficients.size == N_COEFFICIENTS else coefficients
+def _factors(coefficients):
+    return np.append(coefficients, AS_STATED) if coefficients.size == N_COEFFICIENTS else coefficients
 
 
 @pytest.fixture(scope="session")

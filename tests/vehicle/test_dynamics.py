@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.actuators import AS_STATED
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.dynamics import (
     N_FACTORS,
@@ -171,7 +172,7 @@ def test_lanes_are_independent_of_each_other(n_lanes, rng, core, random_vehicle,
     motion, coefficients = np.zeros((N_MOTION, LANES)), np.zeros((N_FACTORS, LANES))
     motion[:, :n_lanes] = np.transpose([state[0] for state in states])
     coefficients[:N_COEFFICIENTS, :n_lanes] = np.transpose([state[1] for state in states])
-    coefficients[N_COEFFICIENTS] = 1.0
+    coefficients[N_COEFFICIENTS:] = np.transpose([AS_STATED])
     derivative = np.full(N_MOTION * LANES, 7.0)
     motion_derivative(motion.ravel(), coefficients.ravel(), inputs, constants, n_lanes, derivative)
     alone = [core.derivative(m, c, inputs, constants) for m, c, _ in states]
