@@ -26,7 +26,10 @@ from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.simulation.simulate import simulate
 
 # What of the settings of a filter its bound depends on.
-_OF_THE_DATA = {"coefficients", "attitude_from", "use", "fin_time_constant", "estimate", "integration_step"}
+_OF_THE_DATA = {
+    *("coefficients", "attitude_from", "use", "estimate", "integration_step"),
+    *("fin_time_constant", "inputs", "delays"),
+}
 
 
 class Performed(NamedTuple):

@@ -163,6 +163,18 @@ class SmootherSettings(Settings):
     ] = 50
 
 
+class InputSettings(Settings):
+    """How inputs are between their samples."""
+
+    between: Annotated[
+        Literal["hold", "linear"], Field(description="hold: each until the next; linear: straight lines")
+    ] = "hold"
+
+
+# The key of the delay of the inputs, beside those of sensors.
+INPUTS_DELAY = "inputs"
+
+
 class Identification(Settings):
     """How coefficients are estimated from a dataset."""
 
@@ -185,6 +197,12 @@ class Identification(Settings):
         Amount("s"),
         Field(ge=0, le=1e3, description="of fins that follow the recorded command with a first-order lag"),
     ] = 0.0
+    inputs: InputSettings = InputSettings()
+    delays: dict[str, Annotated[float, Amount("s")]] = Field(
+        default_factory=dict,
+        description="by sensor: how much later than they were taken its samples are stamped; `inputs`: how much later "
+        "than stated they act",
+    )
     estimate: AugmentedStates = AugmentedStates()
     prior: Prior = Prior()
     process_noise: ProcessNoise = ProcessNoise()
@@ -257,6 +275,14 @@ class Identification(Settings):
                     f"it out, or set attitude_from: {'ahrs' if self.attitude_from == 'inertial' else 'inertial'}"
                 )
         return self
+
+    @field_validator("delays")
+    @classmethod
+    def _delays_of_something(cls, value: dict[str, float]) -> dict[str, float]:
+        known = (*SENSORS, INPUTS_DELAY)
+        if unknown := [name for name in value if name not in known]:
+            raise ValueError(f"{unknown[0]!r} is no sensor; expected one of {', '.join(known)}")
+        return value
 
     @model_validator(mode="after")
     def _disturbance_of_a_size(self) -> "Identification":

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.export.terms import held_inputs, term_histories
-from auvid_cli.identification.actuators import lagged
+from auvid_cli.identification.actuators import as_acting
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
@@ -40,7 +40,7 @@ class Actuation(NamedTuple):
 def acting_inputs(estimate: Estimate, inputs: InputRecord) -> Array:
     """Return inputs at the times of an estimate, the fins where its filter saw them, but for trims and thrust."""
     settings = estimate.experiment.identification
-    acting = lagged(inputs, settings.fin_time_constant, settings.integration_step)
+    acting = as_acting(inputs, settings)
     return held_inputs(estimate.time, acting.time, acting.values)
 
 

@@ -1,8 +1,9 @@
-"""Fins that follow their commands with a lag."""
+"""Inputs as they act: late, changing between their samples, and of fins that follow their commands with a lag."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.config.experiment import INPUTS_DELAY, Identification
 from auvid_cli.data.dataset import InputRecord
 
 Array = NDArray[np.float64]
@@ -11,6 +12,42 @@ Array = NDArray[np.float64]
 _FINS = 2
 # Substeps in which a fin is held, per time constant: the mean over each is exact, its shape within is left out.
 _SUBSTEPS = 4
+
+
+def as_acting(inputs: InputRecord, settings: Identification) -> InputRecord:
+    """Find the inputs that settings take to have acted, from those that were recorded.
+
+    Parameters
+    ----------
+    inputs : InputRecord
+    settings : Identification
+        How inputs change between samples, how late they act, and how fins lag.
+
+    Returns
+    -------
+    InputRecord
+        Each row holds until the next.
+    """
+    if settings.inputs.between == "linear":
+        inputs = _linear(inputs, settings.integration_step)
+    if delay := settings.delays.get(INPUTS_DELAY, 0.0):
+        # What comes first is taken to have been there before.
+        time, values = inputs.time + delay, inputs.values
+        early = delay > 0.0
+        inputs = InputRecord(np.append(inputs.time[:early], time), np.vstack([values[:early], values]))
+    return lagged(inputs, settings.fin_time_constant, settings.integration_step)
+
+
+def _linear(inputs: InputRecord, step: float) -> InputRecord:
+    """Cut straight lines between samples into steps of their means."""
+    lengths = np.diff(inputs.time)
+    counts = np.maximum(np.ceil(lengths / step - 1e-9).astype(np.int64), 1)
+    row = np.repeat(np.arange(lengths.size), counts)
+    within = np.arange(row.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    time = inputs.time[row] + within * (lengths / counts)[row]
+    share = ((within + 0.5) / counts[row])[:, None]
+    values = (1.0 - share) * inputs.values[row] + share * inputs.values[row + 1]
+    return InputRecord(np.append(time, inputs.time[-1]), np.vstack([values, inputs.values[-1:]]))
 
 
 def lagged(commands: InputRecord, time_constant: float, step: float) -> InputRecord:

@@ -164,10 +164,12 @@ _IRON = "estimate the field of the vehicle (identification.estimate.biases: [mag
 _PLACE = "state where it sits (`position` in the sensor's settings or map)"
 _DVL = "estimate scale and mounting of the DVL (identification.estimate.biases: [dvl])"
 _CURRENT = "estimate the current (identification.estimate.biases: [current])"
-_LATE = "subtract it from the times of {} where they are recorded or imported"
+_LATE = (
+    "subtract it from the times of the {} where they are recorded or imported, or state it (identification.delays.{})"
+)
 _EARLY = (
-    "add it to the times of the inputs where they are recorded or imported; fins that lag: "
-    "identification.fin_time_constant"
+    "add it to the times of the inputs where they are recorded or imported, or state it (identification.delays.inputs);"
+    " fins that lag: identification.fin_time_constant"
 )
 _LEVER = "move what the DVL measured to the origin, or estimate its arm (identification.estimate.biases: [dvl_arm])"
 _TRIM = "add it to the recorded angle, or estimate it (identification.estimate.biases: [fin_trim])"
@@ -194,10 +196,10 @@ FAULTS: tuple[Fault, ...] = (
     ),
     Fault(
         "delay of the gyroscope",
-        *("s", _LATE.format("the gyroscope"), "", "gyroscope"),
+        *("s", _LATE.format("gyroscope", "gyroscope"), "", "gyroscope"),
         lambda model, at: -at.rates[:, 3:6],
     ),
-    Fault("delay of the DVL", "s", _LATE.format("the DVL"), "", "dvl", lambda model, at: -at.over_ground_rate),
+    Fault("delay of the DVL", "s", _LATE.format("DVL", "dvl"), "", "dvl", lambda model, at: -at.over_ground_rate),
     Fault(
         "delay of the inputs",
         *("s", _EARLY, "", ""),

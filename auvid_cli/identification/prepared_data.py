@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.experiment import Identification, RunSettings
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.data.dataset import Dataset, SensorRecord
-from auvid_cli.identification.actuators import lagged
+from auvid_cli.identification.actuators import as_acting
 from auvid_cli.identification.segmentation import used_segments
 from auvid_cli.identification.timeline import Timelines, first_measured, initial_motion, measuring_sensors
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
@@ -78,10 +78,11 @@ def prepare(dataset: Dataset) -> PreparedData:
     DataError
         If no sensor measures motion, one states no positive noise, or nothing of the data is left.
     """
-    settings, measuring = dataset.experiment.identification, measuring_sensors(dataset)
-    inputs = lagged(dataset.inputs, settings.fin_time_constant, settings.integration_step)
+    settings = dataset.experiment.identification
+    timely = replace(dataset, sensors=on_time(dataset.sensors, settings))
+    measuring, inputs = measuring_sensors(timely), as_acting(dataset.inputs, settings)
     segments = []
-    for data in used_segments(dataset, measuring):
+    for data in used_segments(timely, measuring):
         records = {name: data.sensors[name] for name in measuring}
         start, motion = initial_motion(data, records)
         measured = dict(zip(MOTION_SYMBOLS, motion.tolist(), strict=True))
@@ -92,7 +93,15 @@ def prepare(dataset: Dataset) -> PreparedData:
     return PreparedData(dataset, measuring, tuple(segments))
 
 
+def on_time(sensors: dict[str, SensorRecord], settings: Identification) -> dict[str, SensorRecord]:
+    """Return records with the times at which their samples were taken, as settings have it."""
+    return {
+        name: replace(record, time=record.time - settings.delays[name]) if name in settings.delays else record
+        for name, record in sensors.items()
+    }
+
+
 def _what_prepares(experiment: RunSettings) -> tuple[object, ...]:
     settings = experiment.identification
-    moved = settings.fin_time_constant, settings.integration_step
+    moved = settings.inputs, settings.delays, settings.fin_time_constant, settings.integration_step
     return settings.attitude_from, settings.use, settings.measurement_noise, *moved

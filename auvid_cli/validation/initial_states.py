@@ -6,16 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.augmented_states import BiasName
-from auvid_cli.config.experiment import Prior, Use
+from auvid_cli.config.experiment import InputSettings, Prior, Use
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.measurement_errors import MeasurementErrors, estimated_errors
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import OK, Records, Timeline
 from auvid_cli.filters.square_root import run_square_root_filter
-from auvid_cli.identification.actuators import lagged
+from auvid_cli.identification.actuators import as_acting
 from auvid_cli.identification.augmented import augmented_problem
-from auvid_cli.identification.prepared_data import PreparedData
+from auvid_cli.identification.prepared_data import PreparedData, on_time
 from auvid_cli.vehicle.parameters import DISTURBANCE
 
 Array = NDArray[np.float64]
@@ -72,13 +72,15 @@ def with_model(dataset: Dataset, estimate: Estimate) -> Dataset:
     """Return the data as the model sees them: its vehicle, coefficients, fins, propeller, settings; no truth."""
     earlier, identification = estimate.experiment, estimate.experiment.identification
     table = earlier.vehicle.coefficients.model_validate(estimate.final_coefficients())
-    inputs = lagged(dataset.inputs, identification.fin_time_constant, identification.integration_step)
+    inputs = as_acting(dataset.inputs, identification)
     values = estimate.final_actuators().acting(inputs.values)
     kept = tuple(block for block in identification.estimate.biases if block not in (BiasName.THRUST, BiasName.FIN_TRIM))
     changes = {
         "coefficients": (),
         "prior": Prior(),
         "fin_time_constant": 0.0,
+        "inputs": InputSettings(),
+        "delays": {},
         "use": Use(),
         "estimate": identification.estimate.model_copy(update={"biases": kept}),
     }
@@ -87,7 +89,8 @@ def with_model(dataset: Dataset, estimate: Estimate) -> Dataset:
         "identification": identification.model_copy(update=changes),
     }
     experiment = dataset.experiment.model_copy(update=settings)
-    return replace(dataset, truth=None, experiment=experiment, inputs=replace(inputs, values=values))
+    sensors = on_time(dataset.sensors, identification)
+    return replace(dataset, truth=None, experiment=experiment, inputs=replace(inputs, values=values), sensors=sensors)
 
 
 def filtered_initial_states(prepared: PreparedData, wanted: Array) -> InitialStates:

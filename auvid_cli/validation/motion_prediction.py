@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.lanes import LANES
 from auvid_cli.validation.signals import SAME
+from auvid_cli.vehicle.actuators import AS_STATED
 from auvid_cli.vehicle.dynamics import N_WORK, runge_kutta_step, vehicle_constants
 from auvid_cli.vehicle.kinematics import euler_angles, rotation_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
@@ -109,7 +110,7 @@ def move_side_by_side(
     """
     n = len(motion)
     constants, work = vehicle_constants(parameters), np.zeros(N_WORK)
-    block, rows = (_in_lanes(each) for each in (motion, np.hstack([coefficients, np.ones((n, 1))])))
+    block, rows = (_in_lanes(each) for each in (motion, np.hstack([coefficients, np.tile(AS_STATED, (n, 1))])))
     states, moved = block.reshape(N_MOTION, LANES), np.empty((wanted.size, n, N_MOTION))
     done, since_push = 0, 0.0
 

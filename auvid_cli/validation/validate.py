@@ -14,6 +14,8 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.identification.prepared_data import PreparedData, prepare
+from auvid_cli.identification.segmentation import used_segments
+from auvid_cli.identification.timeline import measuring_sensors
 from auvid_cli.validation.data_leakage import other_vehicle
 from auvid_cli.validation.error_growth import ErrorGrowth, error_growth
 from auvid_cli.validation.free_run_fit import fit_free_runs, free_run_rows
@@ -155,8 +157,8 @@ def _growth(
     training: Dataset, estimate: Estimate, bundle: Bundle, starts: int, rng: np.random.Generator
 ) -> ErrorGrowth:
     """Find by how much predictions of an estimate's own data are worse than stated."""
-    used = prepare(replace(training, experiment=estimate.experiment)).segments
-    followed, _ = _follow([segment.dataset for segment in used], estimate, starts)
+    own = replace(training, experiment=estimate.experiment)
+    followed, _ = _follow(used_segments(own, measuring_sensors(own)), estimate, starts)
     sizes = signal_sizes([segment.signals for segment in followed])
     return error_growth(_predict(followed, bundle, rng, with_process_noise=False).samples, sizes)
 

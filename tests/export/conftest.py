@@ -9,6 +9,7 @@ from auvid_cli.export.actuation import Actuation
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel, Origin
 from auvid_cli.export.terms import term_histories, term_sizes
 from auvid_cli.lanes import LANES
+from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.dynamics import motion_derivative, vehicle_constants
 from auvid_cli.vehicle.parameters import N_MOTION
@@ -70,7 +71,7 @@ def derivative_of():
         values = [each.value for each in model.coefficients] if coefficients is None else coefficients
         constants = vehicle_constants(model.experiment.vehicle.known_parameters())
         result = np.zeros(N_MOTION * LANES)
-        blocks = (np.repeat(np.asarray(each, dtype=float), LANES) for each in (motion, [*values, 1.0]))
+        blocks = (np.repeat(np.asarray(each, dtype=float), LANES) for each in (motion, [*values, *ActuatorErrors()]))
         motion_derivative(*blocks, np.asarray(inputs, dtype=float), constants, 1, result)
         return result[::LANES].copy()
 

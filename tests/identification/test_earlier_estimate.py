@@ -34,7 +34,7 @@ def test_coefficients_and_their_covariance_are_taken_over(short_run, short_estim
     path = written(short_run)
     earlier = short_estimates[FilterName.CKF]
     scale = np.linspace(1.0, 3.0, N_COEFFICIENTS)
-    mean, factor = earlier_gaussian(path, short_run, SYMBOLS, scale)
+    mean, factor = earlier_gaussian(path, short_run, SYMBOLS, scale, np.zeros(N_COEFFICIENTS))
     assert_allclose(mean * scale, earlier.mean[-1, :N_COEFFICIENTS])
     assert_allclose(
         (factor @ factor.T) * np.outer(scale, scale),
@@ -46,12 +46,12 @@ def test_coefficients_and_their_covariance_are_taken_over(short_run, short_estim
 
 def test_what_the_earlier_estimate_does_not_know_keeps_its_prior(short_run, written, with_settings):
     path = written(with_settings(short_run, "identification.coefficients=[X_u|u|, N_uudr]"))
-    mean, factor = earlier_gaussian(path, short_run, SYMBOLS, np.ones(N_COEFFICIENTS))
+    mean, factor = earlier_gaussian(path, short_run, SYMBOLS, np.ones(N_COEFFICIENTS), np.full(N_COEFFICIENTS, 0.3))
     known = [SYMBOLS.index("X_u|u|"), SYMBOLS.index("N_uudr")]
     others = np.setdiff1d(np.arange(N_COEFFICIENTS), known)
-    assert np.all(mean[others] == 0.0)
+    assert np.all(mean[others] == 0.3)
     assert np.all(np.diag(factor)[others] == 1.0)
-    assert np.all(np.abs(mean[known]) > 0.0)
+    assert np.all(mean[known] != 0.3)
 
 
 def test_a_second_run_on_new_data_knows_more(simulated_with, short_run, short_estimates, written, with_settings):
