@@ -126,53 +126,6 @@ class LogSignal(Settings):
         return self
 
 
-class Angle(LogSignal):
-    """A signal of an angle."""
-
-    si = "rad"
-
-
-class AngularRate(LogSignal):
-    """A signal of an angular rate."""
-
-    si = "rad/s"
-
-
-class Speed(LogSignal):
-    """A signal of a velocity."""
-
-    si = "m/s"
-
-
-class Acceleration(LogSignal):
-    """A signal of a specific force."""
-
-    si = "m/s^2"
-
-
-class MagneticFlux(LogSignal):
-    """Density of a magnetic flux."""
-
-    si = "T"
-
-
-class Length(LogSignal):
-    """A signal of a length; of a depth also a pressure, by its scale in metres."""
-
-    si = "m"
-
-
-class Number(LogSignal):
-    """A signal of a pure number."""
-
-    si = "dimensionless"
-
-
-LOG_SIGNALS: dict[str, type[LogSignal]] = {
-    kind.si: kind for kind in (Angle, AngularRate, Speed, Acceleration, MagneticFlux, Length)
-}
-
-
 class TimeSource(Settings):
     """When the rows of a table were measured; a bare name is a column without further ado."""
 
@@ -200,6 +153,57 @@ class LogRows(Settings):
     log: Annotated[str | None, Field(description="one of `logs`; may be left out if there is one")] = None
     table: Annotated[str | None, Field(description="topic or kind of message; of a CSV file left out")] = None
     time: Annotated[TimeSource | None, Field(description="when its rows were measured")] = None
+
+
+class PlacedSignal(LogSignal, LogRows):
+    """A signal that may stand elsewhere than what it belongs to, at times of its own."""
+
+
+class Angle(PlacedSignal):
+    """A signal of an angle."""
+
+    si = "rad"
+
+
+class AngularRate(PlacedSignal):
+    """A signal of an angular rate."""
+
+    si = "rad/s"
+
+
+class Speed(PlacedSignal):
+    """A signal of a velocity."""
+
+    si = "m/s"
+
+
+class Acceleration(PlacedSignal):
+    """A signal of a specific force."""
+
+    si = "m/s^2"
+
+
+class MagneticFlux(PlacedSignal):
+    """Density of a magnetic flux."""
+
+    si = "T"
+
+
+class Length(PlacedSignal):
+    """A signal of a length; of a depth also a pressure, by its scale in metres."""
+
+    si = "m"
+
+
+class Number(LogSignal):
+    """A signal of a pure number."""
+
+    si = "dimensionless"
+
+
+LOG_SIGNALS: dict[str, type[PlacedSignal]] = {
+    kind.si: kind for kind in (Angle, AngularRate, Speed, Acceleration, MagneticFlux, Length)
+}
 
 
 class Validity(Settings):

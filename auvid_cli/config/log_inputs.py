@@ -4,40 +4,36 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from auvid_cli.config.log_columns import LogRows, LogSignal
+from auvid_cli.config.log_columns import LogRows, PlacedSignal
 from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.config.settings import Settings
 
 
-class InputSignal(LogSignal, LogRows):
-    """A signal with a place of its own."""
-
-
-class Fin(InputSignal):
+class Fin(PlacedSignal):
     """Deflection of a fin, or of all that stand for one input."""
 
     si = "rad"
 
 
-class Force(InputSignal):
+class Force(PlacedSignal):
     """A force."""
 
     si = "N"
 
 
-class Moment(InputSignal):
+class Moment(PlacedSignal):
     """A moment."""
 
     si = "N*m"
 
 
-class Revolutions(InputSignal):
+class Revolutions(PlacedSignal):
     """Revolutions per second of a propeller."""
 
     si = "turn/s"
 
 
-class Share(InputSignal):
+class Share(PlacedSignal):
     """A thruster's command in percent, or with the unit '1' as a fraction."""
 
     si = "percent"
@@ -127,7 +123,7 @@ class InputsMap(LogRows):
             raise ValueError(f"expected at least one of {', '.join(InputsMap.model_fields)}")
         return self
 
-    def channels(self) -> dict[tuple[str, ...], InputSignal]:
+    def channels(self) -> dict[tuple[str, ...], PlacedSignal]:
         """Return the signals by where they stand in the settings."""
         signals: dict[tuple[str, ...], Any] = {
             (name,): getattr(self, name) for name in ("rudder", "elevator", "surge_force", "roll_moment")
@@ -136,4 +132,4 @@ class InputsMap(LogRows):
             signals |= {("fins", name): fin for name, fin in self.fins.given().items()}
         if self.thrust is not None:
             signals |= {("thrust", name): getattr(self.thrust, name) for name in ("revolutions", "share")}
-        return {path: signal for path, signal in signals.items() if isinstance(signal, InputSignal)}
+        return {path: signal for path, signal in signals.items() if isinstance(signal, PlacedSignal)}

@@ -1,6 +1,6 @@
 """Numbers of a log's columns to SI, row by row in the order of time."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 _IMPOSSIBLE = {"rad": 2.0 * np.pi, "rad/s": 20.0, "m/s": 50.0, "m/s^2": 500.0}
 # s. At the border of two files messages may be out of order by what they were late.
 _LONGEST_INTERLEAVING = 1.0
+# s: what rounding makes of one time in several tables.
+_SAME_TIME = 1e-6
 
 
 class MeasuredRows(NamedTuple):
@@ -147,6 +149,36 @@ def without_repeats(rows: MeasuredRows) -> MeasuredRows:
         fresh[known[np.diff(numbers[known], prepend=np.nan) != 0.0]] = True
     values = {component: numbers[fresh] for component, numbers in rows.values.items()}
     return rows._replace(time=rows.time[fresh], values=values, repeats=int(np.count_nonzero(~fresh)))
+
+
+def together(parts: Sequence[MeasuredRows]) -> MeasuredRows:
+    """Put components that were read apart on the union of their times, each missing where only others were measured."""
+    if len(parts) == 1:
+        return parts[0]
+    time = np.sort(np.concatenate([part.time for part in parts]))
+    time = time[np.diff(time, prepend=-np.inf) > _SAME_TIME]
+    values = {component: np.full(time.size, np.nan) for part in parts for component in part.values}
+    for part in parts:
+        at = np.searchsorted(time, part.time + _SAME_TIME, side="right") - 1
+        for component, numbers in part.values.items():
+            values[component][at] = numbers
+    orders = [part.order for part in parts]
+    return MeasuredRows(
+        time,
+        values,
+        Order(
+            slice(None),
+            sum(order.without_time for order in orders),
+            sum(order.backward for order in orders),
+            max(order.furthest_back for order in orders),
+            sum(order.duplicates for order in orders),
+        ),
+        sum(part.rollovers for part in parts),
+        sum(part.invalid for part in parts),
+        sum(part.repeats for part in parts),
+        next((part.clock_drift for part in parts if part.clock_drift is not None), None),
+        [overlap for part in parts for overlap in part.overlaps],
+    )
 
 
 def to_si(raw: ColumnValues, signal: LogSignal, factor: float) -> Array:

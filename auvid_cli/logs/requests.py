@@ -1,9 +1,9 @@
 """What a map asks of its logs: found in them, or said to be missing, each where the map asks for it."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from auvid_cli.config.log_columns import LogRows, LogSignal, TimeSource, unit_factor
+from auvid_cli.config.log_columns import LogRows, LogSignal, PlacedSignal, TimeSource, unit_factor
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.position import KeyPath
 from auvid_cli.config.quantity import expected
@@ -94,8 +94,8 @@ def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusal
     Returns
     -------
     dict of Request
-        By where the map asks: of sensors ``("sensors", name)``, of inputs ``("inputs", name)``, of single fins and of
-        a thruster one key more.
+        By where the map asks: of sensors ``("sensors", name)``, and one for each further place that components of it
+        stand in, by the first of these; of inputs ``("inputs", name)``, of single fins and of a thruster one key more.
     """
     finder = _Finder(settings, tree, logs, refusals)
     requests: dict[KeyPath, Request | None] = {}
@@ -105,11 +105,28 @@ def find_requests(settings: LogMap, tree: Tree, logs: Mapping[str, Log], refusal
         signals: dict[KeyPath, LogSignal] = {
             (*path, under, symbol): signal for symbol, signal in sensor.signals().items()
         }
-        requests[path] = finder.request(path, [sensor], signals, sensor.unit, sensor.valid and sensor.valid.column)
+        places = _by_place(signals)
+        if sensor.valid is not None and None not in places:
+            refusals.say((*path, "valid"), "no component stands in the sensor's own table, as this column does")
+        for place, there in places.items():
+            at, rows = (path, [sensor]) if place is None else (next(iter(there)), [place, sensor])
+            valid = sensor.valid.column if sensor.valid is not None and place is None else None
+            requests[at] = finder.request(at, rows, there, sensor.unit, valid)
     for key, signal in settings.inputs.channels().items():
         path = ("inputs", *key)
         requests[path] = finder.request(path, [signal, settings.inputs], {path: signal}, None, None)
     return {path: request for path, request in requests.items() if request is not None}
+
+
+def _by_place(signals: Mapping[KeyPath, LogSignal]) -> dict[LogRows | None, dict[KeyPath, LogSignal]]:
+    """Group the components of a sensor by where they say that they stand; None is the sensor's own place."""
+    places: dict[LogRows | None, dict[KeyPath, LogSignal]] = {}
+    for path, signal in signals.items():
+        own = (
+            LogRows(log=signal.log, table=signal.table, time=signal.time) if isinstance(signal, PlacedSignal) else None
+        )
+        places.setdefault(None if own == LogRows() else own, {})[path] = signal
+    return places
 
 
 class _Finder:
@@ -123,7 +140,7 @@ class _Finder:
     def request(
         self,
         path: KeyPath,
-        rows: list[LogRows],
+        rows: Sequence[LogRows],
         signals: Mapping[KeyPath, LogSignal],
         unit: str | None,
         valid: str | None,

@@ -17,7 +17,7 @@ def interpolate(time: Array, values: Array, at: Array, is_angle: bool = False) -
     time : ndarray, shape (n,)
         s, increasing.
     values : ndarray, shape (n, c)
-        Rows in which a component is missing do not count.
+        Each component by the rows in which it is not missing.
     at : ndarray, shape (m,)
     is_angle : bool
         Whether values are angles that may jump by whole turns.
@@ -26,13 +26,16 @@ def interpolate(time: Array, values: Array, at: Array, is_angle: bool = False) -
     -------
     ndarray, shape (m, c)
     """
-    known = np.isfinite(values).all(axis=1)
+    columns = (_interpolated(time, column, at, is_angle) for column in values.T)
+    return np.column_stack([*columns])
+
+
+def _interpolated(time: Array, values: Array, at: Array, is_angle: bool) -> Array:
+    known = np.isfinite(values)
     time, values = time[known], values[known]
     if not time.size:
-        return np.full((at.size, values.shape[1]), np.nan)
-    if is_angle:
-        values = np.unwrap(values, axis=0)
-    interpolated = np.column_stack([np.interp(at, time, column, np.nan, np.nan) for column in values.T])
+        return np.full(at.size, np.nan)
+    interpolated = np.interp(at, time, np.unwrap(values) if is_angle else values, np.nan, np.nan)
     after = np.clip(np.searchsorted(time, at), 1, max(time.size - 1, 1))
     if time.size > 1:
         between = time[after] - time[after - 1]

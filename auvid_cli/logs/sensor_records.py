@@ -1,5 +1,6 @@
 """All sensors of a map as records on one clock."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
@@ -15,7 +16,7 @@ from auvid_cli.data.noise import Noise, estimate_noise
 from auvid_cli.logs.columns import ColumnReader
 from auvid_cli.logs.gaps import Gaps, TimeSpans, find_gaps
 from auvid_cli.logs.import_report import ImportSummary, summary_of
-from auvid_cli.logs.measurements import MeasuredRows, check_plausible, read_request, without_repeats
+from auvid_cli.logs.measurements import MeasuredRows, check_plausible, read_request, together, without_repeats
 from auvid_cli.logs.refusals import Refusals, RefusedError
 from auvid_cli.logs.requests import Request
 from auvid_cli.logs.sensor_motion import depth_at_origin, interpolate
@@ -53,7 +54,9 @@ def read_sensors(
     raw: dict[str, Array] = {}
     for name, sensor in maps.items():
         with refusals.collecting():
-            rows[name], raw[name] = _read(name, sensor, requests["sensors", name], columns)
+            path = "sensors", name
+            parts = [request for at, request in requests.items() if at[:2] == path]
+            rows[name], raw[name] = _read(path, sensor, parts, columns)
     refusals.stop_if_any()
     origin = float(min(kept.time[0] for kept in rows.values()))
     excluded, records = {}, {}
@@ -82,14 +85,17 @@ def read_sensors(
     return SensorRecords(records, origin, summaries)
 
 
-def _read(name: str, sensor: SensorMap, request: Request, columns: ColumnReader) -> tuple[MeasuredRows, Array]:
-    rows = read_request(request, sensor.signals(), sensor.valid, columns)
+def _read(
+    path: KeyPath, sensor: SensorMap, requests: Sequence[Request], columns: ColumnReader
+) -> tuple[MeasuredRows, Array]:
+    parts = [read_request(request, sensor.signals(), sensor.valid, columns) for request in requests]
     if sensor.repeats == "drop":
-        rows = without_repeats(rows)
-    values = in_vehicle_axes(sensor, rows, request.path)
-    for column, quantity in enumerate(SENSORS[name]):
+        parts = [without_repeats(part) for part in parts]
+    rows = together(parts)
+    values = in_vehicle_axes(sensor, rows, path)
+    for column, quantity in enumerate(SENSORS[sensor.sensor]):
         if quantity.symbol not in _HEADINGS:
-            check_plausible(request.path, values[:, column], quantity.unit)
+            check_plausible(path, values[:, column], quantity.unit)
     return rows._replace(values={}), values
 
 
@@ -113,7 +119,7 @@ def _check_common_time(records: dict[str, SensorRecord], origin: float, refusals
 
 
 def _depth_of_origin(depth: SensorRecord, attitude: SensorRecord | None, position: Array) -> Array:
-    if attitude is None or not np.isfinite(attitude.values[:, :2]).all(axis=1).any():
+    if attitude is None or not np.isfinite(attitude.values[:, :2]).any(axis=0).all():
         raise RefusedError(("sensors", "depth", "position"), "a lever arm needs an `attitude` with roll and pitch")
     tilt = interpolate(attitude.time, attitude.values[:, :2], depth.time, is_angle=True)
     return depth_at_origin(depth.values[:, 0], tilt[:, 0], tilt[:, 1], position)[:, None]

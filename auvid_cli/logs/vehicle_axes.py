@@ -68,9 +68,10 @@ def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, Se
         if gyroscope is not None:
             rates = interpolate(gyroscope.time, gyroscope.values, record.time)
         elif attitude is not None:
-            known = np.isfinite(attitude.values).all(axis=1)
+            angles = interpolate(attitude.time, attitude.values, attitude.time, is_angle=True)
+            known = np.isfinite(angles).all(axis=1)
             time = attitude.time[known]
-            rates = interpolate(time, body_rates(time, attitude.values[known]), record.time)
+            rates = interpolate(time, body_rates(time, angles[known]), record.time)
         else:
             raise RefusedError(
                 (*path, "position"), "a lever arm needs a `gyroscope` or an `attitude` of three components"
@@ -82,7 +83,7 @@ def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, Se
 def _whole(records: dict[str, SensorRecord], name: str) -> SensorRecord | None:
     """Return a sensor's record if it ever measured all of its components."""
     record = records.get(name)
-    return record if record is not None and np.isfinite(record.values).all(axis=1).any() else None
+    return record if record is not None and np.isfinite(record.values).any(axis=0).all() else None
 
 
 def _mounted(sensor: InBody | DvlMap) -> Array:
@@ -103,6 +104,8 @@ def _attitude(sensor: AttitudeMap, rows: MeasuredRows, path: KeyPath) -> Array:
         raise RefusedError(
             (*path, "columns"), "a mount, or these axes, can only be accounted for with all three angles"
         )
+    if not np.isfinite(np.column_stack([rows.values[symbol] for symbol in symbols])).all(axis=1).any():
+        raise RefusedError((*path, "columns"), "a mount, or these axes, need all three angles at one time")
     earth = ENU_TO_NED if sensor.reference == "ENU" else _UNTURNED
     body = product(FLU_TO_FRD if sensor.frame == "FLU" else _UNTURNED, conjugate(_mounted(sensor)))
     angles = np.empty((rows.time.size, 3))

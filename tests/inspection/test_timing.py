@@ -69,6 +69,19 @@ def test_missing_values_are_judged_by_their_share(share, passed, turning):
     assert missing.statistic == f"{share / 1000:.2%} of values"
 
 
+def test_components_that_were_never_measured_are_not_missing(turning):
+    values = turning.values.copy()
+    values[:, 1:] = np.nan
+    missing = judged(replace(turning, values=values))["missing"]
+    assert (missing.passed, missing.statistic) == (True, "0.00% of values")
+
+
+def test_components_with_times_of_their_own_are_not_missing_at_those_of_others(turning):
+    values = turning.values.copy()
+    values[::3, 0], values[1::3, 0], values[:, 1], values[2::3, 1] = np.nan, np.nan, np.nan, 1.0
+    assert judged(replace(turning, values=values))["missing"].passed
+
+
 def judged_inputs(time, time_constant):
     record = InputRecord(np.asarray(time), np.zeros((len(time), 4)))
     return {check.check: check for check in input_timing_checks(record, time_constant)}

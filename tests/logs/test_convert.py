@@ -116,6 +116,41 @@ def test_each_table_is_read_once_and_only_what_is_needed(converted):
     ]
 
 
+def test_components_of_one_sensor_stand_in_tables_with_times_of_their_own(converted):
+    velocity, rates, angles = motion()
+    pitch = {"t": TIME[1:-1:3] + 0.01, "pitch": np.degrees(angles[1:-1:3, 1])}
+    heading = {"stamp": 1e3 * TIME, "yaw": angles[:, 2]}
+    log = MemoryLog(
+        **{"imu": imu(rates, angles), "ahrs": pitch, "compass": heading, "dvl": dvl(velocity), "in": INPUTS}
+    )
+    places = (
+        "theta: {column: pitch, table: ahrs, unit: deg}, "
+        "psi: {column: yaw, table: compass, time: {column: stamp, unit: ms}}"
+    )
+    apart = (ATTITUDE % "").replace("theta: pitch, psi: yaw", places)
+    found = converted(log, apart, DVL % ", position: [0.3, 0, 0]").sensors
+    attitude = found["attitude"]
+    assert_allclose(attitude.time, np.union1d(TIME, pitch["t"]), atol=1e-12)
+    for component, of in enumerate((TIME, pitch["t"], TIME)):
+        measured = np.isfinite(attitude.values[:, component])
+        assert_allclose(attitude.time[measured], of, atol=1e-12)
+    assert_allclose(attitude.values[np.isin(attitude.time, pitch["t"]), 1], angles[1:-1:3, 1], atol=1e-12)
+    # Its own motion, by angles that are never measured at once, is taken off as by those that are.
+    whole = converted(log, ATTITUDE % "", DVL % ", position: [0.3, 0, 0]").sensors["dvl"].values
+    inside = np.isfinite(found["dvl"].values).all(axis=1)
+    assert inside.sum() > 30
+    assert_allclose(found["dvl"].values[inside], whole[inside], atol=0.02)
+
+
+def test_angles_that_are_never_measured_at_once_cannot_be_turned(converted):
+    velocity, rates, angles = motion()
+    other = {"t": TIME + 0.01, "pitch": angles[:, 1]}
+    log = MemoryLog(**{"imu": imu(rates, angles), "ahrs": other, "dvl": dvl(velocity), "in": INPUTS})
+    apart = (ATTITUDE % ", mount: upside down").replace("theta: pitch", "theta: {column: pitch, table: ahrs}")
+    with pytest.raises(ConfigError, match="need all three angles at one time"):
+        converted(log, apart)
+
+
 @given(st.integers(0, 10_000), st.floats(0, 2e9), st.sampled_from(["", "upside down", "backward"]))
 def test_other_axes_units_and_epochs_come_to_the_same(converted, seed, epoch, mount):
     velocity, rates, angles = motion(seed)
