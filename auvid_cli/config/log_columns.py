@@ -147,12 +147,23 @@ class TimeSource(Settings):
         return check_unit(unit, "s")
 
 
+class RowChoice(Settings):
+    """A column that tells rows apart, and what it holds in those that count."""
+
+    column: Annotated[str, Field(min_length=1, description="name in the log")]
+    values: Annotated[tuple[bool | int | float | str, ...], Field(min_length=1, description="in those that count")] = (
+        True,
+        1,
+    )
+
+
 class LogRows(Settings):
     """Where columns stand."""
 
     log: Annotated[str | None, Field(description="one of `logs`; may be left out if there is one")] = None
     table: Annotated[str | None, Field(description="topic or kind of message; of a CSV file left out")] = None
     time: Annotated[TimeSource | None, Field(description="when its rows were measured")] = None
+    rows: Annotated[RowChoice | None, Field(description="which rows count, by an id; else all")] = None
 
 
 class PlacedSignal(LogSignal, LogRows):
@@ -204,13 +215,3 @@ class Number(LogSignal):
 LOG_SIGNALS: dict[str, type[PlacedSignal]] = {
     kind.si: kind for kind in (Angle, AngularRate, Speed, Acceleration, MagneticFlux, Length)
 }
-
-
-class Validity(Settings):
-    """A column that says which rows are valid."""
-
-    column: Annotated[str, Field(min_length=1, description="name in the log")]
-    values: Annotated[tuple[bool | int | float | str, ...], Field(min_length=1, description="that mean valid")] = (
-        True,
-        1,
-    )

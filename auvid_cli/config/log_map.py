@@ -28,6 +28,7 @@ class LogFile(Settings):
     more: Annotated[tuple[str, ...], Field(description="files that continue it, in their order")] = ()
     delimiter: Annotated[str | None, Field(min_length=1, description="between the fields of a row")] = None
     header_row: Annotated[int | None, Field(ge=1, strict=True, description="line of the names, from 1")] = None
+    names: Annotated[tuple[str, ...], Field(description="of the columns, where the file has none")] = ()
     decimal: Annotated[str | None, Field(pattern=r"^[.,]$", description="decimal point")] = None
     missing: Annotated[tuple[str, ...], Field(description="what stands for a missing number")] = ()
 

@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Field, create_model, field_validator, mode
 
 from auvid_cli.config.earth_field import EarthField
 from auvid_cli.config.lever import Lever
-from auvid_cli.config.log_columns import LOG_SIGNALS, LogRows, LogSignal, Number, Validity, check_unit
+from auvid_cli.config.log_columns import LOG_SIGNALS, LogRows, LogSignal, Number, RowChoice, check_unit
 from auvid_cli.config.magnitudes import check_amount
 from auvid_cli.config.quantity import Unit, parse_components
 from auvid_cli.config.settings import Settings
@@ -103,7 +103,7 @@ class SensorMap(LogRows):
         tuple[float, ...] | Literal["estimate"],
         Field(description="of the noise, one for all or one per component, or 'estimate'"),
     ]
-    valid: Annotated[Validity | None, Field(description="column that says which rows are valid")] = None
+    valid: Annotated[RowChoice | None, Field(description="column that says which rows are valid")] = None
     repeats: Annotated[
         Literal["keep", "drop"],
         Field(description="drop: rows that only repeat the one before, as where a faster table holds the last value"),

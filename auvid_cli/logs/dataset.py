@@ -71,4 +71,4 @@ def _opened(paths: Sequence[Path], layout: TextLayout) -> Log:
 
 def _layout(settings: LogMap, name: str) -> TextLayout:
     log = settings.logs[name]
-    return TextLayout(log.delimiter, log.header_row, log.decimal, log.missing)
+    return TextLayout(log.delimiter, log.header_row, log.decimal, log.missing, log.names)

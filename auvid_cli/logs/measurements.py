@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.log_columns import LogSignal, Validity
+from auvid_cli.config.log_columns import LogSignal, RowChoice
 from auvid_cli.config.position import KeyPath
 from auvid_cli.logs.clock import Order, order_rows
 from auvid_cli.logs.clock_drift import ClockDrift, find_clock_drift
@@ -61,7 +61,7 @@ class MeasuredRows(NamedTuple):
 
 
 def read_request(
-    request: Request, signals: Mapping[str, LogSignal], validity: Validity | None, columns: ColumnReader
+    request: Request, signals: Mapping[str, LogSignal], validity: RowChoice | None, columns: ColumnReader
 ) -> MeasuredRows:
     """Read what a request asks for.
 
@@ -85,7 +85,17 @@ def read_request(
             (*request.path, "time"),
             f"{request.time.place.table} has {seconds.size} rows and cannot give times to the {length} rows here",
         )
+    left_out = 0
+    if request.chosen is not None:
+        place, choice = request.chosen
+        others = ~is_chosen(ids := columns.take(place), choice)
+        if others.all():
+            some = ", ".join(map(str, np.unique(ids)[:8].tolist()))
+            raise RefusedError((*request.path, "rows"), f"no row has such a {place.column!r}; there is {some}")
+        left_out = int(np.count_nonzero(others & np.isfinite(seconds)))
+        seconds = np.where(others, np.nan, seconds)
     order = order_rows(seconds)
+    order = order._replace(without_time=order.without_time - left_out)
     time = seconds[order.rows]
     if time.size < 2:
         raise _no_times(request, seconds.size, time.size)
@@ -102,7 +112,7 @@ def read_request(
         numbers[outside] = np.nan
         values[component] = numbers
     if flags is not None and validity is not None:
-        wrong = ~is_valid(flags[order.rows], validity)
+        wrong = ~is_chosen(flags[order.rows], validity)
         invalid += int(np.count_nonzero(wrong))
         for numbers in values.values():
             numbers[wrong] = np.nan
@@ -190,12 +200,12 @@ def to_si(raw: ColumnValues, signal: LogSignal, factor: float) -> Array:
     return numbers
 
 
-def is_valid(flags: ColumnValues, validity: Validity) -> NDArray[np.bool_]:
-    """Say whether a flag is one of those that mean valid; capitals do not matter, and true is 1."""
-    if flags.dtype.kind == "U":
-        wanted = [str(value).lower() for value in validity.values]
-        return np.isin(np.char.lower(np.char.strip(np.asarray(flags, np.str_))), wanted)
-    return np.isin(flags, [float(value) for value in validity.values if not isinstance(value, str)])
+def is_chosen(ids: ColumnValues, choice: RowChoice) -> NDArray[np.bool_]:
+    """Say whether an id or a flag is one of those that are asked for; capitals do not matter, and true is 1."""
+    if ids.dtype.kind == "U":
+        wanted = [str(value).lower() for value in choice.values]
+        return np.isin(np.char.lower(np.char.strip(np.asarray(ids, np.str_))), wanted)
+    return np.isin(ids, [float(value) for value in choice.values if not isinstance(value, str)])
 
 
 def check_plausible(path: KeyPath, numbers: Array, unit: str) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from auvid_cli.config.log_columns import LogRows, LogSignal, PlacedSignal, TimeSource, unit_factor
+from auvid_cli.config.log_columns import LogRows, LogSignal, PlacedSignal, RowChoice, TimeSource, unit_factor
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.position import KeyPath
 from auvid_cli.config.quantity import expected
@@ -64,17 +64,20 @@ class Request(NamedTuple):
     valid : Place or None
         Column that says which rows are valid.
     time : Times
+    chosen : tuple of Place and RowChoice, optional
+        Column that tells rows of several things apart, and what it holds in those that count.
     """
 
     path: KeyPath
     values: dict[str, ComponentSource]
     valid: Place | None
     time: Times
+    chosen: tuple[Place, RowChoice] | None
 
     def places(self) -> Iterator[Place]:
         """Return all columns that it needs."""
         yield from (source.place for source in self.values.values())
-        optional = (self.valid, self.time.place, self.time.other, self.time.file)
+        optional = (self.valid, self.time.place, self.time.other, self.time.file, self.chosen and self.chosen[0])
         yield from (place for place in optional if place is not None)
 
 
@@ -122,10 +125,11 @@ def _by_place(signals: Mapping[KeyPath, LogSignal]) -> dict[LogRows | None, dict
     """Group the components of a sensor by where they say that they stand; None is the sensor's own place."""
     places: dict[LogRows | None, dict[KeyPath, LogSignal]] = {}
     for path, signal in signals.items():
-        own = (
-            LogRows(log=signal.log, table=signal.table, time=signal.time) if isinstance(signal, PlacedSignal) else None
-        )
-        places.setdefault(None if own == LogRows() else own, {})[path] = signal
+        place = None
+        if isinstance(signal, PlacedSignal):
+            said = {key: getattr(signal, key) for key in LogRows.model_fields}
+            place = LogRows(**said) if any(value is not None for value in said.values()) else None
+        places.setdefault(place, {})[path] = signal
     return places
 
 
@@ -161,10 +165,13 @@ class _Finder:
                 factor = self._factor(place, signal, unit, column)
                 values[str(place[-1])] = ComponentSource(Place(log, table, column.name), factor, has_unit)
         flag = valid and self._column((*path, "valid", "column"), log, table, valid, numbers=False)
+        choice = next((r.rows for r in rows if r.rows is not None), None)
+        ids = choice and self._column((*path, "rows", "column"), log, table, choice.column, numbers=False)
         time = self._time(path, log, table, [r.time for r in rows])
         if len(self._refusals) > before or time is None:
             return None
-        return Request(path, values, Place(log, table, flag.name) if flag else None, time)
+        chosen = (Place(log, table, ids.name), choice) if ids and choice else None
+        return Request(path, values, Place(log, table, flag.name) if flag else None, time, chosen)
 
     def _log(self, path: KeyPath, name: str | None) -> str | None:
         if name is None and len(self._logs) == 1:

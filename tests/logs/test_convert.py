@@ -151,6 +151,31 @@ def test_angles_that_are_never_measured_at_once_cannot_be_turned(converted):
         converted(log, apart)
 
 
+@pytest.mark.parametrize("named", [False, True])
+def test_rows_of_several_servos_are_told_apart_by_an_id(converted, named):
+    velocity, *_ = motion()
+    ids = np.tile([0.0, 1.0, 2.0], TIME.size)
+    written = np.array(["Top", "right ", "left"])[ids.astype(int)] if named else ids
+    servo = {"t": np.repeat(TIME, 3), "id": written, "value": np.repeat(0.1 * np.sin(TIME), 3) + 0.01 * ids}
+    top, right = ("top", "Right") if named else (0, 1)
+    fin = "{column: value, rows: {column: id, values: [%s]}}"
+    found = converted(
+        MemoryLog(dvl=dvl(velocity), servo=servo),
+        DVL % "",
+        inputs=f"{{table: servo, rudder: {fin % top}, elevator: {fin % right}}}",
+    )
+    assert_allclose(found.inputs.values[:, 0], 0.1 * np.sin(TIME))
+    assert_allclose(found.inputs.values[:, 1], 0.1 * np.sin(TIME) + 0.01)
+    assert not any("without a time" in remark for summary in found.summaries for remark in summary.remarks)
+
+
+def test_an_id_that_no_row_has_is_refused_with_those_that_there_are(converted):
+    velocity, *_ = motion()
+    log = MemoryLog(**{"dvl": dvl(velocity), "in": {**INPUTS, "id": np.arange(TIME.size) % 3}})
+    with pytest.raises(ConfigError, match=r"inputs\.rudder: no row has such a 'id'; there is 0, 1, 2"):
+        converted(log, DVL % "", inputs="{table: in, rudder: dr, rows: {column: id, values: [7]}}")
+
+
 @given(st.integers(0, 10_000), st.floats(0, 2e9), st.sampled_from(["", "upside down", "backward"]))
 def test_other_axes_units_and_epochs_come_to_the_same(converted, seed, epoch, mount):
     velocity, rates, angles = motion(seed)

@@ -15,10 +15,12 @@ from auvid_cli.logs.formats.units import (
     are_units,
     bare_unit,
     find_suffix,
+    holds_numbers,
     is_number,
     split_unit,
 )
 
+_SLOCUM = "dbd_label:"
 COMMENT_MARKS = ("#", "%", "//")
 FLAGS = {"true": 1.0, "false": 0.0}
 BLANKS = " "
@@ -42,12 +44,15 @@ class TextLayout(NamedTuple):
         The decimal point, "." or ",".
     missing : tuple of str
         What stands for a missing number, besides nothing, NaN, null, N/A and the like.
+    names : tuple of str
+        Of the columns, where the log has none, or instead of those down to its `header_row`.
     """
 
     delimiter: str | None = None
     header_row: int | None = None
     decimal: str | None = None
     missing: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
 
 
 class Header(NamedTuple):
@@ -58,7 +63,7 @@ class Header(NamedTuple):
     delimiter : str
     decimal : str
     line : int
-        Of the names, or of the units under them, counted from 1; rows begin after it.
+        Of the names, or of the units under them, counted from 1; rows begin after it. 0 if there are none.
     fields : int
         Of each row; one more than there are columns if rows end with a delimiter.
     columns : tuple of LogColumn
@@ -116,28 +121,30 @@ def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
     if layout.delimiter is not None and len(layout.delimiter) != 1:
         raise FileError(f"{path}: the delimiter {layout.delimiter!r} must be one character, such as ',' or '\\t'")
     delimiter = layout.delimiter or _find_delimiter(path, lines)
-    line = layout.header_row or _find_header(path, lines, delimiter)
+    line = layout.header_row or (0 if layout.names else _find_header(path, lines, delimiter))
     if line > len(lines):
         raise FileError(f"{path}:{line}: no header here: the log has {len(lines)} lines")
-    names = split_row(_uncomment(lines[line - 1]), delimiter)
+    names = list(layout.names) or split_row(_uncomment(lines[line - 1]), delimiter)
     if all(map(is_number, names)):
         raise FileError(f"{path}:{line}: a row of numbers where `header_row` says that the names are")
     units = split_row(_uncomment(lines[line]), delimiter) if line < len(lines) else []
-    has_units = len(units) >= len(names) and are_units(units)
-    last = line + has_units
+    below = _columns(list(_split_rows(lines[line + 1 :], delimiter).values()), len(names))
+    has_units = len(units) >= len(names) and not layout.names and are_units(units, below)
+    # Below the units of a Slocum glider stand how many bytes each number took.
+    last = line + has_units + (has_units and lines[0].startswith(_SLOCUM))
     rows = list(_split_rows(lines[last:], delimiter).values())
     fields = _usual_length(rows) or len(names)
     ends_with_delimiter = fields == len(names) + 1 and all(row[-1] == "" for row in rows)
     if fields != len(names) and not ends_with_delimiter:
         raise FileError(f"{path}:{line}: {len(names)} names above rows of {fields} fields")
     decimal = layout.decimal or _find_decimal(rows, delimiter)
-    samples = [[row[k] for row in rows if k < len(row)] for k in range(len(names))]
+    samples = _columns(rows, len(names))
     is_flag = tuple(_are_flags(values) for values in samples)
     suffixes = tuple(find_suffix(values, decimal, layout.missing) for values in samples)
     columns = []
     for k, (name, heading) in enumerate(_named(names)):
         under = bare_unit(units[k]) if has_units else ""
-        unit = agreed_unit(f"{path}:{last}: {name!r}", heading, under, suffixes[k])
+        unit = agreed_unit(f"{path}:{line + has_units}: {name!r}", heading, under, suffixes[k])
         numeric = is_flag[k] or suffixes[k] or all(is_number(v, decimal, layout.missing) for v in samples[k])
         columns.append(LogColumn(name, unit, is_text=not numeric))
     return Header(delimiter, decimal, last, fields, tuple(columns), is_flag, suffixes)
@@ -177,17 +184,34 @@ def _find_header(path: Path, lines: Sequence[str], delimiter: str) -> int:
         raise FileError(f"{path}: the delimiter {delimiter!r} does not split its lines")
     first = next(k for k, row in rows.items() if len(row) == usual)
     fields = rows[first]
-    numbers = sum(is_number(field) or is_number(field, ",") for field in fields)
-    if 2 * numbers <= len(fields):
+    if _are_names(fields, [row for row in rows.values() if len(row) == usual][1:]):
         return first + 1
     # Above the numbers the names may stand in a comment, or lack the delimiter that ends each row.
     above = [split_row(_uncomment(line), delimiter) for line in lines[max(first - 2, 0) : first]]
     fits = [len(names) in (len(fields), len(fields) - 1) for names in above]
-    if len(above) == 2 and all(fits) and are_units(above[1]):
+    if len(above) == 2 and all(fits) and are_units(above[1], _columns(list(rows.values()), len(fields))):
         return first - 1
     if fits and fits[-1]:
         return first
-    raise FileError(f"{path}:{first + 1}: a row of {len(fields)} fields, but no names above it: add a line of names")
+    raise FileError(
+        f"{path}:{first + 1}: a row of {len(fields)} fields, but no names above it: add a line of names, or state the "
+        "`names` of the log in the map"
+    )
+
+
+def _are_names(fields: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
+    """Say whether a row is one of names, by the rows below: if a number is above numbers and no text is, it is none."""
+    numbers = [holds_numbers([field]) for field in fields]
+    below = _columns(rows, len(fields))
+    above_numbers = [number for number, cells in zip(numbers, below, strict=True) if holds_numbers(cells)]
+    if any(above_numbers) and all(above_numbers):
+        return False
+    return 2 * sum(numbers) <= len(fields)
+
+
+def _columns(rows: Sequence[Sequence[str]], number: int) -> list[list[str]]:
+    """Return the cells of each column, from rows that may be cut short."""
+    return [[row[k] for row in rows if k < len(row)] for k in range(number)]
 
 
 def _find_decimal(rows: Sequence[Sequence[str]], delimiter: str) -> str:

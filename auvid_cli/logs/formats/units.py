@@ -47,10 +47,29 @@ def find_suffix(values: Sequence[str], decimal: str, missing: Sequence[str]) -> 
     return units[0] if units else ""
 
 
-def are_units(cells: Sequence[str]) -> bool:
-    """Say whether a row below the names holds units and nothing else."""
+def are_units(cells: Sequence[str], samples: Sequence[Sequence[str]]) -> bool:
+    """Say whether a row below the names holds units: nothing else, or words such as bool beside one above numbers.
+
+    Parameters
+    ----------
+    cells : sequence of str
+        Of that row.
+    samples : sequence of sequence of str
+        What stands below, column by column.
+    """
     units = [unit for unit in map(bare_unit, cells) if unit]
-    return bool(units) and all(map(is_unit, units))
+    if not units or any(is_number(unit) for unit in units):
+        return False
+    if all(map(is_unit, units)):
+        return True
+    below = zip(map(bare_unit, cells), samples, strict=False)
+    return any(is_unit(unit) and holds_numbers(values) for unit, values in below)
+
+
+def holds_numbers(values: Sequence[str]) -> bool:
+    """Say whether cells hold numbers, with a decimal point or comma, one of them at least, and nothing else."""
+    given = [value for value in values if value not in MISSING_VALUES]
+    return bool(given) and all(is_number(value) or is_number(value, ",") for value in given)
 
 
 def bare_unit(cell: str) -> str:

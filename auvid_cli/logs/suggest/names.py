@@ -28,33 +28,40 @@ SENSOR_NAMES: dict[str, dict[str, str]] = {
     "attitude": {
         "phi": r"(attitude_)?phi|roll(_angle)?",
         "theta": r"(attitude_)?theta|pitch(_angle)?",
-        "psi": r"(attitude_)?psi|yaw(_angle)?|((c_)?true_|magnetic_)?heading",
+        "psi": r"(attitude_)?psi|yaw(_angle)?|((c_)?true_|magnetic_)?heading|orientation",
     },
     "depth": {"down": r"down|(dfs_)?depth|position\.z"},
 }
 QUATERNION_NAMES: dict[str, str] = {axis: rf"(orientation|quaternion|quat|q)[_.]{axis}|q{axis}" for axis in "wxyz"}
 INPUT_NAMES: dict[str, str] = {
-    "rudder": r"(rudder|delta_r|dr)(_(angle|deg|rad|cmd))?",
-    "elevator": r"(elevator|stern_?plane|delta_[se]|de|ds)(_(angle|deg|rad|cmd))?",
-    "fins.top": r"fins?_(yaw_t|top)(_(deg|rad))?|top_fins?",
-    "fins.bottom": r"fins?_(yaw_b|bottom|bot)(_(deg|rad))?|bottom_fins?",
-    "fins.right": r"fins?_(pitch_r|right|starboard|stbd)(_(deg|rad))?|(right|starboard|stbd)_fins?",
-    "fins.left": r"fins?_(pitch_l|left|port)(_(deg|rad))?|(left|port)_fins?",
-    "surge_force": r"surge_force|thrust(_n)?|thrust_force",
-    "thrust.revolutions": r"((prop|screw|shaft|motor|thrust|throttle)\w*)?(rpm|rps|rev/s|turn/s)|(rpm|rps)_\w+",
-    "thrust.share": r"thruster(_(pct|percent|cmd|command))?|motor_speed_cmd|throttle",
+    "rudder": r"(rudder|delta_r|dr)(_(angle|cmd|input))?|yaw_input|fin",
+    "elevator": r"(elevator|stern_?planes?|delta_[se]|de|ds)(_(angle|cmd|input))?|pitch_input",
+    "fins.top": r"(fins?_)?(yaw_t|top)|top_fins?",
+    "fins.bottom": r"(fins?_)?(yaw_b|bottom|bot)|bottom_fins?",
+    "fins.right": r"(fins?_)?(pitch_r|right|starboard|stbd)|(right|starboard|stbd)_fins?",
+    "fins.left": r"(fins?_)?(pitch_l|left|port)|(left|port)_fins?",
+    "surge_force": r"surge_force|thrust|thrust_force",
+    "thrust.revolutions": r"((prop|screw|shaft|motor|thrust|throttle)\w*)?(rpm|rps|rev/s|turn/s)|(rpm|rps)_\w+"
+    r"|propeller_rotation_rate",
+    "thrust.share": r"thruster(_(cmd|command|input))?|motor_speed_cmd|throttle",
     "roll_moment": r"roll_moment",
 }
 # By SI unit: what a name may end with to say another one.
 NAMED_UNITS: dict[str, dict[str, str]] = {
-    "rad/s": {"dps": "deg/s", "deg_s": "deg/s", "degs": "deg/s", "rad_s": "rad/s", "rads": "rad/s"},
-    "rad": {"deg": "deg", "rad": "rad"},
-    "m/s": {"m_s": "m/s", "ms": "m/s", "mps": "m/s", "cm_s": "cm/s", "kn": "knot", "kts": "knot", "knots": "knot"},
+    "rad/s": {"dps": "deg/s", "deg_s": "deg/s", "degs": "deg/s", "rad_s": "rad/s", "rads": "rad/s"}
+    | {"degree_per_second": "deg/s", "radian_per_second": "rad/s"},
+    "rad": {"deg": "deg", "degree": "deg", "degrees": "deg", "rad": "rad", "radian": "rad", "radians": "rad"},
+    "m/s": {"m_s": "m/s", "ms": "m/s", "mps": "m/s", "cm_s": "cm/s", "kn": "knot", "kts": "knot", "knots": "knot"}
+    | {"meter_per_second": "m/s"},
     "m/s^2": {"m_s2": "m/s^2", "ms2": "m/s^2", "mps2": "m/s^2", "g": "g", "mg": "mg"},
-    "m": {"m": "m", "cm": "cm", "ft": "ft"},
+    "m": {"m": "m", "cm": "cm", "mm": "mm", "ft": "ft", "meter": "m"},
     "percent": {"pct": "percent", "percent": "percent"},
     "turn/s": {"rpm": "rpm", "rps": "turn/s"},
+    "N": {"n": "N"},
 }
+_ANY_UNIT = rf"(_({'|'.join(end for ends in NAMED_UNITS.values() for end in ends)}))?"
+# What stands before a name, of whose it is, and behind it, of what was done to it.
+_OWNER, _FILTERED = r"((platform|vehicle|auv|nav|m)_)?", r"(_filt(ered)?)?"
 _SOME_TIME = r"(t|time|timestamp|stamp)_\w+|\w+_(t|time|timestamp|stamp)"
 _TIMES = r"(t|time|timestamp|stamp|unix_?(s|time)?|t_s|seconds|secs?|time_?(s|us|ms|ns)|epoch\w*|utc\w*|date_?time)"
 _BARE_FIELD = re.compile(r"data(\[(?P<index>[012])\])?")
@@ -91,13 +98,13 @@ def find_columns(
     unit : str
         SI unit; a name may end with what stands for it or another one in `NAMED_UNITS`.
     """
-    ending = rf"(_({'|'.join(NAMED_UNITS[unit])}))?" if unit in NAMED_UNITS else ""
+    ending = rf"(_({'|'.join(NAMED_UNITS[unit])}))?" if unit in NAMED_UNITS else _ANY_UNIT
     places = []
     for table, columns in tables.items():
         numbers = [column for column in columns if not column.is_text]
         matches = {}
         for component, pattern in wanted.items():
-            called = rf"({pattern}){ending}"
+            called = rf"{_OWNER}({pattern}){_FILTERED}{ending}{_FILTERED}"
             matching = [c for c in numbers if any(_is_called(name, called) for name in _spoken(table, c))]
             if matching:
                 # Of "velocity.x" and "target.velocity.x" the shorter.
@@ -158,7 +165,7 @@ def _spoken(table: str, column: LogColumn) -> tuple[str, ...]:
 
 
 def _plain(name: str) -> str:
-    return re.sub(r"[\s-]+", "_", name.strip().lower())
+    return re.sub(r"[\s\\_-]+", "_", name.strip().lower())
 
 
 def _is_called(name: str, pattern: str) -> bool:

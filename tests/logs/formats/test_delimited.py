@@ -237,3 +237,48 @@ def test_names_that_are_left_out_are_counted(opened, name, there):
     with pytest.raises(FileError) as caught:
         opened("time,speed,b1,b2,b3,b4,b5\n1,2,3,4,5,6,7\n").read("", [name])
     assert str(caught.value).endswith(f"there is no column named {name!r}; there is {there}")
+
+
+@pytest.mark.parametrize("word", ["bool", "text", "nodim", ""])
+def test_a_row_of_units_may_hold_words_that_are_none(opened, word):
+    log = opened(f"time,depth,flag,mode\ns,m,{word},string\n1,2,true,dive\n3,4,false,climb\n")
+    assert log.tables()[""][1] == LogColumn("depth", "m")
+    assert read(log, "depth", "flag", "mode") == [[2.0, 4.0], [1.0, 0.0], ["dive", "climb"]]
+
+
+def test_a_row_of_text_below_names_is_no_row_of_units(opened):
+    """Although m, of a mode, is a unit as well."""
+    log = opened("time,mode\n0:01,m\n0:02,dive\n0:03,m\n")
+    assert read(log, "mode") == [["m", "dive", "m"]]
+
+
+ALOG = "0.10 NAV_X uSim 12.5\n0.20 NAV_X uSim 12.6\n0.30 MODE pHelm DRIVE\n"
+
+
+def test_a_first_row_of_data_is_not_taken_for_names(opened):
+    with pytest.raises(FileError, match=r"log\.csv:1: .* no names above it.*`names`"):
+        opened(ALOG)
+
+
+@pytest.mark.parametrize("above", ["", "# by a logger\n"])
+def test_names_of_a_log_without_a_header_are_stated(opened, above):
+    log = opened(above + ALOG, names=("time", "what", "who", "value"))
+    assert read(log, "time", "what") == [[0.1, 0.2, 0.3], ["NAV_X", "NAV_X", "MODE"]]
+
+
+def test_stated_names_take_the_place_of_others(opened):
+    assert read(opened("a,b\n1,2\n3,4\n", names=("time", "u"), header_row=1), "u") == [[2.0, 4.0]]
+
+
+def test_stated_names_are_as_many_as_there_are_columns(opened):
+    with pytest.raises(FileError, match="3 names above rows of 2 fields"):
+        opened("1,2\n3,4\n", names=("time", "u", "v"))
+
+
+def test_text_of_a_slocum_glider_is_read(opened):
+    log = opened(
+        "dbd_label: DBD_ASC(dinkum_binary_data_ascii)file\nencoding_ver: 2\nsensors_per_cycle: 3\n"
+        "m_present_time m_depth c_fin \ntimestamp m rad \n8 4 4 \n1.5e9 NaN 0.1 \n1500000002 3.5 NaN \n"
+    )
+    assert [column.unit for column in log.tables()[""]] == ["", "m", "rad"]
+    np.testing.assert_array_equal(log.read("", ["m_depth"])["m_depth"], [np.nan, 3.5])

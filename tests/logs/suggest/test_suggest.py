@@ -115,6 +115,31 @@ def test_columns_called_by_sensor_and_component_are_found(suggested):
     assert {column for sensor in found["sensors"].values() for column in sensor["columns"].values()} == {*names}
 
 
+def test_names_may_say_whose_a_column_is_its_unit_and_that_it_was_filtered(suggested):
+    names = (
+        "platform_pitch_angle_degree",
+        "platform_roll_angle",
+        "platform_orientation",
+        "depth_filt",
+        "pitch_rate-rad_s",
+    )
+    _, found = suggested(t=TIME, **{name: 0.1 * WAVE for name in names}, platform_rudder_angle=0.1 * WAVE)
+    columns = {column for sensor in found["sensors"].values() for column in sensor["columns"].values()}
+    assert columns == {*names}
+    assert found["inputs"]["rudder"]["column"] == "platform_rudder_angle"
+
+
+def test_fins_are_known_without_the_word(suggested):
+    _, found = suggested(t=TIME, u=WAVE, top=WAVE, bottom=WAVE, port=WAVE, starboard=WAVE)
+    fins = {key: fin["column"] for key, fin in found["inputs"]["fins"].items()}
+    assert fins == {"top": "top", "bottom": "bottom", "left": "port", "right": "starboard"}
+
+
+def test_an_escaped_underscore_is_one(suggested):
+    _, found = suggested(t=TIME, u=WAVE, **{r"pitch\_input": 0.1 * WAVE, r"yaw\_input": 0.1 * WAVE})
+    assert [found["inputs"][key]["column"] for key in ("elevator", "rudder")] == [r"pitch\_input", r"yaw\_input"]
+
+
 @pytest.mark.parametrize(
     ("thruster", "signal"),
     [
