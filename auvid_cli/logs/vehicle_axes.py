@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 
 _UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
 _CHUNK = 100_000
+# s, over which depth tells how fast the vehicle sinks.
+_SINKING = 1.0
 
 
 def in_vehicle_axes(sensor: SensorMap, rows: MeasuredRows, path: KeyPath) -> Array:
@@ -63,7 +65,14 @@ def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, Se
     if sensor.frame in ("NED", "ENU"):
         if attitude is None:
             raise RefusedError((*path, "frame"), f"{sensor.frame} velocities need an `attitude` of all three angles")
+        measured = np.isfinite(values).any(axis=0)
+        if not measured[:2].all():
+            raise RefusedError((*path, "columns"), f"{sensor.frame} velocities need both of `u` and `v`")
+        if not measured[2]:
+            values = np.column_stack((values[:, :2], _sinking(record.time, others, (*path, "columns"))))
         values = earth_to_body(interpolate(attitude.time, attitude.values, record.time, is_angle=True), values)
+        # What depth says is not said twice.
+        values = np.where(measured | [True, True, False], values, np.nan)
     if sensor.position is not None:
         if gyroscope is not None:
             rates = interpolate(gyroscope.time, gyroscope.values, record.time)
@@ -78,6 +87,15 @@ def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, Se
             )
         values = velocity_at_origin(values, rates, np.array(sensor.position))
     return values
+
+
+def _sinking(time: Array, others: dict[str, SensorRecord], path: KeyPath) -> Array:
+    """Return the velocity downward by the depth, for what measures none; it counts little where the vehicle is level."""
+    depth = others.get("depth")
+    if depth is None:
+        raise RefusedError(path, "velocities over ground need `w` as well, or a `depth` that says how fast it sinks")
+    before, after = (interpolate(depth.time, depth.values, time + side * _SINKING)[:, 0] for side in (-0.5, 0.5))
+    return (after - before) / _SINKING
 
 
 def _whole(records: dict[str, SensorRecord], name: str) -> SensorRecord | None:

@@ -151,6 +151,21 @@ def test_angles_that_are_never_measured_at_once_cannot_be_turned(converted):
         converted(log, apart)
 
 
+def test_velocity_over_ground_of_two_components_has_the_third_from_depth(converted):
+    velocity, rates, angles = motion()
+    ground = rotations(angles).apply(velocity)
+    time = 0.05 * np.arange(-20, TIME.size + 20)
+    sinking = np.interp(time, TIME, ground[:, 2])
+    depth = {"t": time, "z": 20.0 + np.concatenate(([0.0], np.cumsum(0.025 * (sinking[1:] + sinking[:-1]))))}
+    log = MemoryLog(**{"imu": imu(rates, angles), "dvl": dvl(ground), "depth": depth, "in": INPUTS})
+    lateral = (DVL % ", frame: NED").replace(", w: w", "")
+    found = converted(log, lateral, ATTITUDE % "", DEPTH % ("", "")).sensors["dvl"].values
+    assert_allclose(found[10:-10, :2], velocity[10:-10, :2], atol=0.03)
+    assert np.isnan(found[:, 2]).all()
+    with pytest.raises(ConfigError, match="need `w` as well, or a `depth`"):
+        converted(log, lateral, ATTITUDE % "")
+
+
 @pytest.mark.parametrize("named", [False, True])
 def test_rows_of_several_servos_are_told_apart_by_an_id(converted, named):
     velocity, *_ = motion()
