@@ -65,7 +65,7 @@ def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, Se
     if sensor.frame in ("NED", "ENU"):
         if attitude is None:
             raise RefusedError((*path, "frame"), f"{sensor.frame} velocities need an `attitude` of all three angles")
-        measured = np.isfinite(values).any(axis=0)
+        measured = np.asarray(np.isfinite(values).any(axis=0))
         if not measured[:2].all():
             raise RefusedError((*path, "columns"), f"{sensor.frame} velocities need both of `u` and `v`")
         if not measured[2]:
@@ -90,7 +90,7 @@ def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, Se
 
 
 def _sinking(time: Array, others: dict[str, SensorRecord], path: KeyPath) -> Array:
-    """Return the velocity downward by the depth, for what measures none; it counts little where the vehicle is level."""
+    """Return the velocity downward by the depth, for what measures none; it hardly counts for a level vehicle."""
     depth = others.get("depth")
     if depth is None:
         raise RefusedError(path, "velocities over ground need `w` as well, or a `depth` that says how fast it sinks")

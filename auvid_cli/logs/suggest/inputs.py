@@ -1,5 +1,6 @@
 """The part of a suggested map that says what fins and propeller did."""
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
@@ -8,8 +9,11 @@ from numpy.typing import NDArray
 
 from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest.commented_yaml import Comment, Flow, Line, Phrase, YamlEntry
+from auvid_cli.logs.suggest.found import tracks_of
+from auvid_cli.logs.suggest.judge import Judged
 from auvid_cli.logs.suggest.names import INPUT_NAMES, find_columns, find_in_logs, named_unit
 from auvid_cli.logs.suggest.rows import row_entries, time_of
+from auvid_cli.logs.suggest.ties import PITCHING, TURNING, Track
 
 Array = NDArray[np.float64]
 
@@ -19,11 +23,13 @@ _PULSES, _MIDDLE_PULSE, _MIDDLE_BYTE = (800.0, 2200.0), 1500, 128
 _OPPOSITE = (("top", "bottom"), ("right", "left"))
 
 
-class _Input(NamedTuple):
-    """A column that looks like an input, its numbers, and where it stands if that is not where most of them do."""
+class FoundInput(NamedTuple):
+    """A column that looks like an input, its numbers, and where it stands."""
 
     column: LogColumn
     values: Array
+    log: str
+    table: str
     place: dict[str, Flow]
 
     @property
@@ -32,43 +38,105 @@ class _Input(NamedTuple):
         return float(np.nanmax(np.abs(self.values), initial=0.0))
 
     def signal(self, **more: Flow) -> dict[str, Flow]:
-        """Return place, column and what else it needs."""
+        """Return place, unless it is where most inputs stand, column and what else it needs."""
         return {**self.place, "column": self.column.name, **more}
 
 
-def input_lines(logs: Mapping[str, Log]) -> Iterator[Line]:
-    """Yield the lines below `inputs:`."""
+class FoundInputs(NamedTuple):
+    """Inputs by their keys, the table that holds most of them, and thrusters of which there are several."""
+
+    log: str
+    table: str
+    signals: dict[str, FoundInput]
+    thrusters: list[str]
+
+
+def find_inputs(logs: Mapping[str, Log]) -> FoundInputs | None:
+    """Find what looks like an input by names; of several thrusters none is the surge force."""
     place = find_in_logs(logs, INPUT_NAMES)
     if place is None:
+        return None
+    name, main = place
+    signals = _inputs(logs, name, main.table)
+    direct = {"rudder", "elevator"} & {*signals}
+    signals = {key: signal for key, signal in signals.items() if not (direct and key.startswith("fins."))}
+    thrusters = [
+        text
+        for key, signal in signals.items()
+        if key.startswith(("thrust.", "surge_force"))
+        for text in _alike(logs[signal.log], signal)
+    ]
+    if thrusters:
+        signals = {key: signal for key, signal in signals.items() if not key.startswith(("thrust.", "surge_force"))}
+    return FoundInputs(name, main.table, signals, thrusters)
+
+
+def _alike(log: Log, signal: FoundInput) -> list[str]:
+    """List columns that are called as an input but for a number, where there are several: thrusters of an ROV."""
+    called = _unnumbered(signal.table), _unnumbered(signal.column.name)
+    alike = [
+        f"{table} {column.name}".strip()
+        for table, columns in log.tables().items()
+        for column in columns
+        if (_unnumbered(table), _unnumbered(column.name)) == called
+    ]
+    return alike if len(alike) > 1 else []
+
+
+def _unnumbered(name: str) -> str:
+    return re.sub(r"\d+", "#", name)
+
+
+def input_tracks(logs: Mapping[str, Log], inputs: FoundInputs | None) -> dict[str, Track]:
+    """Return the deflections of fins, in the log's units: their signs are what matters."""
+    tracks: dict[str, Track] = {}
+    for key, signal in inputs.signals.items() if inputs is not None else ():
+        if key in (*TURNING, *PITCHING):
+            tracks |= tracks_of(logs[signal.log], signal.table, {key: signal.values})
+    return tracks
+
+
+def input_lines(logs: Mapping[str, Log], inputs: FoundInputs | None, judged: Judged) -> Iterator[Line]:
+    """Yield the lines below `inputs:`."""
+    if inputs is None:
         yield YamlEntry("rudder", None, "required: no column looks like a fin or a propeller")
         return
-    name, main = place
-    yield from row_entries(logs, name, main.table)
-    inputs = _inputs(logs, name, main.table)
-    direct = {key: signal for key, signal in inputs.items() if "." not in key}
-    fins = {key.removeprefix("fins."): signal for key, signal in inputs.items() if key.startswith("fins.")}
-    if fins and ("rudder" in direct or "elevator" in direct):
-        fins = {}
+    yield from row_entries(logs, inputs.log, inputs.table)
+    direct = {key: signal for key, signal in inputs.signals.items() if "." not in key}
+    fins = {key: signal for key, signal in inputs.signals.items() if key.startswith("fins.")}
+    if judged.exchanged:
+        direct |= {"rudder": direct["elevator"], "elevator": direct["rudder"]}
+        yield Comment("check: r answers what is called elevator, q what is called rudder: they are exchanged here")
     deflecting = {**fins, **{key: direct[key] for key in ("rudder", "elevator") if key in direct}}
     largest = max((fin.largest for fin in deflecting.values()), default=0.0)
     for key, signal in direct.items():
         yield (
-            _fin(key, signal, largest) if key in deflecting else YamlEntry(key, signal.signal(), "check: in N, or N m")
+            _fin(key, signal, largest, judged)
+            if key in deflecting
+            else YamlEntry(key, signal.signal(), "check: in N, or N m")
         )
     if fins:
-        lines: list[Line] = [_fin(key, fin, largest) for key, fin in fins.items()]
-        lines += _opposites(fins)
+        lines: list[Line] = [_fin(key, fin, largest, judged) for key, fin in fins.items()]
+        lines += _opposites(fins, judged)
         yield YamlEntry("fins", lines, "check: positive pushes the tail to starboard, or up; else sign: -1")
     if not deflecting:
-        candidates = ", ".join(_possible_fins(logs, name, main.table))
+        candidates = ", ".join(_possible_fins(logs, inputs.log, inputs.table))
         these = f"; these may be fins: {candidates}" if candidates else ""
         yield Comment(f"check: no column is called like a fin{these}")
-    yield from _thrust(inputs)
+    if inputs.thrusters:
+        several = f"{', '.join(inputs.thrusters)}: several thrusters are not one surge force"
+        yield Comment(f"check: {several}; make a column of their sum along the bow, or say which one pushes")
+    else:
+        yield from _thrust(inputs.signals)
 
 
-def _opposites(fins: Mapping[str, _Input]) -> Iterator[Comment]:
+def _opposites(fins: Mapping[str, FoundInput], judged: Judged) -> Iterator[Comment]:
     for first, second in _OPPOSITE:
-        if {first, second} <= set(fins) and _are_opposite(fins[first].values, fins[second].values):
+        keys = f"fins.{first}", f"fins.{second}"
+        if not {*keys} <= {*fins}:
+            continue
+        one, other = (judged.verdict.signs.get(key, 1) * fins[key].values for key in keys)
+        if _are_opposite(one, other):
             why = f"{first} and {second} go against each other, so one of them counts the other way"
             yield Comment(f"check: {why}: sign: -1")
 
@@ -82,11 +150,11 @@ def _possible_fins(logs: Mapping[str, Log], name: str, main: str) -> Iterator[st
                 yield from (f"{table} {column.name}" for column in columns if column.name.startswith("data"))
 
 
-def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, _Input]:
+def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, FoundInput]:
     """Find inputs by their keys: those of the table that has most of them, then what others have besides."""
     places = [(name, columns) for columns in find_columns(INPUT_NAMES, {main: logs[name].tables()[main]})]
     places += [(log, columns) for log in logs for columns in find_columns(INPUT_NAMES, logs[log].tables())]
-    inputs: dict[str, _Input] = {}
+    inputs: dict[str, FoundInput] = {}
     for log, (table, columns) in places:
         new = {key: column for key, column in columns.items() if key not in inputs}
         elsewhere = (log, table) != (name, main)
@@ -95,7 +163,9 @@ def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, _Input]:
             read = logs[log].read(table, [column.name for column in new.values()])
             numbers = {key: np.asarray(read[column.name], np.float64) for key, column in new.items()}
             inputs |= {
-                key: _Input(new[key], values, place) for key, values in numbers.items() if _counts(values, elsewhere)
+                key: FoundInput(new[key], values, log, table, place)
+                for key, values in numbers.items()
+                if _counts(values, elsewhere)
             }
     return inputs
 
@@ -120,7 +190,7 @@ def _are_opposite(first: Array, second: Array) -> bool:
     return float(np.nanstd(first + second)) < 0.5 * float(np.nanstd(first - second))
 
 
-def _thrust(inputs: Mapping[str, _Input]) -> Iterator[Line]:
+def _thrust(inputs: Mapping[str, FoundInput]) -> Iterator[Line]:
     if "surge_force" in inputs:
         return
     if "thrust.revolutions" in inputs:
@@ -133,19 +203,19 @@ def _thrust(inputs: Mapping[str, _Input]) -> Iterator[Line]:
         yield Comment("check: no column looks like thrust: it will be zero")
 
 
-def _revolutions(command: _Input) -> YamlEntry:
+def _revolutions(command: FoundInput) -> YamlEntry:
     if command.column.unit:
         return YamlEntry("revolutions", command.signal(), f"{command.column.unit} as the log says")
     unit = named_unit(command.column.name, "turn/s") or "rpm"
     return YamlEntry("revolutions", command.signal(unit=unit), "check: rpm, or turn/s")
 
 
-def _share(command: _Input) -> YamlEntry:
+def _share(command: FoundInput) -> YamlEntry:
     comment = f"check: percent, or '1' for fractions; it reaches {command.largest:.4g}"
     return YamlEntry("share", command.signal(**_share_unit(command)), comment)
 
 
-def _share_unit(command: _Input) -> dict[str, Flow]:
+def _share_unit(command: FoundInput) -> dict[str, Flow]:
     if command.column.unit:
         return {}
     if command.largest > _LARGEST_PERCENT:
@@ -155,17 +225,21 @@ def _share_unit(command: _Input) -> dict[str, Flow]:
     return {"unit": "1" if is_fraction else "percent"}
 
 
-def _fin(key: str, fin: _Input, largest: float) -> YamlEntry:
+def _fin(key: str, fin: FoundInput, largest: float, judged: Judged) -> YamlEntry:
+    called = key.removeprefix("fins.")
     extent = f"it goes from {np.nanmin(fin.values):.4g} to {np.nanmax(fin.values):.4g}"
+    turned: dict[str, Flow] = {"sign": -1} if judged.verdict.signs.get(key, 1) < 0 else {}
+    said = f"check: sign; {judged.words([key])}"
     if fin.column.unit:
-        return YamlEntry(key, fin.signal(), f"{fin.column.unit} as the log says; check: sign")
+        return YamlEntry(called, fin.signal(**turned), f"{fin.column.unit} as the log says; {said}")
     if unit := named_unit(fin.column.name, "rad"):
-        return YamlEntry(key, fin.signal(unit=unit), f"as the name says; check: sign; {extent}")
+        return YamlEntry(called, fin.signal(unit=unit, **turned), f"as the name says; {said}; {extent}")
     if largest > _LARGEST_FIN_DEGREES:
-        counts = fin.signal(centre=_middle(fin.values), scale=None)
-        return YamlEntry(key, counts, f"required: what is straight, and one count, such as 0.35 deg; {extent}")
+        counts = fin.signal(centre=_middle(fin.values), scale=None, **turned)
+        what = "required: what is straight, and one count, such as 0.35 deg"
+        return YamlEntry(called, counts, f"{what}; {extent}; {said}")
     unit = "deg" if largest > 0.5 * np.pi else "rad"
-    return YamlEntry(key, fin.signal(unit=unit), f"check: unit and sign; {extent}")
+    return YamlEntry(called, fin.signal(unit=unit, **turned), f"check: unit; {extent}; {said}")
 
 
 def _middle(counts: Array) -> int:

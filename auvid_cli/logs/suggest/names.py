@@ -26,13 +26,14 @@ SENSOR_NAMES: dict[str, dict[str, str]] = {
         "w": r"(dvl_)?w|heave(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?z",
     },
     "attitude": {
-        "phi": r"(attitude_)?phi|roll(_angle)?",
-        "theta": r"(attitude_)?theta|pitch(_angle)?",
-        "psi": r"(attitude_)?psi|yaw(_angle)?|((c_)?true_|magnetic_)?heading|orientation",
+        "phi": r"(attitude_)?(phi|roll)(_angle)?",
+        "theta": r"(attitude_)?(theta|pitch)(_angle)?",
+        "psi": r"((attitude_)?(psi|yaw)(_angle)?|((c_)?true_|magnetic_)?heading|orientation)(_(enu|ned))?",
     },
     "depth": {"down": r"down|(dfs_)?depth|position\.z"},
 }
 QUATERNION_NAMES: dict[str, str] = {axis: rf"(orientation|quaternion|quat|q)[_.]{axis}|q{axis}" for axis in "wxyz"}
+_OF_QUATERNION = "|".join(QUATERNION_NAMES.values())
 INPUT_NAMES: dict[str, str] = {
     "rudder": r"(rudder|delta_r|dr)(_(angle|cmd|input))?|yaw_input|fin",
     "elevator": r"(elevator|stern_?planes?|delta_[se]|de|ds)(_(angle|cmd|input))?|pitch_input",
@@ -76,6 +77,16 @@ _REP_103 = {
 }
 
 
+# Words of what somebody wanted, and of tables that hold what a navigation filter made of all sensors.
+_SET_POINT = re.compile(
+    r"(^|[_./ ])(desired|target|goal|ref|reference|set_?points?|sp|cmd|command(ed|s)?|next)([_./ ]|$)"
+)
+_FILTER_OUTPUT = re.compile(
+    r"global_position_int|local_position|odom|ekf|[xn]kf\d|kalman|estimat|filtered|dead_?reckon"
+    r"|(^|[_./])nav_?(state|solution)"
+)
+
+
 class Match(NamedTuple):
     """Columns of a table that look like what is wanted."""
 
@@ -87,6 +98,8 @@ def find_columns(
     wanted: Mapping[str, str], tables: Mapping[str, tuple[LogColumn, ...]], hint: str = "", unit: str = ""
 ) -> list[Match]:
     """Find columns by component of what is wanted, table by table: most of them first, then those called like the hint.
+
+    What a navigation filter made comes after what was measured; set-points count only where inputs are wanted.
 
     Parameters
     ----------
@@ -101,7 +114,13 @@ def find_columns(
     ending = rf"(_({'|'.join(NAMED_UNITS[unit])}))?" if unit in NAMED_UNITS else _ANY_UNIT
     places = []
     for table, columns in tables.items():
-        numbers = [column for column in columns if not column.is_text]
+        numbers = [
+            column
+            for column in columns
+            if not column.is_text
+            and (wanted is INPUT_NAMES or not is_set_point(table, column.name))
+            and (wanted is QUATERNION_NAMES or not _is_called(column.name, _OF_QUATERNION))
+        ]
         matches = {}
         for component, pattern in wanted.items():
             called = rf"{_OWNER}({pattern}){_FILTERED}{ending}{_FILTERED}"
@@ -111,7 +130,21 @@ def find_columns(
                 matches[component] = min(matching, key=lambda column: len(column.name))
         if matches:
             places.append(Match(table, matches))
-    return sorted(places, key=lambda place: (len(place.columns), hint in place.table), reverse=True)
+    return sorted(places, key=lambda place: (*_rank(place), hint in place.table), reverse=True)
+
+
+def is_set_point(table: str, name: str) -> bool:
+    """Say whether a column is by its name, or by that of its table, what somebody wanted, and no measurement."""
+    return _SET_POINT.search(_plain(table)) is not None or _SET_POINT.search(_plain(name)) is not None
+
+
+def is_filter_output(table: str) -> bool:
+    """Say whether a table is by its name what a navigation filter made of all sensors."""
+    return _FILTER_OUTPUT.search(_plain(table)) is not None
+
+
+def _rank(place: Match) -> tuple[bool, int]:
+    return not is_filter_output(place.table), len(place.columns)
 
 
 def named_unit(name: str, unit: str) -> str:
@@ -126,7 +159,7 @@ def find_in_logs(
 ) -> tuple[str, Match] | None:
     """Find log and columns with the most of what is wanted, of those whose numbers ever change; none that is empty."""
     places = [(name, place) for name, log in logs.items() for place in find_columns(wanted, log.tables(), hint, unit)]
-    for name, place in sorted(places, key=lambda place: len(place[1].columns), reverse=True):
+    for name, place in sorted(places, key=lambda place: _rank(place[1]), reverse=True):
         values = logs[name].read(place.table, [column.name for column in place.columns.values()])
         numbers = {key: np.asarray(values[column.name], np.float64) for key, column in place.columns.items()}
         filled = {key: values for key, values in numbers.items() if np.isfinite(values).any()}

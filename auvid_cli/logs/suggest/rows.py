@@ -6,17 +6,22 @@ import numpy as np
 
 from auvid_cli.logs.clock import FARTHEST
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log
-from auvid_cli.logs.suggest.commented_yaml import Flow, YamlEntry
+from auvid_cli.logs.suggest.commented_yaml import Flow, Phrase, YamlEntry
 from auvid_cli.logs.suggest.names import find_time
 
 
-def row_entries(logs: Mapping[str, Log], name: str, table: str) -> Iterator[YamlEntry]:
-    """Say where columns stand, as far as it must be said."""
+def row_entries(logs: Mapping[str, Log], name: str, table: str, delay: float = 0.0) -> Iterator[YamlEntry]:
+    """Say where columns stand, as far as it must be said, and by how much, s, their times are late."""
     if len(logs) > 1:
         yield YamlEntry("log", name)
     if table:
         yield YamlEntry("table", table)
-    yield YamlEntry("time", *time_of(logs[name], table))
+    time, comment = time_of(logs[name], table)
+    if delay and time is not None:
+        time = dict(time) if isinstance(time, Mapping) else {"column": time}
+        time["offset"] = Phrase(f"{-delay:.2f} s")
+        comment = f"check: {abs(delay):.2f} s {'later' if delay > 0.0 else 'earlier'} than the others, by their changes"
+    yield YamlEntry("time", time, comment)
 
 
 def time_of(log: Log, table: str) -> tuple[Flow, str]:

@@ -1,0 +1,224 @@
+"""What the data of all sensors and inputs say together about signs, axes, units, delays and which fin is which."""
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.log_columns import unit_factor
+from auvid_cli.logs.sensor_motion import interpolate
+from auvid_cli.logs.suggest.evidence import TRIPLES, Verdict, weigh
+from auvid_cli.logs.suggest.ties import CROSSED, Tie, Track, find_ties
+from auvid_cli.vehicle.parameters import SENSORS
+
+Array = NDArray[np.float64]
+
+# Of log likelihoods, what speaks for a sign: gravity, being below the surface, going ahead.
+_GRAVITY, _BELOW, _AHEAD = 8.0, 4.0, 4.0
+_SOME_GRAVITY, _SOME_SPEED = 5.0, 0.2
+# How well the directions of a velocity over ground agree with the heading, and what part of the scatter about the bow
+# that leaves.
+_ALIGNED, _BETTER = 0.8, 0.25
+_EXCHANGED = 6.0
+# Correlation from where on a gain tells a unit, and how near it must be.
+_TELLING, _NEAR = 0.8, 0.15
+# s: a delay of less is not worth an offset.
+_LEAST_DELAY = 0.05
+_FINS = {"rudder": "elevator", "elevator": "rudder"}
+# By the symbol that a tie begins with: sensor whose other unit makes such a gain, by that of the tie.
+_UNITS = {
+    "gyroscope": ("deg/s",),
+    "attitude": ("deg",),
+    "depth": ("mm", "cm", "ft"),
+    "dvl": ("mm/s", "cm/s", "knot"),
+    "accelerometer": ("g",),
+}
+
+
+class Judged(NamedTuple):
+    """What the data say.
+
+    Attributes
+    ----------
+    ties : list of Tie
+    verdict : Verdict
+    over_ground : str
+        NED or ENU if the velocity of the DVL is over ground, else empty.
+    exchanged : bool
+        Whether rudder and elevator are exchanged.
+    delays : dict of float
+        s, by sensor: how late its times are.
+    units : dict of str
+        By sensor whose numbers must be in another unit than was guessed.
+    """
+
+    ties: list[Tie]
+    verdict: Verdict
+    over_ground: str
+    exchanged: bool
+    delays: dict[str, float]
+    units: dict[str, str]
+
+    def words(self, symbols: Sequence[str]) -> str:
+        """Say what speaks for the signs of some symbols, and how strongly."""
+        by_strength: dict[str, list[str]] = {}
+        for symbol in symbols:
+            by_strength.setdefault(self.verdict.strength(symbol), []).append(symbol.removeprefix("fins."))
+        said = ", ".join(
+            f"{tie.words} ({abs(tie.correlation):.2f})"
+            for tie in self.ties
+            if tie.weight and {*symbols} & {*tie.symbols}
+        )
+        strengths = ", ".join(f"{word} for {', '.join(of)}" for word, of in by_strength.items() if word)
+        unknown = ", ".join(by_strength.get("", ()))
+        return "; ".join(
+            text
+            for text, applies in (
+                (f"evidence {strengths}: {said or 'their values'}", strengths),
+                (f"check: nothing tells {unknown}", unknown),
+            )
+            if applies
+        )
+
+
+def judge(tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float]], guessed: Sequence[str]) -> Judged:
+    """Judge signals in SI.
+
+    Parameters
+    ----------
+    tracks : mapping of str to Track
+        By symbol.
+    expected : mapping of mappings
+        What names and conventions say, see `weigh`.
+    guessed : sequence of str
+        Sensors whose unit nothing states.
+    """
+    tracks, units = dict(tracks), {}
+    direction = _direction(tracks)
+    if direction:
+        tracks = _along_the_bow(tracks)
+    ties = find_ties(tracks)
+    for tie in ties:
+        for sensor, unit in _mistaken(tie):
+            if sensor in guessed and sensor not in units:
+                units[sensor] = unit
+                tracks = {**tracks, **_rescaled(tracks, sensor, unit)}
+    if units:
+        ties = find_ties(tracks)
+    crossed = sum(abs(tie.weight) for tie in ties if {*_FINS} & {*tie.symbols} and CROSSED in tie.symbols)
+    as_named = sum(abs(tie.weight) for tie in ties if {*_FINS} & {*tie.symbols} and CROSSED not in tie.symbols)
+    exchanged = {*_FINS} <= {*tracks} and crossed > as_named + _EXCHANGED
+    if exchanged:
+        tracks = {_FINS.get(symbol, symbol): track for symbol, track in tracks.items()}
+        ties = find_ties(tracks)
+    ties = [tie for tie in ties if CROSSED not in tie.symbols]
+    delays: dict[str, float] = {}
+    # One after the other: what is late spoils all ties that it stands in.
+    while (late := _latest(ties)) is not None and late[0] not in delays:
+        delays |= [late]
+        tracks = _earlier(tracks, *late)
+        ties = [tie for tie in find_ties(tracks) if CROSSED not in tie.symbols]
+    verdict = weigh(list(tracks), ties, _with_values(tracks, expected))
+    return Judged(ties, verdict, _over_ground(direction, verdict), exchanged, delays, units)
+
+
+def _with_values(
+    tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float]]
+) -> dict[str, dict[str, float]]:
+    """Add to what is expected what the values say by themselves."""
+    full = {key: dict(value) for key, value in expected.items()}
+    for symbol, weight in (("down", _BELOW), ("u", _AHEAD), ("fz", -_GRAVITY)):
+        if symbol in tracks and np.isfinite(tracks[symbol].values).any():
+            mean = float(np.nanmean(tracks[symbol].values))
+            if symbol != "fz" or abs(mean) > _SOME_GRAVITY:
+                of = full.setdefault(symbol, {})
+                of["+"] = of.get("+", 0.0) + weight * np.sign(mean)
+    return full
+
+
+def _direction(tracks: Mapping[str, Track]) -> int:
+    """Say how a velocity's direction goes with the heading: 1 if as it, -1 if against it, 0 if it is of the body."""
+    if not {"u", "v", "psi"} <= {*tracks}:
+        return 0
+    u, v, psi = (tracks[symbol] for symbol in ("u", "v", "psi"))
+    heading = interpolate(psi.time, psi.values[:, None], u.time, is_angle=True)[:, 0]
+    if v.time.size != u.time.size:
+        return 0
+    known = np.isfinite(heading) & (np.hypot(u.values, v.values) > _SOME_SPEED)
+    if np.count_nonzero(known) < 30:
+        return 0
+    course = np.arctan2(v.values[known], u.values[known])
+    by_bow, with_it, against = (
+        float(abs(np.exp(1j * (course - sign * heading[known])).mean())) for sign in (0.0, 1.0, -1.0)
+    )
+    best = max(with_it, against)
+    if best < _ALIGNED or 1.0 - best > _BETTER * (1.0 - by_bow):
+        return 0
+    return 1 if with_it > against else -1
+
+
+def _along_the_bow(tracks: Mapping[str, Track]) -> dict[str, Track]:
+    """Take the size of a velocity over ground for that along the bow; of the others nothing can be said yet."""
+    size = np.hypot(tracks["u"].values, tracks["v"].values)
+    return {symbol: track for symbol, track in tracks.items() if symbol not in ("v", "w")} | {
+        "u": tracks["u"]._replace(values=size)
+    }
+
+
+def _over_ground(direction: int, verdict: Verdict) -> str:
+    """Name the axes of a velocity over ground that go with the sign of the heading."""
+    if not direction:
+        return ""
+    return "NED" if direction * verdict.signs["psi"] > 0 else "ENU"
+
+
+def _mistaken(tie: Tie) -> list[tuple[str, str]]:
+    """Name sensors and units that would explain the gain of a tie."""
+    if abs(tie.correlation) < _TELLING or abs(np.log(tie.gain)) < _NEAR:
+        return []
+    gains: dict[tuple[str, str], float] = {}
+    for place, symbol in enumerate(tie.symbols):
+        sensor = _sensor_of(symbol)
+        # Whether a pitch is in degrees is told by its rate alone: its sine is another thing then.
+        if sensor == "attitude" and tie.symbols[0] not in TRIPLES["gyroscope"]:
+            continue
+        for unit in _UNITS.get(sensor, ()):
+            factor = unit_factor(unit, SENSORS[sensor][0].unit)
+            # Numbers of the first that are read in too large a unit make it too large.
+            gains[sensor, unit] = 1.0 / factor if place == 0 else factor
+    alone = [units for units, gain in gains.items() if abs(np.log(tie.gain / gain)) < _NEAR]
+    if alone:
+        return alone
+    for pair in combinations(gains, 2):
+        if pair[0][0] != pair[1][0] and abs(np.log(tie.gain / (gains[pair[0]] * gains[pair[1]]))) < _NEAR:
+            return [*pair]
+    return []
+
+
+def _rescaled(tracks: Mapping[str, Track], sensor: str, unit: str) -> dict[str, Track]:
+    factor = unit_factor(unit, SENSORS[sensor][0].unit)
+    symbols = [quantity.symbol for quantity in SENSORS[sensor] if quantity.symbol in tracks]
+    return {symbol: tracks[symbol]._replace(values=factor * tracks[symbol].values) for symbol in symbols}
+
+
+def _latest(ties: Sequence[Tie]) -> tuple[str, float] | None:
+    """Name a sensor that is late, and by how much, s, by the surest of the ties that tell."""
+    for tie in sorted(ties, key=lambda tie: abs(tie.correlation), reverse=True):
+        first, other = _sensor_of(tie.symbols[0]), _sensor_of(tie.symbols[-1])
+        if first != other and abs(tie.delay) >= _LEAST_DELAY:
+            # The first is late or the other early: inertial sensors are rather in time.
+            return (other, -tie.delay) if first in ("gyroscope", "accelerometer") else (first, tie.delay)
+    return None
+
+
+def _earlier(tracks: Mapping[str, Track], sensor: str, delay: float) -> dict[str, Track]:
+    return {
+        symbol: track._replace(time=track.time - delay) if _sensor_of(symbol) == sensor else track
+        for symbol, track in tracks.items()
+    }
+
+
+def _sensor_of(symbol: str) -> str:
+    return next((sensor for sensor, of in SENSORS.items() if symbol in [quantity.symbol for quantity in of]), "")

@@ -1,0 +1,246 @@
+"""Logs of one motion written in many ways: the suggested map restores it, by what the data say."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from auvid_cli.angles import wrap
+from auvid_cli.config.load import shipped_configs
+from auvid_cli.config.log_map import load_map
+from auvid_cli.logs.convert import convert
+from auvid_cli.logs.formats.log import Log, LogColumn
+from auvid_cli.logs.suggest.suggest import suggest
+from auvid_cli.vehicle.kinematics import GRAVITY, body_rates, body_to_earth
+
+STEP = 0.1
+TIME = STEP * np.arange(2000)
+VEHICLE = shipped_configs() / "vehicles" / "vt690.yaml"
+SENSORS = {
+    "gyroscope": ("p", "q", "r"),
+    "accelerometer": ("fx", "fy", "fz"),
+    "dvl": ("u", "v", "w"),
+    "attitude": ("phi", "theta", "psi"),
+    "depth": ("down",),
+}
+
+
+def moving(seed=1):
+    """Columns of a torpedo that steers and dives by steps of its fins, forward-right-down, in SI."""
+    rng = np.random.default_rng(seed)
+    rudder, elevator = (np.repeat(0.2 * rng.uniform(-1, 1, 40), 50) for _ in range(2))
+    r, q, theta, psi = np.zeros((4, TIME.size))
+    for k in range(TIME.size - 1):
+        r[k + 1] = r[k] + STEP * (-r[k] / 1.5 - 0.6 * rudder[k])
+        q[k + 1] = q[k] + STEP * (-q[k] - 0.5 * elevator[k] - 0.5 * theta[k])
+        theta[k + 1], psi[k + 1] = theta[k] + STEP * q[k], psi[k] + STEP * r[k]
+    phi = 0.3 * r + 0.05 * np.sin(1.1 * TIME)
+    angles = np.column_stack((phi, theta, psi))
+    u = 1.6 + 0.2 * np.sin(0.21 * TIME) - 0.3 * np.abs(r)
+    velocity = np.column_stack((u, -0.5 * r, 1.5 * q))
+    rates = body_rates(TIME, angles)
+    p, q, r = rates.T
+    u_dot, v_dot, w_dot = np.gradient(velocity, TIME, axis=0).T
+    ground = body_to_earth(angles, velocity)
+    force = {
+        "fx": u_dot + q * velocity[:, 2] - r * velocity[:, 1] + GRAVITY * np.sin(theta),
+        "fy": v_dot + r * u - p * velocity[:, 2] - GRAVITY * np.cos(theta) * np.sin(phi),
+        "fz": w_dot + p * velocity[:, 1] - q * u - GRAVITY * np.cos(theta) * np.cos(phi),
+    }
+    columns = {"p": p, "q": q, "r": r, **force, "phi": phi, "theta": theta, "psi": psi}
+    columns |= dict(zip("uvw", velocity.T, strict=True))
+    columns["down"] = 30.0 + np.cumsum(ground[:, 2]) * STEP
+    sizes = dict.fromkeys(columns, 2e-3) | dict.fromkeys("uvw", 0.01) | dict.fromkeys(force, 0.05) | {"down": 0.02}
+    noisy = {name: values + sizes[name] * rng.standard_normal(TIME.size) for name, values in columns.items()}
+    return noisy | {"rudder": rudder, "elevator": elevator}, ground
+
+
+TRUTH, GROUND = moving()
+
+
+class Columns(Log):
+    """One table of columns in memory."""
+
+    def __init__(self, columns):
+        super().__init__(Path("dive.csv"))
+        self.columns = {"t": TIME} | columns
+
+    def tables(self):
+        return {"": tuple(map(LogColumn, self.columns))}
+
+    def read(self, table, columns):
+        return {name: self.columns[name] for name in columns}
+
+
+def turned(*names, factor=-1.0, offset=0.0):
+    """A mutation: columns by a factor and an offset."""
+    return lambda log: log | {name: factor * log[name] + offset for name in names}
+
+
+def late(*names, seconds):
+    return lambda log: log | {name: np.interp(TIME - seconds, TIME, log[name]) for name in names}
+
+
+def renamed(old, new):
+    return lambda log: {new if name == old else name: values for name, values in log.items()}
+
+
+def exchanged(log):
+    return log | {"rudder": log["elevator"], "elevator": log["rudder"]}
+
+
+def over_ground(log):
+    return log | dict(zip("uvw", GROUND.T, strict=True))
+
+
+def upside_down(log):
+    return log | {"phi": np.mod(log["phi"], 2 * np.pi) - np.pi}
+
+
+MUTATIONS = {
+    "as it is": lambda log: log,
+    "rudder reversed": turned("rudder"),
+    "elevator reversed": turned("elevator"),
+    "fins exchanged": exchanged,
+    "fins in degrees": turned("rudder", "elevator", factor=57.29578),
+    "gyroscope FLU": turned("q", "r"),
+    "r reversed": turned("r"),
+    "q reversed": turned("q"),
+    "gyroscope in degrees": turned("p", "q", "r", factor=57.29578),
+    "attitude in degrees": turned("phi", "theta", "psi", factor=57.29578),
+    "attitude FLU from ENU": lambda log: turned("psi", offset=np.pi / 2)(turned("theta")(log)),
+    "heading ENU": turned("psi", offset=np.pi / 2),
+    "theta reversed": turned("theta"),
+    "phi reversed": turned("phi"),
+    "upside down": upside_down,
+    "depth as height": turned("down"),
+    "depth in mm": turned("down", factor=1000.0),
+    "depth in feet": turned("down", factor=1 / 0.3048),
+    "knots": turned("u", "v", "w", factor=1 / 0.514444),
+    "mm/s": turned("u", "v", "w", factor=1000.0),
+    "dvl FLU": turned("v", "w"),
+    "w reversed": turned("w"),
+    "u reversed": turned("u"),
+    "dvl NED": over_ground,
+    "accelerometer FLU": turned("fy", "fz"),
+    "g": turned("fx", "fy", "fz", factor=1 / GRAVITY),
+    "fx reversed": turned("fx"),
+    "attitude late": late("phi", "theta", "psi", seconds=0.3),
+}
+PAIRS = [
+    ("rudder reversed", "r reversed"),
+    ("fins exchanged", "rudder reversed"),
+    ("gyroscope FLU", "gyroscope in degrees"),
+    ("attitude in degrees", "q reversed"),
+    ("attitude FLU from ENU", "dvl NED"),
+    ("heading ENU", "dvl FLU"),
+    ("heading ENU", "accelerometer FLU"),
+    ("depth in mm", "knots"),
+    ("depth in feet", "knots"),
+    ("depth as height", "theta reversed"),
+    ("upside down", "gyroscope FLU"),
+    ("attitude late", "dvl NED"),
+]
+
+
+@pytest.mark.parametrize("names", [*((name,) for name in MUTATIONS), *PAIRS], ids=" and ".join)
+def test_the_map_restores_what_was_written_otherwise(names, tmp_path):
+    columns = TRUTH
+    for name in names:
+        columns = MUTATIONS[name](columns)
+    log = Columns(columns)
+    found = yaml.safe_load(suggest([log], Path()))
+    found["vehicle"] = str(VEHICLE)
+    for sensor in found["sensors"].values():
+        sensor["standard_deviation"] = "estimate"
+    path = tmp_path / "map.yaml"
+    path.write_text(yaml.safe_dump(found))
+    restored = convert(*load_map(path), {"dive": log})
+    for name, symbols in SENSORS.items():
+        record = restored.sensors[name]
+        for symbol, values in zip(symbols, record.values.T, strict=True):
+            error = np.interp(TIME, record.time + restored.origin, values) - TRUTH[symbol]
+            if symbol in ("phi", "psi"):
+                error = wrap(error)
+            assert np.sqrt(np.nanmean(np.square(error[20:-20]))) < 0.3 * np.std(TRUTH[symbol]), symbol
+    for symbol, values in zip(("rudder", "elevator"), restored.inputs.values.T, strict=False):
+        assert np.std(np.interp(TIME, restored.inputs.time + restored.origin, values) - TRUTH[symbol]) < 0.02, symbol
+
+
+def suggested(columns):
+    text = suggest([Columns(columns)], Path())
+    return text, yaml.safe_load(text)
+
+
+def test_a_heading_from_east_is_turned_to_one_from_north():
+    columns = renamed("psi", "Yaw_ENU")(MUTATIONS["heading ENU"](TRUTH))
+    text, found = suggested(columns)
+    assert found["sensors"]["attitude"]["columns"]["psi"] == {"column": "Yaw_ENU", "sign": -1, "offset": "90 deg"}
+    assert "psi: {column: Yaw_ENU, sign: -1, offset: 90 deg} # counts the other way: evidence strong for psi" in text
+
+
+def test_what_speaks_for_a_line_stands_beside_it():
+    text, _ = suggested(TRUTH)
+    line = next(line for line in text.splitlines() if "rudder: {" in line)
+    assert "evidence strong for rudder: r answers rudder (0.9" in line
+
+
+def test_nothing_is_claimed_where_nothing_tells():
+    text, _ = suggested({"u": TRUTH["u"], "rudder": TRUTH["rudder"]})
+    assert "rudder: {column: rudder, unit: rad} # check: unit;" in text
+    assert "nothing tells rudder" in text
+
+
+def test_the_flag_of_a_dvl_is_not_put_on_other_sensors():
+    _, found = suggested(TRUTH | {"dvl_valid": np.ones(TIME.size)})
+    assert [name for name, sensor in found["sensors"].items() if "valid" in sensor] == ["dvl"]
+    _, found = suggested(TRUTH | {"valid": np.ones(TIME.size)})
+    assert not [name for name, sensor in found["sensors"].items() if "valid" in sensor]
+
+
+def test_every_column_that_is_not_used_is_listed():
+    text, found = suggested(TRUTH | {"battery": TIME, "desired_depth": TIME, "target.roll": TIME})
+    assert found["sensors"]["attitude"]["columns"]["phi"] == "phi"
+    assert text.endswith("# not used: battery, desired_depth (a set-point?), target.roll (a set-point?)\n")
+
+
+class Topics(Columns):
+    """Several tables of columns in memory."""
+
+    def tables(self):
+        return {
+            table: tuple(map(LogColumn, ("t", *columns))) for table, columns in self.columns.items() if table != "t"
+        }
+
+    def read(self, table, columns):
+        return {name: ({"t": TIME} | self.columns[table])[name] for name in columns}
+
+
+def test_a_reference_is_no_sensor_and_what_a_filter_made_is_named():
+    angles = {name: TRUTH[name] for name in ("phi", "theta", "psi")}
+    log = Topics(
+        {"/reference": angles | {"depth": TRUTH["down"]}, "/ekf/state": angles, "/sensor": {"psi": TRUTH["psi"]}}
+    )
+    text = suggest([log], Path())
+    found = yaml.safe_load(text)["sensors"]
+    assert [*found] == ["attitude"]
+    assert found["attitude"]["table"] == "/sensor"
+    assert "not used of /reference, set-points: phi, theta, psi, depth" in text
+    alone = suggest([Topics({"/ekf/state": angles})], Path())
+    assert "attitude: # check: by its name what a navigation filter made of others" in alone
+
+
+def test_several_thrusters_are_not_one_surge_force():
+    log = Topics({f"/thruster_{k}/thrust": {"data": TIME} for k in range(4)} | {"/dvl": {"u": TRUTH["u"]}})
+    text = suggest([log], Path())
+    assert "surge_force" not in yaml.safe_load(text)["inputs"]
+    assert "/thruster_0/thrust data, /thruster_1/thrust data" in text
+    assert "several thrusters are not one surge force" in text
+
+
+def test_angles_that_stand_apart_are_put_together():
+    log = Topics({"/tilt": {"roll": TRUTH["phi"], "pitch": TRUTH["theta"]}, "/compass": {"heading": TRUTH["psi"]}})
+    attitude = yaml.safe_load(suggest([log], Path()))["sensors"]["attitude"]
+    assert (attitude["table"], attitude["columns"]["theta"]) == ("/tilt", "pitch")
+    assert attitude["columns"]["psi"]["table"] == "/compass"
