@@ -83,8 +83,21 @@ VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Also say h
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Print the resolved settings as YAML and stop.")]
 
 
+_LOGS = (".csv", ".csv.gz", ".npz", ".mat", ".bag", ".mcap", ".db3", ".bin", ".tlog", ".ulg", ".lsf", ".alog")
+
+
 def dataset_path(source: str | None) -> Path | None:
-    """Return the path of a dataset file, or None where an experiment is meant."""
+    """Return the path of a dataset file, or None where an experiment is meant.
+
+    Raises
+    ------
+    ConfigError
+        If it is called like a log.
+    """
+    if source is not None and source.lower().endswith(_LOGS):
+        from auvid_cli.errors import ConfigError
+
+        raise ConfigError(f"{source}: a log must become a dataset first: auvid import --suggest {source} -o map.yaml")
     return Path(source) if source is not None and source.endswith((".h5", ".hdf5")) else None
 
 

@@ -3,7 +3,7 @@
 import pytest
 import yaml
 
-from auvid_cli.cli.options import overrides, spans
+from auvid_cli.cli.options import dataset_path, overrides, spans
 from auvid_cli.errors import ConfigError
 
 
@@ -37,3 +37,8 @@ def test_short_options_come_after_the_settings_that_they_override():
     merged = overrides(["name=a", "seed=1"], seed=7, use=["3:"])
     assert merged == ("name=a", "seed=1", "seed=7", "identification.use.spans=[[3, null]]")
     assert overrides(None) == ()
+
+
+def test_a_log_that_is_no_dataset_yet_is_sent_to_import():
+    with pytest.raises(ConfigError, match=r"auvid import --suggest lake/dive\.csv -o map\.yaml"):
+        dataset_path("lake/dive.csv")

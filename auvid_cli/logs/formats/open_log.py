@@ -15,8 +15,12 @@ from auvid_cli.logs.formats.text_layout import TextLayout
 from auvid_cli.regular import check_regular
 
 _HEAD_BYTES = 4096
-_READABLE = "CSV text, .npz, .mat, ROS bags (.bag, .mcap, .db3, folder), ArduPilot logs (.BIN, .tlog)"
+_READABLE = (
+    "CSV text, .npz, .mat, ROS bags (.bag, .mcap, .db3, folder), ArduPilot logs (.BIN, .tlog), PX4 (.ulg), IMC (.lsf) "
+    "and MOOS logs (.alog)"
+)
 _NEVER_IN_TEXT = re.compile(rb"[\x00-\x08]")
+_SLOCUM = re.compile(rb"dbd_label:\s*DBD\(")
 _MAVLINK_MARKERS = b"\xfe\xfd"
 
 
@@ -31,6 +35,9 @@ class _Kind(Enum):
     NPZ = "a NumPy archive", ".npz"
     DATAFLASH = "an ArduPilot DataFlash log", ".bin"
     TELEMETRY = "a MAVLink telemetry log", ".tlog"
+    ULOG = "a PX4 log", ".ulg"
+    LSF = "an IMC log", ".lsf"
+    ALOG = "a MOOS log", ".alog"
 
 
 _BY_MAGIC = {
@@ -40,12 +47,13 @@ _BY_MAGIC = {
     b"MATLAB 5.0 MAT-file": _Kind.MAT,
     b"MATLAB 7.3 MAT-file": _Kind.MAT_HDF5,
     b"\xa3\x95\x80": _Kind.DATAFLASH,
+    b"ULog\x01\x12\x35": _Kind.ULOG,
+    b"\x54\xfe": _Kind.LSF,
 }
 # What people hand over by mistake, and what they can do about it.
 _ADVICE_BY_MAGIC = {
     b"\x89HDF\r\n\x1a\n": "looks like an HDF5 file that is no MATLAB 7.3 file",
     b"\x93NUMPY": "looks like a single NumPy array: save its columns by name with numpy.savez",
-    b"ULog\x01\x12": "looks like a PX4 ULog: convert it with ulog2csv",
     b"\xff\xfe": "looks like UTF-16 text: save it as UTF-8",
     b"\xfe\xff": "looks like UTF-16 text: save it as UTF-8",
     b"\xd0\xcf\x11\xe0": "looks like an old Excel workbook: save it as CSV",
@@ -95,6 +103,18 @@ def _open(path: Path, kind: _Kind) -> Log:
             from auvid_cli.logs.formats.ardupilot import DataFlashLog, TelemetryLog
 
             return DataFlashLog(path) if kind is _Kind.DATAFLASH else TelemetryLog(path)
+        case _Kind.ULOG:
+            from auvid_cli.logs.formats.ulog import ULogLog
+
+            return ULogLog(path)
+        case _Kind.LSF:
+            from auvid_cli.logs.formats.lsf import LsfLog
+
+            return LsfLog(path)
+        case _Kind.ALOG:
+            from auvid_cli.logs.formats.alog import AlogLog
+
+            return AlogLog(path)
         case _Kind.NPZ | _Kind.MAT | _Kind.MAT_HDF5:
             from auvid_cli.logs.formats.arrays import MatlabHdf5Log, MatlabLog, NumpyLog
 
@@ -136,6 +156,12 @@ def _kind_of(path: Path) -> _Kind | None:
     for magic, advice in _ADVICE_BY_MAGIC.items():
         if head.startswith(magic):
             raise FileError(f"{path}: {advice}")
+    if _SLOCUM.match(head):
+        raise FileError(
+            f"{path}: looks like a log of a Slocum glider: convert it with dbd2asc, and give what that writes"
+        )
+    if path.suffix.lower() == _Kind.ALOG.value[1] and _is_text(head):
+        return _Kind.ALOG
     if zipfile.is_zipfile(path):
         return _kind_of_zip(path)
     if head.startswith(b"PK\x03\x04"):

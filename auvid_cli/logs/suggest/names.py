@@ -65,7 +65,7 @@ _ANY_UNIT = rf"(_({'|'.join(end for ends in NAMED_UNITS.values() for end in ends
 _OWNER, _FILTERED = r"((platform|vehicle|auv|nav|m)_)?", r"(_filt(ered)?)?"
 _SOME_TIME = r"(t|time|timestamp|stamp)_\w+|\w+_(t|time|timestamp|stamp)"
 _TIMES = r"(t|time|timestamp|stamp|unix_?(s|time)?|t_s|seconds|secs?|time_?(s|us|ms|ns)|epoch\w*|utc\w*|date_?time)"
-_BARE_FIELD = re.compile(r"data(\[(?P<index>[012])\])?")
+_BARE_FIELD = re.compile(r"(data|value)(\[(?P<index>[012])\])?")
 # What messages of ROS hold that refer to forward-left-up axes and east-north-up by convention (REP 103).
 _REP_103 = {
     "sensor_msgs/Imu": ("orientation.w", "angular_velocity.x", "linear_acceleration.x"),

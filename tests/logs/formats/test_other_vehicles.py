@@ -1,0 +1,105 @@
+"""Logs of PX4, DUNE (IMC) and MOOS, each written here by its own format."""
+
+import struct
+import sys
+
+import numpy as np
+import pytest
+
+from auvid_cli.errors import FileError
+from auvid_cli.logs.formats.open_log import open_log
+
+
+def ulog():
+    """Two instances of a topic, three samples each."""
+
+    def message(kind, content):
+        return struct.pack("<HB", len(content), ord(kind)) + content
+
+    def data(number, k):
+        return message("D", struct.pack("<HQff", number, 1_000_000 + 250_000 * k, 0.5 * k, number))
+
+    head = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message("B", bytes(40))
+    fields = message("F", b"rates:uint64_t timestamp;float[2] xyz;")
+    added = b"".join(message("A", struct.pack("<BH", k, k) + b"rates") for k in (0, 1))
+    return head + fields + added + b"".join(data(number, k) for k in range(3) for number in (0, 1))
+
+
+def test_a_px4_log_has_a_table_for_each_instance_of_a_topic(tmp_path):
+    pytest.importorskip("pyulog")
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(ulog())
+    log = open_log(path)
+    fields = ["@log_time", "xyz[0]", "xyz[1]"]
+    assert {table: [column.name for column in columns] for table, columns in log.tables().items()} == {
+        "rates": fields,
+        "rates[1]": fields,
+    }
+    found = log.read("rates[1]", ["@log_time", "xyz[0]", "xyz[1]"])
+    assert [values.tolist() for values in found.values()] == [[1.0, 1.25, 1.5], [0.0, 0.5, 1.0], [1.0, 1.0, 1.0]]
+
+
+def test_a_damaged_px4_log_is_refused(tmp_path):
+    pytest.importorskip("pyulog")
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(ulog()[:12])
+    with pytest.raises(FileError, match=r"flight\.ulg: is a damaged ULog"):
+        open_log(path).tables()
+
+
+def test_an_imc_log_has_a_table_for_each_kind_of_message(tmp_path):
+    imcpy = pytest.importorskip("imcpy")
+    packets = b""
+    for k in range(4):
+        servo = imcpy.SetServoPosition()
+        servo.id, servo.value, servo.timestamp, servo.src = k % 2, 0.25 * k, 1e9 + k, 7
+        packets += imcpy.Packet.serialize(servo)
+    path = tmp_path / "Data.lsf"
+    path.write_bytes(packets + packets[:11])
+    log = open_log(path)
+    found = log.read("SetServoPosition", ["@log_time", "id", "value", "src"])
+    assert found["id"].tolist() == [0.0, 1.0, 0.0, 1.0]
+    assert found["value"].tolist() == [0.0, 0.25, 0.5, 0.75]
+    np.testing.assert_array_equal(found["@log_time"], 1e9 + np.arange(4))
+    path.write_bytes(packets[:30] + bytes(20))
+    with pytest.raises(FileError, match=r"Data\.lsf: is a damaged IMC log"):
+        log.__class__(path).tables()
+
+
+@pytest.mark.parametrize(("name", "content", "package"), [("a.ulg", ulog(), "pyulog"), ("a.lsf", b"\x54\xfe", "imcpy")])
+def test_a_package_that_is_not_there_is_named(tmp_path, monkeypatch, name, content, package):
+    module = "ulog" if package == "pyulog" else "lsf"
+    monkeypatch.delitem(sys.modules, f"auvid_cli.logs.formats.{module}", raising=False)
+    monkeypatch.setitem(sys.modules, package, None)
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(FileError, match=rf"needs the package {package}: pip install"):
+        open_log(tmp_path / name)
+
+
+ALOG = """%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%
+%% LOG FILE:       ./LOG_1/LOG_1.alog
+%% LOGSTART           1635871234.5
+%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%%
+0.100   NAV_DEPTH       uSim       1.5
+0.110   MODE            pHelm      MODE@ACTIVE: SURVEYING
+0.200   NAV_DEPTH       uSim       1.6
+"""
+
+
+def test_a_moos_log_has_a_table_for_each_variable(tmp_path):
+    path = tmp_path / "LOG_1.alog"
+    path.write_text(ALOG)
+    log = open_log(path)
+    found = log.read("NAV_DEPTH", ["@log_time", "value"])
+    assert [values.tolist() for values in found.values()] == [[0.1, 0.2], [1.5, 1.6]]
+    assert log.read("MODE", ["value"])["value"].tolist() == ["MODE@ACTIVE: SURVEYING"]
+    path.write_text(ALOG + "0.3\n")
+    with pytest.raises(FileError, match=r"LOG_1\.alog:8: expected a time, a variable"):
+        open_log(path).read("NAV_DEPTH", ["value"])
+
+
+def test_a_binary_log_of_a_glider_is_refused_with_its_own_tool(tmp_path):
+    path = tmp_path / "unit.dbd"
+    path.write_bytes(b"dbd_label:    DBD(dinkum_binary_data)file\nencoding_ver:    5\n" + bytes(range(9)))
+    with pytest.raises(FileError, match="Slocum glider: convert it with dbd2asc"):
+        open_log(path)
