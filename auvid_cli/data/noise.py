@@ -17,6 +17,10 @@ _ROUNDING = 16.0 * np.finfo(np.float64).eps
 # the smallest of them, or in the middle where single values off the grid make smaller ones.
 _NEAR, _SHARE, _CANDIDATES = 0.01, 0.8, (0.05, 0.5)
 
+# Correlation of successive second differences from where on a signal was filtered, by how many of them; of their sizes
+# what counts as usual, for spikes do not.
+_SMOOTH, _FEWEST_PAIRS, _USUAL = -0.55, 400, 0.95
+
 
 class Noise(NamedTuple):
     """Noise of a signal.
@@ -75,6 +79,28 @@ def noise_standard_deviation(values: Array, is_angle: bool = False) -> float:
     second = np.abs(np.diff(steps))
     second = second[np.isfinite(second)]
     return float(_PER_MEDIAN * np.median(second) / np.sqrt(6.0)) if second.size else float("nan")
+
+
+def is_smoothed(values: Array, is_angle: bool = False) -> bool:
+    """Say whether a signal goes on from sample to sample as only a filter makes it: its scatter is not its noise.
+
+    Successive second differences of white noise correlate by -2/3, those of what was filtered hardly or positively.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        NaN where one is missing.
+    is_angle : bool
+        Whether it is in rad and may jump by whole turns.
+    """
+    steps = np.diff(values)
+    second = np.diff(wrap(steps) if is_angle else steps)
+    size = float(np.nanquantile(np.abs(second), _USUAL)) if np.isfinite(second).any() else 0.0
+    pairs = np.clip(np.stack([second[1:], second[:-1]]), -size, size)
+    pairs = pairs[:, np.isfinite(pairs).all(axis=0)]
+    if pairs.shape[1] < _FEWEST_PAIRS or not size > 0.0:
+        return False
+    return float(np.mean(pairs[0] * pairs[1]) / np.mean(pairs[0] * pairs[0])) > _SMOOTH
 
 
 def quantisation_step(values: Array) -> float:

@@ -12,7 +12,7 @@ from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.log_sensors import AccelerometerMap, DepthMap, DvlMap, MagneticFieldMap, SensorMap
 from auvid_cli.config.position import KeyPath
 from auvid_cli.data.dataset import SensorRecord
-from auvid_cli.data.noise import Noise, estimate_noise
+from auvid_cli.data.noise import Noise, estimate_noise, is_smoothed
 from auvid_cli.logs.columns import ColumnReader
 from auvid_cli.logs.gaps import Gaps, TimeSpans, find_gaps
 from auvid_cli.logs.import_report import ImportSummary, summary_of
@@ -173,6 +173,11 @@ def _summary(
         for quantity, own_noise in zip(SENSORS[name], noise, strict=False)
         if own_noise.step
     )
+    smoothed = ", ".join(
+        quantity.symbol
+        for quantity, own_noise, values in zip(SENSORS[name], noise, record.values.T, strict=False)
+        if not own_noise.step and is_smoothed(values, unit == "rad")
+    )
     heading = [k for k, quantity in enumerate(SENSORS[name]) if quantity.symbol in _HEADINGS]
     furthest = float(np.nanmax(np.abs(record.values[:, heading]), initial=0.0))
     treatment = (
@@ -188,6 +193,11 @@ def _summary(
         (
             noise and name == "attitude",
             "that is scatter alone, and errors of an AHRS last and are far larger: state what it may be off by",
+        ),
+        (
+            smoothed,
+            f"{smoothed} was filtered, so that its errors last and are far larger than its scatter: state what it may "
+            "be off by",
         ),
         (steps, f"the noise is lost in the steps of the numbers, taken as step / sqrt(12): {steps} {unit}"),
     )

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.data.noise import estimate_noise, quantisation_step
+from auvid_cli.data.noise import estimate_noise, is_smoothed, quantisation_step
 
 TIME = np.arange(2000) * 0.02
 SLOW = np.sin(0.3 * TIME)
@@ -50,3 +50,19 @@ def test_noise_above_the_step_is_told_by_differences():
 )
 def test_signal_without_noise_and_steps_tells_nothing(values):
     assert np.isnan(estimate_noise(values).standard_deviation)
+
+
+@pytest.mark.parametrize("is_angle", [False, True])
+def test_a_filtered_signal_is_told_from_one_with_white_noise(is_angle):
+    noise = 0.01 * np.random.default_rng(1).standard_normal(TIME.size)
+    filtered = np.zeros(TIME.size)
+    for k in range(1, TIME.size):
+        filtered[k] = 0.8 * filtered[k - 1] + 0.2 * noise[k]
+    assert not is_smoothed(SLOW + noise, is_angle)
+    assert is_smoothed(SLOW + filtered, is_angle)
+    assert is_smoothed(SLOW, is_angle)
+
+
+def test_a_few_samples_do_not_tell_whether_a_signal_was_filtered():
+    assert not is_smoothed(SLOW[:100])
+    assert not is_smoothed(np.full(1000, np.nan))
