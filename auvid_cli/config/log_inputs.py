@@ -2,38 +2,62 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from auvid_cli.config.log_columns import LogRows, PlacedSignal
-from auvid_cli.config.quantity import Amount, Unit
+from auvid_cli.config.magnitudes import check_size
+from auvid_cli.config.quantity import Amount, Unit, parse_quantity
 from auvid_cli.config.settings import Settings
 
 
-class Fin(PlacedSignal):
+class InputSignal(PlacedSignal):
+    """A signal of an input, or a constant; a bare number is a constant in SI."""
+
+    column: Annotated[str, Field(description="name in the log")] = ""
+    constant: Annotated[float | None, Field(description="such as 10.9 N, instead of a column")] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _accept_a_number(cls, data: Any) -> Any:
+        return {"constant": data} if isinstance(data, int | float) and not isinstance(data, bool) else data
+
+    @field_validator("constant", mode="before")
+    @classmethod
+    def _quantity_of_input(cls, value: Any) -> Any:
+        return value if value is None else check_size(parse_quantity(value, cls.si), cls.si)
+
+    @model_validator(mode="after")
+    def _one_source(self) -> "InputSignal":
+        if bool(self.column) == (self.constant is not None):
+            raise ValueError("expected 'column' or 'constant', one of them")
+        return self
+
+
+class Fin(InputSignal):
     """Deflection of a fin, or of all that stand for one input."""
 
     si = "rad"
 
 
-class Force(PlacedSignal):
+class Force(InputSignal):
     """A force."""
 
     si = "N"
 
 
-class Moment(PlacedSignal):
+class Moment(InputSignal):
     """A moment."""
 
     si = "N*m"
 
 
-class Revolutions(PlacedSignal):
+class Revolutions(InputSignal):
     """Revolutions per second of a propeller."""
 
     si = "turn/s"
 
 
-class Share(PlacedSignal):
+class Share(InputSignal):
     """A thruster's command in percent, or with the unit '1' as a fraction."""
 
     si = "percent"
@@ -119,12 +143,19 @@ class InputsMap(LogRows):
             raise ValueError("expected 'fins', or 'rudder' and 'elevator', not both")
         if self.thrust is not None and self.surge_force is not None:
             raise ValueError("expected 'thrust' or 'surge_force', not both")
-        if not self.channels():
+        if not self._signals():
             raise ValueError(f"expected at least one of {', '.join(InputsMap.model_fields)}")
         return self
 
-    def channels(self) -> dict[tuple[str, ...], PlacedSignal]:
-        """Return the signals by where they stand in the settings."""
+    def channels(self) -> dict[tuple[str, ...], InputSignal]:
+        """Return the signals that the log has, by where they stand in the settings."""
+        return {path: signal for path, signal in self._signals().items() if signal.constant is None}
+
+    def constants(self) -> dict[tuple[str, ...], float]:
+        """Return what is constant, in SI, by where it stands in the settings."""
+        return {path: signal.constant for path, signal in self._signals().items() if signal.constant is not None}
+
+    def _signals(self) -> dict[tuple[str, ...], InputSignal]:
         signals: dict[tuple[str, ...], Any] = {
             (name,): getattr(self, name) for name in ("rudder", "elevator", "surge_force", "roll_moment")
         }
@@ -132,4 +163,4 @@ class InputsMap(LogRows):
             signals |= {("fins", name): fin for name, fin in self.fins.given().items()}
         if self.thrust is not None:
             signals |= {("thrust", name): getattr(self.thrust, name) for name in ("revolutions", "share")}
-        return {path: signal for path, signal in signals.items() if isinstance(signal, PlacedSignal)}
+        return {path: signal for path, signal in signals.items() if isinstance(signal, InputSignal)}

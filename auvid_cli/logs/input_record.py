@@ -7,6 +7,7 @@ from auvid_cli.config.log_inputs import InputsMap
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.position import KeyPath
 from auvid_cli.data.dataset import InputRecord, SensorRecord
+from auvid_cli.data.gaps import gap_limit
 from auvid_cli.logs.columns import ColumnReader
 from auvid_cli.logs.import_report import ImportSummary, summary_of
 from auvid_cli.logs.inputs import Channel, hold, mix, moved_by, propeller_thrust, thruster_force
@@ -56,10 +57,17 @@ def read_inputs(
             channels[".".join(key)] = channel
             summaries.append(summary)
     refusals.stop_if_any()
-    time, held = hold(channels)
     begin = float(min(record.time[0] for record in sensors.records.values()))
     end = float(max(record.time[-1] for record in sensors.records.values()))
+    time, held = hold(channels) if channels else (np.array([begin]), {})
+    held |= {".".join(key): np.full(time.size, value) for key, value in settings.inputs.constants().items()}
     remarks: tuple[str, ...] = ()
+    early = tuple(
+        f"{name} ends at t = {channel.time[-1]:.4g} s, {end - channel.time[-1]:.4g} s before the sensors: its last value "
+        f"is taken to hold; unless it did, leave that time out with `use: [[0 s, {channel.time[-1]:.4g} s]]`"
+        for name, channel in channels.items()
+        if _ends_early(channel, end)
+    )
     record = InputRecord(time, np.zeros((time.size, len(INPUT_SYMBOLS))))
     with refusals.collecting():
         if not time.size or time[0] > end or time[-1] < begin:
@@ -71,7 +79,15 @@ def read_inputs(
         remarks = _mix(settings, held, sensors.records, record)
     refusals.stop_if_any()
     known = np.isfinite(record.values).all(axis=1)
-    return InputRecord(record.time[known], record.values[known]).between(begin, end), summaries, remarks
+    return InputRecord(record.time[known], record.values[known]).between(begin, end), summaries, (*early, *remarks)
+
+
+def _ends_early(channel: Channel, end: float) -> bool:
+    """Say whether an input is silent before an end for longer than it ever was, and than a gap may last."""
+    intervals = np.diff(channel.time)
+    if not intervals.size:
+        return False
+    return end - channel.time[-1] > max(gap_limit(intervals), 2.0 * float(intervals.max()))
 
 
 def _read(

@@ -628,3 +628,25 @@ def test_all_mistakes_are_said_at_once_with_their_places(converted):
     assert "map.yaml:7:46: sensors.gyroscope.columns.q: memory: there is no column in imu named 'qq'" in said
     assert "there is no column in imu named 'pich'; there is 'pitch'" in said
     assert "sensors.dvl.table: memory: there is no table named 'dvl'; there is 'imu', 'in'" in said
+
+
+def test_an_input_may_be_a_constant(converted):
+    velocity, *_ = motion()
+    log = MemoryLog(**{"dvl": dvl(velocity), "in": INPUTS})
+    found = converted(log, DVL % "", inputs="{table: in, rudder: dr, elevator: 0, surge_force: {constant: 10.9 N}}")
+    assert_allclose(found.inputs.values[:, 0], INPUTS["dr"])
+    assert found.inputs.values[:, 1:3].tolist() == [[0.0, 10.9]] * TIME.size
+    alone = converted(log, DVL % "", inputs="{surge_force: {constant: 10.9 N}, rudder: {constant: 2 deg}}").inputs
+    assert_allclose(alone.values, [[np.radians(2.0), 0.0, 10.9, 0.0]])
+    with pytest.raises(ConfigError, match="expected 'column' or 'constant', one of them"):
+        converted(log, DVL % "", inputs="{table: in, rudder: {column: dr, constant: 0 deg}}")
+
+
+@pytest.mark.parametrize(("silent", "said"), [(0.5, False), (1.5, True)])
+def test_fins_that_end_before_the_sensors_are_said(converted, silent, said):
+    velocity, *_ = motion()
+    fins = {"t": TIME - silent, "dr": INPUTS["dr"]}
+    remarks = converted(
+        MemoryLog(**{"dvl": dvl(velocity), "in": fins}), DVL % "", inputs="{table: in, rudder: dr}"
+    ).remarks
+    assert any("rudder ends at t = 0.45 s, 1.5 s before the sensors" in remark for remark in remarks) == said
