@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.logs.suggest.ties import Tie
+from auvid_cli.logs.suggest.ties import Agreement
 
 Array = NDArray[np.float64]
 
@@ -50,13 +50,13 @@ class Verdict(NamedTuple):
         return next((word for limit, word in _STRENGTHS if self.margins.get(symbol, 0.0) >= limit), "")
 
 
-def weigh(symbols: Sequence[str], ties: Sequence[Tie], expected: Mapping[str, Mapping[str, float]]) -> Verdict:
+def weigh(symbols: Sequence[str], ties: Sequence[Agreement], expected: Mapping[str, Mapping[str, float]]) -> Verdict:
     """Find the signs of all symbols that agree best with ties and expectations.
 
     Parameters
     ----------
     symbols : sequence of str
-    ties : sequence of Tie
+    ties : sequence of Agreement
     expected : mapping of mappings
         By sensor what names, values and conventions say for each of its `USUAL_AXES`, and by symbol for its sign as it
         is (``"+"``), as logarithms.

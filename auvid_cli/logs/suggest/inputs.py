@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest.commented_yaml import Comment, Flow, Line, Phrase, YamlEntry
 from auvid_cli.logs.suggest.found import tracks_of
-from auvid_cli.logs.suggest.judge import Judged
+from auvid_cli.logs.suggest.judge import Evidence
 from auvid_cli.logs.suggest.names import INPUT_NAMES, find_columns, find_in_logs, named_unit
 from auvid_cli.logs.suggest.rows import row_entries, time_of
 from auvid_cli.logs.suggest.ties import PITCHING, TURNING, Track
@@ -96,7 +96,7 @@ def input_tracks(logs: Mapping[str, Log], inputs: FoundInputs | None) -> dict[st
     return tracks
 
 
-def input_lines(logs: Mapping[str, Log], inputs: FoundInputs | None, judged: Judged) -> Iterator[Line]:
+def input_lines(logs: Mapping[str, Log], inputs: FoundInputs | None, judged: Evidence) -> Iterator[Line]:
     """Yield the lines below `inputs:`."""
     if inputs is None:
         yield YamlEntry("rudder", None, "required: no column looks like a fin or a propeller")
@@ -130,7 +130,7 @@ def input_lines(logs: Mapping[str, Log], inputs: FoundInputs | None, judged: Jud
         yield from _thrust(inputs.signals)
 
 
-def _opposites(fins: Mapping[str, FoundInput], judged: Judged) -> Iterator[Comment]:
+def _opposites(fins: Mapping[str, FoundInput], judged: Evidence) -> Iterator[Comment]:
     for first, second in _OPPOSITE:
         keys = f"fins.{first}", f"fins.{second}"
         if not {*keys} <= {*fins}:
@@ -225,7 +225,7 @@ def _share_unit(command: FoundInput) -> dict[str, Flow]:
     return {"unit": "1" if is_fraction else "percent"}
 
 
-def _fin(key: str, fin: FoundInput, largest: float, judged: Judged) -> YamlEntry:
+def _fin(key: str, fin: FoundInput, largest: float, judged: Evidence) -> YamlEntry:
     called = key.removeprefix("fins.")
     extent = f"it goes from {np.nanmin(fin.values):.4g} to {np.nanmax(fin.values):.4g}"
     turned: dict[str, Flow] = {"sign": -1} if judged.verdict.signs.get(key, 1) < 0 else {}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.logs.sensor_motion import interpolate
 from auvid_cli.logs.suggest.evidence import TRIPLES, Verdict, weigh
-from auvid_cli.logs.suggest.ties import CROSSED, Tie, Track, find_ties
+from auvid_cli.logs.suggest.ties import CROSSED, Agreement, Track, find_ties
 from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ _TELLING, _NEAR = 0.8, 0.15
 # s: a delay of less is not worth an offset.
 _LEAST_DELAY = 0.05
 _FINS = {"rudder": "elevator", "elevator": "rudder"}
-# By the symbol that a tie begins with: sensor whose other unit makes such a gain, by that of the tie.
+# Units that a sensor's numbers may be in other than was guessed, told by the gain of a tie.
 _UNITS = {
     "gyroscope": ("deg/s",),
     "attitude": ("deg",),
@@ -37,12 +37,12 @@ _UNITS = {
 }
 
 
-class Judged(NamedTuple):
+class Evidence(NamedTuple):
     """What the data say.
 
     Attributes
     ----------
-    ties : list of Tie
+    ties : list of Agreement
     verdict : Verdict
     over_ground : str
         NED or ENU if the velocity of the DVL is over ground, else empty.
@@ -54,7 +54,7 @@ class Judged(NamedTuple):
         By sensor whose numbers must be in another unit than was guessed.
     """
 
-    ties: list[Tie]
+    ties: list[Agreement]
     verdict: Verdict
     over_ground: str
     exchanged: bool
@@ -83,7 +83,7 @@ class Judged(NamedTuple):
         )
 
 
-def judge(tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float]], guessed: Sequence[str]) -> Judged:
+def judge(tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float]], guessed: Sequence[str]) -> Evidence:
     """Judge signals in SI.
 
     Parameters
@@ -121,7 +121,7 @@ def judge(tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float
         tracks = _earlier(tracks, *late)
         ties = [tie for tie in find_ties(tracks) if CROSSED not in tie.symbols]
     verdict = weigh(list(tracks), ties, _with_values(tracks, expected))
-    return Judged(ties, verdict, _over_ground(direction, verdict), exchanged, delays, units)
+    return Evidence(ties, verdict, _over_ground(direction, verdict), exchanged, delays, units)
 
 
 def _with_values(
@@ -174,7 +174,7 @@ def _over_ground(direction: int, verdict: Verdict) -> str:
     return "NED" if direction * verdict.signs["psi"] > 0 else "ENU"
 
 
-def _mistaken(tie: Tie) -> list[tuple[str, str]]:
+def _mistaken(tie: Agreement) -> list[tuple[str, str]]:
     """Name sensors and units that would explain the gain of a tie."""
     if abs(tie.correlation) < _TELLING or abs(np.log(tie.gain)) < _NEAR:
         return []
@@ -203,7 +203,7 @@ def _rescaled(tracks: Mapping[str, Track], sensor: str, unit: str) -> dict[str, 
     return {symbol: tracks[symbol]._replace(values=factor * tracks[symbol].values) for symbol in symbols}
 
 
-def _latest(ties: Sequence[Tie]) -> tuple[str, float] | None:
+def _latest(ties: Sequence[Agreement]) -> tuple[str, float] | None:
     """Name a sensor that is late, and by how much, s, by the surest of the ties that tell."""
     for tie in sorted(ties, key=lambda tie: abs(tie.correlation), reverse=True):
         first, other = _sensor_of(tie.symbols[0]), _sensor_of(tie.symbols[-1])

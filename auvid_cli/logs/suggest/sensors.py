@@ -12,7 +12,7 @@ from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest.commented_yaml import Comment, Flow, Line, Phrase, YamlEntry
 from auvid_cli.logs.suggest.evidence import TRIPLES, USUAL_AXES
 from auvid_cli.logs.suggest.found import Found, found_in, tracks_of
-from auvid_cli.logs.suggest.judge import Judged
+from auvid_cli.logs.suggest.judge import Evidence
 from auvid_cli.logs.suggest.names import (
     QUATERNION_NAMES,
     SENSOR_NAMES,
@@ -117,7 +117,7 @@ def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
     return expected
 
 
-def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], judged: Judged) -> Iterator[Line]:
+def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], judged: Evidence) -> Iterator[Line]:
     """Yield the lines below `sensors:`."""
     for name, sensor in sensors.items():
         comment = "check: by its name what a navigation filter made of others, no measurement"
@@ -131,7 +131,7 @@ def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], ju
 
 
 def _sensor(
-    logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], found: FoundSensor, judged: Judged
+    logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], found: FoundSensor, judged: Evidence
 ) -> Iterator[Line]:
     main, name = found.main, found.main.sensor
     log = logs[main.log]
@@ -155,7 +155,7 @@ def _sensor(
     yield YamlEntry("standard_deviation", None, f"required: noise by the data sheet, or estimate{hint}")
 
 
-def _frame(sensor: str, judged: Judged, convention: str) -> str:
+def _frame(sensor: str, judged: Evidence, convention: str) -> str:
     """Return the usual axes that are nearest to the signs of a sensor's components; of equal ones those expected."""
     if sensor == "dvl" and judged.over_ground:
         return judged.over_ground
@@ -168,7 +168,7 @@ def _frame(sensor: str, judged: Judged, convention: str) -> str:
     return min(USUAL_AXES, key=distance)
 
 
-def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, judged: Judged) -> Iterator[Line]:
+def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, judged: Evidence) -> Iterator[Line]:
     name, present = found.main.sensor, set[str]()
     for part in found.parts:
         for component, column in part.match.columns.items():
@@ -196,7 +196,7 @@ def _columns(logs: Mapping[str, Log], found: FoundSensor, frame: str, judged: Ju
         yield Comment(f"check: no column found for {', '.join(missing)}")
 
 
-def _axes(log: Log, found: FoundSensor, frame: str, judged: Judged) -> Iterator[Line]:
+def _axes(log: Log, found: FoundSensor, frame: str, judged: Evidence) -> Iterator[Line]:
     """Name the axes of a sensor that has some, and what speaks for them."""
     name = found.main.sensor
     if name not in TRIPLES:

@@ -33,7 +33,7 @@ class Track(NamedTuple):
     values: Array
 
 
-class Tie(NamedTuple):
+class Agreement(NamedTuple):
     """How one signal agrees with what another one makes of it.
 
     Attributes
@@ -71,7 +71,7 @@ class _Pair(NamedTuple):
     tells_delay: bool = True
 
 
-def find_ties(tracks: Mapping[str, Track]) -> list[Tie]:
+def find_ties(tracks: Mapping[str, Track]) -> list[Agreement]:
     """Compare all signals that have to do with each other.
 
     Parameters
@@ -91,7 +91,7 @@ def find_ties(tracks: Mapping[str, Track]) -> list[Tie]:
         symbol: interpolate(track.time, track.values[:, None], grid, is_angle=symbol in _ANGLES)[:, 0]
         for symbol, track in tracks.items()
     }
-    found: dict[str, Tie] = {}
+    found: dict[str, Agreement] = {}
     for pair in _pairs(_Signals(on, step)):
         tie = _compare(pair, step)
         # Of an answer, over as long as tells most.
@@ -202,7 +202,7 @@ TURNING, PITCHING = ("rudder", "fins.top", "fins.bottom"), ("elevator", "fins.ri
 CROSSED = "crossed"
 
 
-def _compare(pair: _Pair, step: float) -> Tie | None:
+def _compare(pair: _Pair, step: float) -> Agreement | None:
     now = _correlation(pair, 0)
     if now is None or now.rows * step / pair.window < _FEWEST:
         return None
@@ -225,7 +225,7 @@ def _compare(pair: _Pair, step: float) -> Tie | None:
         if size < (_LEAST if pair.most > _DOUBTFUL else _LEAST_DOUBTFUL)
         else min(pair.most, _likelihood(size, number))
     )
-    return Tie(
+    return Agreement(
         pair.symbols, pair.words, best.correlation, best.gain, float(np.copysign(weight, best.correlation)), delay
     )
 
