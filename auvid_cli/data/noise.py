@@ -73,10 +73,7 @@ def noise_standard_deviation(values: Array, is_angle: bool = False) -> float:
     float
         NaN if there are fewer than three samples in a row.
     """
-    steps = np.diff(values)
-    if is_angle:
-        steps = wrap(steps)
-    second = np.abs(np.diff(steps))
+    second = np.abs(_second_differences(values, is_angle))
     second = second[np.isfinite(second)]
     return float(_PER_MEDIAN * np.median(second) / np.sqrt(6.0)) if second.size else float("nan")
 
@@ -88,19 +85,21 @@ def is_smoothed(values: Array, is_angle: bool = False) -> bool:
 
     Parameters
     ----------
-    values : ndarray, shape (n,)
-        NaN where one is missing.
-    is_angle : bool
-        Whether it is in rad and may jump by whole turns.
+    values, is_angle
+        As of `noise_standard_deviation`.
     """
-    steps = np.diff(values)
-    second = np.diff(wrap(steps) if is_angle else steps)
+    second = _second_differences(values, is_angle)
     size = float(np.nanquantile(np.abs(second), _USUAL)) if np.isfinite(second).any() else 0.0
     pairs = np.clip(np.stack([second[1:], second[:-1]]), -size, size)
     pairs = pairs[:, np.isfinite(pairs).all(axis=0)]
     if pairs.shape[1] < _FEWEST_PAIRS or not size > 0.0:
         return False
     return float(np.mean(pairs[0] * pairs[1]) / np.mean(pairs[0] * pairs[0])) > _SMOOTH
+
+
+def _second_differences(values: Array, is_angle: bool) -> Array:
+    steps = np.diff(values)
+    return np.diff(wrap(steps) if is_angle else steps)
 
 
 def quantisation_step(values: Array) -> float:
