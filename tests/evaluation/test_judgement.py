@@ -95,7 +95,7 @@ def test_the_largest_fault_makes_all_doubtful_and_is_named_with_its_remedy(sign,
         assert f"delay of the gyroscope ({late.size:.3g} +- 0.001 s, 3.5 sigma)" in judgement.reason
         assert judgement.remedy.endswith(
             "if the fault is still named, subtract it from the times of the gyroscope where they are recorded or "
-            "imported"
+            "imported, or state it (identification.delays.gyroscope)"
         )
 
 

@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 from auvid_cli.evaluation.measurement_errors import MeasurementErrors, estimated_errors, measured_motion, motion_behind
 
 SCALE, YAW, NORTH, EAST = 0.03, 0.08, 0.3, -0.2
-ERRORS = MeasurementErrors(0.01 * np.arange(9.0), np.array([SCALE, YAW, NORTH, EAST]))
+ARM = np.array([0.4, -0.2, 0.1])
+ERRORS = MeasurementErrors(0.01 * np.arange(9.0), np.array([SCALE, YAW, NORTH, EAST, *ARM]))
 
 
 @pytest.fixture
@@ -19,7 +20,7 @@ def motion(rng):
 
 def test_a_dvl_sees_the_ground_turned_by_its_mounting_and_scaled(motion):
     attitude = Rotation.from_euler("ZYX", motion[:, 8:5:-1])
-    over_ground = motion[:, :3] + attitude.apply([NORTH, EAST, 0.0], inverse=True)
+    over_ground = motion[:, :3] + attitude.apply([NORTH, EAST, 0.0], inverse=True) + np.cross(motion[:, 3:6], ARM)
     seen = (1.0 + SCALE) * Rotation.from_euler("z", YAW).apply(over_ground, inverse=True)
     read = measured_motion(motion, ERRORS)
     assert_allclose(read[:, :3], seen + ERRORS.offset[:3], rtol=1e-13, atol=1e-13)
@@ -50,7 +51,7 @@ def test_a_model_that_blew_up_is_no_measurement(motion):
 
 
 def test_errors_are_found_by_name_wherever_they_stand():
-    state = ("X_u|u|", "current_east", "u", "psi", "dvl_yaw", "bias_psi", "current_north", "bias_p")
-    errors = estimated_errors(state, np.arange(1.0, 9.0))
-    assert_array_equal(errors.dvl, [0.0, 5.0, 7.0, 2.0])
+    state = ("X_u|u|", "current_east", "u", "psi", "dvl_yaw", "bias_psi", "current_north", "bias_p", "dvl_z")
+    errors = estimated_errors(state, np.arange(1.0, 10.0))
+    assert_array_equal(errors.dvl, [0.0, 5.0, 7.0, 2.0, 0.0, 0.0, 9.0])
     assert_array_equal(errors.offset, [0.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0, 0.0, 6.0])
