@@ -34,9 +34,9 @@ Array = NDArray[np.float64]
 # Standard deviations: of the sum of squares of a sensor's innovations and of their portmanteau statistic, beyond what
 # noise makes of them; of a coefficient, from the smoother's answer. As that of a fault's size chosen on simulations of
 # six manoeuvres with and without faults, see docs/studies.md.
-LARGEST_NIS, LARGEST_PORTMANTEAU, FARTHEST = 4.0, 10.0, 2.5
-# And of the coefficient that one of several segments finds farthest from all of them.
-FARTHEST_SEGMENT = 4.0
+LARGEST_NIS, LARGEST_PORTMANTEAU, FARTHEST = 4.0, 10.0, 2.25
+# And of the coefficient that another minimum, or one of several segments, puts farthest from the answer.
+FARTHEST_MINIMUM, FARTHEST_SEGMENT = 2.5, 4.0
 # So many measurements say enough of correlations.
 _FEWEST = 200
 # Errors of an AHRS are no noise, and what a smoother makes of them may look like anything.
@@ -171,7 +171,7 @@ def _doubts_of_faults(reference: Estimate) -> Iterator[_Doubt]:
 def _limit(test: FaultTest) -> float:
     """Say how many standard deviations of it are too many."""
     if test.fault.startswith(ANOTHER_MINIMUM):
-        return FARTHEST
+        return FARTHEST_MINIMUM
     return FARTHEST_SEGMENT if test.fault.startswith(SEGMENT) else LARGEST_FAULT
 
 

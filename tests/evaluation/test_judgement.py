@@ -13,6 +13,7 @@ from auvid_cli.data.innovations import Innovations
 from auvid_cli.evaluation.causes import LARGEST_FAULT
 from auvid_cli.evaluation.judgement import (
     FARTHEST,
+    FARTHEST_MINIMUM,
     FARTHEST_SEGMENT,
     LARGEST_NIS,
     LARGEST_PORTMANTEAU,
@@ -114,8 +115,8 @@ def test_a_segment_that_disagrees_is_told_beside_the_fault_that_it_looks_like(sm
     assert "delay of the gyroscope (0.009 +- 0.001 s, 9.0 sigma), and the segment from 0 s has another N_url" in reason
 
 
-def test_another_minimum_as_far_off_as_a_filter_may_be_makes_all_doubtful(smoother):
-    for sigmas, grade in ((0.99 * FARTHEST, Grade.SOUND), (1.01 * FARTHEST, Grade.DOUBTFUL)):
+def test_another_minimum_that_is_far_off_makes_all_doubtful(smoother):
+    for sigmas, grade in ((0.99 * FARTHEST_MINIMUM, Grade.SOUND), (1.01 * FARTHEST_MINIMUM, Grade.DOUBTFUL)):
         other = fault(1e-3 * sigmas, "another minimum", "kg*m/rad")
         assert judge_one(replace(smoother, faults=(other,)), None).grade is grade
 
@@ -156,7 +157,7 @@ def test_one_far_from_the_smoother_is_doubtful_by_its_worst_coefficient(ckf, smo
         judgements = judge([replace(ckf, mean=mean), smoother])
         assert judgements["ckf"].grade is grade
         assert judgements["smoother"].grade is Grade.SOUND
-    assert judgements["ckf"].reason == "N_url is 2.5 of its standard deviations from what the iterated smoother finds"
+    assert judgements["ckf"].reason == "N_url is 2.3 of its standard deviations from what the iterated smoother finds"
     assert judgements["ckf"].remedy == "use the smoother's estimate"
 
 
