@@ -1,6 +1,6 @@
 """auvid inspect."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -8,6 +8,9 @@ from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.options import DatasetArgument, OutputOption, OverwriteOption, QuietOption, overrides
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.errors import ConfigError
+
+if TYPE_CHECKING:
+    from auvid_cli.data.dataset import Dataset
 
 
 def inspect(
@@ -69,5 +72,24 @@ def inspect(
                 "--use BEGIN:END; then `auvid inspect` again"
             )
         else:
-            terminal.say(f"nothing fails. Next: `auvid identifiability {dataset}{part}`, then `auvid identify` alike")
+            terminal.say(f"nothing fails. Next: {_next(read, f'{dataset}{part}')}")
         raise typer.Exit(VERDICT_FAILED if fails else DONE)
+
+
+def _next(dataset: "Dataset", named: str) -> str:
+    """Name the commands that work with what is known of the vehicle."""
+    settings = dataset.experiment.identification
+    known = dataset.known_coefficients()
+    stated = dataset.experiment.vehicle.coefficients.by_symbol()
+    if unheld := [symbol for symbol in settings.held() if symbol not in stated]:
+        return (
+            f"state values of {', '.join(unheld)} in the vehicle file, or estimate them (identification.coefficients "
+            "leaves them out)"
+        )
+    if all(symbol in known for symbol in settings.estimated()):
+        return f"`auvid identifiability {named}`, then `auvid identify` alike"
+    filters = settings.with_judge(settings.by_default())
+    return (
+        f"`auvid identify {named}`, then `auvid identifiability {named} --at` with its estimate "
+        f"estimates/{filters[0].value}.h5, for the vehicle file does not state every coefficient"
+    )

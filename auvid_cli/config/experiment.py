@@ -310,6 +310,10 @@ class Identification(Settings):
         """Return the symbols of the coefficients to estimate, in the order of the table."""
         return SYMBOLS if self.coefficients == "all" else tuple(self.coefficients)
 
+    def held(self) -> tuple[str, ...]:
+        """Return the symbols of the others, which are held at the vehicle file's values."""
+        return tuple(symbol for symbol in SYMBOLS if symbol not in self.estimated())
+
     def by_default(self) -> tuple[FilterName, ...]:
         """Return the filters that run where none is named: with a gate none of those that cannot have one."""
         return tuple(name for name in self.filters if self.gate is None or not name.in_one_batch) or self.filters

@@ -149,6 +149,10 @@ class Dataset:
         true = {} if self.truth is None else self.truth.coefficients
         return [symbol for symbol, value in coefficients.items() if value != 0.0 and true.get(symbol) == value]
 
+    def known_coefficients(self) -> dict[str, float]:
+        """Return the true coefficients of a simulation, else those that the vehicle states, SI, by symbol."""
+        return self.experiment.vehicle.coefficients.by_symbol() if self.truth is None else self.truth.coefficients
+
     def without_truth(self) -> "Dataset":
         """Return the same as a vehicle would have logged it."""
         return replace(self, truth=None)

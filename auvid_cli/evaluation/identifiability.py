@@ -41,8 +41,7 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     DataError
         If a coefficient to be estimated has no value, or the model blows up with these values.
     """
-    of_vehicle = dataset.experiment.vehicle.coefficients.by_symbol()
-    coefficients = at if at is not None else dataset.truth.coefficients if dataset.truth is not None else of_vehicle
+    coefficients = at if at is not None else dataset.known_coefficients()
     if unknown := [str(symbol) for symbol in coefficients if symbol not in SYMBOLS]:
         raise DataError(f"not coefficients: {', '.join(unknown)}; there are {', '.join(SYMBOLS)}")
     missing = [symbol for symbol in dataset.experiment.identification.estimated() if symbol not in coefficients]

@@ -18,7 +18,6 @@ from auvid_cli.identification.prior import coefficient_priors, earlier_gaussian,
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.state_layout import StateLayout, state_layout
 from auvid_cli.identification.timeline import measurement_model
-from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.dynamics import vehicle_constants
 
 
@@ -153,12 +152,11 @@ def held_coefficients(experiment: RunSettings) -> dict[str, float]:
     ConfigError
         If the vehicle states none for one of them.
     """
-    estimated = experiment.identification.estimated()
+    held = experiment.identification.held()
     given = experiment.vehicle.coefficients.by_symbol()
-    missing = [symbol for symbol in SYMBOLS if symbol not in estimated and symbol not in given]
-    if missing:
+    if missing := [symbol for symbol in held if symbol not in given]:
         raise ConfigError(
             f"identification.coefficients leaves out {', '.join(missing)}, so the vehicle file must state "
             "a value at which to hold each of them"
         )
-    return {symbol: given[symbol] for symbol in SYMBOLS if symbol not in estimated}
+    return {symbol: given[symbol] for symbol in held}

@@ -4,17 +4,18 @@ import numpy as np
 
 from auvid_cli.data.check import Check
 from auvid_cli.inspection.grid import Signals
-from auvid_cli.inspection.inspection import judged
+from auvid_cli.inspection.inspection import cannot_tell, judged
 from auvid_cli.inspection.kinematic_ties import attitude_rates, tied
 from auvid_cli.inspection.mistaken_units import mistaken_units
 from auvid_cli.inspection.regression import Regression
-from auvid_cli.inspection.responses import AXES, RotationAxis, answers, response_check, response_fits
+from auvid_cli.inspection.responses import AXES, RotationAxis, answers, response_check, response_fits, slip_sign
 
 _TOLERANCE = 0.2
 _LEAST_CORRELATION = 0.7
 # rad/s, of a rate that attitude shows.
 _LEAST_SPREAD = np.deg2rad(0.3)
 _SIGMAS = 3.0
+_THRESHOLD = f"gain 1 +- {_TOLERANCE}, correlation >= {_LEAST_CORRELATION}"
 
 
 def rotation_checks(signals: Signals, time_constant: float | None) -> list[Check]:
@@ -23,42 +24,58 @@ def rotation_checks(signals: Signals, time_constant: float | None) -> list[Check
     for axis in AXES:
         fits = response_fits(signals, axis, time_constant)
         for angle, subject in ((axis.angle, "attitude"), *([("heading", "magnetometer")] if axis.rate == "r" else [])):
-            rates = attitude_rates(signals, "heading" if angle == "heading" else "psi")
-            if rates and signals.has(axis.rate):
-                tie = rates[axis.rate]
+            tie = attitude_rates(signals, "heading" if angle == "heading" else "psi").get(axis.rate)
+            if tie is not None and signals.has(axis.rate):
                 window = signals.window(axis.rate, angle)
                 fitted = tied(signals.values[axis.rate], tie.main, tie.others, window)
-                checks.append(_agreement(axis, angle, subject, fitted, answers(axis, fits)))
-        if fits:
-            checks.append(response_check(axis, fits))
+                checks.append(_agreement(axis, angle, subject, fitted, _votes(signals, axis, fits)))
+            elif signals.has(axis.rate) or signals.has(angle):
+                lacking, known = (axis.rate, subject) if signals.has(angle) else (angle, "gyroscope")
+                if lacking != "heading":
+                    reason = f"{lacking} is not measured"
+                    checks.append(cannot_tell(known, f"{axis.rate} against {angle}", reason, _THRESHOLD))
+        checks.append(response_check(signals, axis, fits))
     return checks
 
 
-def _agreement(axis: RotationAxis, angle: str, other: str, fitted: Regression | None, signs: dict[str, int]) -> Check:
-    name, threshold = f"{axis.rate} against {angle}", f"gain 1 +- {_TOLERANCE}, correlation >= {_LEAST_CORRELATION}"
+def _votes(signals: Signals, axis: RotationAxis, fits: dict[str, Regression | None]) -> dict[str, tuple[int, ...]]:
+    """Return by sensor what speaks for the sign of its rate, 1, or against it, -1: the answer to the fin, the slip."""
+    slips = {"q": "w", "r": "v"}
+    told = [answers(axis, fits)]
+    if axis.rate in slips and signals.has("u", slips[axis.rate]):
+        told.append(slip_sign(signals, slips[axis.rate]))
+    return {name: tuple(signs[name] for signs in told if name in signs) for name in fits}
+
+
+def _agreement(
+    axis: RotationAxis, angle: str, other: str, fitted: Regression | None, votes: dict[str, tuple[int, ...]]
+) -> Check:
+    name = f"{axis.rate} against {angle}"
     if fitted is None or fitted.spread < _LEAST_SPREAD:
         turning = "too short" if fitted is None else f"{np.rad2deg(fitted.spread):.2g} deg/s"
         return judged(
             "gyroscope",
             name,
             statistic=f"not excited enough to tell: {turning}",
-            threshold=threshold,
+            threshold=_THRESHOLD,
             passed=None,
             advice=f"The vehicle hardly turns about this axis: sign and scale of {axis.rate} and {angle} cannot be "
             "checked.",
         )
     statistic = f"gain {fitted.gain:.3g} +- {fitted.error:.2g}, correlation {fitted.correlation:.2g}"
     agrees = fitted.correlation >= _LEAST_CORRELATION and abs(fitted.gain - 1.0) <= _TOLERANCE + _SIGMAS * fitted.error
-    # Of two that contradict each other in sign, the one whose answer to the input is wrong as well.
-    angle_is_wrong = angle == "heading" or (signs.get("attitude") == -1 and signs.get("gyroscope") == 1)
-    subject = other if fitted.gain < 0.0 and angle_is_wrong and signs.get("gyroscope") != -1 else "gyroscope"
+    # Of two that contradict each other in sign, the one that what the vehicle does contradicts as well.
+    by_gyroscope, by_angle = votes.get("gyroscope", ()), votes.get("attitude", ())
+    undecided = {*by_gyroscope} == {-1, 1}
+    angle_is_wrong = angle == "heading" or (sum(by_angle) < 0 and sum(by_gyroscope) > 0)
+    subject = other if fitted.gain < 0.0 and angle_is_wrong and not sum(by_gyroscope) < 0 else "gyroscope"
     return judged(
         subject,
         name,
         statistic=statistic,
-        threshold=threshold,
+        threshold=_THRESHOLD,
         passed=agrees,
-        advice=_advice(fitted, axis.rate, angle, subject),
+        advice=_advice(fitted, axis.rate, angle, "" if undecided else subject),
     )
 
 
@@ -69,7 +86,13 @@ def _advice(fitted: Regression, rate: str, angle: str, subject: str) -> str:
             "does not measure."
         )
     advice = []
-    if fitted.gain < 0.0:
+    if fitted.gain < 0.0 and not subject:
+        advice.append(
+            f"The sign of {rate} or that of {angle} is turned. The fin speaks for one and the slip in turns for the "
+            "other, so that another sign is turned, too: only what the makers say of their frames tells the vehicle "
+            "from its mirror image."
+        )
+    elif fitted.gain < 0.0:
         wrong = rate if subject == "gyroscope" else angle
         advice.append(
             f"The sign of {wrong} is turned, or its axes are those of another frame (x forward, y starboard, z down)."

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.check import Check
 from auvid_cli.inspection.grid import Signals, change, smoothed
-from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematic_ties import attitude_rates
+from auvid_cli.inspection.inspection import cannot_tell, judged
+from auvid_cli.inspection.kinematic_ties import rates_by_sensor
 from auvid_cli.inspection.responses import AXES, RotationAxis, answer_window, moment
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
@@ -82,9 +82,14 @@ def aligned(signals: Signals, alignment: Alignment) -> Signals:
 
 
 def alignment_checks(alignment: Alignment) -> list[Check]:
-    """Judge the delay of the inputs and which fin is which, where any answer tells."""
+    """Judge the delay of the inputs and which fin is which."""
+    delay_limit, assignment = f"<= {_USUAL:g} s; fails beyond {_LARGEST:g} s", "r answers rudder, q elevator"
     if alignment.delay is None or alignment.exchanged is None:
-        return []
+        reason = "no turning answers an input"
+        return [
+            cannot_tell("inputs", "delay", reason, delay_limit),
+            cannot_tell("inputs", "rudder and elevator", reason, assignment),
+        ]
     delay = alignment.delay
     late = f"lag behind the motion by {delay:.1f} s" if delay >= 0.0 else f"are {-delay:.1f} s ahead of the motion"
     return [
@@ -92,7 +97,7 @@ def alignment_checks(alignment: Alignment) -> list[Check]:
             "inputs",
             "delay",
             statistic=f"inputs {late}",
-            threshold=f"<= {_USUAL:g} s; fails beyond {_LARGEST:g} s",
+            threshold=delay_limit,
             passed=True if not alignment.is_delayed else None if abs(delay) <= _LARGEST + _ROUNDING else False,
             advice="Shift the times of the inputs, for an input that comes at another time than its answer spoils "
             "every coefficient of a fin. Signs were judged as if they were shifted."
@@ -103,8 +108,8 @@ def alignment_checks(alignment: Alignment) -> list[Check]:
         judged(
             "inputs",
             "rudder and elevator",
-            statistic="r answers elevator, q rudder" if alignment.exchanged else "r answers rudder, q elevator",
-            threshold="r answers rudder, q elevator",
+            statistic="r answers elevator, q rudder" if alignment.exchanged else assignment,
+            threshold=assignment,
             passed=not alignment.exchanged,
             advice="The columns of rudder and elevator are exchanged: exchange their names in the map. Signs were "
             "judged as if they were.",
@@ -136,8 +141,7 @@ def _correlations(signals: Signals, axis: RotationAxis, time_constant: float | N
         How many averages do not overlap.
     """
     lags, force = _lags(signals), moment(signals, axis)
-    rates = attitude_rates(signals)
-    rate = signals.values.get(axis.rate, rates[axis.rate].total() if rates else None)
+    rate = next(iter(rates_by_sensor(signals, axis.rate).values()), None)
     if force is None or rate is None:
         return np.zeros(lags.size), 0.0
     window = answer_window(signals, axis, time_constant)

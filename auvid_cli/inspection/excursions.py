@@ -8,7 +8,7 @@ from scipy.ndimage import median_filter
 
 from auvid_cli.data.check import Check
 from auvid_cli.inspection.grid import Signals, derivative, smoothed
-from auvid_cli.inspection.inspection import Mark, judged
+from auvid_cli.inspection.inspection import Mark, cannot_tell, judged
 from auvid_cli.inspection.regression import fit
 from auvid_cli.inspection.single_sensor import noise_floor
 from auvid_cli.vehicle.kinematics import euler_rates
@@ -19,6 +19,9 @@ _LEAST = np.deg2rad(3.0)
 _TIMES_NOISE = 8.0
 # s, over which the difference of two headings may drift, and so be taken off.
 _DRIFT = 12.0
+_THRESHOLD = (
+    f"<= {np.rad2deg(_LEAST):.2g} deg or {_TIMES_NOISE:g} times their noise, apart from drift over {_DRIFT:g} s"
+)
 _SENSORS = {"psi": "attitude", "heading": "magnetometer"}
 
 
@@ -44,7 +47,7 @@ def excursion_checks(signals: Signals, stepped: Collection[str]) -> tuple[list[C
         pairs = [(symbol, "integrated r", turned) for symbol in headings]
     else:
         pairs = [("psi", "heading", signals.values["heading"])] if len(headings) == len(_SENSORS) else []
-    checks, marks = [], []
+    checks, marks = [] if pairs else [_cannot_tell(symbol) for symbol in headings], []
     for symbol, name, reference in pairs:
         heading = signals.values[symbol]
         if _turn_alike(signals, heading, reference):
@@ -56,12 +59,13 @@ def excursion_checks(signals: Signals, stepped: Collection[str]) -> tuple[list[C
 
 def _turned(signals: Signals) -> Array | None:
     """Integrate the heading by the gyroscope; NaN where it was silent, and then from another beginning."""
-    if not signals.has("q", "r", "phi", "theta"):
+    if not signals.has("q", "r"):
         return None
     value = signals.values
     nothing = np.zeros(signals.grid.cells)
     rates = np.column_stack((nothing, value["q"], value["r"]))
-    rate = euler_rates(rates, np.column_stack((value["phi"], value["theta"], nothing)))[:, 2]
+    tilt = value.get("phi", nothing), value.get("theta", nothing)
+    rate = euler_rates(rates, np.column_stack((*tilt, nothing)))[:, 2]
     finite = np.isfinite(rate)
     return np.where(finite, np.cumsum(np.where(finite, rate, 0.0)) * signals.grid.step, np.nan)
 
@@ -88,6 +92,11 @@ def _away(signals: Signals, difference: Array) -> tuple[Array, Array]:
     return np.stack([centres[begin], centres[end - 1]], axis=1), peaks
 
 
+def _cannot_tell(symbol: str) -> Check:
+    reason = "neither a gyroscope nor another heading"
+    return cannot_tell(_SENSORS[symbol], f"excursions of {symbol}", reason, _THRESHOLD)
+
+
 def _check(symbol: str, reference: str, spans: Array, peaks: Array) -> Check:
     statistic = "none"
     if peaks.size:
@@ -100,8 +109,7 @@ def _check(symbol: str, reference: str, spans: Array, peaks: Array) -> Check:
         _SENSORS[symbol],
         f"excursions of {symbol} from {reference}",
         statistic=statistic,
-        threshold=f"<= {np.rad2deg(_LEAST):.2g} deg or {_TIMES_NOISE:g} times their noise, apart from drift over "
-        f"{_DRIFT:g} s",
+        threshold=_THRESHOLD,
         passed=not peaks.size,
         advice=f"{symbol} goes away and comes back though the vehicle does not turn so: iron, a motor or a modem "
         "disturbs the compass. Mark those times as not valid, or use the other source.",

@@ -14,6 +14,8 @@ from auvid_cli.inspection.agreement import rotation_checks
 from auvid_cli.inspection.alignment import aligned, alignment_checks, input_alignment
 from auvid_cli.inspection.allan import bias_instability
 from auvid_cli.inspection.clean_record import Screened, screened
+from auvid_cli.inspection.contradictions import weighed
+from auvid_cli.inspection.current import drift, through_water
 from auvid_cli.inspection.data_checks import data_checks
 from auvid_cli.inspection.excitation import excitation_checks, fitness_checks
 from auvid_cli.inspection.excursions import excursion_checks
@@ -67,14 +69,14 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
             signals.blank(symbol, *times)
     speed = mean_speed(signals)
     time_constant = dataset.experiment.vehicle.size.length / speed if speed is not None else None
-    alignment = input_alignment(signals, time_constant)
+    in_water = through_water(signals, drift(signals))
+    alignment = input_alignment(in_water, time_constant)
     checks += [*input_timing_checks(dataset.inputs, time_constant), *alignment_checks(alignment)]
-    in_place = aligned(signals, alignment)
     checks += force_checks(signals, dataset.experiment.vehicle)
-    rotations = rotation_checks(in_place, time_constant)
+    rotations = rotation_checks(aligned(in_water, alignment), time_constant)
     accelerometer = dataset.sensors.get("accelerometer")
     ahead = 0.0 if accelerometer is None else accelerometer.position[0]
-    checks += [*rotations, *velocity_checks(in_place, time_constant, ahead), *_stability(signals)]
+    checks += [*rotations, *velocity_checks(aligned(signals, alignment), time_constant, ahead), *_stability(signals)]
     # Of sensors that contradict each other none is a witness.
     if not any(check.passed is False and check.subject in sound for check in rotations):
         swings, away = excursion_checks(signals, stepped)
@@ -84,7 +86,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     every = slice(None, None, 1 + dataset.inputs.time.size // _MOST_INPUTS)
     inputs = InputRecord(dataset.inputs.time[every], dataset.inputs.values[every])
     presence = {name: _presence(record, span) for name, record in sensors.items()}
-    return Inspection(Checks(checks), marks, inputs, presence, span)
+    return Inspection(Checks(weighed(checks)), marks, inputs, presence, span)
 
 
 def _sensor_checks(dataset: Dataset, name: str, screening: Screened) -> list[Check]:

@@ -19,6 +19,19 @@ Array = NDArray[np.float64]
 # Data belong to no filter.
 judged = partial(Check.of, "")
 
+
+def cannot_tell(subject: str, check: str, reason: str, threshold: str) -> Check:
+    """Make the verdict on what these data do not tell."""
+    return judged(
+        subject,
+        check,
+        statistic=f"cannot tell: {reason}",
+        threshold=threshold,
+        passed=None,
+        advice="This was not checked, and may be wrong.",
+    )
+
+
 MarkKind = Literal["gap", "clock", "stuck", "spike", "step"]
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.data.rate_of_change import WHILE_TURNING, rate_of_change
 from auvid_cli.inspection.grid import Signals, derivative, smoothed
 from auvid_cli.inspection.regression import Regression, fit
 from auvid_cli.vehicle.kinematics import GRAVITY
@@ -27,25 +28,41 @@ class Tie(NamedTuple):
 def attitude_rates(signals: Signals, heading: str = "psi") -> dict[str, Tie]:
     """Return body rates by the change of attitude, Fossen (2011), eq. (2.26) inverted; by symbol.
 
-    What stands first contains the angle about the same axis.
+    What stands first contains the angle about the same axis. Only rates about whose axis an angle is measured; another
+    angle that is not is taken as zero. The changes are those over `attitude_window`.
     """
-    if not signals.has("phi", "theta", heading):
-        return {}
     value, step = signals.values, signals.grid.step
-    phi, theta = value["phi"], value["theta"]
-    phi_dot, theta_dot, psi_dot = (derivative(value[symbol], step) for symbol in ("phi", "theta", heading))
-    return {
-        "p": Tie(phi_dot, (-psi_dot * np.sin(theta),)),
-        "q": Tie(theta_dot * np.cos(phi), (psi_dot * np.cos(theta) * np.sin(phi),)),
-        "r": Tie(psi_dot * np.cos(theta) * np.cos(phi), (-theta_dot * np.sin(phi),)),
+    level, half = np.zeros(signals.grid.cells), attitude_window(signals, heading) // 2
+    phi, theta, psi = (value.get(symbol, level) for symbol in ("phi", "theta", heading))
+    phi_dot, theta_dot, psi_dot = (rate_of_change(angle, step, half) for angle in (phi, theta, psi))
+    ties = {
+        ("p", "phi"): Tie(phi_dot, (-psi_dot * np.sin(theta),)),
+        ("q", "theta"): Tie(theta_dot * np.cos(phi), (psi_dot * np.cos(theta) * np.sin(phi),)),
+        ("r", heading): Tie(psi_dot * np.cos(theta) * np.cos(phi), (-theta_dot * np.sin(phi),)),
     }
+    return {rate: tie for (rate, angle), tie in ties.items() if signals.has(angle)}
+
+
+def attitude_window(signals: Signals, heading: str = "psi") -> int:
+    """Say over how many cells a change of attitude tells a rate: a second, or a few measurements of an angle."""
+    return signals.window("phi", "theta", heading, least=WHILE_TURNING)
+
+
+def rates_by_sensor(signals: Signals, symbol: str) -> dict[str, Array]:
+    """Return a rate as each sensor has it: "gyroscope", and "attitude", or where there is none "magnetometer"."""
+    by_sensor = {"gyroscope": signals.values[symbol]} if signals.has(symbol) else {}
+    for name, heading in (("attitude", "psi"), ("magnetometer", "heading")):
+        rates = attitude_rates(signals, heading)
+        if symbol in rates:
+            return by_sensor | {name: rates[symbol].total()}
+    return by_sensor
 
 
 def measured_forces(signals: Signals) -> dict[str, Tie]:
     """Return specific force by the symbol of the velocity whose change it contains; needs attitude and DVL."""
-    rates = attitude_rates(signals)
-    if not rates or not signals.has("u", "v", "w", "fx", "fy", "fz"):
+    if not signals.has("phi", "theta", "psi", "u", "v", "w", "fx", "fy", "fz"):
         return {}
+    rates = attitude_rates(signals)
     value = signals.values
     p, q, r = (rates[symbol].total() for symbol in "pqr")
     u, v, w, phi, theta = (value[symbol] for symbol in ("u", "v", "w", "phi", "theta"))
@@ -58,13 +75,13 @@ def measured_forces(signals: Signals) -> dict[str, Tie]:
 
 
 def diving_speed(signals: Signals) -> Tie | None:
-    """Return the depth rate by pitch and surge, by heave, and by sway; needs attitude and DVL."""
-    if not signals.has("u", "v", "w", "phi", "theta"):
+    """Return the depth rate by pitch and surge, and by heave and sway as far as they and roll are measured."""
+    if not signals.has("u", "theta"):
         return None
-    value = signals.values
-    phi, theta = value["phi"], value["theta"]
-    by_sway, by_heave = value["v"] * np.cos(theta) * np.sin(phi), value["w"] * np.cos(theta) * np.cos(phi)
-    return Tie(-value["u"] * np.sin(theta), (by_heave, by_sway))
+    value, level = signals.values, np.zeros(signals.grid.cells)
+    phi, theta = value.get("phi", level), value["theta"]
+    v, w = value.get("v", level), value.get("w", level)
+    return Tie(-value["u"] * np.sin(theta), (w * np.cos(theta) * np.cos(phi), v * np.cos(theta) * np.sin(phi)))
 
 
 def tied(values: Array, main: Array, others: Sequence[Array], window: int) -> Regression | None:
@@ -79,7 +96,7 @@ def swings(signals: Signals) -> dict[str, Array]:
     What turning adds to a rigid body's acceleration. Needs attitude.
     """
     rates = attitude_rates(signals)
-    if not rates:
+    if len(rates) < 3:
         return {}
     p, q, r = (signals.values.get(symbol, rates[symbol].total()) for symbol in "pqr")
     q_dot, r_dot = (derivative(each, signals.grid.step) for each in (q, r))

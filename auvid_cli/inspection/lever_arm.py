@@ -3,9 +3,8 @@
 from auvid_cli.data.check import Check
 from auvid_cli.inspection.grid import Signals, smoothed
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematic_ties import Tie, attitude_rates, swings
+from auvid_cli.inspection.kinematic_ties import Tie, rates_by_sensor, swings
 from auvid_cli.inspection.regression import fit
-from auvid_cli.inspection.responses import known_sign
 
 # m
 _USUAL = 0.15
@@ -31,7 +30,7 @@ def lever_arm_checks(signals: Signals, forces: dict[str, Tie], accelerometer_ahe
     arms = {}
     for symbol, force, rate in _SOURCES:
         window = signals.window(symbol, force, rate, "psi")
-        turning = signals.values.get(rate, attitude_rates(signals)[rate].total())
+        turning = next(iter(rates_by_sensor(signals, rate).values()))
         lacking = forces[symbol].total() - signals.values[force]
         # A scale of u that is wrong shows in u times the rate.
         lacking, swing, carried = (
@@ -39,7 +38,7 @@ def lever_arm_checks(signals: Signals, forces: dict[str, Tie], accelerometer_ahe
         )
         arm = fit(lacking, swing, [carried], window)
         if arm is not None and arm.error < _USUAL / _SIGMAS:
-            is_far = known_sign(arm) != 0 and abs(arm.gain + accelerometer_ahead) > _USUAL + _SIGMAS * arm.error
+            is_far = abs(arm.gain + accelerometer_ahead) > _USUAL + _SIGMAS * arm.error
             arms[f"{arm.gain:+.2f} +- {arm.error:.2g} m by {symbol} and {rate}"] = not is_far
     if not arms:
         return []

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.check import Check
+from auvid_cli.inspection.current import carried_sideways
 from auvid_cli.inspection.grid import Signals, change, smoothed
-from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematic_ties import attitude_rates, tied
+from auvid_cli.inspection.inspection import cannot_tell, judged
+from auvid_cli.inspection.kinematic_ties import attitude_window, rates_by_sensor, tied
 from auvid_cli.inspection.regression import Regression, fit
 
 Array = NDArray[np.float64]
@@ -80,7 +81,7 @@ def response_fits(signals: Signals, axis: RotationAxis, time_constant: float | N
     The change over a window is regressed on the mean input there, and on what the vehicle did at its begin: so an
     autopilot, which lets the input follow the motion, does not turn the sign.
     """
-    value, by_sensor = signals.values, _rates_by_sensor(signals, axis.rate)
+    value, by_sensor = signals.values, rates_by_sensor(signals, axis.rate)
     force, window = moment(signals, axis), answer_window(signals, axis, time_constant)
     if force is None:
         return dict.fromkeys(by_sensor)
@@ -91,30 +92,30 @@ def response_fits(signals: Signals, axis: RotationAxis, time_constant: float | N
     }
 
 
-def _rates_by_sensor(signals: Signals, symbol: str) -> dict[str, Array]:
-    rates = attitude_rates(signals)
-    by_sensor = {"gyroscope": signals.values[symbol]} if signals.has(symbol) else {}
-    return by_sensor | ({"attitude": rates[symbol].total()} if rates else {})
-
-
 def answers(axis: RotationAxis, fits: dict[str, Regression | None]) -> dict[str, int]:
     """Return 1 where by a sensor the vehicle answers the right way, -1 where the wrong way; where it can be told."""
     signs = {name: axis.sign * known_sign(fitted) for name, fitted in fits.items()}
     return {name: sign for name, sign in signs.items() if sign}
 
 
-def response_check(axis: RotationAxis, fits: dict[str, Regression | None]) -> Check:
+def response_check(signals: Signals, axis: RotationAxis, fits: dict[str, Regression | None]) -> Check:
     """Judge whether any sensor sees the right answer to an input: a wrong rate or angle is named elsewhere."""
-    signs = answers(axis, fits)
+    signs, name = answers(axis, fits), f"response of {axis.rate}"
+    over = attitude_window(signals) * signals.grid.step
     statistic = ", ".join(
-        f"{name} {fitted.gain:.3g} (correlation {fitted.correlation:.2g})" for name, fitted in fits.items() if fitted
+        f"{sensor} {'' if sensor == 'gyroscope' else f'over {over:.2g} s '}{fitted.gain:.3g} "
+        f"(correlation {fitted.correlation:.2g})"
+        for sensor, fitted in fits.items()
+        if fitted
     )
     threshold = f"{'positive' if axis.sign > 0 else 'negative'} {axis.rate} from a positive {axis.given}"
+    if not fits:
+        return cannot_tell(axis.given, name, f"nothing measures {axis.rate}, or {axis.angle} instead", threshold)
     if not signs:
         statistic = f"not excited enough to tell: {statistic or 'it hardly moves, or not for long'}"
         return judged(
             axis.given,
-            f"response of {axis.rate}",
+            name,
             statistic=statistic,
             threshold=threshold,
             passed=None,
@@ -122,7 +123,7 @@ def response_check(axis: RotationAxis, fits: dict[str, Regression | None]) -> Ch
         )
     return judged(
         axis.given,
-        f"response of {axis.rate}",
+        name,
         statistic=statistic,
         threshold=threshold,
         passed=any(sign > 0 for sign in signs.values()),
@@ -136,7 +137,8 @@ def thrust_check(signals: Signals, time_constant: float | None) -> Check:
     value = signals.values
     window = signals.window("u", least=_shown_within(time_constant))
     u = value["u"]
-    beside = [np.abs(u) * u, *([value["v"] * value["r"]] if signals.has("v", "r") else [])]
+    turning = list(rates_by_sensor(signals, "r").values())[:1] if signals.has("v") else []
+    beside = [np.abs(u) * u, *(value["v"] * rate for rate in turning)]
     fitted = fit(change(u, window), smoothed(value["surge_force"], window), beside, window)
     sign = known_sign(fitted)
     statistic = f"{fitted.gain:.3g} (correlation {fitted.correlation:.2g})" if fitted else "too short"
@@ -154,13 +156,15 @@ def thrust_check(signals: Signals, time_constant: float | None) -> Check:
 def slip_sign(signals: Signals, symbol: str) -> dict[str, int]:
     """Say whether v or w points out of the turn: 1 if so, -1 if into it, by the sensor that says the rate.
 
-    A slender hull with its fins at the stern drifts outwards: v against r u, w with q u.
+    A slender hull with its fins at the stern drifts outwards: v against r u, w with q u. What a current adds to v goes
+    with the heading, and stands beside it.
     """
     rate_symbol, outwards = {"v": ("r", -1), "w": ("q", 1)}[symbol]
     value = signals.values
-    by_sensor, window = _rates_by_sensor(signals, rate_symbol), signals.window(symbol, rate_symbol)
+    by_sensor, window = rates_by_sensor(signals, rate_symbol), signals.window(symbol, rate_symbol, "psi", "heading")
+    beside = carried_sideways(signals) if symbol == "v" else ()
     signs = {
-        name: outwards * known_sign(tied(value[symbol], rate * value["u"], (), window))
+        name: outwards * known_sign(tied(value[symbol], rate * value["u"], beside, window))
         for name, rate in by_sensor.items()
     }
     return {name: sign for name, sign in signs.items() if sign}

@@ -4,9 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.check import Check
-from auvid_cli.inspection.grid import Signals, derivative, smoothed
-from auvid_cli.inspection.inspection import judged
-from auvid_cli.inspection.kinematic_ties import Tie, diving_speed, measured_forces, swings, tied
+from auvid_cli.inspection.current import Drift, carried_sideways, current_check, drift, is_current
+from auvid_cli.inspection.grid import Signals, derivative
+from auvid_cli.inspection.inspection import cannot_tell, judged
+from auvid_cli.inspection.kinematic_ties import Tie, diving_speed, measured_forces, rates_by_sensor, swings, tied
 from auvid_cli.inspection.lever_arm import lever_arm_checks
 from auvid_cli.inspection.mistaken_units import mistaken_units
 from auvid_cli.inspection.pitch_offset import (
@@ -16,7 +17,7 @@ from auvid_cli.inspection.pitch_offset import (
     offset_by_gravity,
     pitch_offset_check,
 )
-from auvid_cli.inspection.regression import Regression, fit
+from auvid_cli.inspection.regression import Regression
 from auvid_cli.inspection.responses import known_sign, slip_sign, thrust_check
 
 Array = NDArray[np.float64]
@@ -28,6 +29,8 @@ _LEAST_ACCELERATION, _LEAST_SPEED = 0.02, 0.02
 _SLOWEST, _FASTEST, _LARGEST_SLIP = 0.05, 15.0, 0.5
 _USUAL_OFFSET = np.deg2rad(2.0)
 _UNDER_WAY = 0.2
+_DEPTH_NAME = "depth against pitch and u"
+_DEPTH_THRESHOLD = f"gain 1 +- {_TOLERANCE}, correlation >= {_LEAST_CORRELATION}"
 
 
 def velocity_checks(signals: Signals, time_constant: float | None, accelerometer_ahead: float = 0.0) -> list[Check]:
@@ -41,29 +44,34 @@ def velocity_checks(signals: Signals, time_constant: float | None, accelerometer
     accelerometer_ahead : float
         m, by which the accelerometer is stated to sit ahead of the origin.
     """
-    if not signals.has("u", "v", "w"):
+    if not signals.has("u"):
         return []
     speed = _speed(signals)
     if speed.passed is False:
         return [speed]
     checks, forces, offset = [speed], measured_forces(signals), None
-    dive = diving_speed(signals) if signals.has("down") else None
-    if dive is not None:
-        offset = offset_by_depth(signals, dive)
-        depth = _depth_rate(signals, dive, offset)
-        checks.append(depth)
-        # A depth that contradicts itself is no witness.
-        dive = None if depth.passed is False else dive
+    dive = diving_speed(signals)
+    if signals.has("down"):
+        if dive is None:
+            checks.append(cannot_tell("depth", _DEPTH_NAME, "theta is not measured", _DEPTH_THRESHOLD))
+        else:
+            offset = offset_by_depth(signals, dive)
+            depth = _depth_rate(signals, dive, offset)
+            checks.append(depth)
+            # A depth that contradicts itself is no witness.
+            dive = None if depth.passed is False else dive
     if forces:
         checks.append(_against_force(signals, "u", forces["u"]))
-    directions = [_direction(signals, symbol, forces, dive) for symbol in ("v", "w")]
+    witness = dive if signals.has("down") else None
+    found = drift(signals)
+    directions = [_direction(signals, s, forces, witness, found) for s in ("v", "w") if signals.has(s)]
     checks += directions
-    if dive is not None and offset is not None:
+    if witness is not None and offset is not None:
         checks.append(pitch_offset_check(offset, "depth rate"))
     elif forces and (offset := offset_by_gravity(signals, forces["u"])) is not None:
         checks.append(pitch_offset_check(offset, "accelerometer"))
-    if signals.has("r"):
-        checks.append(_heading_offset(signals))
+    if signals.has("v"):
+        checks += [current_check(signals, found), _heading_offset(signals)]
     # A turned sign looks like an arm.
     if forces and all(direction.passed is not False for direction in directions):
         checks += lever_arm_checks(signals, forces, accelerometer_ahead)
@@ -80,13 +88,13 @@ def mean_speed(signals: Signals) -> float | None:
 
 
 def _speed(signals: Signals) -> Check:
-    u, v, w = (float(np.nanmedian(signals.values[symbol])) for symbol in "uvw")
-    slips = max(float(np.nanmedian(np.abs(signals.values[symbol]))) for symbol in "vw")
-    plausible = _SLOWEST <= u <= _FASTEST and slips <= _LARGEST_SLIP * u
+    medians = {symbol: float(np.nanmedian(signals.values[symbol])) for symbol in "uvw" if signals.has(symbol)}
+    slips = [float(np.nanmedian(np.abs(signals.values[symbol]))) for symbol in medians if symbol != "u"]
+    plausible = _SLOWEST <= medians["u"] <= _FASTEST and all(slip <= _LARGEST_SLIP * medians["u"] for slip in slips)
     return judged(
         "dvl",
         "speed",
-        statistic=f"median u {u:.3g}, v {v:.3g}, w {w:.3g} m/s",
+        statistic=f"median {', '.join(f'{symbol} {median:.3g}' for symbol, median in medians.items())} m/s",
         threshold=f"u {_SLOWEST:g} to {_FASTEST:g} m/s; |v|, |w| <= {_LARGEST_SLIP:g} u",
         passed=plausible,
         advice="The vehicle does not go forwards by these: axes exchanged, a sign turned, a unit mistaken (knots, "
@@ -121,7 +129,7 @@ def _against_force(signals: Signals, symbol: str, tie: Tie) -> Check:
     )
 
 
-def _direction(signals: Signals, symbol: str, forces: dict[str, Tie], dive: Tie | None) -> Check:
+def _direction(signals: Signals, symbol: str, forces: dict[str, Tie], dive: Tie | None, found: Drift | None) -> Check:
     """Judge the sign of v or w by the best witness there is: depth, accelerometer, or the slip in a turn."""
     if symbol == "w" and dive is not None:
         window = signals.window("down", "w", "theta")
@@ -140,20 +148,22 @@ def _direction(signals: Signals, symbol: str, forces: dict[str, Tie], dive: Tie 
         against = _against_force(signals, symbol, forces[symbol])
         if against.passed is not None:
             return against
-    signs = slip_sign(signals, symbol) if signals.has("p", "q", "r") else {}
+    signs = slip_sign(signals, symbol)
     name, outwards = f"{symbol} in a turn", f"{symbol} points out of the turn"
     if not signs:
         return _undetermined(symbol, name, outwards)
     agrees = any(sign > 0 for sign in signs.values())
+    drifts = symbol == "v" and found is not None and is_current(signals, found)
     return judged(
         "dvl",
         name,
-        statistic=outwards if agrees else f"{symbol} points into the turn",
+        statistic=(outwards if agrees else f"{symbol} points into the turn") + (" beside a current" if drifts else ""),
         threshold=outwards,
-        passed=agrees,
-        advice=f"Slender hulls drift outwards: turn the sign of {symbol}, unless the DVL sits so far from the origin "
-        "that its own speed in the turn outweighs this (then correct for its lever arm), or a current does "
-        "(then estimate it: identification.estimate.biases: [current]).",
+        passed=False if not agrees else None if drifts else True,
+        advice="What a current carries along was taken off: estimate it, before this is relied on."
+        if agrees
+        else f"Slender hulls drift outwards: turn the sign of {symbol}, unless the DVL sits so far from the origin "
+        "that its own speed in the turn outweighs this (then correct for its lever arm).",
     )
 
 
@@ -176,13 +186,12 @@ def _depth_rate(signals: Signals, dive: Tie, offset: PitchOffset | None) -> Chec
     """Judge depth rate against pitch and surge; an offset of pitch, which may come and go, is no fault."""
     window = signals.window("down", "u", "theta")
     fitted: Regression | None = tied(_sinking(signals), dive.main, dive.others, window)
-    threshold = f"gain 1 +- {_TOLERANCE}, correlation >= {_LEAST_CORRELATION}"
     if fitted is None or fitted.spread < _LEAST_SPEED:
         return judged(
             "depth",
-            "depth against pitch and u",
+            _DEPTH_NAME,
             statistic="not excited enough to tell",
-            threshold=threshold,
+            threshold=_DEPTH_THRESHOLD,
             passed=None,
             advice="The vehicle hardly pitches: signs and scales of depth and theta cannot be checked on these data.",
         )
@@ -193,9 +202,9 @@ def _depth_rate(signals: Signals, dive: Tie, offset: PitchOffset | None) -> Chec
             fitted, agrees, over = within_seconds, True, ", of what changes within seconds"
     return judged(
         "depth",
-        "depth against pitch and u",
+        _DEPTH_NAME,
         statistic=f"gain {fitted.gain:.3g} +- {fitted.error:.2g}, correlation {fitted.correlation:.2g}{over}",
-        threshold=threshold,
+        threshold=_DEPTH_THRESHOLD,
         passed=agrees,
         advice=_with_units(
             "The vehicle does not go where its nose points: depth must be positive down and in m, theta positive nose "
@@ -214,17 +223,19 @@ def _is_one(fitted: Regression) -> bool:
 
 
 def _heading_offset(signals: Signals) -> Check:
-    """Judge the angle about z between DVL and hull: sway in proportion to surge that no turn explains."""
-    value = signals.values
-    window = signals.window("u", "v", "r")
+    """Judge the angle about z between DVL and hull: sway in proportion to surge, beside turns and current."""
+    value, rates = signals.values, rates_by_sensor(signals, "r")
+    name, threshold = "heading offset", f"<= {np.rad2deg(_USUAL_OFFSET):.2g} deg"
+    if not rates:
+        return cannot_tell("dvl", name, "nothing measures r, or a heading instead", threshold)
+    window, turning = signals.window("u", "v", "r", "psi"), next(iter(rates.values()))
     u, v = value["u"], value["v"]
-    fitted = fit(smoothed(v, window), smoothed(u, window), [smoothed(value["r"] * u, window)], window)
-    threshold = f"<= {np.rad2deg(_USUAL_OFFSET):.2g} deg"
+    fitted = tied(v, u, (turning * u, *carried_sideways(signals)), window)
     tangent = 0.0 if fitted is None else fitted.gain
     is_observed = fitted is not None and fitted.error < 0.5 * np.tan(_USUAL_OFFSET)
     return judged(
         "dvl",
-        "heading offset",
+        name,
         statistic=f"{np.rad2deg(np.arctan(tangent)):.2g} deg" if is_observed else "not excited enough to tell",
         threshold=threshold,
         passed=True if is_observed and abs(tangent) <= np.tan(_USUAL_OFFSET) else None,

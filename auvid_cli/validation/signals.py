@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_coeffs, savgol_filter
 
 from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.data.rate_of_change import WHILE_TURNING, rate_noise, rate_of_change
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, state_of
 
 Array = NDArray[np.float64]
@@ -15,9 +15,7 @@ Array = NDArray[np.float64]
 _ANGLES = MOTION_SYMBOLS[6:]
 # s; times that differ by less are the same: those of events are whole nanoseconds, half of one from a measurement's.
 SAME = 0.75e-9
-# s; over which a change of heading tells the yaw rate, if no gyroscope does.
-_WHILE_TURNING = 1.0
-# Headings before and after it, at least.
+# Headings before and after one of which the yaw rate is told, at least.
 _FEWEST_AROUND = 2
 
 
@@ -97,7 +95,7 @@ def signal_sizes(segments: Sequence[Mapping[str, MeasuredSignal]]) -> dict[str, 
 
 
 def _yaw_rate_by_attitude(signals: Mapping[str, MeasuredSignal]) -> MeasuredSignal | None:
-    """Take the yaw rate from how the attitude changes, by cubics through a second of it (Savitzky and Golay 1964).
+    """Take the yaw rate from how the attitude changes, by cubics through a second of it.
 
     ``r = psi_dot cos phi cos theta - theta_dot sin phi`` (Fossen 2011, eq. 2.28); an angle that is not measured at the
     times of the heading is taken as zero. None if there is no heading, or it comes too seldom.
@@ -106,20 +104,19 @@ def _yaw_rate_by_attitude(signals: Mapping[str, MeasuredSignal]) -> MeasuredSign
         return None
     time, heading, deviation = signals["psi"]
     interval = float(np.median(np.diff(time)))
-    half = round(0.5 * _WHILE_TURNING / interval)
+    half = round(0.5 * WHILE_TURNING / interval)
     # Half a window before and after, and a little more, measurements come without a gap.
-    ends = np.concatenate([[True], np.diff(time) > 0.5 * _WHILE_TURNING, [True]])
+    ends = np.concatenate([[True], np.diff(time) > 0.5 * WHILE_TURNING, [True]])
     last_begin = np.maximum.accumulate(np.where(ends[:-1], time, -np.inf))
     next_end = np.minimum.accumulate(np.where(ends[1:], time, np.inf)[::-1])[::-1]
     good = np.minimum(time - last_begin, next_end - time) >= (half + 0.9) * interval
     if half < _FEWEST_AROUND or not good.any():
         return None
-    even = time[0] + interval * np.arange(int((time[-1] - time[0]) / interval) + 1)
-    window = 2 * half + 1, 3
+    # One more than there are headings, so that the last is between two.
+    even = time[0] + interval * np.arange(int((time[-1] - time[0]) / interval) + 2)
 
     def rate(angle: Array) -> Array:
-        changing = savgol_filter(np.interp(even, time, angle), *window, deriv=1, delta=interval)
-        return np.interp(time, even, np.asarray(changing, dtype=np.float64))
+        return np.interp(time, even, rate_of_change(np.interp(even, time, angle), interval, half))
 
     angles = (signals.get(symbol) for symbol in ("phi", "theta"))
     roll, pitch = (
@@ -127,5 +124,4 @@ def _yaw_rate_by_attitude(signals: Mapping[str, MeasuredSignal]) -> MeasuredSign
         for angle in angles
     )
     yaw_rate = rate(heading) * np.cos(roll) * np.cos(pitch) - rate(pitch) * np.sin(roll)
-    noise = float(np.linalg.norm(savgol_coeffs(*window, deriv=1, delta=interval)))
-    return MeasuredSignal(time[good], yaw_rate[good], noise * deviation)
+    return MeasuredSignal(time[good], yaw_rate[good], rate_noise(interval, half) * deviation)

@@ -112,3 +112,16 @@ def test_the_last_line_says_what_to_run_next(short_run, tmp_path, run):
     last = run(path).output.splitlines()[-1]
     assert last.startswith("1 verdict fails. Next: ")
     assert "auvid identify" not in last
+
+
+def test_the_last_line_names_what_works_with_what_the_vehicle_file_has(short_run, with_settings, tmp_path, run):
+    """Bounds need values of all coefficients; without them an estimate comes first."""
+    bare = with_settings(short_run.without_truth(), "vehicle.coefficients={X_u|u|: -5}")
+    write_dataset(tmp_path / "bare.h5", bare)
+    last = run(tmp_path / "bare.h5", "-o", tmp_path / "out").output.splitlines()[-1]
+    assert f"Next: `auvid identify {tmp_path / 'bare.h5'}`, then `auvid identifiability" in last
+    assert "--at" in last
+    held = with_settings(bare, "identification.coefficients=[N_uudr]")
+    write_dataset(tmp_path / "held.h5", held)
+    last = " ".join(run(tmp_path / "held.h5", "-o", tmp_path / "held").output.splitlines())
+    assert "Next: state values of Y_v|v|" in last

@@ -1,0 +1,27 @@
+"""How fast a signal of evenly spaced samples changes, by cubics through a second of it (Savitzky and Golay 1964)."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_coeffs
+
+Array = NDArray[np.float64]
+
+# s; over which a change of attitude tells a turn rate.
+WHILE_TURNING = 1.0
+
+
+def rate_of_change(values: Array, interval: float, half: int) -> Array:
+    """Return the slope of the cubic through each sample and so many on either side, per second; NaN without them."""
+    rate = np.full(values.size, np.nan)
+    if values.size > 2 * half:
+        rate[half : values.size - half] = np.convolve(values, _weights(interval, half), "valid")
+    return rate
+
+
+def rate_noise(interval: float, half: int) -> float:
+    """Return the standard deviation of such a slope over that of white noise of the samples, 1/s."""
+    return float(np.linalg.norm(_weights(interval, half)))
+
+
+def _weights(interval: float, half: int) -> Array:
+    return np.asarray(savgol_coeffs(2 * half + 1, 3, deriv=1, delta=interval), dtype=np.float64)
