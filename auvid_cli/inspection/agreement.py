@@ -8,7 +8,7 @@ from auvid_cli.inspection.inspection import cannot_tell, judged
 from auvid_cli.inspection.kinematic_ties import attitude_rates, tied
 from auvid_cli.inspection.mistaken_units import mistaken_units
 from auvid_cli.inspection.regression import Regression
-from auvid_cli.inspection.responses import AXES, RotationAxis, answers, response_check, response_fits, slip_sign
+from auvid_cli.inspection.responses import AXES, RotationAxis, answers, response_check, response_fits, slips
 
 _TOLERANCE = 0.2
 _LEAST_CORRELATION = 0.7
@@ -40,10 +40,10 @@ def rotation_checks(signals: Signals, time_constant: float | None) -> list[Check
 
 def _votes(signals: Signals, axis: RotationAxis, fits: dict[str, Regression | None]) -> dict[str, tuple[int, ...]]:
     """Return by sensor what speaks for the sign of its rate, 1, or against it, -1: the answer to the fin, the slip."""
-    slips = {"q": "w", "r": "v"}
+    sideways = {"q": "w", "r": "v"}.get(axis.rate)
     told = [answers(axis, fits)]
-    if axis.rate in slips and signals.has("u", slips[axis.rate]):
-        told.append(slip_sign(signals, slips[axis.rate]))
+    if sideways is not None and signals.has("u", sideways):
+        told.append({name: 1 if ahead > 0.0 else -1 for name, ahead in slips(signals, sideways).items()})
     return {name: tuple(signs[name] for signs in told if name in signs) for name in fits}
 
 

@@ -68,7 +68,8 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
             marks.append(Mark(name, "step", *times))
             signals.blank(symbol, *times)
     speed = mean_speed(signals)
-    time_constant = dataset.experiment.vehicle.size.length / speed if speed is not None else None
+    length = dataset.experiment.vehicle.size.length
+    time_constant = length / speed if speed is not None else None
     in_water = through_water(signals, drift(signals))
     alignment = input_alignment(in_water, time_constant)
     checks += [*input_timing_checks(dataset.inputs, time_constant), *alignment_checks(alignment)]
@@ -76,7 +77,8 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     rotations = rotation_checks(aligned(in_water, alignment), time_constant)
     accelerometer = dataset.sensors.get("accelerometer")
     ahead = 0.0 if accelerometer is None else accelerometer.position[0]
-    checks += [*rotations, *velocity_checks(aligned(signals, alignment), time_constant, ahead), *_stability(signals)]
+    velocities = velocity_checks(aligned(signals, alignment), length, time_constant, ahead)
+    checks += [*rotations, *velocities, *_stability(signals)]
     # Of sensors that contradict each other none is a witness.
     if not any(check.passed is False and check.subject in sound for check in rotations):
         swings, away = excursion_checks(signals, stepped)

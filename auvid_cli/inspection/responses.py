@@ -153,21 +153,25 @@ def thrust_check(signals: Signals, time_constant: float | None) -> Check:
     )
 
 
-def slip_sign(signals: Signals, symbol: str) -> dict[str, int]:
-    """Say whether v or w points out of the turn: 1 if so, -1 if into it, by the sensor that says the rate.
+def slips(signals: Signals, symbol: str) -> dict[str, float]:
+    """Find how v or w goes with the turn, where that can be told, by the sensor that says the rate.
 
     A slender hull with its fins at the stern drifts outwards: v against r u, w with q u. What a current adds to v goes
     with the heading, and stands beside it.
+
+    Returns
+    -------
+    dict of float
+        How far the place that goes neither out of nor into the turn is ahead of where it is measured, m; behind it if
+        negative, and then the velocity points into the turn.
     """
     rate_symbol, outwards = {"v": ("r", -1), "w": ("q", 1)}[symbol]
     value = signals.values
     by_sensor, window = rates_by_sensor(signals, rate_symbol), signals.window(symbol, rate_symbol, "psi", "heading")
     beside = carried_sideways(signals) if symbol == "v" else ()
-    signs = {
-        name: outwards * known_sign(tied(value[symbol], rate * value["u"], beside, window))
-        for name, rate in by_sensor.items()
-    }
-    return {name: sign for name, sign in signs.items() if sign}
+    fits = {name: tied(value[symbol], rate * value["u"], beside, window) for name, rate in by_sensor.items()}
+    speed = float(np.nanmedian(value["u"]))
+    return {name: outwards * fitted.gain * speed for name, fitted in fits.items() if fitted and known_sign(fitted)}
 
 
 def _unknown_sign(given: str) -> str:

@@ -18,7 +18,7 @@ from auvid_cli.inspection.pitch_offset import (
     pitch_offset_check,
 )
 from auvid_cli.inspection.regression import Regression
-from auvid_cli.inspection.responses import known_sign, slip_sign, thrust_check
+from auvid_cli.inspection.responses import known_sign, slips, thrust_check
 
 Array = NDArray[np.float64]
 
@@ -29,16 +29,22 @@ _LEAST_ACCELERATION, _LEAST_SPEED = 0.02, 0.02
 _SLOWEST, _FASTEST, _LARGEST_SLIP = 0.05, 15.0, 0.5
 _USUAL_OFFSET = np.deg2rad(2.0)
 _UNDER_WAY = 0.2
+# Lengths of a vehicle that a DVL may sit ahead of where its hull pivots, which is that far ahead of the middle.
+_LONGEST_ARM = 0.25
 _DEPTH_NAME = "depth against pitch and u"
 _DEPTH_THRESHOLD = f"gain 1 +- {_TOLERANCE}, correlation >= {_LEAST_CORRELATION}"
 
 
-def velocity_checks(signals: Signals, time_constant: float | None, accelerometer_ahead: float = 0.0) -> list[Check]:
+def velocity_checks(
+    signals: Signals, length: float, time_constant: float | None, accelerometer_ahead: float = 0.0
+) -> list[Check]:
     """Judge the DVL and what depends on it; where its axes are not even plausible nothing more is said.
 
     Parameters
     ----------
     signals : Signals
+    length : float
+        m, of the vehicle.
     time_constant : float or None
         s, of the vehicle, if it is known.
     accelerometer_ahead : float
@@ -64,7 +70,7 @@ def velocity_checks(signals: Signals, time_constant: float | None, accelerometer
         checks.append(_against_force(signals, "u", forces["u"]))
     witness = dive if signals.has("down") else None
     found = drift(signals)
-    directions = [_direction(signals, s, forces, witness, found) for s in ("v", "w") if signals.has(s)]
+    directions = [_direction(signals, s, forces, witness, found, length) for s in ("v", "w") if signals.has(s)]
     checks += directions
     if witness is not None and offset is not None:
         checks.append(pitch_offset_check(offset, "depth rate"))
@@ -88,9 +94,12 @@ def mean_speed(signals: Signals) -> float | None:
 
 
 def _speed(signals: Signals) -> Check:
-    medians = {symbol: float(np.nanmedian(signals.values[symbol])) for symbol in "uvw" if signals.has(symbol)}
-    slips = [float(np.nanmedian(np.abs(signals.values[symbol]))) for symbol in medians if symbol != "u"]
-    plausible = _SLOWEST <= medians["u"] <= _FASTEST and all(slip <= _LARGEST_SLIP * medians["u"] for slip in slips)
+    size = np.abs(signals.values["u"])
+    moving = np.where(size >= _UNDER_WAY * np.nanquantile(size, 0.9), 1.0, np.nan)
+    measured = {symbol: moving * signals.values[symbol] for symbol in "uvw" if signals.has(symbol)}
+    medians = {symbol: float(np.nanmedian(values)) for symbol, values in measured.items() if np.isfinite(values).any()}
+    across = [float(np.nanmedian(np.abs(measured[symbol]))) for symbol in medians if symbol != "u"]
+    plausible = _SLOWEST <= medians["u"] <= _FASTEST and all(each <= _LARGEST_SLIP * medians["u"] for each in across)
     return judged(
         "dvl",
         "speed",
@@ -129,7 +138,9 @@ def _against_force(signals: Signals, symbol: str, tie: Tie) -> Check:
     )
 
 
-def _direction(signals: Signals, symbol: str, forces: dict[str, Tie], dive: Tie | None, found: Drift | None) -> Check:
+def _direction(
+    signals: Signals, symbol: str, forces: dict[str, Tie], dive: Tie | None, found: Drift | None, length: float
+) -> Check:
     """Judge the sign of v or w by the best witness there is: depth, accelerometer, or the slip in a turn."""
     if symbol == "w" and dive is not None:
         window = signals.window("down", "w", "theta")
@@ -148,12 +159,22 @@ def _direction(signals: Signals, symbol: str, forces: dict[str, Tie], dive: Tie 
         against = _against_force(signals, symbol, forces[symbol])
         if against.passed is not None:
             return against
-    signs = slip_sign(signals, symbol)
     name, outwards = f"{symbol} in a turn", f"{symbol} points out of the turn"
-    if not signs:
+    pivots = slips(signals, symbol)
+    if not pivots:
         return _undetermined(symbol, name, outwards)
-    agrees = any(sign > 0 for sign in signs.values())
-    drifts = symbol == "v" and found is not None and is_current(signals, found)
+    ahead = max(pivots.values())
+    agrees, drifts = ahead > 0.0, symbol == "v" and found is not None and is_current(signals, found)
+    if not agrees and ahead > -_LONGEST_ARM * length:
+        return judged(
+            "dvl",
+            name,
+            statistic=f"{symbol} points into the turn, as {-ahead:.2g} m ahead of where the hull pivots",
+            threshold=outwards,
+            passed=None,
+            advice=f"A DVL near the nose would see this (state its `position` in the map, or estimate "
+            f"identification.estimate.biases: [dvl_arm]); or the sign of {symbol} is turned.",
+        )
     return judged(
         "dvl",
         name,
@@ -162,8 +183,7 @@ def _direction(signals: Signals, symbol: str, forces: dict[str, Tie], dive: Tie 
         passed=False if not agrees else None if drifts else True,
         advice="What a current carries along was taken off: estimate it, before this is relied on."
         if agrees
-        else f"Slender hulls drift outwards: turn the sign of {symbol}, unless the DVL sits so far from the origin "
-        "that its own speed in the turn outweighs this (then correct for its lever arm).",
+        else f"Slender hulls drift outwards, more than a DVL near the nose hides: turn the sign of {symbol}.",
     )
 
 

@@ -98,3 +98,14 @@ def test_a_current_shows_as_such(gyroscope, zigzag):
     assert checks[SLIP].passed is None
     assert checks["dvl", "heading offset"].passed is not False
     assert failed(checks) == set()
+
+
+def test_a_dvl_near_the_nose_is_no_turned_sign(zigzag):
+    """The hull pivots 0.35 of its length ahead of the middle, and is 2.194 m long."""
+    dataset = zigzag(gyroscope=True)
+    rate, dvl = dataset.sensors["gyroscope"], dataset.sensors["dvl"]
+    values = dvl.values.copy()
+    values[:, 1] += 1.1 * np.interp(dvl.time, rate.time, rate.values[:, 2])
+    check = verdicts(replace(dataset, sensors=dataset.sensors | {"dvl": replace(dvl, values=values)}))[SLIP]
+    assert check.passed is None
+    assert "dvl_arm" in check.advice
