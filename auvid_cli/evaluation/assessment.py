@@ -30,8 +30,10 @@ class CoefficientBound(NamedTuple):
         Smallest standard deviation of any unbiased estimate, SI; infinite where the data say nothing.
     percent : float
         Of the value; where that is zero, of the natural magnitude of a body of this size.
+    percent_with_noise : float
+        The same where process noise moves the vehicle, too; NaN where that is not known.
     label : str
-        One of `CLASSES`; the column ``verdict``.
+        One of `CLASSES`, by the larger of these two; the column ``verdict``.
     best_sensor : str
         Whose measurements say most of it.
     best_share : float
@@ -45,6 +47,7 @@ class CoefficientBound(NamedTuple):
     value: float
     cramer_rao_bound: float
     percent: float
+    percent_with_noise: float
     label: str
     best_sensor: str
     best_share: float
@@ -87,6 +90,29 @@ class SensorErrorBound(NamedTuple):
     observed: bool
 
 
+class Holding(NamedTuple):
+    """Which coefficients to estimate from data that do not tell all.
+
+    Attributes
+    ----------
+    held : tuple of str
+        Known to 20 % by no data of this kind; the others are, with these at known values.
+    kept : tuple of str
+    worst_percent : float
+        Largest bound of one that is kept, in percent of its value.
+    motions : tuple of str
+        Of which those that are kept tell: "surge", "sway" and so on.
+    unstated : tuple of str
+        Those among the held of which the vehicle file has no value.
+    """
+
+    held: tuple[str, ...]
+    kept: tuple[str, ...]
+    worst_percent: float
+    motions: tuple[str, ...]
+    unstated: tuple[str, ...]
+
+
 class Identifiability(NamedTuple):
     """Bounds of coefficients and sensor errors by what data hold at best.
 
@@ -104,6 +130,8 @@ class Identifiability(NamedTuple):
         By symbol.
     remark : str
         What is missing.
+    holding : Holding or None
+        Where some coefficients are better held; None if all are known, or none would be.
     """
 
     bounds: list[CoefficientBound]
@@ -113,6 +141,7 @@ class Identifiability(NamedTuple):
     growth: list[tuple[float, Array]]
     sensor_errors: dict[str, SensorErrorBound]
     remark: str = ""
+    holding: Holding | None = None
 
     def tables(self) -> dict[str, NamedRows]:
         """Return the rows of each CSV file, by its name."""

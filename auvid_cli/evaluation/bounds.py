@@ -1,6 +1,7 @@
 """What estimates are held against: the least standard deviation that their data allow."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,10 @@ from scipy.linalg import solve_triangular
 
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.filters.linear_smoothing import LinearSmoothing
+from auvid_cli.filters.segments import JointProblem
+from auvid_cli.filters.smoother import follow
+from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.vehicle.coefficients import SYMBOLS
@@ -103,6 +107,34 @@ def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
     return Bounds(information.bound(), information.bound_with_prior())
 
 
+class DataInformation(NamedTuple):
+    """What data say of parameters, beyond what was known before, where process noise moves the vehicle as well.
+
+    Attributes
+    ----------
+    symbols : tuple of str
+        The coefficients, then the constant errors of sensors and actuators.
+    matrix : ndarray, shape (n, n)
+        In units of the prior's standard deviations.
+    prior_std : ndarray, shape (n,)
+        SI.
+    """
+
+    symbols: tuple[str, ...]
+    matrix: Array
+    prior_std: Array
+
+    def bound(self, held: Collection[str] = ()) -> dict[str, float]:
+        """Return the least standard deviation of each, SI, with some of them known; infinite where data say nothing."""
+        kept = [place for place, symbol in enumerate(self.symbols) if symbol not in held]
+        values, directions = np.linalg.eigh(self.matrix[np.ix_(kept, kept)])
+        informed, squares = values > _ROUNDING, directions**2
+        variance = squares[:, informed] @ (1.0 / values[informed])
+        variance[(squares[:, ~informed] > _ROUNDING).any(axis=1)] = np.inf
+        deviation = self.prior_std[kept] * np.sqrt(variance)
+        return {self.symbols[place]: float(size) for place, size in zip(kept, deviation, strict=True)}
+
+
 def bounds_with_process_noise(prepared: PreparedData, reference: Estimate) -> dict[str, float]:
     """Find what the data say of each coefficient if process noise moves the vehicle as well, by symbol, SI.
 
@@ -118,19 +150,53 @@ def bounds_with_process_noise(prepared: PreparedData, reference: Estimate) -> di
         Of the iterated smoother.
     """
     problem = augmented_problem(prepared.with_settings(reference.experiment))
-    n, scale = problem.layout.n_parameters, problem.layout.scale
-    factor = scale[:n, None] * problem.prior.factor[:n, :n]
-    whitened = solve_triangular(
-        factor, solve_triangular(factor, reference.covariance[:n, :n], lower=True).T, lower=True
-    )
+    bound = _beyond_prior(problem, reference.covariance).bound()
+    return {symbol: size for symbol, size in bound.items() if symbol in SYMBOLS}
+
+
+def information_with_process_noise(prepared: PreparedData, values: Mapping[str, float]) -> DataInformation | None:
+    """Find the same before any estimate, about the trajectory that keeps some coefficients along the measurements.
+
+    Parameters
+    ----------
+    prepared : PreparedData
+    values : mapping
+        Of all coefficients that are estimated, SI, by symbol.
+
+    Returns
+    -------
+    DataInformation or None
+        None where no trajectory follows the data with these values and the process noise of the settings.
+    """
+    augmented = augmented_problem(prepared)
+    layout, mean = augmented.layout, augmented.prior.mean.copy()
+    rows = layout.rows_of("coefficients")
+    mean[rows] = [values[symbol] for symbol in layout.symbols[rows]] / layout.scale[rows]
+    timelines = [segment.timelines for segment in augmented.segments]
+    problem = JointProblem(augmented.process, augmented.sensors, timelines, augmented.prior._replace(mean=mean))
+    smoothing, trajectory = LinearSmoothing(problem), follow(problem)
+    if trajectory is None or (filtered := smoothing.filter(trajectory)) is None:
+        return None
+    # Noise that the trajectory follows would seem to move the vehicle.
+    smoothed = replace(trajectory.stepped(smoothing.step(filtered), 1.0), parameters=trajectory.parameters)
+    if (filtered := smoothing.filter(smoothed)) is None:
+        return None
+    n = layout.n_parameters
+    covariance = filtered.final.covariance()[:n, :n] * np.outer(layout.scale[:n], layout.scale[:n])
+    return _beyond_prior(augmented, covariance)
+
+
+def _beyond_prior(problem: AugmentedProblem, covariance: Array) -> DataInformation:
+    """Take the prior's information off that of a posterior covariance, SI."""
+    n = problem.layout.n_parameters
+    factor = problem.layout.scale[:n, None] * problem.prior.factor[:n, :n]
+    whitened = solve_triangular(factor, solve_triangular(factor, covariance[:n, :n], lower=True).T, lower=True)
     left, directions = np.linalg.eigh(0.5 * (whitened + whitened.T))
     # What is left of the prior's variance in each direction; with all of it left the data say nothing there.
-    known = np.maximum(1.0 - left, 0.0)
-    informed = known > _ROUNDING
-    spread = (factor @ directions) ** 2
-    variance = spread[:, informed] @ (left[informed] / known[informed])
-    variance[(spread[:, ~informed] > _ROUNDING * spread.sum(axis=1, keepdims=True)).any(axis=1)] = np.inf
-    return {symbol: float(np.sqrt(variance[i])) for i, symbol in enumerate(reference.state[:n]) if symbol in SYMBOLS}
+    known = np.where(left < 1.0 - _ROUNDING, 1.0 - left, 0.0)
+    prior_std = np.linalg.norm(factor, axis=1)
+    rows = solve_triangular(factor, np.diag(prior_std), lower=True).T @ directions
+    return DataInformation(problem.layout.symbols[:n], (rows * (known / left)) @ rows.T, prior_std)
 
 
 def true_initial_motions(prepared: PreparedData) -> list[Array] | None:

@@ -1,20 +1,31 @@
 """What data can say about the coefficients at best, before any filter runs: bounds, and what goes together."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import reduce
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.config.augmented_states import BiasName
+from auvid_cli.config.moving_states import ProcessNoise
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import DataError
-from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Collinear, Identifiability, SensorErrorBound
-from auvid_cli.evaluation.bounds import UNSTABLE, true_initial_motions
+from auvid_cli.evaluation.assessment import (
+    CLASSES,
+    CoefficientBound,
+    Collinear,
+    Holding,
+    Identifiability,
+    SensorErrorBound,
+)
+from auvid_cli.evaluation.bounds import UNSTABLE, DataInformation, information_with_process_noise, true_initial_motions
 from auvid_cli.evaluation.sensor_errors import is_observed
 from auvid_cli.filters.information import Information
 from auvid_cli.identification.fisher import information_at
-from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.identify import with_noise_settled
+from auvid_cli.identification.prepared_data import PreparedData, prepare
 from auvid_cli.identification.prior import natural_magnitude
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
@@ -29,6 +40,10 @@ class Assessed(NamedTuple):
     size: float
 
 
+_KNOWN = CLASSES[-2][0]
+_MOTIONS = "surge", "sway", "heave", "roll", "pitch", "yaw"
+# Of any vehicle at sea.
+_USUAL_ERRORS = BiasName.CURRENT, BiasName.FIN_TRIM
 # Correlation from which coefficients are said to go together.
 LARGEST_CORRELATION = 0.95
 
@@ -50,11 +65,14 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
             f"no value is known of {', '.join(missing)}: sensitivities need one of each coefficient; name an estimate "
             "that has them (--at FILE), or give the vehicle those of a similar one"
         )
-    prepared = prepare(dataset)
+    prepared = with_noise_settled(prepare(dataset))
     information = information_at(prepared, coefficients, true_initial_motions(prepared))
-    size = dataset.experiment.vehicle.size
+    with_noise = information_with_process_noise(prepared, coefficients)
+    vehicle = dataset.experiment.vehicle
     values = {
-        c.symbol: Assessed(coefficients[c.symbol], c.unit, abs(coefficients[c.symbol]) or natural_magnitude(c, size))
+        c.symbol: Assessed(
+            coefficients[c.symbol], c.unit, abs(coefficients[c.symbol]) or natural_magnitude(c, vehicle.size)
+        )
         for c in COEFFICIENTS
         if c.symbol in information.state
     }
@@ -63,13 +81,65 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
         for block in dataset.experiment.identification.estimate.blocks()
         for quantity in block.quantities
     }
-    identifiability = assess(information.by_sensor, information.growing, values, information.scale, prior_stds)
-    lost = information.lost_after
-    return (
-        identifiability
-        if lost is None
-        else identifiability._replace(remark=f"{UNSTABLE.format(lost)}: only what comes before is judged")
+    noisy = {} if with_noise is None else with_noise.bound()
+    identifiability = assess(information.by_sensor, information.growing, values, information.scale, prior_stds, noisy)
+    lost, remarks = information.lost_after, [] if dataset.truth is not None else _presumed(prepared)
+    if lost is not None:
+        remarks.append(f"{UNSTABLE.format(lost)}: only what comes before is judged")
+    holding = None if with_noise is None else what_to_hold(with_noise, values, vehicle.coefficients.by_symbol())
+    return identifiability._replace(
+        remark=". ".join(sentence[0].upper() + sentence[1:] for sentence in remarks), holding=holding
     )
+
+
+def _presumed(prepared: PreparedData) -> list[str]:
+    """Say what a promise about a real vehicle goes by that nobody said."""
+    settings, presumed = prepared.experiment.identification, []
+    if settings.process_noise == ProcessNoise():
+        presumed.append(
+            "the process noise is that of auvid's own simulations, and a real vehicle has more: these bounds are too "
+            "small by as much (--set identification.noise=estimate)"
+        )
+    if left_out := [name.value for name in _USUAL_ERRORS if name not in settings.estimate.biases]:
+        presumed.append(f"bounds presume that there is no {' and no '.join(left_out)} (identification.estimate.biases)")
+    if not settings.delays:
+        presumed.append("bounds presume inputs and sensors without delay (identification.delays)")
+    return presumed
+
+
+def what_to_hold(
+    information: DataInformation, values: Mapping[str, Assessed], stated: Collection[str]
+) -> Holding | None:
+    """Choose the coefficients to hold, the least known first, until all that are left are known to 20 %.
+
+    Parameters
+    ----------
+    information : DataInformation
+    values : mapping of Assessed
+    stated : collection of str
+        Those of which the vehicle file has a value.
+    """
+    held: list[str] = []
+    percents = _percents(information, values, held)
+    while percents and max(percents.values()) > _KNOWN:
+        held.append(max(percents, key=percents.__getitem__))
+        percents = _percents(information, values, held)
+    if not held or not percents:
+        return None
+    kept = tuple(name for name in values if name not in held)
+    rows = {coefficient.row for coefficient in COEFFICIENTS if coefficient.symbol in kept}
+    return Holding(
+        tuple(name for name in values if name in held),
+        kept,
+        max(percents.values()),
+        tuple(motion for row, motion in enumerate(_MOTIONS) if row in rows),
+        tuple(name for name in values if name in held and name not in stated),
+    )
+
+
+def _percents(information: DataInformation, values: Mapping[str, Assessed], held: Collection[str]) -> dict[str, float]:
+    bound = information.bound(held)
+    return {name: 100.0 * bound[name] / value.size for name, value in values.items() if name not in held}
 
 
 def assess(
@@ -78,6 +148,7 @@ def assess(
     values: Mapping[str, Assessed],
     to_si: Array,
     prior_stds: Mapping[str, tuple[int, float]],
+    noisy: Mapping[str, float] = MappingProxyType({}),
 ) -> Identifiability:
     """Judge information about a state that has the coefficients first.
 
@@ -93,6 +164,8 @@ def assess(
         Units of the state.
     prior_stds : mapping of (int, float)
         Of each constant sensor error the place in the state, and its standard deviation before any data, SI.
+    noisy : mapping of float
+        Bounds of coefficients and constant errors where process noise moves the vehicle, SI.
     """
     n = len(values)
     value, size = (
@@ -112,7 +185,8 @@ def assess(
     for j, (name, (_, unit, _)) in enumerate(values.items()):
         best = max(shares, key=lambda sensor: shares[sensor][j])
         others = [other for group in groups if name in group.members for other in group.members if other != name]
-        size_class = next(label for limit, label in CLASSES if percent[j] <= limit)
+        percent_with_noise = 100.0 * noisy.get(name, np.nan) / size[j]
+        size_class = next(label for limit, label in CLASSES if np.fmax(percent[j], percent_with_noise) <= limit)
         bounds.append(
             CoefficientBound(
                 name,
@@ -120,6 +194,7 @@ def assess(
                 float(value[j]),
                 float(bound[j]),
                 float(percent[j]),
+                float(percent_with_noise),
                 size_class,
                 best,
                 float(shares[best][j]),
@@ -131,7 +206,7 @@ def assess(
     for symbol, (place, prior_std) in prior_stds.items():
         row = np.zeros(to_si.size)
         row[place] = to_si[place]
-        deviation = float(uncertainty.deviation(row))
+        deviation = max(float(uncertainty.deviation(row)), noisy.get(symbol, 0.0))
         together = 1.0 / np.hypot(1.0 / deviation, 1.0 / prior_std)
         errors[symbol] = SensorErrorBound(deviation, prior_std, is_observed(together, prior_std))
     return Identifiability(bounds, groups, shares, correlation, growth, errors)

@@ -110,12 +110,18 @@ def _starts(problem: JointProblem) -> Iterator[Trajectory]:
     """Yield trajectories to start from: as a CKF has it, and with the prior's parameters along the measurements."""
     if (filtered := _ckf(problem)) is not None:
         yield filtered
+    if (followed := follow(problem)) is not None:
+        yield followed
+
+
+def follow(problem: JointProblem) -> Trajectory | None:
+    """Keep the prior's parameters along the measurements; None if the filter fails."""
     process, prior, n_parameters = problem.process, problem.prior, problem.n_parameters
     loose = process._replace(noise_density=_LOOSE * process.noise_density)
     held = prior.factor.copy()
     held[:, :n_parameters] *= _HELD
-    if (followed := _ckf(problem._replace(process=loose, prior=prior._replace(factor=held)))) is not None:
-        yield replace(followed, parameters=prior.mean[:n_parameters])
+    followed = _ckf(problem._replace(process=loose, prior=prior._replace(factor=held)))
+    return None if followed is None else replace(followed, parameters=prior.mean[:n_parameters])
 
 
 def _is_near(start: Trajectory, answer: Filtered) -> bool:

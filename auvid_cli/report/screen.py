@@ -10,7 +10,7 @@ from rich.table import Table as ScreenTable
 from rich.text import Text
 
 from auvid_cli.data.check import Check
-from auvid_cli.evaluation.assessment import CLASSES, Identifiability
+from auvid_cli.evaluation.assessment import CLASSES, Holding, Identifiability
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.judgements import judgement_sentences
 from auvid_cli.report.layout import (
@@ -102,13 +102,26 @@ def print_identifiability(console: Console, identifiability: Identifiability) ->
     whole = identifiability.growth[-1]
     medians = [f"{np.median(percent):.2g} % after {time:.4g} s" for time, percent in dict([half, whole]).items()]
     console.print(Text(f"median bound {', '.join(medians)}"))
+    if identifiability.holding is not None:
+        console.print(Text(_holding(identifiability.holding)), soft_wrap=True)
+
+
+def _holding(holding: Holding) -> str:
+    """Say what data tell of, and the setting that holds the rest."""
+    missing = f", of which it must first state {', '.join(holding.unstated)}" if holding.unstated else ""
+    only = f"These data tell of {', '.join(holding.motions)} alone. " if len(holding.motions) < 6 else ""
+    return (
+        f"{only}Hold {', '.join(holding.held)} at the values of the vehicle file{missing}; then the rest is known to "
+        f"{holding.worst_percent:.2g} % or better:\n"
+        f"  --set 'identification.coefficients=[{', '.join(holding.kept)}]'"
+    )
 
 
 def _bounds(identifiability: Identifiability) -> Table:
     ranks = {label: rank for rank, (_, label) in enumerate(CLASSES)}
     columns = (
         *(Column(header, numeric=False) for header in ("symbol", "unit")),
-        *(Column(header) for header in ("value", "bound", "bound %")),
+        *(Column(header) for header in ("value", "bound", "bound %", "with noise %")),
         *(Column(header, numeric=False) for header in ("class", "mostly from", "goes with")),
     )
     rows: list[list[Cell]] = [
@@ -118,6 +131,7 @@ def _bounds(identifiability: Identifiability) -> Table:
             bound.value,
             printed(bound.cramer_rao_bound, 2),
             printed(bound.percent, 2),
+            printed(bound.percent_with_noise, 2),
             bound.label,
             f"{bound.best_sensor} {bound.best_share:.0%}",
             bound.group,

@@ -40,6 +40,7 @@ def test_identifiability_says_before_any_filter_what_the_data_hold(tmp_path):
     assert result.exit_code == 0, result.stderr
     assert "not identified" in result.stdout, "twelve seconds are not enough for all"
     assert "within 1 %" in result.stdout
+    assert "  --set 'identification.coefficients=[X_u|u|, " in result.stdout
     home = tmp_path / "results/spiral"
     assert len(rows(home)) == N_COEFFICIENTS
     assert (home / "figures/identifiability_bounds.png").is_file()

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import find_experiment, load_experiment
-from auvid_cli.evaluation.bounds import Bounds, BoundsOf, bounds_with_process_noise
+from auvid_cli.evaluation.bounds import Bounds, BoundsOf, bounds_with_process_noise, information_with_process_noise
 from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.identifiability import assess_dataset
 from auvid_cli.evaluation.judgement import judge_one
@@ -62,6 +62,17 @@ def test_without_process_noise_the_bound_with_it_is_that_of_the_free_motion(simu
     bounds = bounds_with_process_noise(prepared, smoother)
     free = information_at(prepared, smoother.final_coefficients()).bound()
     assert np.abs(np.log([bounds[symbol] / free[symbol] for symbol in SYMBOLS])).max() < 0.02
+
+
+def test_before_any_estimate_the_bound_with_process_noise_is_that_of_the_smoother(short_run, short_estimates):
+    prepared, smoother = prepare(short_run), short_estimates[FilterName.SMOOTHER]
+    before = information_with_process_noise(prepared, smoother.final_coefficients())
+    assert before is not None
+    after, bound = bounds_with_process_noise(prepared, smoother), before.bound()
+    assert np.abs(np.log([bound[symbol] / after[symbol] for symbol in SYMBOLS])).max() < 0.05
+    few = before.bound(held=[symbol for symbol in SYMBOLS if symbol not in ("N_url", "N_uudr")])
+    assert few.keys() == {"N_url", "N_uudr"}
+    assert all(few[symbol] < bound[symbol] for symbol in few)
 
 
 def test_process_noise_leaves_less_to_be_said_and_no_measurement_nothing(short_run, short_estimates):

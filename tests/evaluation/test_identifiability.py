@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.evaluation.identifiability import Assessed, assess
+from auvid_cli.evaluation.bounds import DataInformation
+from auvid_cli.evaluation.identifiability import Assessed, assess, assess_dataset, what_to_hold
 from auvid_cli.filters.information import Information
 
 NAMES = ("X_u|u|", "Y_uvl", "Y_uudr", "K_p|p|")
@@ -94,3 +95,57 @@ def test_bounds_fall_with_the_duration_and_sensor_errors_stand_beside_their_prio
     assert not error.observed
     wide = assess({"dvl": whole}, [(10.0, whole)], named, np.ones(4), {"bias_p": (3, 1.3)})
     assert wide.sensor_errors["bias_p"].observed
+
+
+def test_process_noise_counts_where_it_promises_less():
+    seen = {"dvl": information(*np.diag(100.0 / np.abs(VALUES) / 0.5))}
+    named = {name: Assessed(v, "kg", abs(v)) for name, v in zip(NAMES, VALUES, strict=True)}
+    noisy = {name: 0.1 * abs(v) for name, v in zip(NAMES, VALUES, strict=True)} | {"K_p|p|": 0.0}
+    bounds = assess(seen, [(10.0, seen["dvl"])], named, np.ones(4), {}, noisy).bounds
+    assert [bound.label for bound in bounds] == ["within 20 %"] * 3 + ["within 1 %"]
+    assert bounds[0].percent == pytest.approx(0.5)
+    assert bounds[0].percent_with_noise == pytest.approx(10.0)
+
+
+def test_the_least_known_are_held_until_the_rest_is_known():
+    """Of two that only their sum is known of, one is enough; what nothing tells is held as well."""
+    rows = np.array([[100.0, 0, 0, 0], [0, 100.0, 100.0, 0], [0, 0.01, 0, 0]])
+    values = {name: Assessed(1.0, "kg", 1.0) for name in NAMES}
+    holding = what_to_hold(DataInformation(NAMES, rows.T @ rows, np.ones(4)), values, {"K_p|p|"})
+    assert holding is not None
+    assert holding.kept in (("X_u|u|", "Y_uvl"), ("X_u|u|", "Y_uudr"))
+    assert holding.worst_percent == pytest.approx(1.0)
+    assert holding.motions == ("surge", "sway")
+    assert holding.unstated == tuple(name for name in holding.held if name != "K_p|p|")
+    assert what_to_hold(DataInformation(NAMES, 1e4 * np.eye(4), np.ones(4)), values, NAMES) is None
+    assert what_to_hold(DataInformation(NAMES, np.zeros((4, 4)), np.ones(4)), values, NAMES) is None
+
+
+LATERAL = (
+    "manoeuvre={type: zigzag, duration: 100 s, speed: 1.5 m/s, rudder: 15 deg, heading: 40 deg, approach: 5 s}",
+    "sensors.attitude.source=direct",
+    "identification.process_noise={velocity: 1e-2, rate: 1e-2, attitude: 1e-4}",
+)
+
+
+def test_a_lateral_run_is_named_with_the_coefficients_to_hold(simulated_with, with_settings):
+    dataset = simulated_with(*LATERAL).without_truth()
+    found = assess_dataset(dataset)
+    assert found.holding is not None
+    assert set(found.holding.motions) == {"surge", "sway", "yaw"}
+    assert {"Z_w|w|", "M_q|q|", "M_uude", "K_p|p|"} <= set(found.holding.held)
+    assert {"X_u|u|", "N_url", "N_uudr"} <= set(found.holding.kept)
+    assert "no current and no fin_trim" in found.remark
+    # Without process noise far more seemed to be known.
+    assert sum(bound.percent <= 20.0 for bound in found.bounds) > len(found.holding.kept) + 3
+    kept = with_settings(dataset, f"identification.coefficients=[{', '.join(found.holding.kept)}]")
+    again = assess_dataset(kept)
+    assert again.holding is None
+    assert max(bound.percent_with_noise for bound in again.bounds) == pytest.approx(
+        found.holding.worst_percent, rel=0.1
+    )
+    # What else is not known takes its part.
+    unknown = with_settings(kept, "identification.estimate.biases=[current, fin_trim]")
+    less = {bound.coefficient: bound.percent_with_noise for bound in assess_dataset(unknown).bounds}
+    assert all(less[bound.coefficient] > 0.99 * bound.percent_with_noise for bound in again.bounds)
+    assert less["X_u|u|"] > 1.2 * next(b.percent_with_noise for b in again.bounds if b.coefficient == "X_u|u|")
