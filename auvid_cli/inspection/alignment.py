@@ -10,13 +10,16 @@ from auvid_cli.data.check import Check
 from auvid_cli.inspection.grid import Signals, change, smoothed
 from auvid_cli.inspection.inspection import cannot_tell, judged
 from auvid_cli.inspection.kinematic_ties import rates_by_sensor
-from auvid_cli.inspection.responses import AXES, RotationAxis, answer_window, moment
+from auvid_cli.inspection.responses import AXES, LEAST_DEFLECTION, RotationAxis, answer_window, moment
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
 
-# s: a lag that fins, servos and averaging may have; one that spoils every estimate; the longest that is looked for.
-_USUAL, _LARGEST, _LONGEST = 0.3, 0.6, 3.0
+# s: a lag that noise and held inputs may seem to have; those that spoil every estimate, behind the motion, which no
+# vehicle makes, and ahead of it, as slow fins do; the longest that is looked for.
+_USUAL, _LATEST, _EARLIEST, _LONGEST = 0.2, 0.3, 0.6, 3.0
+# Share of a fin's deflection by which it changes within a lag that matters.
+_MATTERS = 0.1
 # Partial correlation of an answer that tells a lag, and how much likelier, as a logarithm, another lag must be.
 _LEAST_CORRELATION, _LIKELIER = 0.4, 10.0
 _FEWEST_WINDOWS, _MOST_ROWS = 15, 10_000
@@ -33,15 +36,23 @@ class Alignment(NamedTuple):
         How much later than the motion they are stamped, s; None where nothing tells.
     exchanged : bool or None
         Whether what is called rudder turns the vehicle as an elevator does, and the other way round.
+    share : float
+        By how much the faster of the fins changes within the delay, of its RMS about its mean.
     """
 
     delay: float | None
     exchanged: bool | None
+    share: float = 0.0
 
     @property
     def is_delayed(self) -> bool:
-        """Say whether inputs come later or earlier than fins and averaging explain."""
-        return self.delay is not None and abs(self.delay) > _USUAL + _ROUNDING
+        """Say whether inputs come later or earlier than what is left of a lag in sound data."""
+        return self.delay is not None and abs(self.delay) > _USUAL
+
+    @property
+    def spoils(self) -> bool:
+        """Say whether that makes coefficients of the fins wrong."""
+        return self.delay is not None and self.share > _MATTERS and not -_EARLIEST <= self.delay <= _LATEST
 
 
 def input_alignment(signals: Signals, time_constant: float | None) -> Alignment:
@@ -63,10 +74,31 @@ def input_alignment(signals: Signals, time_constant: float | None) -> Alignment:
         return Alignment(None, None)
     exchanged = bool(crossed.max() > as_named.max() + _LIKELIER)
     likelihood, delays = crossed if exchanged else as_named, _lags(signals)
-    usual = np.abs(delays) <= _USUAL + 0.5 * signals.grid.step
-    if not likelihood.max() > likelihood[usual].max() + _LIKELIER:
-        likelihood = np.where(usual, likelihood, -np.inf)
-    return Alignment(float(delays[likelihood.argmax()]) * signals.grid.step, exchanged)
+    usual = np.abs(delays) * signals.grid.step <= _USUAL + 0.5 * signals.grid.step
+    likeliest = int(likelihood.argmax())
+    if not likelihood[likeliest] > likelihood[usual].max() + _LIKELIER:
+        likeliest = int(np.where(usual, likelihood, -np.inf).argmax())
+    cells = float(delays[likeliest]) + _peak(likelihood, likeliest)
+    return Alignment(cells * signals.grid.step, exchanged, _share(signals, round(cells)))
+
+
+def _share(signals: Signals, cells: int) -> float:
+    """Return by how much of its RMS about its mean the faster fin changes within so many cells."""
+    shares = [0.0]
+    for fin in _OTHER_FIN:
+        deflection = signals.values[fin]
+        if (spread := float(np.nanstd(deflection))) > LEAST_DEFLECTION and cells:
+            shares.append(float(np.sqrt(np.nanmean(np.square(_earlier(deflection, cells) - deflection)))) / spread)
+    return max(shares)
+
+
+def _peak(likelihood: Array, at: int) -> float:
+    """Return how far beyond one of evenly spaced values, a peak, the parabola through it and its neighbours peaks."""
+    if not 0 < at < likelihood.size - 1 or likelihood[at] < max(likelihood[at - 1], likelihood[at + 1]):
+        return 0.0
+    before, here, after = likelihood[at - 1 : at + 2]
+    curvature = before - 2.0 * here + after
+    return float(0.5 * (before - after) / curvature) if curvature < 0.0 else 0.0
 
 
 def aligned(signals: Signals, alignment: Alignment) -> Signals:
@@ -83,7 +115,8 @@ def aligned(signals: Signals, alignment: Alignment) -> Signals:
 
 def alignment_checks(alignment: Alignment) -> list[Check]:
     """Judge the delay of the inputs and which fin is which."""
-    delay_limit, assignment = f"<= {_USUAL:g} s; fails beyond {_LARGEST:g} s", "r answers rudder, q elevator"
+    assignment = "r answers rudder, q elevator"
+    delay_limit = f"<= {_USUAL:g} s; fails {_LATEST:g} s late or {_EARLIEST:g} s early if a fin changes much in it"
     if alignment.delay is None or alignment.exchanged is None:
         reason = "no turning answers an input"
         return [
@@ -91,19 +124,20 @@ def alignment_checks(alignment: Alignment) -> list[Check]:
             cannot_tell("inputs", "rudder and elevator", reason, assignment),
         ]
     delay = alignment.delay
-    late = f"lag behind the motion by {delay:.1f} s" if delay >= 0.0 else f"are {-delay:.1f} s ahead of the motion"
+    if delay >= 0.0:
+        late, why = f"lag behind the motion by {delay:.2f} s", "What comes after its answer spoils coefficients of fins"
+    else:
+        late = f"are {-delay:.2f} s ahead of the motion"
+        why = "Fins follow late (`identification.fin_time_constant`), or the clock of their commands is ahead"
     return [
         judged(
             "inputs",
             "delay",
-            statistic=f"inputs {late}",
+            statistic=f"inputs {late}, in which a fin changes by {alignment.share:.0%}",
             threshold=delay_limit,
-            passed=True if not alignment.is_delayed else None if abs(delay) <= _LARGEST + _ROUNDING else False,
-            advice="Shift the times of the inputs, for an input that comes at another time than its answer spoils "
-            "every coefficient of a fin. Signs were judged as if they were shifted."
-            if delay > 0.0
-            else "Inputs are commands that fins follow late (`identification.fin_time_constant`), or their clock is "
-            "ahead of that of the sensors: shift their times. Signs were judged as if they were shifted.",
+            passed=True if not alignment.is_delayed else False if alignment.spoils else None,
+            advice=f"{why}: state it (`identification.delays={{inputs: {-delay:.2g} s}}`), or shift the times. Signs "
+            "were judged as if they were shifted.",
         ),
         judged(
             "inputs",
@@ -146,8 +180,8 @@ def _correlations(signals: Signals, axis: RotationAxis, time_constant: float | N
         return np.zeros(lags.size), 0.0
     window = answer_window(signals, axis, time_constant)
     beside = [rate, *(signals.values[s] for s in axis.beside if signals.has(s) and s not in INPUT_SYMBOLS)]
-    rows = np.stack([change(rate, window), *(smoothed(each, window) for each in beside)])
-    force = smoothed(force, window)
+    rows = np.stack([change(rate, window), *(_between_centres(each, window) for each in beside)])
+    force = _between_centres(force, window)
     # Known at every lag.
     complete = np.isfinite(rows).all(axis=0)
     complete &= np.isfinite(_earlier(smoothed(force, lags.size), int(lags[0])))
@@ -160,6 +194,12 @@ def _correlations(signals: Signals, axis: RotationAxis, time_constant: float | N
     basis, _ = np.linalg.qr(beside / np.maximum(np.abs(beside).max(axis=0), np.finfo(np.float64).tiny))
     answer = _left(rows[0, at], basis)
     return np.array([answer @ _left(force[at + lag], basis) for lag in lags]), windows
+
+
+def _between_centres(values: Array, window: int) -> Array:
+    """Average from the middle of each cell to that of the one `window` cells later, as `change` goes."""
+    means = smoothed(values, window)
+    return 0.5 * (means + _earlier(means, 1))
 
 
 def _left(values: Array, basis: Array) -> Array:

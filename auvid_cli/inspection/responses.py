@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 # Standard errors from 0, and partial correlation, at which a sign is known.
 _SIGMAS, _LEAST_CORRELATION = 5.0, 0.4
 # rad, of a fin that moves at all.
-_LEAST_DEFLECTION = 1e-3
+LEAST_DEFLECTION = 1e-3
 _SHORTEST_ANSWER, _USUAL_ANSWER, _LONGEST_ANSWER = 0.3, 1.0, 3.0
 
 
@@ -60,7 +60,7 @@ def moment(signals: Signals, axis: RotationAxis) -> Array | None:
     given = signals.values[axis.given]
     if axis.given == "roll_moment":
         return given
-    if not np.nanstd(given) > _LEAST_DEFLECTION:
+    if not np.nanstd(given) > LEAST_DEFLECTION:
         return None
     return signals.values["u"] ** 2 * given if signals.has("u") else given
 

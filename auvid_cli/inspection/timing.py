@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from auvid_cli.data.check import Check
 from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.data.gaps import gap_limit, repeats
+from auvid_cli.data.noise import quantisation_step
 from auvid_cli.inspection.inspection import judged
 
 Array = NDArray[np.float64]
@@ -20,9 +21,19 @@ _DISTINCT, _CONTINUOUS = 3.0, 3.0
 
 
 def new_measurement_rate(record: SensorRecord) -> float:
-    """Return the median rate of measurements that differ from the one before, 1/s; 0 if there are not two."""
+    """Return the rate of measurements that differ from the one before, 1/s; 0 if there are not two.
+
+    The usual rate times the share of them that is new. Of measurements on a grid, which may be equal by chance, by the
+    median interval between new ones.
+    """
     starts = repeats(record)[:, 0]
-    return 1.0 / float(np.median(np.diff(starts))) if starts.size > 1 else 0.0
+    if starts.size < 2:
+        return 0.0
+    present = np.isfinite(record.values).any(axis=1)
+    columns = (column[np.isfinite(column)] for column in record.values.T)
+    if any(np.unique(column).size > 2 and quantisation_step(column) > 0.0 for column in columns):
+        return 1.0 / float(np.median(np.diff(starts)))
+    return starts.size / int(present.sum()) / float(np.median(np.diff(record.time[present])))
 
 
 def clock_jumps(record: SensorRecord) -> NDArray[np.int64]:

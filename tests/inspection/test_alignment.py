@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvid_cli.inspection.alignment import input_alignment
+from auvid_cli.inspection.alignment import Alignment, input_alignment
 from auvid_cli.inspection.grid import Grid, Signals
 from auvid_cli.inspection.inspect import inspect_dataset
 
@@ -39,10 +39,21 @@ def test_inputs_at_another_time_than_the_motion_are_caught_with_the_lag(seconds,
     assert ("ahead" in checks[DELAY].statistic) == (seconds < 0.0)
 
 
-def test_half_a_second_is_worth_knowing(dataset):
+def test_a_lag_of_some_tenths_fails_if_the_fins_change_much_in_it(dataset):
     checks, fails = verdicts(late(dataset, 0.4))
+    assert fails == {DELAY}
+    assert "identification.delays={inputs: -0.4" in checks[DELAY].advice
+    checks, fails = verdicts(late(dataset, -0.4))
     assert fails == set()
     assert checks[DELAY].passed is None
+    assert "fin_time_constant" in checks[DELAY].advice
+
+
+def test_the_lag_is_told_between_samples_and_does_not_matter_to_slow_fins(dataset):
+    found = [float(verdicts(late(dataset, s))[0][DELAY].statistic.split(" s")[0].split()[-1]) for s in (0.0, 0.1, 0.35)]
+    assert found == pytest.approx([0.0, 0.1, 0.35], abs=0.08)
+    assert not Alignment(0.5, False, share=0.05).spoils
+    assert Alignment(0.5, False, share=0.5).spoils
 
 
 def test_a_turned_sign_is_found_behind_a_lag(dataset):

@@ -38,6 +38,14 @@ def test_copies_of_a_measurement_are_counted_once(turning):
     assert rate.passed is None
 
 
+def test_seven_measurements_a_second_held_at_ten_are_noticed(turning):
+    time = 0.1 * np.arange(1000)
+    held = record_of(time, turning.values[(0.7 * np.arange(1000) + 1e-9).astype(int), 0])
+    rate = judged(held)["rate"]
+    assert rate.statistic == "10 Hz, new measurements at 7 Hz"
+    assert rate.passed is None
+
+
 def test_uneven_intervals_are_worth_knowing(turning, rng):
     shaken = replace(turning, time=turning.time + 0.04 * rng.random(1000))
     jitter = judged(shaken)["jitter"]
