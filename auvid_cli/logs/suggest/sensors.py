@@ -34,8 +34,8 @@ _SOME_GRAVITY, _HANGING = 5.0, 0.75 * np.pi
 # Of rows that are as the one before: more than that are rather a slower sensor's last value.
 _MANY_REPEATS = 0.5
 # Of log likelihoods: what conventions and words say of axes and of the sign of a heading.
-_CONVENTION, _QUATERNION, _HANGS, _HEADING, _EAST = 6.0, 2.0, 2.0, 1.5, 8.0
-_FLAG = re.compile(r"(?P<whose>.*?)[_. ]?(valid|validity|is_valid)", re.IGNORECASE)
+_CONVENTION, _QUATERNION, _HANGS, _HEADING, _EAST, _OF_HEADING = 6.0, 2.0, 2.0, 1.5, 8.0, 4.0
+_FLAG = re.compile(r"(?P<whose>.*?)[_. ]?(valid|validity|is_valid|lock(ed)?)", re.IGNORECASE)
 # What columns of a sensor, and its flags, are called by.
 _WORDS = {
     "gyroscope": ("gyro", "imu", "rate"),
@@ -92,7 +92,11 @@ def sensor_tracks(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -
     tracks: dict[str, Track] = {}
     for sensor in sensors.values():
         for part in sensor.parts:
-            tracks |= tracks_of(logs[part.log], part.match.table, part.si())
+            log, signals = logs[part.log], part.si()
+            if flag := flag_of(sensors, log, part):
+                said = np.asarray(log.read(part.match.table, [flag])[flag], np.float64) == 1.0
+                signals = {symbol: np.where(said, values, np.nan) for symbol, values in signals.items()}
+            tracks |= tracks_of(log, part.match.table, signals)
     if "phi" in tracks and _hangs(tracks["phi"].values):
         tracks["phi"] = tracks["phi"]._replace(values=tracks["phi"].values + np.pi)
     return {symbol: track for symbol, track in tracks.items() if np.isfinite(track.values).any()}
@@ -111,6 +115,9 @@ def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
             if "psi" in part.match.columns:
                 called = part.match.columns["psi"].name.lower()
                 expected["psi"] = {"+": -_EAST if "enu" in called else _HEADING if "heading" in called else 0.0}
+                if "enu" in called and convention is None:
+                    # What is said of the heading alone leaves the body's axes as they are.
+                    expected.setdefault(name, {"FRD": _OF_HEADING})
     attitude = sensors.get("attitude")
     if attitude is not None and "dvl" in sensors and "phi" in (angles := attitude.main.si()) and _hangs(angles["phi"]):
         expected.setdefault("dvl", {"FLU": _HANGS})
@@ -224,7 +231,12 @@ def _hangs(roll: Array) -> bool:
 
 
 def _valid(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> Iterator[Line]:
-    """Name the flag of a table that is this sensor's own: by what it is called, or as the only sensor of the table."""
+    if flag := flag_of(sensors, log, main):
+        yield YamlEntry("valid", {"column": flag, "values": (True, 1)}, "check: which values mean valid")
+
+
+def flag_of(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> str:
+    """Find the flag of a table that is this sensor's own: by what it is called, or as the only sensor of the table."""
     sharing = [
         other for other in sensors.values() if (other.main.log, other.main.match.table) == (main.log, main.match.table)
     ]
@@ -237,10 +249,8 @@ def _valid(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> Iterato
         named = [sensor for sensor, words in _WORDS.items() if any(word in whose for word in words)]
         if main.sensor in named or (not named and len(sharing) == 1):
             own.append(column.name)
-    if own:
-        # Of "velocity_valid" and "beams[0].valid" that of the whole message.
-        flag = min(own, key=lambda name: name.count("."))
-        yield YamlEntry("valid", {"column": flag, "values": (True, 1)}, "check: which values mean valid")
+    # Of "velocity_valid" and "beams[0].valid" that of the whole message.
+    return min(own, key=lambda name: name.count("."), default="")
 
 
 def _convention(log: Log, table: str) -> tuple[str, str] | None:

@@ -22,8 +22,9 @@ _ANGLES = ("phi", "theta", "psi")
 _LEAST, _FEWEST, _MOST = 0.3, 12, 12.0
 # A vehicle may slide to either side of where its DVL turns, and closed loops confound what answers what.
 _DOUBTFUL, _LEAST_DOUBTFUL, _CONFOUNDED = 1.5, 0.5, 3.5
-# By how much a delay must be likelier than none, as a logarithm, and what each second of it costs.
-_LIKELIER, _PER_SECOND = 6.0, 8.0
+# By how much a delay must be likelier than none, as a logarithm, what each second of it costs, and how well signals must
+# agree then: what is left out between them may lag as well.
+_LIKELIER, _PER_SECOND, _AGREED = 6.0, 8.0, 0.8
 
 
 class Track(NamedTuple):
@@ -123,6 +124,10 @@ class _Signals:
         """Return those of some signals that are there, smoothed."""
         return tuple(self.mean(symbol) for symbol in symbols if symbol in self.on)
 
+    def course(self) -> tuple[Array, ...]:
+        """Return what a current adds to a velocity over ground goes with, if there is a heading."""
+        return (np.cos(self.on["psi"]), np.sin(self.on["psi"])) if "psi" in self.on else ()
+
     def turning(self, symbol: str, angle: str) -> tuple[str, Array] | None:
         """Return a rate, by its sensor or by the change of the angle, with the symbol whose sign it has."""
         if symbol in self.on:
@@ -141,7 +146,7 @@ def _pairs(s: _Signals) -> Iterator[_Pair]:
         axis, rate = turn
         if s.has("v"):
             words = "v slides outward in a turn"
-            yield _Pair(("v", axis), words, s.mean("v"), -rate, most=_DOUBTFUL, tells_delay=False)
+            yield _Pair(("v", axis), words, s.mean("v"), -rate, s.course(), most=_DOUBTFUL, tells_delay=False)
         yield from _answers(s, axis, rate, TURNING)
     pitching = s.turning("q", "theta")
     if pitching is not None:
@@ -215,7 +220,7 @@ def _compare(pair: _Pair, step: float) -> Agreement | None:
         # What swings agrees with itself at many lags: the smaller ones are likelier.
         likely = np.array([_likelihood(size, number) for size in sizes]) - _PER_SECOND * step * np.abs(lags)
         at = int(likely.argmax())
-        if 0 < at < lags.size - 1 and likely[at] > likely[lags == 0] + _LIKELIER:
+        if 0 < at < lags.size - 1 and sizes[at] > _AGREED and likely[at] > likely[lags == 0] + _LIKELIER:
             before, here, after = sizes[at - 1 : at + 2]
             delay = float(step * (lags[at] + 0.5 * (before - after) / (before - 2.0 * here + after)))
             best = shifted[at] or now

@@ -9,7 +9,7 @@ from auvid_cli.logs.suggest.commented_yaml import Comment
 from auvid_cli.logs.suggest.inputs import FoundInputs
 from auvid_cli.logs.suggest.names import is_filter_output, is_set_point
 from auvid_cli.logs.suggest.rows import time_of
-from auvid_cli.logs.suggest.sensors import FoundSensor
+from auvid_cli.logs.suggest.sensors import FoundSensor, flag_of
 
 _LINE = 110
 
@@ -17,12 +17,17 @@ _LINE = 110
 def unused_lines(
     logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], inputs: FoundInputs | None
 ) -> Iterator[Comment]:
-    """Name every column that is neither sensor, input nor time, and what is a set-point or a filter's by its name."""
+    """Name every column that is neither sensor nor its flag, input nor time, and what is a set-point or a filter's by its name."""
     used = {
         (part.log, part.match.table, column.name)
         for sensor in sensors.values()
         for part in sensor.parts
         for column in part.match.columns.values()
+    }
+    used |= {
+        (part.log, part.match.table, flag_of(sensors, logs[part.log], part))
+        for sensor in sensors.values()
+        for part in sensor.parts
     }
     if inputs is not None:
         used |= {(signal.log, signal.table, signal.column.name) for signal in inputs.signals.values()}

@@ -199,6 +199,33 @@ def test_the_flag_of_a_dvl_is_not_put_on_other_sensors():
     assert not [name for name, sensor in found["sensors"].items() if "valid" in sensor]
 
 
+def test_what_was_measured_without_bottom_lock_speaks_for_nothing():
+    lost = np.arange(TIME.size) % 300 > 250
+    log = MUTATIONS["heading ENU"]({name: TRUTH[name] for name in (*"uvw", "theta", "psi", "rudder")})
+    log = renamed("psi", "Yaw_ENU")(MUTATIONS["dvl FLU"](log))
+    without = {name: np.where(lost, 30.0, log[name]) for name in "uvw"}
+    text, found = suggested(log | without | {"bottom_lock": np.where(lost, 0.0, 1.0)})
+    dvl = found["sensors"]["dvl"]
+    assert (dvl["frame"], dvl["valid"]["column"]) == ("FLU", "bottom_lock")
+    assert "not used" not in text
+
+
+def test_a_heading_from_east_says_nothing_of_the_axes_of_a_pitch():
+    log = renamed("psi", "Yaw_ENU")(MUTATIONS["heading ENU"]({name: TRUTH[name] for name in ("theta", "psi", "rudder")}))
+    text, found = suggested(log)
+    attitude = found["sensors"]["attitude"]
+    assert (attitude["frame"], attitude["columns"]["theta"]) == ("FRD", "theta")
+    assert "nothing tells theta" in text
+
+
+def test_signals_that_hardly_agree_tell_no_delay():
+    heaving = np.convolve(np.random.default_rng(3).standard_normal(TIME.size), np.full(30, 0.025), "same")
+    log = {name: TRUTH[name] for name in ("u", "theta", "w")}
+    later = np.interp(TIME - 0.4, TIME, TRUTH["down"])
+    _, found = suggested(log | {"depth": later + heaving})
+    assert "offset" not in found["sensors"]["depth"]["time"]
+
+
 def test_every_column_that_is_not_used_is_listed():
     text, found = suggested(TRUTH | {"battery": TIME, "desired_depth": TIME, "target.roll": TIME})
     assert found["sensors"]["attitude"]["columns"]["phi"] == "phi"
