@@ -91,10 +91,15 @@ class Autopilot(Settings):
     ] = 1.0
 
 
-class LevelAutopilot(Autopilot):
-    """For manoeuvres whose rudder follows a rule of its own: depth is held, the rudder is free."""
+class DepthAutopilot(Autopilot):
+    """For level manoeuvres: depth is held."""
 
     vertical: Annotated[Literal["pitch", "depth", "none"], Field(description="what the elevator holds")] = "depth"
+
+
+class LevelAutopilot(DepthAutopilot):
+    """For manoeuvres whose rudder follows a rule of its own: depth is held, the rudder is free."""
+
     horizontal: Annotated[Literal["turn_rate", "none"], Field(description="what the rudder holds")] = "none"
 
 
@@ -174,6 +179,15 @@ class TurningCircle(ManoeuvreSettings):
     autopilot: LevelAutopilot = LevelAutopilot()
 
 
+class Lawnmower(ManoeuvreSettings):
+    """Straight legs, and half turns between them to alternating sides, the first to starboard."""
+
+    type: Literal["lawnmower"]
+    leg: Annotated[Seconds, Field(description="time on each straight leg")]
+    turn_rate: Annotated[float, Amount("rad/s"), Field(gt=0, description="yaw rate that is held in a turn")]
+    autopilot: DepthAutopilot = DepthAutopilot()
+
+
 class MultisineRun(ManoeuvreSettings):
     """A straight, level run with the excitation on top."""
 
@@ -201,5 +215,5 @@ class Recorded(ManoeuvreSettings):
 
 
 AnyManoeuvre = Annotated[
-    Spiral | Zigzag | TurningCircle | MultisineRun | Doublets | Recorded, Field(discriminator="type")
+    Spiral | Zigzag | TurningCircle | Lawnmower | MultisineRun | Doublets | Recorded, Field(discriminator="type")
 ]

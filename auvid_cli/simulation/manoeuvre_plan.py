@@ -13,6 +13,7 @@ from auvid_cli.config.manoeuvre import (
     AnyManoeuvre,
     Doublets,
     Excitation,
+    Lawnmower,
     Multisine,
     MultisineRun,
     Recorded,
@@ -96,6 +97,8 @@ def make_plan(manoeuvre: AnyManoeuvre) -> ManoeuvrePlan:
             return plan._replace(zigzag=(manoeuvre.rudder, manoeuvre.heading, manoeuvre.approach))
         case TurningCircle():
             feedforward[time >= manoeuvre.approach, 0] += manoeuvre.rudder
+        case Lawnmower():
+            return plan._replace(turn_rate=_half_turns(manoeuvre, time) * ramp)
         case Doublets():
             feedforward[:, :2] += _doublets(manoeuvre, time)
         case Recorded():
@@ -133,6 +136,12 @@ def _excitation(excitation: Excitation, time: Array) -> Array:
     channels = (excitation.rudder, excitation.elevator, excitation.surge_force, excitation.roll_moment)
     columns = [multisine(c, time) if c is not None else np.zeros(time.size) for c in channels]
     return np.stack(columns, axis=1)
+
+
+def _half_turns(manoeuvre: Lawnmower, time: Array) -> Array:
+    period = manoeuvre.leg + np.pi / manoeuvre.turn_rate
+    leg, within = np.divmod(time, period)
+    return np.where(within < manoeuvre.leg, 0.0, manoeuvre.turn_rate * (-1.0) ** leg)
 
 
 def _doublets(manoeuvre: Doublets, time: Array) -> Array:

@@ -40,6 +40,13 @@ def test_doublets_are_3211_of_the_rudder_then_of_the_elevator(plan_of):
     assert np.all(plan.feedforward[:, 2:] == 0.0)
 
 
+def test_a_lawnmower_turns_by_half_turns_to_alternating_sides_between_its_legs(plan_of):
+    plan = plan_of("{type: lawnmower, duration: 100 s, speed: 1 m/s, leg: 20 s, turn_rate: 9 deg/s, input_rate: 10 Hz}")
+    turned = np.concatenate([[0.0], np.cumsum(plan.turn_rate[:-1]) / 10.0])
+    assert_allclose(np.rad2deg(turned[[200, 400, 600, 800, 1000]]), [0.0, 180.0, 180.0, 0.0, 0.0], atol=1e-9)
+    assert_allclose(np.unique(np.abs(plan.turn_rate)), [0.0, np.deg2rad(9.0)])
+
+
 def test_multisine_has_the_stated_peak_and_only_the_stated_lines(experiment_with):
     settings = experiment_with(
         "manoeuvre.excitation.rudder={amplitude: 8 deg, lowest: 0.1 Hz, highest: 0.5 Hz, lines: 5}"
