@@ -14,8 +14,9 @@ from auvid_cli.identification.timeline import measuring_sensors
 
 Array = NDArray[np.float64]
 
-# Consecutive measurements that are the same only if they are copies, and how many places are looked at for each sensor.
-_RUN, _PLACES = 8, 1000
+# Consecutive measurements that are the same only if they are copies, however fine; how many places are looked at for each
+# sensor; and the chance that coarse ones are the same and no copies.
+_RUN, _PLACES, _CHANCE = 8, 1000, 1e-6
 # Relative difference between two values that are the same for a model.
 _SAME = 1e-6
 
@@ -102,16 +103,39 @@ def have_run_in_common(some: Array, others: Array) -> bool:
     if not both.any():
         return False
     some, others = (_changing(record[:, both]) for record in (some, others))
-    if min(len(some), len(others)) < _RUN:
+    length = _telling_run(others)
+    if min(len(some), len(others)) < length:
         return False
     order = np.argsort(others[:, 0], kind="stable")
     ordered = others[order, 0]
-    for place in np.unique(np.linspace(0, len(some) - _RUN, _PLACES).astype(np.int64)):
-        run = some[place : place + _RUN]
+    for place in np.unique(np.linspace(0, len(some) - length, _PLACES).astype(np.int64)):
+        run = some[place : place + length]
         same = slice(*(np.searchsorted(ordered, run[0, 0], side) for side in ("left", "right")))
-        if any(np.array_equal(run, others[i : i + _RUN]) for i in order[same]):
+        if any(np.array_equal(run, others[i : i + length]) for i in order[same]):
             return True
     return False
+
+
+def _telling_run(record: Array) -> int:
+    """Return how many consecutive measurements are hardly the same by chance: more of those that take few values."""
+    if len(record) < _RUN:
+        return _RUN
+    _, value = np.unique(record, axis=0, return_inverse=True)
+    value = value.ravel()
+    once, twice = (_coincidence(names) for names in (value, value[:-1] * len(record) + value[1:]))
+    if twice == 0.0:
+        return _RUN
+    # If one measurement is the same, so often is the next.
+    again = min(twice / once, 1.0)
+    if again == 1.0:
+        return len(record) + 1
+    return max(_RUN, int(np.ceil(np.log(_CHANCE / (_PLACES * len(record))) / np.log(again))))
+
+
+def _coincidence(names: NDArray[np.int64]) -> float:
+    """Return how often two different places have the same name."""
+    counts = np.unique(names, return_counts=True)[1]
+    return float((counts * (counts - 1)).sum() / (names.size * (names.size - 1)))
 
 
 def _changing(record: Array) -> Array:

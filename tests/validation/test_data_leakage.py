@@ -64,6 +64,17 @@ def test_copies_are_found_behind_missing_components_and_held_values(rng):
     assert not have_run_in_common(without, rng.standard_normal((100, 3)))
 
 
+def test_a_held_depth_in_whole_centimetres_is_no_copy_of_itself(rng):
+    def held():
+        drift = np.convolve(rng.standard_normal(2000), np.ones(40) / 40, "same")
+        return np.round(12.0 + 0.02 * drift + 0.005 * rng.standard_normal(2000), 2)[:, None]
+
+    one, other = held(), held()
+    assert not have_run_in_common(one, other)
+    assert have_run_in_common(one[500:1500], one)
+    assert not have_run_in_common(np.round(one), np.round(one) % 2)
+
+
 @pytest.mark.parametrize(("since", "until"), [(0.0, 60.0), (20.0, 40.0)])
 def test_measurements_that_it_has_seen_are_refused(short_run, estimate, since, until):
     with pytest.raises(DataError, match="among those"):
