@@ -3,6 +3,7 @@
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.simulation import simulate as simulation
+from auvid_cli.simulation.field_log import field_log
 
 
 def simulate(experiment: Experiment) -> Dataset:
@@ -32,3 +33,8 @@ def simulate(experiment: Experiment) -> Dataset:
     (71, 3)
     """
     return simulation.simulate(experiment)
+
+
+def simulate_log(experiment: Experiment) -> dict[str, str]:
+    """Simulate an experiment, and write it as files that a vehicle of somebody else would have logged, by name."""
+    return field_log(simulation.simulate(experiment))

@@ -1,5 +1,6 @@
 """The steps of the main job, as the commands string them together."""
 
+import shlex
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import read_dataset
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.files import keep_apart, write_text
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.replacement import other_estimates, other_run, put_dataset, refuse_unless
 from auvid_cli.data.results_folder import dataset_in, estimates_in, products, remove, remove_former
@@ -74,6 +76,29 @@ def simulate_to(
     sensors = ", ".join(f"{name} {record.time.size}" for name, record in dataset.sensors.items())
     terminal.say(f"{path}: {dataset.inputs.time[-1]:g} s of {experiment.manoeuvre.type}; samples: {sensors}")
     return dataset
+
+
+def simulate_log_to(
+    folder: Path, experiment: Experiment, terminal: Terminal, inputs: list[Path], overwrite: bool
+) -> None:
+    """Simulate an experiment into files such as a vehicle of somebody else would have logged.
+
+    Raises
+    ------
+    FileError
+        If one of them stands in the folder, and `overwrite` is not said.
+    """
+    with terminal.compiling():
+        from auvid_cli.api.simulation import simulate_log
+    with terminal.stage("simulate"):
+        texts = {folder / name: text for name, text in simulate_log(experiment).items()}
+    refuse_unless(overwrite, next((f"{path}: exists already" for path in texts if path.exists()), ""))
+    keep_apart(texts, inputs)
+    for path, text in texts.items():
+        write_text(path, text)
+    terminal.say_all([*texts])
+    logs = shlex.join(str(path) for path in texts if path.suffix == ".csv")
+    terminal.say(f"next: auvid import --suggest {logs} -o {shlex.quote(str(folder / 'map.yaml'))}")
 
 
 def say_doubts(vehicle: VehicleSettings, terminal: Terminal) -> None:

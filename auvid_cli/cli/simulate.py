@@ -1,5 +1,9 @@
 """auvid simulate."""
 
+from typing import Annotated
+
+import typer
+
 from auvid_cli.cli.options import (
     DryRunOption,
     ExperimentArgument,
@@ -18,6 +22,14 @@ def simulate(
     experiment: ExperimentArgument = None,
     settings: SetOption = None,
     seed: SeedOption = None,
+    as_log: Annotated[
+        bool,
+        typer.Option(
+            "--as-log",
+            help="Write no dataset but CSV files, as a vehicle of somebody else would have logged the run, and a "
+            "vehicle file that is 30 % off.",
+        ),
+    ] = False,
     output: OutputOption = None,
     overwrite: OverwriteOption = False,
     quiet: QuietOption = False,
@@ -35,4 +47,7 @@ def simulate(
             print(dump_experiment(loaded), end="")
             return
         folder = output or folder_of_run(loaded.name)
+        if as_log:
+            pipeline.simulate_log_to(folder, loaded, Terminal(quiet, verbose), files, overwrite)
+            return
         pipeline.simulate_to(folder, loaded, Terminal(quiet, verbose), files, overwrite)

@@ -14,8 +14,8 @@ from auvid_cli.identification.timeline import measuring_sensors
 
 Array = NDArray[np.float64]
 
-# Consecutive measurements that are the same only if they are copies, however fine; how many places are looked at for each
-# sensor; and the chance that coarse ones are the same and no copies.
+# Consecutive measurements that are the same only if they are copies, however fine; how many places are looked at for
+# each sensor; and the chance that coarse ones are the same and no copies.
 _RUN, _PLACES, _CHANCE = 8, 1000, 1e-6
 # Relative difference between two values that are the same for a model.
 _SAME = 1e-6

@@ -356,3 +356,13 @@ def test_check_lists_verdicts_with_advice_and_its_exit_code_says_whether_one_fai
 
 def test_check_of_nothing_is_one_clear_complaint(tmp_path):
     assert_one_clear_complaint(auvid("check", "results/spiral", cwd=tmp_path), "results/spiral/dataset.h5")
+
+
+def test_a_run_becomes_somebody_elses_logs_that_are_not_written_over(tmp_path):
+    survey = ("simulate", "field", "--as-log", "--set", "manoeuvre.duration=20 s", "-o", tmp_path)
+    said = auvid(*survey).stdout
+    assert "next: auvid import --suggest" in said
+    written = {path.name for path in tmp_path.iterdir()}
+    assert written == {"fins.csv", "compass.csv", "dvl.csv", "depth.csv", "vehicle.yaml"}
+    assert_one_clear_complaint(auvid(*survey), "fins.csv: exists already")
+    assert auvid(*survey, "--overwrite").exit_code == 0

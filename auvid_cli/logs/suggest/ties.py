@@ -22,8 +22,8 @@ _ANGLES = ("phi", "theta", "psi")
 _LEAST, _FEWEST, _MOST = 0.3, 12, 12.0
 # A vehicle may slide to either side of where its DVL turns, and closed loops confound what answers what.
 _DOUBTFUL, _LEAST_DOUBTFUL, _CONFOUNDED = 1.5, 0.5, 3.5
-# By how much a delay must be likelier than none, as a logarithm, what each second of it costs, and how well signals must
-# agree then: what is left out between them may lag as well.
+# By how much a delay must be likelier than none, as a logarithm, what each second of it costs, and how well signals
+# must agree then: what is left out between them may lag as well.
 _LIKELIER, _PER_SECOND, _AGREED = 6.0, 8.0, 0.8
 
 

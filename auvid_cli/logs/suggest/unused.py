@@ -17,7 +17,7 @@ _LINE = 110
 def unused_lines(
     logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], inputs: FoundInputs | None
 ) -> Iterator[Comment]:
-    """Name every column that is neither sensor nor its flag, input nor time, and what is a set-point or a filter's by its name."""
+    """Name every column that is no sensor, flag, input or time; what is a set-point or a filter's by its name."""
     used = {
         (part.log, part.match.table, column.name)
         for sensor in sensors.values()

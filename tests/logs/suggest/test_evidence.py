@@ -211,7 +211,9 @@ def test_what_was_measured_without_bottom_lock_speaks_for_nothing():
 
 
 def test_a_heading_from_east_says_nothing_of_the_axes_of_a_pitch():
-    log = renamed("psi", "Yaw_ENU")(MUTATIONS["heading ENU"]({name: TRUTH[name] for name in ("theta", "psi", "rudder")}))
+    log = renamed("psi", "Yaw_ENU")(
+        MUTATIONS["heading ENU"]({name: TRUTH[name] for name in ("theta", "psi", "rudder")})
+    )
     text, found = suggested(log)
     attitude = found["sensors"]["attitude"]
     assert (attitude["frame"], attitude["columns"]["theta"]) == ("FRD", "theta")

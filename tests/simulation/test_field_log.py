@@ -1,0 +1,47 @@
+"""A simulated survey as somebody else's vehicle would have logged it."""
+
+import csv
+
+import numpy as np
+import pytest
+import yaml
+
+from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.simulation.field_log import field_log
+from auvid_cli.simulation.simulate import simulate
+
+DURATION = ("manoeuvre.duration=60 s",)
+
+
+@pytest.fixture(scope="module")
+def survey():
+    return simulate(load_experiment(find_experiment("field"), DURATION))
+
+
+def test_each_device_has_a_file_with_units_and_flags_below_its_names(survey):
+    texts = field_log(survey)
+    assert [*texts] == ["fins.csv", "compass.csv", "dvl.csv", "depth.csv", "vehicle.yaml"]
+    rows = [*csv.reader(texts["fins.csv"].splitlines())]
+    assert rows[:2] == [["time", "top", "bottom", "port", "starboard", "autonomous"], ["s", *["deg"] * 4, "bool"]]
+    rudder, _ = np.rad2deg(survey.inputs.values[:, :2].T)
+    assert np.array([row[1] for row in rows[2:]], float) == pytest.approx(-rudder, abs=0.006)
+
+
+def test_the_dvl_counts_to_port_and_up_in_knots_and_loses_the_ground_for_seconds(survey):
+    rows = [*csv.reader(field_log(survey)["dvl.csv"].splitlines())][2:]
+    time, *velocity = np.array([[cell or "nan" for cell in row[:4]] for row in rows], float).T
+    locked = np.array([row[4] == "True" for row in rows])
+    record = survey.sensors["dvl"]
+    assert np.column_stack(velocity)[locked] * 0.514444 == pytest.approx(
+        (record.values * [1, -1, -1])[locked], abs=1e-3, nan_ok=True
+    )
+    assert np.ptp(time[~locked]) == pytest.approx(4.0, abs=0.5)
+
+
+def test_all_that_is_believed_of_the_vehicle_is_off_by_the_same_share_and_differs_from_seed_to_seed(survey):
+    true = survey.experiment.vehicle.all_coefficients()
+    believed = yaml.safe_load(field_log(survey)["vehicle.yaml"])
+    for symbol, value in believed["coefficients"].items():
+        assert abs(value / true[symbol] - 1.0) == pytest.approx(0.3)
+    other = simulate(load_experiment(find_experiment("field"), (*DURATION, "seed=2")))
+    assert yaml.safe_load(field_log(other)["vehicle.yaml"])["coefficients"] != believed["coefficients"]
