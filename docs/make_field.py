@@ -1,7 +1,7 @@
 """What comes of a log from the field, over seeds, into docs/studies.md: `python -m docs.make_field`, some ten minutes.
 
-Each seed has a survey, a disturbance and a vehicle file of its own; with each is done what docs/own-log.md does, but for
-the noise, which is as it was tuned there on the first of them.
+Each seed has a survey, a disturbance and a vehicle file of its own; with each is done what docs/own-log.md does, but
+for the noise, which is as it was tuned there on the first of them.
 """
 
 import argparse
