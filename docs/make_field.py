@@ -106,7 +106,7 @@ def _summary(found: list[Outcome]) -> str:
     free, ahead = (
         sum(all(of.identified[s][k] < of.vehicle_file[s][k] for s in _TURNS) for of in ended) for k in (0, 1)
     )
-    held = sum(of.within is not None and 0.85 <= of.within <= 0.99 for of in found)
+    held = sum(of.within is not None and 85 <= round(100 * of.within) <= 99 for of in found)
     counts = {
         "Better than the vehicle file in sway and yaw rate, in the free run": free,
         "20 s ahead": ahead,
