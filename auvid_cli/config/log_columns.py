@@ -67,7 +67,18 @@ def check_unit(name: str | None, unit: str) -> str | None:
     return name
 
 
-class LogSignal(Settings):
+class NamedColumn(Settings):
+    """A column of a log; a bare name is one without further ado."""
+
+    column: Annotated[str, Field(min_length=1, description="name in the log")]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _accept_a_bare_name(cls, data: Any) -> Any:
+        return {"column": data} if isinstance(data, str) else data
+
+
+class LogSignal(NamedColumn):
     """A column, or a message's field, and how its numbers become SI: sign x (raw - centre) x scale + offset.
 
     A bare name is a column without further ado.
@@ -75,7 +86,6 @@ class LogSignal(Settings):
 
     si: ClassVar[str] = ""
 
-    column: Annotated[str, Field(min_length=1, description="name in the log")]
     unit: Annotated[str | None, Field(description="of the log's numbers; else as the log's header states it, else SI")]
     unit = None
     sign: Annotated[Literal[1, -1], Field(description="-1 where the log counts the other way")] = 1
@@ -86,11 +96,6 @@ class LogSignal(Settings):
     limits: Annotated[
         tuple[float, float] | None, Field(description="[lowest, highest]; what is outside is missing")
     ] = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _accept_a_bare_name(cls, data: Any) -> Any:
-        return {"column": data} if isinstance(data, str) else data
 
     @field_validator("unit", mode="before")
     @classmethod
@@ -126,7 +131,7 @@ class LogSignal(Settings):
         return self
 
 
-class TimeSource(Settings):
+class TimeSource(NamedColumn):
     """When the rows of a table were measured; a bare name is a column without further ado."""
 
     column: Annotated[str, Field(min_length=1, description="a column, `@log_time` or `@header_stamp`")]
@@ -135,11 +140,6 @@ class TimeSource(Settings):
     ] = None
     unit: Annotated[str | None, Field(description="of numbers; else as the log's header states it, else s")] = None
     offset: Annotated[float, Unit("s"), Field(description="added, where the clock is late")] = 0.0
-
-    @model_validator(mode="before")
-    @classmethod
-    def _accept_a_bare_name(cls, data: Any) -> Any:
-        return {"column": data} if isinstance(data, str) else data
 
     @field_validator("unit", mode="after")
     @classmethod
