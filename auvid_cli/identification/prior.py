@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.experiment import Prior
+from auvid_cli.config.prior import Prior
 from auvid_cli.config.vehicle import Size, VehicleSettings
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate_file import read_estimate

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.augmented_states import BiasName
-from auvid_cli.config.experiment import InputSettings, Prior, Use
+from auvid_cli.config.experiment import InputSettings, Use
+from auvid_cli.config.prior import Prior
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.measurement_errors import MeasurementErrors, estimated_errors

@@ -5,8 +5,8 @@ import pint
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.config.experiment import Prior
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.prior import Prior
 from auvid_cli.config.vehicle import Size
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.identification.augmented import augmented_problem

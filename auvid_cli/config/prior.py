@@ -1,0 +1,82 @@
+"""Settings of the prior: what is known of the coefficients before any data."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, field_validator, model_validator
+
+from auvid_cli.config.magnitudes import check_amount
+from auvid_cli.config.quantity import parse_quantity
+from auvid_cli.config.settings import Settings
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+
+
+def check_symbol(symbol: str, *groups: str) -> None:
+    """Raise ValueError, with the nearest known symbols, if `symbol` is not one of the 22, nor one of some groups."""
+    from difflib import get_close_matches
+
+    known = (*SYMBOLS, *groups)
+    if symbol not in known:
+        near = get_close_matches(symbol, known, n=1, cutoff=0.5)
+        hint = f"; did you mean {near[0]!r}?" if near else f"; one of {', '.join(known)}"
+        raise ValueError(f"{symbol!r} is not a coefficient{' or a group of them' if groups else ''}{hint}")
+
+
+def _shares(value: Any) -> Any:
+    """Parse a share, or one for each coefficient or group of them."""
+    if not isinstance(value, dict):
+        return value if value is None else check_amount(parse_quantity(value, "1"), "1")
+    groups = dict.fromkeys(c.group for c in COEFFICIENTS)
+    for name in value:
+        if name not in groups:
+            check_symbol(name, *groups)
+    return {name: check_amount(parse_quantity(share, "1"), "1") for name, share in value.items()}
+
+
+class Prior(Settings):
+    """Prior of the coefficients: zero and natural magnitude from the vehicle's size times `factor`, or a vehicle's."""
+
+    mean: Annotated[
+        Literal["zero", "vehicle"], Field(description="zero, or what the vehicle file states of a coefficient")
+    ] = "zero"
+    relative: Annotated[
+        float | dict[str, float] | None,
+        BeforeValidator(_shares),
+        Field(
+            description="standard deviation as a share of that mean, or by coefficient and group (damping, lift, "
+            "control); else that of the vehicle file's entry, else 50 %"
+        ),
+    ] = None
+    factor: Annotated[float, Field(ge=1e-6, le=1e6, description="times the natural magnitude")] = 3.0
+    standard_deviation: dict[str, float] = Field(
+        default_factory=dict, description="by coefficient, instead of all else"
+    )
+    from_estimate: Annotated[
+        str | None,
+        Field(description="estimate file of other data: its coefficients and their covariance, where it has them"),
+    ] = None
+
+    @field_validator("standard_deviation", mode="before")
+    @classmethod
+    def _known_coefficients_with_units(cls, value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        units = {c.symbol: c.unit for c in COEFFICIENTS}
+        for symbol in value:
+            check_symbol(symbol)
+        parsed = {
+            symbol: check_amount(parse_quantity(amount, units[symbol]), units[symbol])
+            for symbol, amount in value.items()
+        }
+        for symbol, deviation in parsed.items():
+            if not deviation > 0.0:
+                raise ValueError(f"the standard deviation of {symbol} must be greater than 0")
+        return parsed
+
+    @model_validator(mode="after")
+    def _shares_of_something(self) -> "Prior":
+        if self.relative is not None and self.mean == "zero":
+            raise ValueError("relative is a share of the vehicle file's values: it needs mean: vehicle")
+        shares = self.relative.values() if isinstance(self.relative, dict) else (self.relative,)
+        if any(share is not None and not share > 0.0 for share in shares):
+            raise ValueError("a share must be greater than 0")
+        return self
