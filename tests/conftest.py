@@ -1,6 +1,10 @@
 """Shared by all tests: experiments from the shipped settings, and one simulated run."""
 
 import os
+
+# Before NumPy is loaded: its own threads wait for work by turning, beside the workers of the tests a third of the time.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager

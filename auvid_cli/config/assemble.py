@@ -44,7 +44,8 @@ def assemble(source: ConfigSource, overrides: Iterable[str] = ()) -> tuple[Tree,
     list of Mistake
         What could not be read or set. A file that cannot be read leaves an empty mapping behind.
     """
-    tree, mistakes = read_tree(source)
+    tree, wrong = read_tree(source)
+    mistakes = [*wrong]
     if not isinstance(tree.content, dict):
         return tree, mistakes
     changes: list[tuple[KeyPath, Tree]] = []
@@ -103,7 +104,7 @@ def read_changes(override: str) -> tuple[list[tuple[KeyPath, Tree]], list[Mistak
     tree, mistakes = read_tree(read_source(Path(override)))
     if not mistakes and not isinstance(tree.content, dict):
         raise ValueError("expected settings, key: value")
-    return [*_values(tree)], mistakes
+    return [*_values(tree)], [*mistakes]
 
 
 def changed_keys(override: str) -> list[str]:
@@ -171,7 +172,7 @@ def _splice(tree: Tree, section: str, folder: Path, mistakes: list[Mistake]) -> 
     except ValueError as error:
         content, mistakes_within = (
             replace(named, content={}, readable=False),
-            [Mistake(named.at, (), f"{name}: {error}")],
+            (Mistake(named.at, (), f"{name}: {error}"),),
         )
     mistakes += (mistake.under((section,)) for mistake in mistakes_within)
     return tree.put((section,), content)

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -114,7 +115,9 @@ class Tree:
         return replace(self, content=content)
 
 
-def read_tree(source: ConfigSource) -> tuple[Tree, list[Mistake]]:
+# A campaign, a notebook or a test reads the same few files again and again, which takes longer than to check them.
+@lru_cache(maxsize=32)
+def read_tree(source: ConfigSource) -> tuple[Tree, tuple[Mistake, ...]]:
     """Read YAML safely.
 
     Parameters
@@ -126,7 +129,7 @@ def read_tree(source: ConfigSource) -> tuple[Tree, list[Mistake]]:
     -------
     Tree
         The first value of a duplicate key counts; the content is None if the text cannot be read.
-    list of Mistake
+    tuple of Mistake
         What is wrong with it as YAML.
     """
     start = Position(source, 1, 1)
@@ -143,8 +146,8 @@ def read_tree(source: ConfigSource) -> tuple[Tree, list[Mistake]]:
     except yaml.reader.ReaderError as error:
         mistakes.append(_unreadable_character(source, error.position))
     else:
-        return tree, mistakes
-    return Tree(None, start, readable=False), mistakes
+        return tree, tuple(mistakes)
+    return Tree(None, start, readable=False), tuple(mistakes)
 
 
 class _Loader(yaml.SafeLoader):

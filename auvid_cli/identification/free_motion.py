@@ -12,6 +12,23 @@ _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
 
+@compiled(types.void(_vector, _vector, _vector, types.uint64, TIMELINE, types.int64, types.int64, _vector))
+def move_through(block, coefficients, constants, n_lanes, timeline, first, last, work):
+    """Move models side by side through some substeps, in place.
+
+    Parameters
+    ----------
+    block, coefficients, constants, n_lanes, work
+        As for `auvid_cli.vehicle.dynamics.runge_kutta_step`.
+    timeline : Timeline
+    first, last : int
+        Substeps, without the last.
+    """
+    for substep in range(first, last):
+        held = timeline.inputs[timeline.substep_input[substep]]
+        runge_kutta_step(block, coefficients, held, constants, n_lanes, timeline.substep_duration[substep], work)
+
+
 @compiled(types.void(_vector, _vector, _vector, TIMELINE, _matrix, _vector))
 def move_freely(block, coefficients, constants, timeline, predicted, work):
     """Fill in the motion at every event.
@@ -30,8 +47,7 @@ def move_freely(block, coefficients, constants, timeline, predicted, work):
         Overwritten.
     """
     for event in range(timeline.time.size):
-        for substep in range(timeline.substep_offset[event], timeline.substep_offset[event + 1]):
-            held = timeline.inputs[timeline.substep_input[substep]]
-            runge_kutta_step(block, coefficients, held, constants, 1, timeline.substep_duration[substep], work)
+        first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
+        move_through(block, coefficients, constants, 1, timeline, first, last, work)
         for i in range(N_MOTION):
             predicted[event, i] = block[i * LANES]

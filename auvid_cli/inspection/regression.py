@@ -84,7 +84,7 @@ class _Weighted(NamedTuple):
 
 
 def _weighted(y: Array, x: Array, beside: Array, weights: Array) -> _Weighted:
-    y_left, x_left = _left(y, beside, weights), _left(x, beside, weights)
+    y_left, x_left = _left(np.stack([y, x], axis=1), beside, weights).T
     share = weights / weights.sum()
     power = float(share @ x_left**2)
     # What is left of a signal that the others hold whole is rounding.
@@ -99,7 +99,7 @@ def _unit(values: Array) -> Array:
 
 
 def _left(values: Array, beside: Array, weights: Array) -> Array:
-    """Return what weighted least squares leave of a signal."""
-    root = np.sqrt(weights)
-    solution = np.linalg.lstsq(root[:, None] * beside, root * values, rcond=1e-10)[0]
+    """Return what weighted least squares leave of each signal, a column of `values`."""
+    root = np.sqrt(weights)[:, None]
+    solution = np.linalg.lstsq(root * beside, root * values, rcond=1e-10)[0]
     return values - beside @ solution

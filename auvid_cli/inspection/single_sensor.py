@@ -51,8 +51,8 @@ def noise_floor(values: Array) -> float:
 
 def level_distance(values: Array) -> float:
     """Return the quantisation step of a signal, 0 where none shows: two levels alone are no grid."""
-    some = values[:_ENOUGH]
-    return quantisation_step(some) if np.unique(some).size > 2 else 0.0
+    levels = np.unique(values[:_ENOUGH])
+    return quantisation_step(levels) if levels.size > 2 else 0.0
 
 
 def spike_sizes(time: Array, values: Array, noise: float) -> Array:

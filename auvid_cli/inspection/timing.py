@@ -30,8 +30,8 @@ def new_measurement_rate(record: SensorRecord) -> float:
     if starts.size < 2:
         return 0.0
     present = np.isfinite(record.values).any(axis=1)
-    columns = (column[np.isfinite(column)] for column in record.values.T)
-    if any(np.unique(column).size > 2 and quantisation_step(column) > 0.0 for column in columns):
+    levels = (np.unique(column[np.isfinite(column)]) for column in record.values.T)
+    if any(level.size > 2 and quantisation_step(level) > 0.0 for level in levels):
         return 1.0 / float(np.median(np.diff(starts)))
     return starts.size / int(present.sum()) / float(np.median(np.diff(record.time[present])))
 

@@ -1,16 +1,18 @@
 """Motion ahead of a start: of many models side by side, and as it would go on unchanged."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.filters.problem import Timeline
+from auvid_cli.identification.free_motion import move_through
 from auvid_cli.lanes import LANES
 from auvid_cli.validation.signals import SAME
 from auvid_cli.vehicle.actuators import AS_STATED
-from auvid_cli.vehicle.dynamics import N_WORK, runge_kutta_step, vehicle_constants
+from auvid_cli.vehicle.dynamics import N_WORK, vehicle_constants
 from auvid_cli.vehicle.kinematics import euler_angles, rotation_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
 
@@ -112,38 +114,43 @@ def move_side_by_side(
     constants, work = vehicle_constants(parameters), np.zeros(N_WORK)
     block, rows = (_in_lanes(each) for each in (motion, np.hstack([coefficients, np.tile(AS_STATED, (n, 1))])))
     states, moved = block.reshape(N_MOTION, LANES), np.empty((wanted.size, n, N_MOTION))
-    done, since_push = 0, 0.0
+    # What acts at random does so at the end of each stride; without it there is nothing to stop for.
+    longest = 0.0 if disturbed is not None else inf if shaken is None else _BETWEEN_PUSHES
+    done = 0
 
-    def move(inputs: list[Array], durations: list[float], is_wanted: bool) -> None:
-        nonlocal since_push
-        for held, duration in zip(inputs, durations, strict=True):
+    def move(timeline: Timeline, begin: int, end: int) -> None:
+        for first, last, elapsed in _strides(timeline.substep_duration, begin, end, longest):
             if disturbed is not None:
-                disturbed.push(states[:, :n], 0.5 * duration)
-            runge_kutta_step(block, rows, held, constants, n, duration, work)
+                disturbed.push(states[:, :n], 0.5 * elapsed)
+            move_through(block, rows, constants, n, timeline, first, last, work)
             if disturbed is not None:
-                disturbed.go_on(duration)
-                disturbed.push(states[:, :n], 0.5 * duration)
-            since_push += duration
-            if shaken is not None and since_push >= _BETWEEN_PUSHES:
-                shaken.push(states, since_push)
-                since_push = 0.0
-        if is_wanted and shaken is not None:
-            shaken.push(states, since_push)
-            since_push = 0.0
+                disturbed.go_on(elapsed)
+                disturbed.push(states[:, :n], 0.5 * elapsed)
+            if shaken is not None:
+                shaken.push(states, elapsed)
 
     for timeline in timelines:
-        inputs, durations = [timeline.inputs[i] for i in timeline.substep_input], timeline.substep_duration.tolist()
         substep = 0
         for event in np.searchsorted(timeline.time, wanted[done:] - SAME):
             if event == timeline.time.size:
                 break
             until = int(timeline.substep_offset[event + 1])
-            move(inputs[substep:until], durations[substep:until], is_wanted=True)
+            move(timeline, substep, until)
             moved[done], substep, done = states[:, :n].T, until, done + 1
         if done == wanted.size:
             break
-        move(inputs[substep:], durations[substep:], is_wanted=False)
+        move(timeline, substep, timeline.substep_duration.size)
     return moved[:done]
+
+
+def _strides(durations: Array, begin: int, end: int, longest: float) -> Iterator[tuple[int, int, float]]:
+    """Part some substeps into strides that last so long, s, or just longer: first, end, and time that elapses."""
+    first, elapsed = begin, 0.0
+    for last, duration in enumerate(durations[begin:end].tolist(), begin + 1):
+        elapsed += duration
+        if elapsed >= longest or last == end:
+            yield first, last, elapsed
+            first, elapsed = last, 0.0
 
 
 def _in_lanes(values: Array) -> Array:

@@ -19,7 +19,7 @@ dvl:
 
 def read(text: str) -> Tree:
     tree, mistakes = read_tree(ConfigSource("f.yaml", Path(), text))
-    assert mistakes == []
+    assert not mistakes
     return tree
 
 
