@@ -16,7 +16,7 @@ from auvid_cli.data.estimate_file import new_estimate, write_estimate
 from auvid_cli.identification.identify import identify, set_up_filters
 from auvid_cli.identification.prepared_data import prepare
 
-WHITE = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
+WHITE = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
 CIRCLE = "manoeuvre={type: turning_circle, duration: 60 s, speed: 3.9 m/s, rudder: -15 deg, approach: 10 s}"
 
 

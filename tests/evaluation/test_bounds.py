@@ -141,9 +141,14 @@ def unstable_run():
     return simulate(load_experiment(find_experiment("dive")))
 
 
-def test_a_motion_too_unstable_for_sensitivities_is_judged_as_long_as_they_hold(unstable_run):
+@pytest.fixture(scope="module")
+def of_unstable_run(unstable_run):
+    return assess_dataset(unstable_run)
+
+
+def test_a_motion_too_unstable_for_sensitivities_is_judged_as_long_as_they_hold(unstable_run, of_unstable_run):
     """More data cannot say less; after 300 s this vehicle's seem to say nothing at all."""
-    identifiability = assess_dataset(unstable_run)
+    identifiability = of_unstable_run
     assert "unstable in open loop" in identifiability.remark
     assert identifiability.growth[-1][0] < 200.0
     assert all(bound.cramer_rao_bound < np.inf for bound in identifiability.bounds)
@@ -153,8 +158,8 @@ def test_a_motion_too_unstable_for_sensitivities_is_judged_as_long_as_they_hold(
     assert "unstable in open loop" in bounds.remark
 
 
-def test_in_segments_that_are_short_enough_it_is_judged_to_the_end(unstable_run, with_settings):
-    whole, short = assess_dataset(unstable_run), "identification.use.spans=[[0, 100], [100.5, 200], [200.5, 300]]"
+def test_in_segments_that_are_short_enough_it_is_judged_to_the_end(unstable_run, of_unstable_run, with_settings):
+    whole, short = of_unstable_run, "identification.use.spans=[[0, 100], [100.5, 200], [200.5, 300]]"
     cut = assess_dataset(with_settings(unstable_run, short))
     assert cut.remark == ""
     assert cut.growth[-1][0] > 298.0

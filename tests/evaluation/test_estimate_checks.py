@@ -40,7 +40,7 @@ def wild(time, values):
 @pytest.fixture(scope="module")
 def long_enough(simulated_with):
     """White noise only, and long enough for every coefficient."""
-    return simulated_with("manoeuvre.duration=150 s", "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}")
+    return simulated_with("manoeuvre.duration=150 s", "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}")
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +155,7 @@ def test_a_drag_term_that_is_not_excited_is_not_reported_as_known(simulated_with
     """Straight ahead, without any excitation: sway, heave and the rates stay where they are."""
     still = simulated_with(
         "manoeuvre={type: turning_circle, duration: 60 s, speed: 2 m/s, rudder: 0 deg, excitation: {}}",
-        "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}",
+        "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}",
     )
     checks, fails = verdicts(still)
     assert ("coefficients", "identified") in fails

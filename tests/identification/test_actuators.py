@@ -81,7 +81,7 @@ def test_a_delay_of_what_is_no_sensor_is_refused(experiment_with):
 
 def test_delays_that_are_stated_are_taken_back(simulated_with, with_settings):
     """Of the gyroscope and the inputs; the smoother's tests of faults find nothing more."""
-    white = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
+    white = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
     run = simulated_with("manoeuvre.duration=60 s", white)
     gyroscope, time = run.sensors["gyroscope"], run.inputs.time
     early = np.transpose([np.interp(time + 0.02, time, column) for column in run.inputs.values.T])

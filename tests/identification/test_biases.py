@@ -31,7 +31,7 @@ def biased(simulated_with):
 @pytest.fixture(scope="module")
 def mounted_badly(simulated_with):
     """A DVL that reads 2 % too much and is turned by 0.03 rad; everything else without bias."""
-    direct = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
+    direct = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
     return simulated_with(
         "manoeuvre.duration=60 s", direct, f"sensors.dvl.scale_error={SCALE}", f"sensors.dvl.mounting_yaw={YAW}"
     )

@@ -51,8 +51,8 @@ def distance_in_deviations(estimate, truth):
 
 @pytest.fixture(scope="module")
 def long_run(simulated_with):
-    """Half of the default spiral, 150 s."""
-    return simulated_with("manoeuvre.duration=150 s")
+    """A third of the default spiral, 100 s."""
+    return simulated_with("manoeuvre.duration=100 s")
 
 
 def in_chunks_of(measurements):

@@ -25,8 +25,10 @@ SHORT = (
     "manoeuvre.duration=20 s",
     "manoeuvre.initial_speed=2 m/s",
     "manoeuvre.excitation.fade_in=2 s",
+    "manoeuvre.input_rate=25 Hz",
+    "sensors.gyroscope.rate=25 Hz",
 )
-WHITE = (*SHORT, "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}")
+WHITE = (*SHORT, "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}")
 NOISELESS = (
     *SHORT,
     "sensors.dvl={rate: 7 Hz, noise: 1e-12, standard_deviation: 1 mm/s}",

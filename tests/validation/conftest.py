@@ -7,7 +7,7 @@ import pytest
 
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
-WHITE = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
+WHITE = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
 ZIGZAG = "manoeuvre={type: zigzag, duration: 80 s, speed: 3.9 m/s, rudder: 20 deg, heading: 20 deg, approach: 8 s}"
 
 

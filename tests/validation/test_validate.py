@@ -72,7 +72,7 @@ def test_no_truth_is_looked_at(zigzag, with_coefficients):
 
 
 def test_a_spiral_teaches_the_zigzag(zigzag, identified):
-    validation = validate([zigzag], identified)
+    validation = validate([zigzag], identified, starts=60)
     fits = free_fits(validation)
     assert min(fits["u"], fits["r"], fits["psi"]) > 90.0
     overshoots = np.array([(n.measured, n.predicted) for n in validation.manoeuvres])
@@ -83,7 +83,7 @@ def test_a_spiral_teaches_the_zigzag(zigzag, identified):
 
 def test_a_rudder_of_the_wrong_sign_is_worse_than_the_mean(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
-    validation = validate([zigzag], with_coefficients(true, N_uudr=-true["N_uudr"]))
+    validation = validate([zigzag], with_coefficients(true, N_uudr=-true["N_uudr"]), starts=30)
     assert free_fits(validation)["r"] < 0.0
     assert {row.fit_percent < 0.0 for row in rows_of(validation, AHEAD) if row.signal == "r"} == {True}
     assert "better than constant velocity" in {check.check for check in validation.checks.failed()}
@@ -97,7 +97,7 @@ def test_a_rudder_of_the_wrong_sign_is_worse_than_the_mean(zigzag, with_coeffici
 def test_an_error_that_was_stated_is_explained_and_one_that_was_not_fails(zigzag, with_coefficients):
     true = zigzag.truth.coefficients
     off = {"X_u|u|": 1.1 * true["X_u|u|"]}
-    uncertain, certain = (validate([zigzag], with_coefficients(true, share, **off)) for share in (0.1, 1e-6))
+    uncertain, certain = (validate([zigzag], with_coefficients(true, share, **off), starts=60) for share in (0.1, 1e-6))
     name = "explained by its uncertainty"
     (sound,), (failed,) = (
         [check for check in validation.checks if check.check == name] for validation in (uncertain, certain)
@@ -157,13 +157,13 @@ def test_a_current_is_seen_through_where_the_settings_ask_for_it(simulated_with)
     current = "manoeuvre.current_north=0.3 m/s", "manoeuvre.current_east=-0.2 m/s"
     asking = "identification.estimate.biases=[current]", "identification.estimate.current.walk=0"
     seen, unseen = (
-        simulated_with("manoeuvre.duration=100 s", WHITE, *current, *asking, f"seed={seed}") for seed in (1, 2)
+        simulated_with("manoeuvre.duration=60 s", WHITE, *current, *asking, f"seed={seed}") for seed in (1, 2)
     )
     estimate = identify(seen, FilterName.SMOOTHER)
     _, errors = free_run(prepare(seen), estimate)
     # Of white noise, the mean absolute value is 0.8 of its standard deviation, 1 mm/s.
     assert max(error.mean_absolute_error for error in errors[:3]) < 2e-3
-    validation = validate([unseen], estimate)
+    validation = validate([unseen], estimate, starts=60)
     velocities = [row for row in validation.predictions if row.signal in "uvw"]
     assert min(row.fit_percent for row in velocities) > 97.0
     assert max(row.rmse for row in velocities) < 1e-2
