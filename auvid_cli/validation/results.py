@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING, NamedTuple
 from auvid_cli.data.check import Check, Checks
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.named_rows import NamedRows, frames
-from auvid_cli.evaluation.judgement import Judgement
 from auvid_cli.evaluation.predicted_motion import FreeRun
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from auvid_cli.evaluation.judgement import Judgement
 
 FREE_RUN, AHEAD = "free_run", "ahead"
 
@@ -107,7 +108,7 @@ class Validation(NamedTuple):
     """
 
     filter: str
-    judgement: Judgement
+    judgement: "Judgement"
     predictions: list[Prediction]
     manoeuvres: list[ManoeuvreNumber]
     checks: Checks
