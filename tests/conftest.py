@@ -9,12 +9,14 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import hypothesis
 import numpy as np
 import pytest
 
+from auvid_cli.api import validation
 from auvid_cli.config.experiment import Experiment, FilterName
 from auvid_cli.config.load import dump_experiment, find_experiment, load_experiment, parse_experiment, shipped_configs
 from auvid_cli.data.dataset import Dataset
@@ -23,6 +25,7 @@ from auvid_cli.data.files import write_text
 from auvid_cli.identification.identify import identify
 from auvid_cli.report.figures import draw, workers
 from auvid_cli.simulation.simulate import simulate
+from auvid_cli.validation.validate import STARTS
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import MOTION
 
@@ -149,6 +152,12 @@ def leave_figures_out() -> Callable[[pytest.MonkeyPatch], None]:
 def without_figures(monkeypatch, leave_figures_out) -> None:
     """Files of their names in place of figures."""
     leave_figures_out(monkeypatch)
+
+
+@pytest.fixture
+def fewer_starts(monkeypatch) -> None:
+    """Validations predict ahead from a fifth of their starts, where it does not matter how well."""
+    monkeypatch.setattr(validation, "predict", partial(validation.predict, starts=STARTS // 5))
 
 
 @pytest.fixture

@@ -58,7 +58,7 @@ def files(short_run, estimate, tmp_path_factory):
 
 
 @pytest.fixture(autouse=True)
-def walked_here(monkeypatch):
+def quick(monkeypatch, fewer_starts):
     """Files are gone through in this process, which takes less time than a process of its own."""
     monkeypatch.setattr(screening, "_flaws", lambda paths: [flaw_of(path) for path in paths])
 

@@ -12,10 +12,12 @@ from docs.make_field import TUTORIAL, fill_in, settings
 
 # What the page promises of each command's exit code, and how much less of the data is used here.
 JUDGED = {"inspect": 1, "identify": 1, "validate": 1}
-SHORTER = {"simulate field": "simulate field --set 'manoeuvre.duration=145 s'", "321:": "76:"}
+SHORTER = {"simulate field": "simulate field --set 'manoeuvre.duration=95 s'", "321:": "51:"}
 
 
-def test_the_commands_of_the_tutorial_lead_from_logs_to_a_prediction(tmp_path, monkeypatch, without_figures):
+def test_the_commands_of_the_tutorial_lead_from_logs_to_a_prediction(
+    tmp_path, monkeypatch, without_figures, fewer_starts
+):
     monkeypatch.chdir(tmp_path)
     commands = re.findall(r"(?m)^    (auvid .*)", TUTORIAL.read_text(encoding="utf-8"))
     assert len(commands) <= 1 + 8
@@ -23,7 +25,7 @@ def test_the_commands_of_the_tutorial_lead_from_logs_to_a_prediction(tmp_path, m
     Path("lateral.yaml").write_text(lateral, encoding="utf-8")
     for command in commands:
         name = command.split()[1]
-        shorter = command.replace("0:320", "0:8" if name == "tune" else "0:75")
+        shorter = command.replace("0:320", "0:5" if name == "tune" else "0:50")
         for long, short in SHORTER.items():
             shorter = shorter.replace(long, short)
         result = CliRunner().invoke(app, shlex.split(shorter)[1:])
