@@ -40,15 +40,14 @@ def test_a_worker_that_dies_while_it_starts_is_one_line(monkeypatch):
         cluster_client(None, 1).__enter__()
 
 
-def test_two_of_three_workers_that_are_killed_lose_and_repeat_nothing(planned):
+def test_one_of_two_workers_that_is_killed_loses_and_repeats_nothing(planned):
     plan, performed = planned(MANY), []
-    with cluster_client(None, 3) as client:
-        victims = list(client.run(os.getpid).values())[:2]
+    with cluster_client(None, 2) as client:
+        victim, _ = client.run(os.getpid).values()
         for number, group in enumerate(perform_groups(client, plan.groups(), False)):
             performed += group
-            if number in (0, 4):
-                os.kill(victims.pop(), signal.SIGKILL)
-    assert not victims
+            if number == 4:
+                os.kill(victim, signal.SIGKILL)
     assert sorted(done.run.identity for done in performed) == sorted(plan.labels())
     assert {done.failure for done in performed} == {""}
 

@@ -26,7 +26,8 @@ vary: [{setting: identification.prior.factor, values: [1, 3]}]
 
 
 def command(*arguments):
-    return [sys.executable, "-m", "auvid_cli", "campaign", *map(str, arguments)]
+    """One worker, which takes seconds to load what it needs, is as good as several."""
+    return [sys.executable, "-m", "auvid_cli", "campaign", "--workers", "1", *map(str, arguments)]
 
 
 def campaign(*arguments, cwd):

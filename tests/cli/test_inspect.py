@@ -13,8 +13,8 @@ from auvid_cli.data.dataset_file import write_dataset
 
 
 @pytest.fixture
-def run():
-    """Function: the command with arguments; its result."""
+def run(without_figures):
+    """Function: the command with arguments, without the figure that another test draws; its result."""
     app = typer.Typer()
     app.command()(inspect)
 

@@ -20,6 +20,11 @@ WHITE = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
 CIRCLE = "manoeuvre={type: turning_circle, duration: 60 s, speed: 3.9 m/s, rudder: -15 deg, approach: 10 s}"
 
 
+@pytest.fixture(autouse=True)
+def quick(fewer_starts) -> None:
+    """A few predictions ahead say as much of a command as many."""
+
+
 def run(*arguments):
     app = typer.Typer()
     app.command()(validate)
