@@ -73,6 +73,7 @@ def test_run_writes_dataset_estimates_tables_and_figures(results):
     assert {"dataset.h5", "estimates/ckf.h5", "estimates/tukf.h5"} <= made
     assert {"tables/coefficients.csv", "tables/summary.csv", "tables/velocity_error.csv"} <= made
     assert {"tables/tables.md", "tables/tables.tex", "figures/path.png", "figures/path.svg"} <= made
+    assert all(3_000 < path.stat().st_size < 1_000_000 for path in (folder / "results/spiral/figures").iterdir())
     assert not leftovers(folder)
 
 
