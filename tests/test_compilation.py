@@ -18,14 +18,14 @@ from auvid_cli.compilation import compiled, told_of_compilation
 
 ELSEWHERE = """
 from auvid_cli.compilation import compile_elsewhere, is_compiled, told_of_compilation
-before = is_compiled("auvid_cli.filters.factor")
-code = compile_elsewhere("auvid_cli.filters.factor").wait()
+before = is_compiled("auvid_cli.filters.basis")
+code = compile_elsewhere("auvid_cli.filters.basis").wait()
 told = []
 with told_of_compilation(lambda: told.append(1), list):
-    import auvid_cli.filters.factor
+    import auvid_cli.filters.basis
     after_one = len(told)
-    import auvid_cli.vehicle.dynamics
-print(before, code, is_compiled("auvid_cli.filters.factor"), after_one, len(told) > 0)
+    import auvid_cli.filters.problem
+print(before, code, is_compiled("auvid_cli.filters.basis"), after_one, len(told) > 0)
 """
 
 

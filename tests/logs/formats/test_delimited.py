@@ -95,12 +95,12 @@ def test_units_stand_in_a_row_of_their_own_or_in_each_cell(opened, text):
 
 
 def test_cells_with_units_may_be_missing_and_go_on_beyond_the_head(opened):
-    rows = "".join(f"{k / 8} s,{k} %,{k / 4} m/s\n" for k in range(150_000))
+    rows = "".join(f"{k / 8} s,{k} %,{k / 4} m/s\n" for k in range(101_000))
     log = opened(f"t,share,u\n{rows}0 s,n/a,\n1 s,,nan m/s\n")
     assert [column.unit for column in log.tables()[""]] == ["s", "%", "m/s"]
     share, speed = log.read("", ["share", "u"]).values()
-    np.testing.assert_array_equal(share, [*range(150_000), np.nan, np.nan])
-    np.testing.assert_array_equal(speed, [*(np.arange(150_000) / 4), np.nan, np.nan])
+    np.testing.assert_array_equal(share, [*range(101_000), np.nan, np.nan])
+    np.testing.assert_array_equal(speed, [*(np.arange(101_000) / 4), np.nan, np.nan])
 
 
 @pytest.mark.parametrize("row", ["ok,auto", "10:31:54,5 apples", "2021-06-09,dive 3", "1,3D"])
@@ -168,10 +168,10 @@ def test_numbers_come_back_to_the_last_digit(tmp_path_factory, values, delimiter
     [
         ("t,u\n1,2\n3\n5,6\n", r"log\.csv:3: a row of 1 fields where the others have 2"),
         ("t,u\n1,2\n\n3,4,5\n5,6\n", r"log\.csv:4: a row of 3 fields where the others have 2"),
-        ("t,u\n" + "1,2\n# note\n" * 200_000 + "3,oops\n", r"log\.csv:400002: 'u' is 'oops', which is not a number"),
+        ("t,u\n" + "1,2\n# note\n" * 101_000 + "3,oops\n", r"log\.csv:202002: 'u' is 'oops', which is not a number"),
         ("t,ok\n" + "1,true\n" * 20_000 + "3,perhaps\n", r"log\.csv:20002: 'ok' is 'perhaps', which is not true or"),
         ("t,u\n1,2 m/s\n2,3 m/s\n3,4 knot\n", r"log\.csv:4: 'u' is '4 knot', which is not a number in m/s, as in"),
-        ("t,u\n" + "1,2 s\n" * 200_000 + "3,4 ms\n", r"log\.csv:200002: 'u' is '4 ms', which is not a number in s,"),
+        ("t,u\n" + "1,2 s\n" * 101_000 + "3,4 ms\n", r"log\.csv:101002: 'u' is '4 ms', which is not a number in s,"),
         ("t,u\n1,2 m/s\n\n# note\n3,4\n", r"log\.csv:5: 'u' is '4', which is not a number in m/s"),
         ("t,u\ns,knot\n1,2 m/s\n", r"log\.csv:2: 'u' has more than one unit: m/s, knot"),
         ("t,u\ns,m/s\n1,oops\n2,3\n4\n", r"log\.csv:5: a row of 1 fields where the others have 2"),
@@ -204,7 +204,7 @@ def test_a_missing_column_is_answered_with_the_nearest(opened):
 
 def test_a_compressed_log_cut_short_is_an_error(tmp_path):
     path = tmp_path / "log.csv.gz"
-    text = "t,u\n" + "".join(f"{k},{k**7 % 1013}\n" for k in range(200_000))
+    text = "t,u\n" + "".join(f"{k},{k**7 % 1013}\n" for k in range(20_000))
     path.write_bytes(gzip.compress(text.encode())[:-400])
     with pytest.raises(FileError, match="cannot be read"):
         open_log(path).read("", ["t"])
