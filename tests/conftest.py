@@ -5,12 +5,13 @@ import os
 # Before NumPy is loaded: its own threads wait for work by turning, beside the workers of the tests a third of the time.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import hypothesis
 import numpy as np
@@ -19,9 +20,11 @@ import pytest
 from auvid_cli.api import validation
 from auvid_cli.config.experiment import Experiment, FilterName
 from auvid_cli.config.load import dump_experiment, find_experiment, load_experiment, parse_experiment, shipped_configs
+from auvid_cli.data import screening
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.files import write_text
+from auvid_cli.data.walk import flaw_of
 from auvid_cli.identification.identify import identify
 from auvid_cli.report.figures import draw, workers
 from auvid_cli.simulation.simulate import simulate
@@ -152,6 +155,21 @@ def leave_figures_out() -> Callable[[pytest.MonkeyPatch], None]:
 def without_figures(monkeypatch, leave_figures_out) -> None:
     """Files of their names in place of figures."""
     leave_figures_out(monkeypatch)
+
+
+class _Walk(NamedTuple):
+    """Goes through files in this process, which takes less time than one of its own."""
+
+    versions: Mapping[Path, Any]
+
+    def flaws(self) -> list[str]:
+        return [flaw_of(path) for path in self.versions]
+
+
+@pytest.fixture
+def walked_here(monkeypatch) -> None:
+    """Files are gone through in this process."""
+    monkeypatch.setattr(screening, "_Walk", _Walk)
 
 
 @pytest.fixture

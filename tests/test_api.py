@@ -15,14 +15,14 @@ import xarray
 import auvid_cli as auvid
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import shipped_configs
-from auvid_cli.data import screening
 from auvid_cli.data.estimate_file import write_estimate
-from auvid_cli.data.walk import flaw_of
 from auvid_cli.errors import AuvidError, ConfigError, DataError, FileError
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import INPUTS, SENSORS
 
 FUNCTIONS = [name for name in auvid.__all__ if name not in ("Dataset", "Estimate")]
+pytestmark = pytest.mark.usefixtures("walked_here", "fewer_starts")
+
 HEAVY = ("numba", "numpy", "scipy", "pandas", "h5py", "pydantic", "yaml")
 
 
@@ -55,12 +55,6 @@ def files(short_run, estimate, tmp_path_factory):
         encoding="utf-8",
     )
     return folder
-
-
-@pytest.fixture(autouse=True)
-def quick(monkeypatch, fewer_starts):
-    """Files are gone through in this process, which takes less time than a process of its own."""
-    monkeypatch.setattr(screening, "_flaws", lambda paths: [flaw_of(path) for path in paths])
 
 
 @pytest.fixture

@@ -38,8 +38,8 @@ def commands(block: str) -> Iterator[list[str]]:
 
 
 @pytest.fixture
-def quick(tmp_path, monkeypatch, without_figures, fewer_starts):
-    """Shipped settings without the slowest filters and the judge, for 120 s; a trial run of a campaign; few starts; no figures."""
+def quick(tmp_path, monkeypatch, without_figures, fewer_starts, walked_here):
+    """Shipped settings without the slowest filters and the judge, for 120 s; a trial run of a campaign; no figures."""
     configs = shutil.copytree(load.shipped_configs(), tmp_path / "shipped")
     for path in (*configs.glob("*.yaml"), *configs.glob("manoeuvres/*.yaml")):
         text = path.read_text(encoding="utf-8").replace("[ekf, ckf, tukf", "[ckf, tukf")

@@ -16,7 +16,7 @@ SHORTER = {"simulate field": "simulate field --set 'manoeuvre.duration=95 s'", "
 
 
 def test_the_commands_of_the_tutorial_lead_from_logs_to_a_prediction(
-    tmp_path, monkeypatch, without_figures, fewer_starts
+    tmp_path, monkeypatch, without_figures, fewer_starts, walked_here
 ):
     monkeypatch.chdir(tmp_path)
     commands = re.findall(r"(?m)^    (auvid .*)", TUTORIAL.read_text(encoding="utf-8"))

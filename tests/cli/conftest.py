@@ -3,10 +3,16 @@
 from contextlib import chdir
 from pathlib import Path
 
+import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
 from auvid_cli.cli.app import app
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(walked_here) -> None:
+    """Commands start no process to go through their files."""
 
 
 def auvid(*arguments: object, cwd: Path | str = ".") -> Result:

@@ -5,10 +5,9 @@ import shutil
 import pytest
 
 from auvid_cli.config.experiment import FilterName
-from auvid_cli.data import estimate_file, screening
+from auvid_cli.data import estimate_file
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import write_dataset
-from auvid_cli.data.walk import flaw_of
 from auvid_cli.identification.identify import identify
 
 
@@ -51,9 +50,3 @@ def kind(request):
 def copy(kind, written, tmp_path):
     """A file of that kind to do harm to."""
     return shutil.copy(written[kind], tmp_path / f"{kind}.h5")
-
-
-@pytest.fixture
-def walked_here(monkeypatch):
-    """Files are gone through in this process, which takes less time than a process of its own."""
-    monkeypatch.setattr(screening, "_flaws", lambda paths: [flaw_of(path) for path in paths])
