@@ -32,11 +32,12 @@ FEW = tuple({c.group: c.symbol for c in reversed(COEFFICIENTS)}.values())[::-1]
 
 @pytest.fixture
 def as_png_only(monkeypatch):
-    """Every figure is drawn once, not twice, and its panels stand where they stand."""
+    """Every figure is drawn once, not twice, coarsely, and its panels stand where they stand."""
     print_png = canvas.FigureCanvasAgg.print_png
 
     def without_layout(self, path, **options):
         self.figure.set_layout_engine("none")
+        self.figure.set_dpi(20)
         print_png(self, path, **options)
 
     monkeypatch.setattr(canvas.FigureCanvasAgg, "print_png", without_layout)
