@@ -21,12 +21,13 @@ def reporting_errors() -> Iterator[None]:
     """Turn errors that are the user's to mend into one clear message and exit code 2."""
     from auvid_cli.errors import AuvidError
 
-    # Ended from outside as by Ctrl-C: whoever is writing takes away what is half written.
+    # Ended from outside as by Ctrl-C: whoever is writing takes away what is half written. Python, while it compiles a
+    # module that it imports, lets this exception pass and no other.
     asked: list[int] = []
 
     def end(number: int, frame: FrameType | None) -> None:
         asked.append(number)
-        raise SystemExit(128 + number)
+        raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGTERM, end)
     try:

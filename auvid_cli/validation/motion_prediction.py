@@ -144,7 +144,7 @@ def move_side_by_side(
 
 
 def _strides(durations: Array, begin: int, end: int, longest: float) -> Iterator[tuple[int, int, float]]:
-    """Part some substeps into strides that last so long, s, or just longer: first, end, and time that elapses."""
+    """Yield strides of some substeps, which last so long, s, or just longer: first, end, and time that elapses."""
     first, elapsed = begin, 0.0
     for last, duration in enumerate(durations[begin:end].tolist(), begin + 1):
         elapsed += duration

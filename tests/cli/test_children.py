@@ -54,7 +54,8 @@ def test_a_command_that_ends_at_once_leaves_no_process_that_draws(begun):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
-def test_a_command_that_is_killed_leaves_no_process_that_draws(begun, number):
+def test_a_command_that_is_killed_leaves_no_process_that_draws(begun, tmp_path, number):
+    """And does not go on first: Python loses most exceptions that come while it compiles a module."""
     process, marked = begun("-m", "auvid_cli", "run")
     while not any("forkserver" in command for command in marked()):
         assert process.poll() is None
@@ -62,6 +63,7 @@ def test_a_command_that_is_killed_leaves_no_process_that_draws(begun, number):
     process.send_signal(number)
     assert process.wait(60) != 0
     assert left_of(marked) == []
+    assert not list(tmp_path.rglob("*.h5"))
 
 
 def test_who_compiles_for_a_command_that_is_killed_ends_with_it(begun, tmp_path):
