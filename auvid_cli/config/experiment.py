@@ -101,6 +101,13 @@ class SmootherSettings(Settings):
     max_passes: Annotated[
         int, Field(ge=1, strict=True, description="how often the data may be filtered, from each start")
     ] = 50
+    answer: Annotated[
+        Literal["automatic", "joint", "marginal"],
+        Field(
+            description="joint: the most probable coefficients and trajectory together; marginal: the most probable "
+            "coefficients whatever the trajectory; automatic: marginal where a disturbance or the noise is estimated"
+        ),
+    ] = "automatic"
 
 
 class InputSettings(Settings):
@@ -178,6 +185,13 @@ class Identification(Settings):
     ukf: UkfSettings = UkfSettings()
     smoother: SmootherSettings = SmootherSettings()
     output_error: OutputErrorSettings = OutputErrorSettings()
+
+    @property
+    def is_marginal(self) -> bool:
+        """Say whether the smoother's coefficients are the most probable whatever the trajectory was."""
+        if self.smoother.answer == "automatic":
+            return self.noise == "estimate" or BiasName.DISTURBANCE in self.estimate.biases
+        return self.smoother.answer == "marginal"
 
     @field_validator("measurement_noise", mode="after")
     @classmethod

@@ -63,7 +63,7 @@ class Tuning:
         return self.rows().to_pandas()
 
     def settings(self) -> str:
-        """Return settings with the tuned noise, as YAML in SI."""
+        """Return settings with the tuned noise, and what the smoother makes of it, as YAML in SI."""
         tree: dict[str, Any] = {}
         tuned = self.experiment.model_dump(mode="json")
         for noise in self.noises:
@@ -72,4 +72,5 @@ class Tuning:
             for section in sections:
                 within, value = within.setdefault(section, {}), value[section]
             within[key] = value[key]
+        tree["identification"]["smoother"] = {"answer": tuned["identification"]["smoother"]["answer"]}
         return yaml.safe_dump(tree, sort_keys=False)

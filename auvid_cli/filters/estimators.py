@@ -146,6 +146,8 @@ class IteratedSmoother:
     max_passes : int
     faults : Faults
         To test for, about the answer.
+    marginal : bool
+        Whether its parameters are the most probable whatever the motion was.
     """
 
     name: str
@@ -153,6 +155,7 @@ class IteratedSmoother:
     sensors: Sensors
     max_passes: int
     faults: "Faults"
+    marginal: bool
     in_one_batch = True
 
     @property
@@ -166,4 +169,4 @@ class IteratedSmoother:
         from auvid_cli.filters.smoother import run_smoother
 
         problem = JointProblem(self.process, self.sensors, segments, prior)
-        return run_smoother(problem, on_chunk, self.max_passes, self.faults)
+        return run_smoother(problem, on_chunk, self.max_passes, self.faults, self.marginal)

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.filters.coloured import Influence, corrected_deviation
-from auvid_cli.filters.fault_scores import FaultEffects, carry_errors
+from auvid_cli.filters.fault_scores import carry_errors
 from auvid_cli.filters.information import Uncertainty
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
-from auvid_cli.filters.problem import Gaussian, ModelData, Timeline
+from auvid_cli.filters.motion_alone import MotionAlone
+from auvid_cli.filters.problem import Timeline
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.sensitivities import responses
-from auvid_cli.filters.smoothing_forward import Linearised, Trace, Work, forward, new_state
 
 Array = NDArray[np.float64]
 
@@ -99,36 +99,12 @@ class _Innovations:
     segment: int
 
     def __iter__(self) -> Iterator[Influence]:
-        process, sensors, _, _ = self.problem
-        n, n_moving, n_components = self.problem.n_parameters, self.problem.n_moving, sensors.matrix.shape[1]
-        covariance, step = self.filtered.final.covariance()[:n, :n], self.filtered.final.mean[:n]
+        n, n_moving = self.problem.n_parameters, self.problem.n_moving
+        covariance = self.filtered.final.covariance()[:n, :n]
         error, moved = self.filtered.by_parameters[self.segment].copy(), np.empty((n_moving, n))
-        state = new_state(self._beginning(step), n_components)
-        data, work = ModelData.of(process, sensors), Work.of(process, n_moving, n_components)
-        for timeline, about in self.smoothing.linearised_segment(self.filtered, self.segment):
-            motion, by_parameters = _given_parameters(about, step)
-            trace = Trace.of(motion)
-            good, *_ = forward(data, timeline, motion, state, trace, work)
-            assert good == timeline.time.size, "a filter that knows more goes as far"
+        chunks = MotionAlone(self.problem, self.smoothing, self.filtered, self.segment).forward()
+        for timeline, _, motion, by_parameters, _, trace in chunks:
             carry_errors(timeline, motion, trace, by_parameters, error, moved)
             deviation = np.sqrt(trace.total)
             rows = (by_parameters.added / deviation[..., None]) @ covariance
             yield _influence(timeline, ~np.isnan(motion.residual), trace.error / deviation, rows)
-
-    def _beginning(self, step: Array) -> Gaussian:
-        """Find what is known of the deviation of the motion before the segment, given the parameters."""
-        n, own, trajectory = step.size, self.problem.priors[self.segment], self.filtered.trajectory
-        owed = self.filtered.by_parameters[self.segment] @ (trajectory.parameters + step - own.mean[:n])
-        return Gaussian(own.mean[n:] + owed - trajectory.initial[self.segment], own.factor[n:, n:])
-
-
-def _given_parameters(about: Linearised, step: Array) -> tuple[Linearised, FaultEffects]:
-    """Leave the motion alone of a linear problem, with parameters that are known; return what these do to it, too."""
-    n = step.size
-    by_parameters = FaultEffects(about.transition[..., :n].copy(), about.rows[..., :n].copy())
-    return about._replace(
-        residual=about.residual - by_parameters.added @ step,
-        rows=about.rows[..., n:].copy(),
-        defect=about.defect + by_parameters.pushed @ step,
-        transition=about.transition[..., n:].copy(),
-    ), by_parameters

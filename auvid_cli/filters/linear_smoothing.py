@@ -192,10 +192,12 @@ class LinearSmoothing:
     def linearised_segment(self, filtered: Filtered, segment: int) -> Iterator[tuple[Timeline, Linearised]]:
         """Go through the chunks of one of them, without filtering them again."""
         for chunk, timeline in enumerate(self._segments[segment]):
-            if self._is_kept(filtered, segment, chunk):
-                yield timeline, self._kept[segment, chunk][0]
-            else:
-                yield timeline, self._about(filtered.trajectory, segment, chunk, timeline)
+            yield timeline, self._linearised(filtered, segment, chunk, timeline)
+
+    def linearised_back(self, filtered: Filtered, segment: int) -> Iterator[tuple[Timeline, Linearised]]:
+        """Go through the same from the last to the first."""
+        for chunk, timeline in reversed([*enumerate(self._segments[segment])]):
+            yield timeline, self._linearised(filtered, segment, chunk, timeline)
 
     def traced_back(self, filtered: Filtered, adjoint: Adjoint) -> Iterator[tuple[int, Timeline, Linearised, Trace]]:
         """Go through them from the last to the first, with an adjoint that is to be carried back over each."""
@@ -212,6 +214,11 @@ class LinearSmoothing:
         trace = Trace.of(about)
         self._forward(timeline, about, filtered.before[segment][chunk].copy(), trace)
         return about, trace
+
+    def _linearised(self, filtered: Filtered, segment: int, chunk: int, timeline: Timeline) -> Linearised:
+        if self._is_kept(filtered, segment, chunk):
+            return self._kept[segment, chunk][0]
+        return self._about(filtered.trajectory, segment, chunk, timeline)
 
     def _is_kept(self, filtered: Filtered, segment: int, chunk: int) -> bool:
         return filtered.trajectory is self._kept_of and (segment, chunk) in self._kept

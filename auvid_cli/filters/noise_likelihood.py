@@ -13,10 +13,11 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
+from auvid_cli.filters.descent import minimise
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory
 from auvid_cli.filters.noise_scores import NoiseGroup, NoiseScores, noise_scores
 from auvid_cli.filters.segments import JointProblem
-from auvid_cli.filters.smoother import minimise, most_probable
+from auvid_cli.filters.smoother import most_probable
 
 Array = NDArray[np.float64]
 

@@ -13,10 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.filters.descent import minimise
 from auvid_cli.filters.fault_scores import Faults, score_faults
 from auvid_cli.filters.huber import SET_ASIDE
 from auvid_cli.filters.influences import corrected_smoothing
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Smoothed, Trajectory, is_led_to
+from auvid_cli.filters.marginal import without_motion
 from auvid_cli.filters.other_answers import answers_of_segments, other_minimum
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import (
@@ -37,19 +39,18 @@ from auvid_cli.filters.square_root import run_square_root_filter
 
 Array = NDArray[np.float64]
 
-# Squares of standard deviations by which the cost may still fall, by the linear problem, before the last step: it moves
-# no parameter by more than a tenth of its standard deviation, and what is left after it is smaller still.
-_NEGLIGIBLE = 1e-2
 # Standard deviations by which a filter's parameters may be off the answer that it led to, before that is doubted.
 _FAR = 1.0
-# Shortest share of a step that is tried.
-_SHORTEST = 2.0**-10
 # Times the process noise, and the prior's spread of the parameters, for a start that only follows the measurements.
 _LOOSE, _HELD = 100.0, 1e-3
 
 
 def run_smoother(
-    problem: JointProblem, on_chunk: OnChunk, max_passes: int = 50, faults: Faults | None = None
+    problem: JointProblem,
+    on_chunk: OnChunk,
+    max_passes: int = 50,
+    faults: Faults | None = None,
+    marginal: bool = False,
 ) -> FilterOutcome:
     """Find the most probable parameters and motion.
 
@@ -67,32 +68,43 @@ def run_smoother(
         Of the filter through the data, from each start.
     faults : Faults, optional
         To test for, about the answer.
+    marginal : bool
+        Whether to go on to the most probable parameters whatever the motion was, and the motion that goes with them.
 
     Returns
     -------
     FilterOutcome
-        `NOT_CONVERGED` if `max_passes` were not enough; `PREDICTION` if no start has a finite cost, or where rounding
-        leaves nothing of a variance of the smoothed motion.
+        `NOT_CONVERGED` if `max_passes` were not enough; `PREDICTION` if no start has a finite cost, if the motion
+        cannot follow the parameters, or where rounding leaves nothing of a variance of the smoothed motion.
     """
     smoothing = LinearSmoothing(problem)
     answers = most_probable(problem, smoothing, max_passes)
     if not answers:
-        factor = problem.priors[0].factor
-        return FilterOutcome(factor @ factor.T, 0, PREDICTION)
+        return _failed(problem)
     (best, converged), *others = answers
-    outcome = _hand_over(smoothing, problem.sensors, best, on_chunk, OK if converged else NOT_CONVERGED)
-    if outcome.failure == NOT_CONVERGED:
+    if not converged:
+        outcome = _hand_over(smoothing, problem.sensors, best, on_chunk)
         n_parameters = problem.n_parameters
         deviation = np.sqrt(np.diagonal(outcome.covariance)[:n_parameters])
-        return outcome._replace(unsettled=Unsettled(best.cost - best.least, best.final.mean[:n_parameters] / deviation))
-    if outcome.failure != OK:
-        return outcome
+        unsettled = Unsettled(best.cost - best.least, best.final.mean[:n_parameters] / deviation)
+        return outcome._replace(failure=NOT_CONVERGED, unsettled=unsettled)
     rivals = [other for rival, _ in others if (other := other_minimum(best, rival)) is not None]
     if len(problem.segments) > 1:
         rivals += answers_of_segments(problem, best)
-    scores = None if faults is None else score_faults(smoothing, best, faults)
-    corrected = corrected_smoothing(problem, smoothing, best)
+    answer = without_motion(problem, smoothing, best) if marginal else best
+    if answer is None:
+        return _failed(problem)
+    outcome = _hand_over(smoothing, problem.sensors, answer, on_chunk, is_answer=marginal)
+    if outcome.failure != OK:
+        return outcome
+    scores = None if faults is None else score_faults(smoothing, answer, faults)
+    corrected = corrected_smoothing(problem, smoothing, answer)
     return outcome._replace(faults=scores, others=tuple(rivals), corrected=corrected)
+
+
+def _failed(problem: JointProblem) -> FilterOutcome:
+    factor = problem.priors[0].factor
+    return FilterOutcome(factor @ factor.T, 0, PREDICTION)
 
 
 def most_probable(problem: JointProblem, smoothing: LinearSmoothing, max_passes: int) -> list[tuple[Filtered, bool]]:
@@ -156,33 +168,13 @@ def _ckf(problem: JointProblem) -> Trajectory | None:
     return Trajectory(parameters, initial, moving) if outcome.failure == OK else None
 
 
-def minimise(smoothing: LinearSmoothing, start: Trajectory, max_passes: int) -> tuple[Filtered, bool] | None:
-    """Step down from a trajectory: where that ends, and whether at a minimum; None if its cost is not finite."""
-    here, passes = smoothing.filter(start), 1
-    if here is None:
-        return None
-    while here.cost - here.least > _NEGLIGIBLE:
-        step, share, lower = smoothing.step(here), 1.0, None
-        while lower is None and share >= _SHORTEST and passes < max_passes:
-            tried = smoothing.filter(here.trajectory.stepped(step, share))
-            if tried is not None and tried.cost < here.cost:
-                lower = tried
-            share, passes = share / 2.0, passes + 1
-        if lower is None:
-            return here, False
-        if here.cost - lower.cost < _NEGLIGIBLE:
-            return lower, True
-        here = lower
-    return here, True
-
-
 def _hand_over(
-    smoothing: LinearSmoothing, sensors: Sensors, filtered: Filtered, on_chunk: OnChunk, failure: int
+    smoothing: LinearSmoothing, sensors: Sensors, filtered: Filtered, on_chunk: OnChunk, is_answer: bool = False
 ) -> FilterOutcome:
-    """Pass on the smoothed trajectory, chunk by chunk, from the first to the last."""
+    """Pass on the smoothed trajectory, chunk by chunk, from the first to the last; or the nominal one itself."""
     covariance = filtered.final.covariance()
-    n_parameters = filtered.trajectory.parameters.size
-    parameters = filtered.trajectory.parameters + filtered.final.mean[:n_parameters]
+    n_parameters, share = filtered.trajectory.parameters.size, 0.0 if is_answer else 1.0
+    parameters = filtered.trajectory.parameters + share * filtered.final.mean[:n_parameters]
     deviation = np.sqrt(np.diagonal(covariance)[:n_parameters])
     nominal = [moving for segment in filtered.trajectory.moving for moving in segment]
     chunks = [_answer(chunk, sensors) for chunk in smoothing.smooth(filtered, with_variance=True)]
@@ -191,7 +183,7 @@ def _hand_over(
         lost = np.flatnonzero(~(chunk.variance > 0.0).all(axis=1))
         good = int(lost[0]) if lost.size else len(moving)
         records = Records(
-            np.hstack([np.tile(parameters, (good, 1)), (moving + chunk.step)[:good]]),
+            np.hstack([np.tile(parameters, (good, 1)), (moving + share * chunk.step)[:good]]),
             np.hstack([np.tile(deviation, (good, 1)), np.sqrt(chunk.variance[:good])]),
             chunk.innovation,
             chunk.innovation_variance,
@@ -203,7 +195,7 @@ def _hand_over(
         n_good += good
         if lost.size:
             return FilterOutcome(covariance, n_good, PREDICTION)
-    return FilterOutcome(covariance, n_good, failure)
+    return FilterOutcome(covariance, n_good, OK)
 
 
 class _Answer(NamedTuple):

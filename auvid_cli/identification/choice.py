@@ -48,7 +48,8 @@ def chosen_estimator(name: FilterName, augmented: AugmentedProblem, settings: Id
             # What it is compiled from serves no other estimator.
             from auvid_cli.identification.fault_effects import VehicleFaults
 
-            return IteratedSmoother(name.value, *problem, settings.smoother.max_passes, VehicleFaults(augmented))
+            own = settings.smoother.max_passes, VehicleFaults(augmented), settings.is_marginal
+            return IteratedSmoother(name.value, *problem, *own)
         case FilterName.OUTPUT_ERROR:
             method = settings.output_error
             bounds = _bounds(augmented, method.bounds)

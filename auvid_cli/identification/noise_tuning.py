@@ -82,6 +82,9 @@ def tune_noise(
     for noise, row in zip(noises, tuned, strict=True):
         experiment = _changed(experiment, ("identification", *noise.path), float(f"{row.tuned:.3g}"))
     experiment = _changed(experiment, ("identification", "noise"), "stated")
+    if settings.smoother.answer == "automatic":
+        # Process noise that data ask for is there, and biases the joint answer.
+        experiment = _changed(experiment, ("identification", "smoother", "answer"), "marginal")
     return Tuning(tuple(tuned), likeliest.gain, likeliest.converged, experiment)
 
 

@@ -1,0 +1,216 @@
+"""From the most probable parameters and motion together to the most probable parameters, whatever the motion was.
+
+With the motion integrated out (Laplace's approximation), minus twice the logarithm of the parameters' posterior is the
+least cost of a trajectory with these parameters, plus the sum of the logarithms of its innovations' variances S. That
+sum depends on the parameters: where process noise is strong the joint answer is off by several of its standard
+deviations. A Newton step takes that back, ``-P grad(sum log S) / 2`` with P the parameters' covariance; the motion
+then follows the parameters, and the step is found once more there.
+
+Of a Kalman filter that knows the parameters, with Lambda the covariance of the adjoint after a transition F (see
+`auvid_cli.filters.smoothing_backward`) and P the filtered one before it,
+
+    d(sum log S) = 2 sum_k <Lambda F P, dF> + 2 sum_k <h' P_smoothed / r, dh>
+
+The derivative of a column of F by a parameter is that of the parameter's column by a state.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from auvid_cli.compilation import compiled
+from auvid_cli.filters.descent import minimise
+from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory
+from auvid_cli.filters.motion_alone import MotionAlone
+from auvid_cli.filters.problem import TIMELINE, Gaussian, ModelData, Timeline
+from auvid_cli.filters.segments import JointProblem
+from auvid_cli.filters.smoothing_backward import ADJOINT, Adjoint, back_in_time, take_in_event
+from auvid_cli.filters.smoothing_forward import (
+    LINEARISED,
+    TRACE,
+    Linearised,
+    Work,
+    linearise_measurements,
+    linearise_process,
+)
+
+Array = NDArray[np.float64]
+
+_matrix = types.float64[:, ::1]
+_stack = types.float64[:, :, ::1]
+
+# By which a state is changed for a difference quotient, SI: what depends on the parameters is nearly a polynomial.
+_CHANGE = 1e-4
+# Most steps, and by how many standard deviations the last may differ from the one before.
+_ROUNDS, _SMALL = 4, 0.05
+# Times the prior's spread of parameters that are held, and passes in which the motion follows these.
+_HELD, _PASSES = 1e-8, 10
+
+
+def without_motion(problem: JointProblem, smoothing: LinearSmoothing, joint: Filtered) -> Filtered | None:
+    """Go from the joint answer to the most probable parameters; None where the motion cannot follow these.
+
+    Parameters
+    ----------
+    problem : JointProblem
+    smoothing : LinearSmoothing
+        Of the problem.
+    joint : Filtered
+        About the joint answer.
+
+    Returns
+    -------
+    Filtered
+        About the parameters, and the motion that is most probable with them: the answer is this trajectory itself.
+    """
+    n = problem.n_parameters
+    at_joint = joint.trajectory.parameters + joint.final.mean[:n]
+    deviation = np.sqrt(np.diagonal(joint.final.covariance())[:n])
+    answer, step = joint, np.zeros(n)
+    for _ in range(_ROUNDS):
+        before, step = step, marginal_step(problem, smoothing, answer)
+        followed = _follow(problem, answer.trajectory, answer.by_parameters, at_joint + step)
+        filtered = None if followed is None else smoothing.filter(followed)
+        if filtered is None:
+            return None
+        answer = filtered
+        if (np.abs(step - before) <= _SMALL * deviation).all():
+            break
+    return answer
+
+
+def _follow(
+    problem: JointProblem, trajectory: Trajectory, by_parameters: list[Array], parameters: Array
+) -> Trajectory | None:
+    """Let the motion follow parameters that are held; None where its cost is not finite."""
+    n, mean, factor = problem.n_parameters, problem.prior.mean.copy(), problem.prior.factor.copy()
+    for place, owed in zip(problem.places, by_parameters, strict=True):
+        mean[place[n:]] += owed @ (parameters - mean[:n])
+    mean[:n] = parameters
+    factor[:, :n] *= _HELD
+    smoothing = LinearSmoothing(problem._replace(prior=Gaussian(mean, factor)))
+    found = minimise(smoothing, replace(trajectory, parameters=parameters), _PASSES)
+    if found is None:
+        return None
+    filtered, _ = found
+    return replace(filtered.trajectory.stepped(smoothing.step(filtered), 1.0), parameters=parameters)
+
+
+def marginal_step(problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered) -> Array:
+    """Find the step from the joint answer to the most probable parameters, shape (n_parameters,).
+
+    Parameters
+    ----------
+    problem : JointProblem
+    smoothing : LinearSmoothing
+        Of the problem.
+    filtered : Filtered
+        About the joint answer.
+    """
+    n = problem.n_parameters
+    gradient = np.zeros(n)
+    data, work = ModelData.of(problem.process, problem.sensors), _work_of(problem)
+    for segment in range(len(problem.segments)):
+        adjoint = Adjoint.of_nothing(problem.n_moving, with_variance=True)
+        for timeline, about, motion, _, before, trace in MotionAlone(problem, smoothing, filtered, segment).backward():
+            by_transition, by_rows = np.zeros(motion.transition.shape), np.zeros(motion.rows.shape)
+            scratch = np.zeros((motion.moving.shape[1] + adjoint.root.shape[1], motion.moving.shape[1]))
+            variance = problem.sensors.variance[timeline.measurement_sensor] / trace.weight
+            _look_back(timeline, motion, trace, adjoint, before, variance, by_transition, by_rows, scratch)
+            for state in range(problem.n_moving):
+                beside = _beside(problem, data, timeline, about, state, work)
+                led = (beside.transition - about.transition)[..., :n]
+                seen = (beside.rows - about.rows)[..., :n]
+                gradient += np.einsum("ki,kij->j", by_transition[..., state], led)
+                gradient += np.einsum("kc,kcj->j", by_rows[..., state], seen)
+    return -filtered.final.covariance()[:n, :n] @ gradient / _CHANGE
+
+
+def _work_of(problem: JointProblem) -> Work:
+    return Work.of(problem.process, problem.n_parameters + problem.n_moving, problem.sensors.matrix.shape[1])
+
+
+def _beside(
+    problem: JointProblem, data: ModelData, timeline: Timeline, about: Linearised, state: int, work: Work
+) -> Linearised:
+    """Linearise a chunk about a trajectory of which one state is everywhere a little larger."""
+    larger = np.zeros(problem.n_moving)
+    larger[state] = _CHANGE
+    beside = about._replace(
+        before=about.before + larger,
+        moving=about.moving + larger,
+        **{name: np.zeros_like(getattr(about, name)) for name in ("residual", "rows", "defect", "transition")},
+    )
+    linearise_process(problem.process.transition, data, timeline, beside, work)
+    linearise_measurements(problem.process.linearise, data, timeline, beside, work)
+    return beside
+
+
+@compiled(types.void(TIMELINE, LINEARISED, TRACE, ADJOINT, _matrix, _matrix, _stack, _stack, _matrix), reassociate=True)
+def _look_back(timeline, motion, trace, adjoint, before, variance, by_transition, by_rows, scratch):
+    """Carry the adjoint back over a chunk; write down how half the sum of logarithms depends on it.
+
+    Parameters
+    ----------
+    timeline, motion, trace
+        Of the motion alone.
+    adjoint : Adjoint
+        After the chunk, then before it.
+    before : ndarray, shape (n, n)
+        Covariance before the chunk.
+    variance : ndarray, shape (n_measurements, c)
+        Of the noise.
+    by_transition, by_rows : ndarray, shape as of `transition` and `rows`
+        Filled in: derivatives by these, zero where nothing leads and of components that are missing.
+    scratch : ndarray, shape (n + columns of the adjoint's root, n)
+        Overwritten.
+    """
+    n, root = before.shape[0], adjoint.root
+    moved, said = scratch[:n], scratch[n:]
+    for back in range(timeline.time.size):
+        event = timeline.time.size - 1 - back
+        n_columns = adjoint.n_columns[0]
+        covariance = trace.covariance[event]
+        for k in range(timeline.measurement_offset[event], timeline.measurement_offset[event + 1]):
+            for c in range(motion.residual.shape[1]):
+                if np.isnan(motion.residual[k, c]):
+                    continue
+                # h' P (I - Lambda P) / r
+                row, known, owed, told = motion.rows[k, c], moved[0], moved[1], by_rows[k, c]
+                for i in range(n):
+                    known[i] = 0.0
+                    for j in range(n):
+                        known[i] += covariance[i, j] * row[j]
+                    owed[i] = 0.0
+                for column in range(n_columns):
+                    share = 0.0
+                    for i in range(n):
+                        share += root[i, column] * known[i]
+                    for i in range(n):
+                        owed[i] += share * root[i, column]
+                for i in range(n):
+                    total = known[i]
+                    for j in range(n):
+                        total -= covariance[i, j] * owed[j]
+                    told[i] = total / variance[k, c]
+        take_in_event(event, timeline, motion, trace, adjoint, variance[:0], variance[:0])
+        if timeline.substep_offset[event + 1] > timeline.substep_offset[event]:
+            n_columns = adjoint.n_columns[0]
+            transition, covariance = motion.transition[event], trace.covariance[event - 1] if event > 0 else before
+            for i in range(n):
+                for j in range(n):
+                    moved[i, j] = 0.0
+                    for m in range(n):
+                        moved[i, j] += transition[i, m] * covariance[m, j]
+            for column in range(n_columns):
+                for j in range(n):
+                    said[column, j] = 0.0
+                    for i in range(n):
+                        said[column, j] += root[i, column] * moved[i, j]
+            for i in range(n):
+                for j in range(n):
+                    for column in range(n_columns):
+                        by_transition[event, i, j] += root[i, column] * said[column, j]
+            back_in_time(transition, 0, adjoint)
