@@ -3,8 +3,8 @@
 With the motion integrated out (Laplace's approximation), minus twice the logarithm of the parameters' posterior is the
 least cost of a trajectory with these parameters, plus the sum of the logarithms of its innovations' variances S. That
 sum depends on the parameters: where process noise is strong the joint answer is off by several of its standard
-deviations. A Newton step takes that back, ``-P grad(sum log S) / 2`` with P the parameters' covariance; the motion
-then follows the parameters, and the step is found once more there.
+deviations. A Newton step takes that back, ``-P grad(sum log S) / 2`` with P the parameters' covariance; then the motion
+follows the parameters, and the next step is found there.
 
 Of a Kalman filter that knows the parameters, with Lambda the covariance of the adjoint after a transition F (see
 `auvid_cli.filters.smoothing_backward`) and P the filtered one before it,
@@ -43,8 +43,8 @@ _stack = types.float64[:, :, ::1]
 
 # By which a state is changed for a difference quotient, SI: what depends on the parameters is nearly a polynomial.
 _CHANGE = 1e-4
-# Most steps, and by how many standard deviations the last may differ from the one before.
-_ROUNDS, _SMALL = 4, 0.05
+# Most steps, and standard deviations that the last may have.
+_ROUNDS, _SMALL = 8, 0.05
 # Times the prior's spread of parameters that are held, and passes in which the motion follows these.
 _HELD, _PASSES = 1e-8, 10
 
@@ -65,33 +65,30 @@ def without_motion(problem: JointProblem, smoothing: LinearSmoothing, joint: Fil
     Filtered
         About the parameters, and the motion that is most probable with them: the answer is this trajectory itself.
     """
-    n = problem.n_parameters
-    at_joint = joint.trajectory.parameters + joint.final.mean[:n]
+    n, answer = problem.n_parameters, joint
     deviation = np.sqrt(np.diagonal(joint.final.covariance())[:n])
-    answer, step = joint, np.zeros(n)
     for _ in range(_ROUNDS):
-        before, step = step, marginal_step(problem, smoothing, answer)
-        followed = _follow(problem, answer.trajectory, answer.by_parameters, at_joint + step)
+        # Back to the joint answer, as it seems from here, and on from there.
+        step = answer.final.mean[:n] + marginal_step(problem, smoothing, answer)
+        followed = _follow(problem, answer, answer.trajectory.parameters + step)
         filtered = None if followed is None else smoothing.filter(followed)
         if filtered is None:
             return None
         answer = filtered
-        if (np.abs(step - before) <= _SMALL * deviation).all():
+        if (np.abs(step) <= _SMALL * deviation).all():
             break
     return answer
 
 
-def _follow(
-    problem: JointProblem, trajectory: Trajectory, by_parameters: list[Array], parameters: Array
-) -> Trajectory | None:
+def _follow(problem: JointProblem, answer: Filtered, parameters: Array) -> Trajectory | None:
     """Let the motion follow parameters that are held; None where its cost is not finite."""
     n, mean, factor = problem.n_parameters, problem.prior.mean.copy(), problem.prior.factor.copy()
-    for place, owed in zip(problem.places, by_parameters, strict=True):
+    for place, owed in zip(problem.places, answer.by_parameters, strict=True):
         mean[place[n:]] += owed @ (parameters - mean[:n])
     mean[:n] = parameters
     factor[:, :n] *= _HELD
     smoothing = LinearSmoothing(problem._replace(prior=Gaussian(mean, factor)))
-    found = minimise(smoothing, replace(trajectory, parameters=parameters), _PASSES)
+    found = minimise(smoothing, replace(answer.trajectory, parameters=parameters), _PASSES)
     if found is None:
         return None
     filtered, _ = found

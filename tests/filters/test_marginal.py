@@ -1,0 +1,119 @@
+"""Parameters whatever the motion was, against the likelihood of a model that is linear once they are known."""
+
+import numpy as np
+import pytest
+from numba import njit
+from scipy.optimize import minimize
+
+from auvid_cli.filters.problem import (
+    LINEARISATION_SIGNATURE,
+    OBSERVATION_SIGNATURE,
+    OK,
+    PROCESS_SIGNATURE,
+    TRANSITION_SIGNATURE,
+    Gaussian,
+    Process,
+    Sensors,
+    Timeline,
+)
+from auvid_cli.filters.segments import JointProblem
+from auvid_cli.filters.smoother import run_smoother
+from auvid_cli.lanes import LANES
+
+N, STEP, DENSITY, NOISE = 400, 0.5, 1.0, 0.7
+TRUE = np.array([0.6, 0.3])
+
+
+@njit(PROCESS_SIGNATURE)
+def _advance(moving, parameters, inputs, constants, selection, n_lanes, duration, scratch):
+    """A velocity that decays at the rate of the first parameter."""
+    for k in range(n_lanes):
+        moving[k] *= 1.0 - duration * parameters[k]
+
+
+@njit(TRANSITION_SIGNATURE)
+def _transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
+    for j in range(3):
+        matrix[2, j] = 1.0 if j == 2 else 0.0
+    for duration in substep_duration:
+        matrix[2, 0] = (1.0 - duration * mean[0]) * matrix[2, 0] - duration * mean[2]
+        matrix[2, 2] *= 1.0 - duration * mean[0]
+        mean[2] *= 1.0 - duration * mean[0]
+
+
+@njit(OBSERVATION_SIGNATURE)
+def _observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
+    """A scale that is off by the second parameter."""
+    for k in range(n_lanes):
+        predicted[k] = (1.0 + parameters[LANES + k]) * moving[k]
+
+
+@njit(LINEARISATION_SIGNATURE)
+def _linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scratch):
+    predicted[0] = (1.0 + mean[1]) * mean[2]
+    matrix[0, 0], matrix[0, 1], matrix[0, 2] = 0.0, mean[2], 1.0 + mean[1]
+
+
+def simulated(rng):
+    """Both sensors, one after the other at each time."""
+    x, measured = 1.0, []
+    for k in range(N):
+        x = (1.0 - STEP * TRUE[0]) * x + DENSITY * np.sqrt(STEP) * rng.standard_normal() if k else x
+        measured += [(1.0 + TRUE[1]) * x, x]
+    return np.array(measured) + NOISE * rng.standard_normal(2 * N)
+
+
+def problem_of(measured, cut):
+    """In segments that end after so many events."""
+
+    def timeline(first, last):
+        count = last - first
+        return Timeline(
+            time=STEP * np.arange(first, last, dtype=float),
+            substep_offset=np.arange(count + 1) - (np.arange(count + 1) > 0),
+            substep_duration=np.full(count - 1, STEP),
+            substep_input=np.zeros(count - 1, dtype=np.int64),
+            inputs=np.zeros((1, 1)),
+            event_input=np.zeros(count, dtype=np.int64),
+            measurement_offset=2 * np.arange(count + 1),
+            measurement_sensor=np.tile(np.array([0, 1], dtype=np.int8), count),
+            measurement=measured[2 * first : 2 * last, None].copy(),
+        )
+
+    process = Process(_advance, _transition, np.zeros(1), np.zeros(0, dtype=np.int64), np.array([DENSITY]))
+    process = process._replace(observe=_observe, linearise=_linearise)
+    matrix = np.zeros((2, 1, 3))
+    matrix[1, 0, 2] = 1.0
+    sensors = Sensors(matrix, np.full((2, 1), NOISE**2), np.zeros((2, 1), dtype=np.bool_), np.array([True, False]))
+    segments = [[timeline(first, last)] for first, last in zip([0, *cut], [*cut, N], strict=True)]
+    n_joint = 2 + len(segments)
+    return JointProblem(process, sensors, segments, Gaussian(np.zeros(n_joint), np.eye(n_joint)))
+
+
+def minus_twice_log_posterior(parameters, measured, cut):
+    decay, scale = parameters
+    total = parameters @ parameters
+    for k in range(N):
+        mean, variance = (0.0, 1.0) if k in (0, *cut) else (
+            (1.0 - STEP * decay) * mean, (1.0 - STEP * decay) ** 2 * variance + DENSITY**2 * STEP
+        )  # fmt: skip
+        for h, value in zip((1.0 + scale, 1.0), measured[2 * k : 2 * k + 2], strict=True):
+            s = h * h * variance + NOISE**2
+            total += (value - h * mean) ** 2 / s + np.log(s)
+            mean, variance = mean + variance * h / s * (value - h * mean), variance * NOISE**2 / s
+    return total
+
+
+@pytest.mark.parametrize("cut", [(), (150, 270)], ids=["one segment", "three segments"])
+def test_it_is_the_maximum_of_the_likelihood_with_the_motion_integrated_out(cut, rng):
+    measured = simulated(rng)
+    best = minimize(minus_twice_log_posterior, TRUE, (measured, cut), "Nelder-Mead", options={"xatol": 1e-5}).x
+    problem, answers = problem_of(measured, cut), []
+    for marginal in (False, True):
+        last = []
+        outcome = run_smoother(problem, lambda timeline, records: last.append(records), marginal=marginal)  # noqa: B023
+        assert outcome.failure == OK
+        answers.append((last[-1].mean[-1, :2] - best) / last[-1].standard_deviation[-1, :2])
+    joint, marginal = np.abs(answers)
+    assert joint.max() > 1.0
+    assert marginal.max() < 0.2
