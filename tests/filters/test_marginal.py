@@ -92,11 +92,12 @@ def problem_of(measured, cut):
 
 def minus_twice_log_posterior(parameters, measured, cut):
     decay, scale = parameters
-    total = parameters @ parameters
+    total, mean, variance, shrunk = parameters @ parameters, 0.0, 1.0, 1.0 - STEP * decay
     for k in range(N):
-        mean, variance = (0.0, 1.0) if k in (0, *cut) else (
-            (1.0 - STEP * decay) * mean, (1.0 - STEP * decay) ** 2 * variance + DENSITY**2 * STEP
-        )  # fmt: skip
+        if k in cut:
+            mean, variance = 0.0, 1.0
+        elif k:
+            mean, variance = shrunk * mean, shrunk**2 * variance + DENSITY**2 * STEP
         for h, value in zip((1.0 + scale, 1.0), measured[2 * k : 2 * k + 2], strict=True):
             s = h * h * variance + NOISE**2
             total += (value - h * mean) ** 2 / s + np.log(s)

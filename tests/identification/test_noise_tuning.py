@@ -101,7 +101,9 @@ def test_what_disturbs_the_motion_is_sized_by_the_data(tuned_disturbance):
 
 def test_its_sizes_are_written_and_read_as_lists(tuned_disturbance, experiment_with):
     asked = f"identification.estimate={DISTURBED}"
-    held = yaml.safe_load(tuned_disturbance.settings())["identification"]["estimate"]["disturbance"]
+    settings = yaml.safe_load(tuned_disturbance.settings())["identification"]
+    assert settings["smoother"] == {"answer": "marginal"}
+    held = settings["estimate"]["disturbance"]
     read = experiment_with(asked, f"identification.estimate.disturbance={held}").identification.estimate.disturbance
     assert read == tuned_disturbance.experiment.identification.estimate.disturbance
     assert read.moment.standard_deviation[0] == 0.0

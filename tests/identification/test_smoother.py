@@ -82,3 +82,39 @@ def test_data_that_nothing_follows_are_said_whatever_the_segments(short_run, wit
     estimate = identify(with_settings(broken, "identification.use.spans=[[5, 25], [40, 60]]"), FilterName.SMOOTHER)
     assert estimate.status.startswith("diverged at t = ")
     assert estimate.covariance.shape == (len(estimate.state),) * 2
+
+
+PUSHES = "{force: {standard_deviation: 5 N}, moment: {standard_deviation: [0.2 N*m, 2 N*m, 2 N*m]}}"
+DISTURBED = f"identification.estimate={{biases: [disturbance], disturbance: {PUSHES}}}"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "marginal"),
+    [
+        ((), False),
+        (("identification.noise=estimate",), True),
+        ((DISTURBED,), True),
+        ((DISTURBED, "identification.smoother.answer=joint"), False),
+        (("identification.smoother.answer=marginal",), True),
+    ],
+)
+def test_the_motion_is_integrated_out_where_noise_drives_it(overrides, marginal, experiment_with):
+    assert experiment_with(*overrides).identification.is_marginal is marginal
+
+
+def test_of_a_disturbed_run_it_says_what_a_filter_says(simulated_with, with_settings):
+    """Which does not know the motion either."""
+    slow = "sensors.attitude={source: direct, rate: 10 Hz}", "sensors.gyroscope.rate=10 Hz"
+    dataset = simulated_with("manoeuvre.duration=40 s", *slow, f"manoeuvre.disturbance={PUSHES}", DISTURBED)
+    joint = with_settings(dataset, "identification.smoother.answer=joint")
+    (mean, deviation), *others = (
+        coefficients(identify(data, name))
+        for data, name in (
+            (dataset, FilterName.CKF),
+            (dataset, FilterName.SMOOTHER),
+            (joint, FilterName.SMOOTHER),
+        )
+    )
+    distance = [np.abs((other - mean) / deviation).max() for other, _ in others]
+    assert distance[0] < 0.5
+    assert distance[1] > 2.0
