@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.descent import minimise
+from auvid_cli.filters.fault_scores import FaultEffects, Faults
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory
 from auvid_cli.filters.motion_alone import MotionAlone
-from auvid_cli.filters.problem import TIMELINE, Gaussian, ModelData, Timeline
+from auvid_cli.filters.problem import TIMELINE, FaultScores, Gaussian, ModelData, Timeline
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoothing_backward import ADJOINT, Adjoint, back_in_time, take_in_event
 from auvid_cli.filters.smoothing_forward import (
@@ -96,33 +97,64 @@ def _follow(problem: JointProblem, answer: Filtered, parameters: Array) -> Traje
 
 
 def marginal_step(problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered) -> Array:
-    """Find the step from the joint answer to the most probable parameters, shape (n_parameters,).
+    """Find the step from the joint answer to the most probable parameters, shape (n_parameters,)."""
+    n = problem.n_parameters
+    by_parameters, _ = _slopes(problem, smoothing, filtered, None)
+    return -0.5 * filtered.final.covariance()[:n, :n] @ by_parameters
+
+
+def marginal_scores(
+    problem: JointProblem, smoothing: LinearSmoothing, answer: Filtered, faults: Faults, scores: FaultScores
+) -> FaultScores:
+    """Integrate the motion out of what the data say of faults, too.
+
+    The sum of logarithms depends on faults as it does on parameters, and what parameters take up of a fault changes it.
 
     Parameters
     ----------
     problem : JointProblem
     smoothing : LinearSmoothing
         Of the problem.
-    filtered : Filtered
-        About the joint answer.
+    answer : Filtered
+        From `without_motion`.
+    faults : Faults
+    scores : FaultScores
+        About the answer.
     """
-    n = problem.n_parameters
-    gradient = np.zeros(n)
+    by_parameters, by_faults = _slopes(problem, smoothing, answer, faults)
+    return scores._replace(score=scores.score - 0.5 * (by_faults + by_parameters @ scores.effect))
+
+
+def _slopes(
+    problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered, faults: Faults | None
+) -> tuple[Array, Array]:
+    """Return the derivatives of the sum of logarithms by the parameters and by faults."""
+    n, n_moving = problem.n_parameters, problem.n_moving
+    slopes = np.zeros(n + (0 if faults is None else len(faults.names)))
     data, work = ModelData.of(problem.process, problem.sensors), _work_of(problem)
     for segment in range(len(problem.segments)):
-        adjoint = Adjoint.of_nothing(problem.n_moving, with_variance=True)
+
+        def columns(timeline: Timeline, about: Linearised, segment: int = segment) -> FaultEffects:
+            """Return what parameters, then faults, do to a chunk."""
+            of_parameters = about.transition[..., :n], about.rows[..., :n]
+            if faults is None:
+                return FaultEffects(*of_parameters)
+            pairs = zip(of_parameters, faults.effects(segment, timeline, about), strict=True)
+            return FaultEffects(*(np.concatenate(pair, axis=-1) for pair in pairs))
+
+        adjoint = Adjoint.of_nothing(n_moving, with_variance=True)
         for timeline, about, motion, _, before, trace in MotionAlone(problem, smoothing, filtered, segment).backward():
             by_transition, by_rows = np.zeros(motion.transition.shape), np.zeros(motion.rows.shape)
-            scratch = np.zeros((motion.moving.shape[1] + adjoint.root.shape[1], motion.moving.shape[1]))
+            scratch = np.zeros((n_moving + adjoint.root.shape[1], n_moving))
             variance = problem.sensors.variance[timeline.measurement_sensor] / trace.weight
             _look_back(timeline, motion, trace, adjoint, before, variance, by_transition, by_rows, scratch)
-            for state in range(problem.n_moving):
-                beside = _beside(problem, data, timeline, about, state, work)
-                led = (beside.transition - about.transition)[..., :n]
-                seen = (beside.rows - about.rows)[..., :n]
-                gradient += np.einsum("ki,kij->j", by_transition[..., state], led)
-                gradient += np.einsum("kc,kcj->j", by_rows[..., state], seen)
-    return -filtered.final.covariance()[:n, :n] @ gradient / _CHANGE
+            here = columns(timeline, about)
+            for state in range(n_moving):
+                beside = columns(timeline, _beside(problem, data, timeline, about, state, work))
+                slopes += np.einsum("ki,kij->j", by_transition[..., state], beside.pushed - here.pushed)
+                slopes += np.einsum("kc,kcj->j", by_rows[..., state], beside.added - here.added)
+    slopes *= 2.0 / _CHANGE
+    return slopes[:n], slopes[n:]
 
 
 def _work_of(problem: JointProblem) -> Work:

@@ -18,7 +18,7 @@ from auvid_cli.filters.fault_scores import Faults, score_faults
 from auvid_cli.filters.huber import SET_ASIDE
 from auvid_cli.filters.influences import corrected_smoothing
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Smoothed, Trajectory, is_led_to
-from auvid_cli.filters.marginal import without_motion
+from auvid_cli.filters.marginal import marginal_scores, without_motion
 from auvid_cli.filters.other_answers import answers_of_segments, other_minimum
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import (
@@ -98,6 +98,8 @@ def run_smoother(
     if outcome.failure != OK:
         return outcome
     scores = None if faults is None else score_faults(smoothing, answer, faults)
+    if marginal and faults is not None and scores is not None:
+        scores = marginal_scores(problem, smoothing, answer, faults, scores)
     corrected = corrected_smoothing(problem, smoothing, answer)
     return outcome._replace(faults=scores, others=tuple(rivals), corrected=corrected)
 

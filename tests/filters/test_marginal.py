@@ -5,6 +5,7 @@ import pytest
 from numba import njit
 from scipy.optimize import minimize
 
+from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
     OBSERVATION_SIGNATURE,
@@ -90,7 +91,7 @@ def problem_of(measured, cut):
     return JointProblem(process, sensors, segments, Gaussian(np.zeros(n_joint), np.eye(n_joint)))
 
 
-def minus_twice_log_posterior(parameters, measured, cut):
+def minus_twice_log_posterior(parameters, measured, cut, fault=0.0):
     decay, scale = parameters
     total, mean, variance, shrunk = parameters @ parameters, 0.0, 1.0, 1.0 - STEP * decay
     for k in range(N):
@@ -98,11 +99,20 @@ def minus_twice_log_posterior(parameters, measured, cut):
             mean, variance = 0.0, 1.0
         elif k:
             mean, variance = shrunk * mean, shrunk**2 * variance + DENSITY**2 * STEP
-        for h, value in zip((1.0 + scale, 1.0), measured[2 * k : 2 * k + 2], strict=True):
+        for h, value in zip((1.0 + scale, 1.0 + fault), measured[2 * k : 2 * k + 2], strict=True):
             s = h * h * variance + NOISE**2
             total += (value - h * mean) ** 2 / s + np.log(s)
             mean, variance = mean + variance * h / s * (value - h * mean), variance * NOISE**2 / s
     return total
+
+
+class ScaleOfThePlainSensor:
+    names, units = ("scale",), ("",)
+
+    def effects(self, segment, timeline, about):
+        added = np.zeros((*timeline.measurement.shape, 1))
+        added[1::2, 0, 0] = about.moving[:, 0]
+        return FaultEffects(np.zeros((*about.moving.shape, 1)), added)
 
 
 @pytest.mark.parametrize("cut", [(), (150, 270)], ids=["one segment", "three segments"])
@@ -112,9 +122,18 @@ def test_it_is_the_maximum_of_the_likelihood_with_the_motion_integrated_out(cut,
     problem, answers = problem_of(measured, cut), []
     for marginal in (False, True):
         last = []
-        outcome = run_smoother(problem, lambda timeline, records: last.append(records), marginal=marginal)  # noqa: B023
+        faults = ScaleOfThePlainSensor()
+        outcome = run_smoother(problem, lambda timeline, records: last.append(records), 50, faults, marginal)  # noqa: B023
         assert outcome.failure == OK
         answers.append((last[-1].mean[-1, :2] - best) / last[-1].standard_deviation[-1, :2])
     joint, marginal = np.abs(answers)
     assert joint.max() > 1.0
     assert marginal.max() < 0.2
+    scores = outcome.faults
+    # What the posterior gains, once the parameters are found anew for each size of the fault.
+    gained = [
+        minimize(minus_twice_log_posterior, best, (measured, cut, fault), "Nelder-Mead", options={"xatol": 1e-6}).fun
+        for fault in (-0.005, 0.005)
+    ]
+    score = (gained[0] - gained[1]) / 0.02
+    assert abs(scores.score[0] - score) < 0.2 * np.sqrt(scores.information[0])
