@@ -1,6 +1,7 @@
 """Noise as the data have it: the value object between identification and report."""
 
 from dataclasses import dataclass
+from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import yaml
@@ -10,6 +11,9 @@ from auvid_cli.data.named_rows import NamedRows
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+_NOT_QUITE_NONE = 0.1
 
 
 class TunedNoise(NamedTuple):
@@ -33,6 +37,16 @@ class TunedNoise(NamedTuple):
     tuned: float
     low: float
     high: float
+
+    @property
+    def worth_stating(self) -> float:
+        """Return what settings should state: what is most likely or, where none would be as likely, not quite none.
+
+        A tenth of the upper end costs a fiftieth of a log-likelihood, and a smoother follows a motion without any
+        process noise only with difficulty.
+        """
+        bounded = self.low == 0.0 and isfinite(self.high)
+        return max(self.tuned, _NOT_QUITE_NONE * self.high) if bounded else self.tuned
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,7 @@ def tune_noise(
         for noise, *each in factors
     ]
     for noise, row in zip(noises, tuned, strict=True):
-        experiment = _changed(experiment, ("identification", *noise.path), float(f"{row.tuned:.3g}"))
+        experiment = _changed(experiment, ("identification", *noise.path), float(f"{row.worth_stating:.3g}"))
     experiment = _changed(experiment, ("identification", "noise"), "stated")
     if settings.smoother.answer == "automatic":
         # Process noise that data ask for is there, and biases the joint answer.

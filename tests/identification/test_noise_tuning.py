@@ -97,6 +97,10 @@ def test_what_disturbs_the_motion_is_sized_by_the_data(tuned_disturbance):
         assert abs(np.log(noises[key].tuned / true)) < 3.0 * width < 0.5, key
     yaw = noises["moment.standard_deviation.2"]
     assert yaw.low == 0.0 < yaw.high < 0.2
+    # Not quite none, which a smoother could hardly follow.
+    held = tuned_disturbance.experiment.identification.estimate.disturbance.moment.standard_deviation[2]
+    assert held == pytest.approx(0.1 * yaw.high, rel=0.01)
+    assert yaw._replace(high=np.inf).worth_stating == yaw.tuned
 
 
 def test_its_sizes_are_written_and_read_as_lists(tuned_disturbance, experiment_with):
