@@ -1,8 +1,8 @@
 """Errors of sensors and actuators that may be estimated along with the coefficients, and what is known beforehand.
 
 A block of them is written down here alone: its settings, its states, and whose errors they are. A current is one of
-them: an error of the DVL that would measure the motion through the water. So are the scale error of the thrust and what
-disturbs the motion, which no sensor measures.
+them: an error of the DVL that would measure the motion through the water. So are the scale error of the thrust, the
+ballast and what disturbs the motion, which no sensor measures.
 """
 
 from enum import StrEnum
@@ -31,6 +31,8 @@ FIN_TRIMS = (
     Quantity("rudder_trim", "rad", "rudder beyond its stated deflection", "tau_control"),
     Quantity("elevator_trim", "rad", "elevator beyond its stated deflection", "tau_control"),
 )
+EXCESS_BUOYANCY = Quantity("excess_buoyancy", "N", "buoyancy less weight, beyond the stated", "g(eta), eq. (13)")
+TRIM_MOMENT = Quantity("trim_moment", "N*m", "moment of a level vehicle, bow up, beyond the stated", "g(eta), eq. (13)")
 THRUST_SCALE = Quantity("thrust_scale", "1", "scale error of the stated surge force", "tau_propulsion")
 
 
@@ -48,6 +50,7 @@ class BiasName(StrEnum):
     CURRENT = "current"
     THRUST = "thrust"
     FIN_TRIM = "fin_trim"
+    BALLAST = "ballast"
     DISTURBANCE = "disturbance"
 
 
@@ -63,7 +66,7 @@ class ErrorBlock(NamedTuple):
     walk : float
         Growth per square root of a second, SI; 0 for a constant.
     sensor : str or None
-        Whose error it is; None for one of the actuators, which the process knows.
+        Whose error it is; None for one of the actuators or of the vehicle, which the process knows.
     additive : bool
         Whether component by component it adds to states that the sensor measures as they are; otherwise compiled code
         of `auvid_cli.identification` names each of its symbols.
@@ -256,6 +259,22 @@ class FinTrims(Settings):
         )
 
 
+class BallastError(Settings):
+    """Weight and buoyancy that are not as stated, or act elsewhere: a vertical force and a moment in pitch."""
+
+    buoyancy_spread: Annotated[float, Amount("N"), Field(gt=0, description="standard deviation before any data")] = 10.0
+    buoyancy_walk: Annotated[float, Amount("N/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
+    moment_spread: Annotated[float, Amount("N*m"), Field(gt=0, description="standard deviation before any data")] = 5.0
+    moment_walk: Annotated[float, Amount("N*m/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
+
+    def blocks(self) -> tuple[ErrorBlock, ...]:
+        """Return the states, which may be constant or walk one without the other."""
+        return (
+            ErrorBlock("excess_buoyancy", (EXCESS_BUOYANCY,), self.buoyancy_spread, self.buoyancy_walk, None),
+            ErrorBlock("trim_moment", (TRIM_MOMENT,), self.moment_spread, self.moment_walk, None),
+        )
+
+
 class EstimatedDisturbance(Disturbance):
     """Gauss-Markov force and moment beside those of the model, a state for each axis with a standard deviation."""
 
@@ -286,6 +305,7 @@ class AugmentedStates(Settings):
     current: Current = Current()
     thrust: ThrustScale = ThrustScale()
     fin_trim: FinTrims = FinTrims()
+    ballast: BallastError = BallastError()
     disturbance: EstimatedDisturbance = EstimatedDisturbance()
 
     def blocks(self) -> tuple[ErrorBlock, ...]:

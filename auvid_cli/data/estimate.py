@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.augmented_states import ERROR_STATES, FIN_TRIMS, THRUST_SCALE
+from auvid_cli.config.augmented_states import ERROR_STATES, EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT
 from auvid_cli.config.experiment import RunSettings
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.vehicle.actuators import ActuatorErrors
+from auvid_cli.vehicle.ballast import Ballast
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.parameters import MOTION
+from auvid_cli.vehicle.parameters import MOTION, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -235,10 +236,15 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
 
     def final_actuators(self) -> ActuatorErrors:
         """Return what lies between the inputs as they are stated and those that act, at the last time."""
-        found = dict(zip(self.state, self.mean[-1].tolist(), strict=True))
-        return ActuatorErrors(
-            1.0 + found.get(THRUST_SCALE.symbol, 0.0), *(found.get(trim.symbol, 0.0) for trim in FIN_TRIMS)
-        )
+        return ActuatorErrors(1.0 + self._final(THRUST_SCALE), *map(self._final, FIN_TRIMS))
+
+    def final_ballast(self) -> Ballast:
+        """Return what lies between weight and buoyancy as they are stated and those that act, at the last time."""
+        return Ballast(self._final(EXCESS_BUOYANCY), self._final(TRIM_MOMENT))
+
+    def _final(self, error: Quantity) -> float:
+        """Return an error at the last time, 0 where it is not estimated."""
+        return float(self.mean[-1, self.state.index(error.symbol)]) if error.symbol in self.state else 0.0
 
     def final_coefficients(self) -> dict[str, float]:
         """Return the 22 coefficients at the last time, estimated or held, SI."""

@@ -112,7 +112,8 @@ def free_run(prepared: PreparedData, estimate: Estimate) -> tuple[FreeRun, list[
         Mean absolute difference from every measurement of a velocity or rate, as in the paper's Table V.
     """
     measuring = prepared.measuring
-    model = prepared.experiment.vehicle.known_parameters(), estimate.final_coefficients(), estimate.final_actuators()
+    parameters = estimate.final_ballast().added_to(prepared.experiment.vehicle.known_parameters())
+    model = parameters, estimate.final_coefficients(), estimate.final_actuators()
     sensor_errors = estimated_errors(estimate.state, estimate.mean[-1])
     sums, counts = np.zeros(N_MOTION), np.zeros(N_MOTION)
     keeper = Keeper(measuring)

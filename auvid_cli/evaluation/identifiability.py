@@ -43,7 +43,7 @@ class Assessed(NamedTuple):
 _KNOWN = CLASSES[-2][0]
 _MOTIONS = "surge", "sway", "heave", "roll", "pitch", "yaw"
 # Of any vehicle at sea.
-_USUAL_ERRORS = BiasName.CURRENT, BiasName.FIN_TRIM
+_USUAL_ERRORS = BiasName.CURRENT, BiasName.FIN_TRIM, BiasName.BALLAST
 # Correlation from which coefficients are said to go together.
 LARGEST_CORRELATION = 0.95
 

@@ -5,18 +5,18 @@ from numba import types
 from auvid_cli.compilation import compiled
 from auvid_cli.identification.compiled_layout import HELD, ROW, SCALE, first_moving_row, row_of, value_of
 from auvid_cli.lanes import LANES
-from auvid_cli.vehicle.actuators import AS_STATED
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
+from auvid_cli.vehicle.dynamics import NO_ERRORS
 from auvid_cli.vehicle.parameters import N_MOTION
 
-N_ACTUATORS = len(AS_STATED)
+N_ERRORS = len(NO_ERRORS)
 _vector = types.float64[::1]
 _indices = types.int64[::1]
 
 
 @compiled(types.void(_vector, _vector, _vector, _indices, types.uint64, _vector), inline=True)
 def fill_in_lanes(moving, parameters, constants, selection, n_lanes, coefficients):
-    """Fill in the coefficients, estimated or held, and the actuators' errors of a block of states.
+    """Fill in the coefficients, estimated or held, the actuators' errors and the ballast of a block of states.
 
     Parameters
     ----------
@@ -38,11 +38,11 @@ def fill_in_lanes(moving, parameters, constants, selection, n_lanes, coefficient
         else:
             for k in range(LANES):
                 row[k] = constants[HELD + m]
-    for a in range(N_ACTUATORS):
+    for a in range(N_ERRORS):
         error = coefficients[(N_COEFFICIENTS + a) * LANES : (N_COEFFICIENTS + a + 1) * LANES]
-        which = (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim)[a]
+        which = (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim, ROW.excess_buoyancy, ROW.trim_moment)[a]
         for k in range(LANES):
-            error[k] = AS_STATED[a]
+            error[k] = NO_ERRORS[a]
         if row_of(constants, which) >= 0:
             for k in range(n_lanes):
                 error[k] += value_of(constants, which, parameters, moving, k)
@@ -55,9 +55,11 @@ def fill_in_all(mean, constants, selection, coefficients):
         coefficients[m] = constants[HELD + m]
     for j in range(selection.size):
         coefficients[selection[j]] = constants[SCALE + j] * mean[j]
-    for a in range(N_ACTUATORS):
-        row = row_of(constants, (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim)[a])
-        coefficients[N_COEFFICIENTS + a] = AS_STATED[a] + mean[row] if row >= 0 else AS_STATED[a]
+    for a in range(N_ERRORS):
+        row = row_of(
+            constants, (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim, ROW.excess_buoyancy, ROW.trim_moment)[a]
+        )
+        coefficients[N_COEFFICIENTS + a] = NO_ERRORS[a] + mean[row] if row >= 0 else NO_ERRORS[a]
 
 
 @compiled(types.void(_vector, _vector, _indices, _vector), internal=True)
@@ -68,7 +70,9 @@ def fill_in_row(sensitivity, constants, selection, row):
         row[j] = sensitivity[N_MOTION + selection[j]] * constants[SCALE + j]
     for j in range(N_MOTION):
         row[n_parameters + j] = sensitivity[j]
-    for a in range(N_ACTUATORS):
-        error = row_of(constants, (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim)[a])
+    for a in range(N_ERRORS):
+        error = row_of(
+            constants, (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim, ROW.excess_buoyancy, ROW.trim_moment)[a]
+        )
         if error >= 0:
             row[error] = sensitivity[N_MOTION + N_COEFFICIENTS + a]

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.augmented_states import CURRENT, FIN_TRIMS, THRUST_SCALE
+from auvid_cli.config.augmented_states import CURRENT, EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.filters.smoothing_forward import Linearised
@@ -15,6 +15,7 @@ from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, INPUTS
 Array = NDArray[np.float64]
 
 _CURRENTS = tuple(quantity.symbol for quantity in CURRENT)
+_BALLAST = EXCESS_BUOYANCY.symbol, TRIM_MOMENT.symbol
 _THRUST_INPUT = INPUT_SYMBOLS.index("surge_force")
 _FINS = tuple(INPUT_SYMBOLS.index(name) for name in ("rudder", "elevator"))
 
@@ -49,7 +50,10 @@ class VehicleFaults:
         rate = self._problem.segments[segment].timelines.input_rate
         states = np.vstack([about.before, about.moving])
         motion = states[:, self._motion_rows]
-        current = np.column_stack([self._along(symbol, about.parameters, states) for symbol in _CURRENTS])
+        current, ballast = (
+            np.column_stack([self._along(symbol, about.parameters, states) for symbol in symbols])
+            for symbols in (_CURRENTS, _BALLAST)
+        )
         # What the thrust is more than stated acts like more of it, and a trim like a fin that is over.
         gain, trim = np.ones((len(states), len(INPUTS))), np.zeros((len(states), len(INPUTS)))
         gain[:, _THRUST_INPUT] += self._along(THRUST_SCALE.symbol, about.parameters, states)
@@ -58,8 +62,8 @@ class VehicleFaults:
 
         def under(place: NDArray[np.int64], given: NDArray[np.int64]) -> Motion:
             inputs = gain[place] * timeline.inputs[given] + trim[place]
-            rates = model.rates(motion[place], inputs)
-            return Motion(motion[place], inputs, gain[place] * rate[given], rates, current[place])
+            rates = model.rates(motion[place], inputs, ballast[place])
+            return Motion(motion[place], inputs, gain[place] * rate[given], rates, current[place], ballast[place])
 
         # Over a substep the motion is taken for that at the event before: faults are small, and substeps short.
         n_substeps, held = np.diff(timeline.substep_offset), timeline.substep_input

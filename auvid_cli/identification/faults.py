@@ -14,13 +14,15 @@ from numpy.typing import NDArray
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
 from auvid_cli.lanes import LANES
-from auvid_cli.vehicle.dynamics import N_BLOCK, motion_derivative, vehicle_constants
+from auvid_cli.vehicle.ballast import Ballast
+from auvid_cli.vehicle.dynamics import N_BLOCK, N_FACTORS, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.kinematics import current_in_body_axes
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION, SENSORS
 
 Array = NDArray[np.float64]
 
+_N_BALLAST = len(Ballast._fields)
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
@@ -37,6 +39,8 @@ class Motion(NamedTuple):
         How fast the states change.
     current : ndarray, shape (n, 2)
         North and east, in which the vehicle moves, as far as it is estimated.
+    ballast : ndarray, shape (n, 2)
+        See `Ballast`, as far as it is estimated.
     """
 
     motion: Array
@@ -44,6 +48,7 @@ class Motion(NamedTuple):
     input_rate: Array
     rates: Array
     current: Array
+    ballast: Array
 
     @property
     def drift(self) -> Array:
@@ -76,18 +81,18 @@ class FaultedVehicle:
         self._parameters, self._coefficients = parameters, coefficients
         self._constants = vehicle_constants(parameters)
 
-    def rates(self, motion: Array, inputs: Array) -> Array:
+    def rates(self, motion: Array, inputs: Array, ballast: Array) -> Array:
         """Return how fast motions change, shape (n, 9)."""
-        return self._rates(motion, inputs, self._constants)
+        return self._rates(motion, inputs, ballast, self._constants)
 
     def by_parameter(self, at: Motion, **steps: float) -> Array:
         """Return by how much more they change if known parameters are so much greater."""
         other = vehicle_constants({**self._parameters, **{s: self._parameters[s] + by for s, by in steps.items()}})
-        return self._rates(at.motion, at.inputs, other) - at.rates
+        return self._rates(at.motion, at.inputs, at.ballast, other) - at.rates
 
     def by_inputs(self, at: Motion, change: Array) -> Array:
         """Return by how much more they change if the inputs are so much greater; the rates are linear in them."""
-        return self.rates(at.motion, at.inputs + change) - at.rates
+        return self.rates(at.motion, at.inputs + change, at.ballast) - at.rates
 
     def by_force(self, at: Motion, row: int, force: Array) -> Array:
         """Return by how much more they change under a force, N, or moment, N m: the row-th of X Y Z K M N."""
@@ -95,10 +100,10 @@ class FaultedVehicle:
         rates[:, :6] = force[:, None] * np.linalg.inv(mass_matrix(self._parameters))[:, row]
         return rates
 
-    def _rates(self, motion: Array, inputs: Array, constants: Array) -> Array:
+    def _rates(self, motion: Array, inputs: Array, ballast: Array, constants: Array) -> Array:
         rates = np.empty(motion.shape)
         lanes = np.repeat(self._coefficients, LANES)
-        each = np.ascontiguousarray(motion), np.ascontiguousarray(inputs)
+        each = (np.ascontiguousarray(values) for values in (motion, inputs, ballast))
         _fill_in_rates(*each, lanes, constants, rates, np.zeros(2 * N_BLOCK))
         return rates
 
@@ -176,6 +181,7 @@ _TRIM = "add it to the recorded angle, or estimate it (identification.estimate.b
 _THRUST = "add it to the recorded thrust, or estimate its scale (identification.estimate.biases: [thrust])"
 _TERM = "the model lacks this term, and others make up for it"
 _CHECK = "check vehicle.parameters.{}"
+_BALLAST = f"{_CHECK}, or estimate {{}} (identification.estimate.biases: [ballast])"
 
 FAULTS: tuple[Fault, ...] = (
     *(
@@ -222,8 +228,17 @@ FAULTS: tuple[Fault, ...] = (
         _offset(2),
     ),
     Fault("mass", "kg", _CHECK.format("m"), "", "", lambda model, at: model.by_parameter(at, m=1.0)),
-    Fault("buoyancy", "N", _CHECK.format("B"), "", "", lambda model, at: model.by_parameter(at, B=1.0)),
-    Fault("xG", "m", _CHECK.format("xG"), "", "", lambda model, at: model.by_parameter(at, xG=1e-3) / 1e-3),
+    Fault(
+        "buoyancy",
+        *("N", _BALLAST.format("B", "the excess buoyancy"), "excess_buoyancy", ""),
+        lambda model, at: model.by_parameter(at, B=1.0),
+    ),
+    # Of which a moment of trim is no more than a part: where that is estimated, the rest is still tested for.
+    Fault(
+        "xG",
+        *("m", _BALLAST.format("xG", "the moment of trim"), "", ""),
+        lambda model, at: model.by_parameter(at, xG=1e-3) / 1e-3,
+    ),
     Fault("Y_|v|r", "N*s^2/(m*rad)", _TERM, "", "", _cross_flow(1)),
     Fault("N_|v|r", "N*s^2/rad", _TERM, "", "", _cross_flow(5)),
 )
@@ -243,13 +258,15 @@ def remedy_of_fault(name: str) -> str:
     return _REMEDIES.get(name, "")
 
 
-@compiled(types.void(_matrix, _matrix, _vector, _vector, _matrix, _vector))
-def _fill_in_rates(motion, inputs, coefficient_block, constants, rates, work):
+@compiled(types.void(_matrix, _matrix, _matrix, _vector, _vector, _matrix, _vector))
+def _fill_in_rates(motion, inputs, ballast, coefficient_block, constants, rates, work):
     """Fill in how fast motions change, one by one."""
     block, derivative = work[:N_BLOCK], work[N_BLOCK:]
     for k in range(motion.shape[0]):
         for i in range(N_MOTION):
             block[i * LANES] = motion[k, i]
+        for i in range(_N_BALLAST):
+            coefficient_block[(N_FACTORS - _N_BALLAST + i) * LANES] = ballast[k, i]
         motion_derivative(block, coefficient_block, inputs[k], constants, 1, derivative)
         for i in range(N_MOTION):
             rates[k, i] = derivative[i * LANES]

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from auvid_cli.config.augmented_states import BiasName
 from auvid_cli.config.experiment import InputSettings, Use
 from auvid_cli.config.prior import Prior
+from auvid_cli.config.vehicle import VehicleEntry
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.measurement_errors import MeasurementErrors, estimated_errors
@@ -25,6 +26,8 @@ Array = NDArray[np.float64]
 LARGEST_NIS = 1.5
 # By which the process noise is tried then.
 _NOISE_FACTORS = (10.0, 100.0, 1000.0)
+# What is found once for all is part of the model, and not of what a filter finds ahead of a prediction.
+_OF_THE_MODEL = BiasName.THRUST, BiasName.FIN_TRIM, BiasName.BALLAST
 
 
 @dataclass(frozen=True)
@@ -70,12 +73,15 @@ class InitialStates:
 
 
 def with_model(dataset: Dataset, estimate: Estimate) -> Dataset:
-    """Return the data as the model sees them: its vehicle, coefficients, fins, propeller, settings; no truth."""
+    """Return the data as the model sees them: its vehicle, coefficients, ballast, fins, thrust, settings; no truth."""
     earlier, identification = estimate.experiment, estimate.experiment.identification
     table = earlier.vehicle.coefficients.model_validate(estimate.final_coefficients())
     inputs = as_acting(dataset.inputs, identification)
     values = estimate.final_actuators().acting(inputs.values)
-    kept = tuple(block for block in identification.estimate.biases if block not in (BiasName.THRUST, BiasName.FIN_TRIM))
+    ballasted = estimate.final_ballast().added_to(earlier.vehicle.known_parameters())
+    entries = {symbol: VehicleEntry(value=value) for symbol, value in ballasted.items()}
+    parameters = earlier.vehicle.parameters.model_copy(update=entries)
+    kept = tuple(block for block in identification.estimate.biases if block not in _OF_THE_MODEL)
     changes = {
         "coefficients": (),
         "prior": Prior(),
@@ -86,7 +92,7 @@ def with_model(dataset: Dataset, estimate: Estimate) -> Dataset:
         "estimate": identification.estimate.model_copy(update={"biases": kept}),
     }
     settings = {
-        "vehicle": earlier.vehicle.model_copy(update={"coefficients": table}),
+        "vehicle": earlier.vehicle.model_copy(update={"parameters": parameters, "coefficients": table}),
         "identification": identification.model_copy(update=changes),
     }
     experiment = dataset.experiment.model_copy(update=settings)

@@ -11,8 +11,7 @@ from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.free_motion import move_through
 from auvid_cli.lanes import LANES
 from auvid_cli.validation.signals import SAME
-from auvid_cli.vehicle.actuators import AS_STATED
-from auvid_cli.vehicle.dynamics import N_WORK, vehicle_constants
+from auvid_cli.vehicle.dynamics import N_WORK, NO_ERRORS, vehicle_constants
 from auvid_cli.vehicle.kinematics import euler_angles, rotation_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
 
@@ -112,7 +111,7 @@ def move_side_by_side(
     """
     n = len(motion)
     constants, work = vehicle_constants(parameters), np.zeros(N_WORK)
-    block, rows = (_in_lanes(each) for each in (motion, np.hstack([coefficients, np.tile(AS_STATED, (n, 1))])))
+    block, rows = (_in_lanes(each) for each in (motion, np.hstack([coefficients, np.tile(NO_ERRORS, (n, 1))])))
     states, moved = block.reshape(N_MOTION, LANES), np.empty((wanted.size, n, N_MOTION))
     # What acts at random does so at the end of each stride; without it there is nothing to stop for.
     longest = 0.0 if disturbed is not None else inf if shaken is None else _BETWEEN_PUSHES

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from auvid_cli.compilation import compiled
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
+from auvid_cli.vehicle.ballast import NO_BALLAST, Ballast
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
@@ -25,12 +26,16 @@ from auvid_cli.vehicle.parameters import N_MOTION
 Array = NDArray[np.float64]
 
 N_CONSTANTS = 36 + 36 + 4
-# What the forces are made with: the coefficients, and what lies between stated and acting inputs.
-N_FACTORS = N_COEFFICIENTS + len(ActuatorErrors._fields)
+# What the forces are made with: the coefficients, and what lies between stated and acting inputs, weight and buoyancy,
+# with these values where nothing does.
+NO_ERRORS = (*AS_STATED, *NO_BALLAST)
+N_FACTORS = N_COEFFICIENTS + len(NO_ERRORS)
 _vector = types.float64[::1]
 # Where the row of each of them begins in a block, by its name in code; signed like every index into a block, for with
 # unsigned ones among them the loop stays scalar.
-_FactorRows = namedtuple("_FactorRows", [*(c.identifier for c in COEFFICIENTS), *ActuatorErrors._fields])
+_FactorRows = namedtuple(
+    "_FactorRows", [*(c.identifier for c in COEFFICIENTS), *ActuatorErrors._fields, *Ballast._fields]
+)
 _AT = _FactorRows(*range(0, N_FACTORS * LANES, LANES))
 
 
@@ -87,7 +92,7 @@ def named_constants(constants):
 
 
 def factors(coefficients: Mapping[str, float], actuators: ActuatorErrors = AS_STATED) -> Array:
-    """Return what the forces are made with, shape (N_FACTORS,).
+    """Return what the forces are made with, shape (N_FACTORS,), without ballast.
 
     Parameters
     ----------
@@ -95,7 +100,7 @@ def factors(coefficients: Mapping[str, float], actuators: ActuatorErrors = AS_ST
         All 22 by symbol, SI.
     actuators : ActuatorErrors
     """
-    return np.array([*(coefficients[symbol] for symbol in SYMBOLS), *actuators])
+    return np.array([*(coefficients[symbol] for symbol in SYMBOLS), *actuators, *NO_BALLAST])
 
 
 @compiled(types.UniTuple(types.float64, 2)(types.float64))
@@ -133,7 +138,7 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
     motion : ndarray, shape (9 * LANES,)
         Rows u, v, w, p, q, r, phi, theta, psi; m/s, rad/s, rad.
     coefficients : ndarray, shape (N_FACTORS * LANES,)
-        One row per coefficient, in the order of `COEFFICIENTS`, SI; then one for each of `ActuatorErrors`.
+        One row per coefficient, in the order of `COEFFICIENTS`, SI; then of `ActuatorErrors` and of `Ballast`.
     inputs : ndarray, shape (4,)
         Rudder, elevator (rad), surge force (N), roll moment (N m), the same for all lanes.
     constants : ndarray, shape (N_CONSTANTS,)
@@ -145,7 +150,7 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
     """
     n = LANES
     stated_rudder, stated_elevator, surge_force, roll_moment = inputs[0], inputs[1], inputs[2], inputs[3]
-    mass, inverse, excess, lever_x, lever_y, lever_z = named_constants(constants)
+    mass, inverse, stated_excess, stated_lever_x, lever_y, lever_z = named_constants(constants)
     m11, m15, m16 = mass[0], mass[4], mass[5]
     m22, m24, m26 = mass[7], mass[9], mass[11]
     m33, m34, m35 = mass[14], mass[15], mass[16]
@@ -164,6 +169,8 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
 
         rudder = stated_rudder + omega[_AT.rudder_trim + k]
         elevator = stated_elevator + omega[_AT.elevator_trim + k]
+        excess = stated_excess - omega[_AT.excess_buoyancy + k]
+        lever_x = stated_lever_x - omega[_AT.trim_moment + k]
         uu, uv, uw, uq, ur = u * u, u * v, u * w, u * q, u * r
         vv, ww, pp, qq, rr = abs(v) * v, abs(w) * w, abs(p) * p, abs(q) * q, abs(r) * r
         x = r * a2 - q * a3 - excess * sin_theta + omega[_AT.thrust + k] * surge_force

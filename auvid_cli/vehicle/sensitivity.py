@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from auvid_cli.compilation import compiled
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.actuators import ActuatorErrors
+from auvid_cli.vehicle.ballast import Ballast
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, MOST_FACTORS, N_COEFFICIENTS, SIGNALS
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
@@ -36,11 +37,13 @@ _matrix = types.float64[:, ::1]
 
 
 N_COLUMNS = N_MOTION + N_FACTORS
-_N_FORCE = 6 * 8
+_N_BALLAST = len(Ballast._fields)
+_N_FORCE = 6 * (8 + _N_BALLAST)
 N_JACOBIAN_WORK = _N_FORCE + 6
 
 
-# Where the factor stands that adds to a fin, less the place of that among `SIGNALS`.
+# Where the ballast stands among the factors, and the one that adds to a fin, less the place of that among `SIGNALS`.
+_BALLAST = N_FACTORS - _N_BALLAST
 _TRIM = N_COEFFICIENTS + ActuatorErrors._fields.index("rudder_trim") - SIGNALS.index("rudder")
 
 
@@ -52,7 +55,8 @@ def signal(motion, coefficients, inputs, which):
 
 @compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _vector))
 def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
-    """Differentiate `motion_derivative` by the motion states, the 22 coefficients and the actuators' errors.
+    """Differentiate `motion_derivative` by the motion states, the 22 coefficients, the actuators' errors and the
+    ballast.
 
     Parameters
     ----------
@@ -63,19 +67,20 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
         From `vehicle_constants`.
     jacobian : ndarray, shape (9, 9 + N_FACTORS)
         Filled in: A of Sabet et al. 2018, Table A1, motion part, then the regressor B(x); the equations are linear
-        in the coefficients, and in the thrust's factor and the trims.
+        in the coefficients, and in the thrust's factor, the trims and the ballast.
     work : ndarray, shape (N_JACOBIAN_WORK,)
         Overwritten.
     """
     by_rows, inverse_by_rows, excess, lever_x, lever_y, lever_z = named_constants(constants)
     mass, inverse = by_rows.reshape(6, 6), inverse_by_rows.reshape(6, 6)
-    # Of the forces by velocities, roll and pitch.
-    force, momentum = work[:_N_FORCE].reshape(6, 8), work[_N_FORCE:]
+    excess, lever_x = excess - coefficients[_BALLAST], lever_x - coefficients[_BALLAST + 1]
+    # Of the forces by velocities, roll and pitch, and ballast.
+    force, momentum = work[:_N_FORCE].reshape(6, 8 + _N_BALLAST), work[_N_FORCE:]
     for i in range(6):
         momentum[i] = 0.0
         for j in range(6):
             momentum[i] += mass[i, j] * motion[j]
-        for j in range(8):
+        for j in range(8 + _N_BALLAST):
             force[i, j] = 0.0
     for i in range(N_MOTION):
         for j in range(N_COLUMNS):
@@ -107,6 +112,10 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
         force[4, c] = lever_z * change[0] - lever_x * change[2]
         force[5, c] = lever_x * change[1] - lever_y * change[0]
 
+    for i in range(3):
+        force[i, 8] = -down[i]
+    force[4, 9], force[5, 9] = down[2], -down[1]
+
     for m in range(N_COEFFICIENTS):
         row, regressor = _ROW[m], 1.0
         for a in range(_N_FACTORS[m]):
@@ -132,6 +141,8 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
         for k in range(6):
             for j in range(8):
                 jacobian[i, j] += inverse[i, k] * force[k, j]
+            for j in range(_N_BALLAST):
+                jacobian[i, N_MOTION + _BALLAST + j] += inverse[i, k] * force[k, 8 + j]
     pitch_rate, yaw_rate = motion[4], motion[5]
     turning = pitch_rate * sin_phi + yaw_rate * cos_phi
     turning_by_roll = pitch_rate * cos_phi - yaw_rate * sin_phi

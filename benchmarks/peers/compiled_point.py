@@ -7,8 +7,7 @@ from numba import njit
 
 from auvid_cli.filters.problem import Process
 from auvid_cli.lanes import LANES
-from auvid_cli.vehicle.actuators import AS_STATED
-from auvid_cli.vehicle.dynamics import N_BLOCK, N_CONSTANTS, motion_derivative
+from auvid_cli.vehicle.dynamics import N_BLOCK, N_CONSTANTS, NO_ERRORS, motion_derivative
 from auvid_cli.vehicle.parameters import N_MOTION
 from benchmarks.peers.problem import N_COEFFICIENTS, Array, units_of
 
@@ -34,8 +33,8 @@ def _advance(state, duration, held, vehicle, scale, coefficients, stage, slope):
 def compiled_point(process: Process) -> Callable[[Array, float, Array], Array]:
     """Compile ``advance(state, duration, held)``, which returns a new state, one Runge-Kutta step later."""
     vehicle, scale = process.constants[:N_CONSTANTS], units_of(process)
-    # The actuators' errors stand behind the coefficients, and stay as they are.
-    lanes = np.repeat(np.array([*np.zeros(N_COEFFICIENTS), *AS_STATED]), LANES)
+    # The errors of actuators and ballast stand behind the coefficients, and stay as they are.
+    lanes = np.repeat(np.array([*np.zeros(N_COEFFICIENTS), *NO_ERRORS]), LANES)
     scratch = lanes, np.zeros(N_BLOCK), np.zeros(N_BLOCK)
 
     def advance(state: Array, duration: float, held: Array) -> Array:

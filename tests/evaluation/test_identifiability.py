@@ -135,7 +135,7 @@ def test_a_lateral_run_is_named_with_the_coefficients_to_hold(simulated_with, wi
     assert set(found.holding.motions) == {"surge", "sway", "yaw"}
     assert {"Z_w|w|", "M_q|q|", "M_uude", "K_p|p|"} <= set(found.holding.held)
     assert {"X_u|u|", "N_url", "N_uudr"} <= set(found.holding.kept)
-    assert "no current and no fin_trim" in found.remark
+    assert "no current and no fin_trim and no ballast" in found.remark
     # Without process noise far more seemed to be known.
     assert sum(bound.percent <= 20.0 for bound in found.bounds) > len(found.holding.kept) + 3
     kept = with_settings(dataset, f"identification.coefficients=[{', '.join(found.holding.kept)}]")

@@ -9,9 +9,8 @@ from auvid_cli.export.actuation import Actuation
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel, Origin
 from auvid_cli.export.terms import term_histories, term_sizes
 from auvid_cli.lanes import LANES
-from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.dynamics import motion_derivative, vehicle_constants
+from auvid_cli.vehicle.dynamics import NO_ERRORS, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.parameters import N_MOTION
 
 SOUND = Judgement(Grade.SOUND)
@@ -71,7 +70,7 @@ def derivative_of():
         values = [each.value for each in model.coefficients] if coefficients is None else coefficients
         constants = vehicle_constants(model.experiment.vehicle.known_parameters())
         result = np.zeros(N_MOTION * LANES)
-        blocks = (np.repeat(np.asarray(each, dtype=float), LANES) for each in (motion, [*values, *ActuatorErrors()]))
+        blocks = (np.repeat(np.asarray(each, dtype=float), LANES) for each in (motion, [*values, *NO_ERRORS]))
         motion_derivative(*blocks, np.asarray(inputs, dtype=float), constants, 1, result)
         return result[::LANES].copy()
 

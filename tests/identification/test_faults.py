@@ -45,7 +45,9 @@ def at(model, rng):
     motion = 0.2 * rng.standard_normal((N, 9)) + [2.0, *np.zeros(8)]
     inputs = 0.1 * rng.standard_normal((N, 4)) + [0.0, 0.0, 30.0, 0.0]
     current = np.tile([0.3, -0.2], (N, 1))
-    return Motion(motion, inputs, rng.standard_normal((N, 4)), model.rates(motion, inputs), current)
+    ballast = rng.standard_normal((N, 2))
+    rates = model.rates(motion, inputs, ballast)
+    return Motion(motion, inputs, rng.standard_normal((N, 4)), rates, current, ballast)
 
 
 def over_ground(motion):
@@ -69,7 +71,7 @@ def test_a_late_sensor_measures_what_was(name, measured, model, at):
 
 
 def test_late_inputs_act_as_they_were(model, at):
-    moved = by_step(lambda delay: model.rates(at.motion, at.inputs - delay * at.input_rate), 1e-3)
+    moved = by_step(lambda delay: model.rates(at.motion, at.inputs - delay * at.input_rate, at.ballast), 1e-3)
     assert_allclose(effect("delay of the inputs", model, at), moved, atol=1e-8 * np.abs(moved).max())
 
 
@@ -104,7 +106,7 @@ def test_a_current_is_seen_over_ground(model, at):
     ("name", "given"), [("trim of the rudder", 0), ("trim of the elevator", 1), ("constant thrust", 2)]
 )
 def test_a_trim_is_added_to_an_input(name, given, model, at):
-    expected = by_step(lambda by: model.rates(at.motion, at.inputs + by * np.eye(4)[given]), 1e-3)
+    expected = by_step(lambda by: model.rates(at.motion, at.inputs + by * np.eye(4)[given], at.ballast), 1e-3)
     assert_allclose(effect(name, model, at), expected, atol=1e-8 * np.abs(expected).max())
 
 
@@ -113,7 +115,7 @@ def test_a_known_parameter_changes_the_rates(name, symbol, model, known, at, exp
     values = factors(experiment_with().vehicle.all_coefficients())
 
     def rates(by):
-        return FaultedVehicle({**known, symbol: known[symbol] + by}, values).rates(at.motion, at.inputs)
+        return FaultedVehicle({**known, symbol: known[symbol] + by}, values).rates(at.motion, at.inputs, at.ballast)
 
     expected = by_step(rates, 1e-4)
     # A whole kilogram, of which the effect is not quite linear.
@@ -194,7 +196,7 @@ def test_what_is_added_is_added_to_its_sensor_at_its_events(along):
     for name, sensor, columns in (("lever arm of the DVL, x", "dvl", 3), ("bias of q", "gyroscope", 3)):
         f = faults.names.index(name)
         own = timeline.measurement_sensor == [*problem.measuring].index(sensor)
-        at = Motion(about.moving[event[own]], *(np.zeros((own.sum(), k)) for k in (4, 4, 9, 2)))
+        at = Motion(about.moving[event[own]], *(np.zeros((own.sum(), k)) for k in (4, 4, 9, 2, 2)))
         assert own.any()
         assert_allclose(added[own, :columns, f], BY_NAME[name].effect(None, at), atol=1e-15)
         assert not added[~own, :, f].any()
@@ -202,16 +204,17 @@ def test_what_is_added_is_added_to_its_sensor_at_its_events(along):
 
 
 @pytest.mark.parametrize("walk", [0.0, 1e-3])
-def test_a_propeller_drives_by_the_thrust_that_was_found(walk, simulated_with, along):
+def test_a_vehicle_moves_by_the_thrust_and_the_ballast_that_were_found(walk, simulated_with, along):
     _, _, before = along
-    asked = f"{{biases: [thrust], thrust: {{walk: {walk}}}}}"
+    walks = f"thrust: {{walk: {walk}}}, ballast: {{buoyancy_walk: {walk}, moment_walk: {walk}}}"
+    asked = f"{{biases: [thrust, ballast], {walks}}}"
     dataset = simulated_with("manoeuvre.duration=1 s", f"identification.estimate={asked}")
     problem = augmented_problem(prepare(dataset))
     timeline, n = next(iter(problem.segments[0].timelines)), problem.layout.n_parameters
     values = {symbol: dataset.truth.coefficients.get(symbol, 0.2) for symbol in problem.layout.symbols[:n]}
     # Among the parameters, or behind the motion.
     assert values.get("thrust_scale") == (None if walk else 0.2)
-    start = np.append(before.before, 0.2) if walk else before.before
+    start = np.append(before.before, np.full(3, 0.2)) if walk else before.before
     states = np.tile(start, (timeline.time.size, 1))
     shape = timeline.measurement.shape
     rows = np.zeros((*shape, problem.layout.scale.size))
@@ -223,7 +226,7 @@ def test_a_propeller_drives_by_the_thrust_that_was_found(walk, simulated_with, a
     event = np.searchsorted(timeline.measurement_offset, last, side="right") - 1
     inputs = timeline.inputs[timeline.substep_input[timeline.substep_offset[event + 1] - 1]]
     model = FaultedVehicle(problem.known, factors(values, ActuatorErrors(1.2)))
-    assert_allclose(late[last], -model.rates(states[:1, :9], inputs[None])[0, :3], rtol=1e-12)
+    assert_allclose(late[last], -model.rates(states[:1, :9], inputs[None], np.full((1, 2), 0.2))[0, :3], rtol=1e-12)
 
 
 def names_with(dataset):

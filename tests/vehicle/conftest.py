@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from auvid_cli.lanes import LANES
-from auvid_cli.vehicle.actuators import AS_STATED
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
-from auvid_cli.vehicle.dynamics import N_WORK, motion_derivative, runge_kutta_step
+from auvid_cli.vehicle.dynamics import N_WORK, NO_ERRORS, motion_derivative, runge_kutta_step
 from auvid_cli.vehicle.parameters import N_MOTION
 
 
@@ -19,7 +18,7 @@ def _block(values):
 
 
 def _factors(coefficients):
-    return np.append(coefficients, AS_STATED) if coefficients.size == N_COEFFICIENTS else coefficients
+    return np.append(coefficients, NO_ERRORS) if coefficients.size == N_COEFFICIENTS else coefficients
 
 
 @pytest.fixture(scope="session")

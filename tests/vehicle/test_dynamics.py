@@ -12,9 +12,11 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.actuators import AS_STATED
+from auvid_cli.vehicle.ballast import Ballast
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.dynamics import (
     N_FACTORS,
+    NO_ERRORS,
     motion_derivative,
     runge_kutta_step,
     sine_cosine,
@@ -33,6 +35,7 @@ def symbolic_model():
     known = dict(zip(PARAMETER_SYMBOLS, sp.symbols(PARAMETER_SYMBOLS, real=True), strict=True))
     unknown = [sp.Symbol(f"c{i}", real=True) for i in range(N_COEFFICIENTS)]
     c = dict(zip(SYMBOLS, unknown, strict=True))
+    excess_buoyancy, trim_moment = ballast = sp.symbols(Ballast._fields, real=True)
     k = known
     velocity, turning = sp.Matrix([u, v, w]), sp.Matrix([p, q, r])
 
@@ -66,15 +69,17 @@ def symbolic_model():
 
     rotation = about(3, psi) * about(2, theta) * about(1, phi)
 
-    # Virtual work of weight (down) and buoyancy (up) in a small shift or turn along each body axis.
+    # Virtual work of weight (down) and buoyancy (up) in a small shift or turn along each body axis, and of the ballast:
+    # up at the origin, and a weight that is moved back (trim_moment = shift * weight).
     buoyancy_centre = sp.Matrix([k["xB"], k["yB"], k["zB"]])
     restoring = []
     for axis in range(3):
         unit = sp.eye(3)[:, axis]
-        restoring.append((k["W"] - k["B"]) * (rotation * unit)[2])
+        restoring.append((k["W"] - k["B"] - excess_buoyancy) * (rotation * unit)[2])
     for axis in range(3):
         unit = sp.eye(3)[:, axis]
         work = k["W"] * (rotation * unit.cross(centre))[2]
+        work -= trim_moment * (rotation * unit.cross(sp.eye(3)[:, 0]))[2]
         restoring.append(work - k["B"] * (rotation * unit.cross(buoyancy_centre))[2])
 
     # Table II of the paper.
@@ -113,7 +118,7 @@ def symbolic_model():
         spin = rotation.T * rotation.diff(angle)
         columns.append(sp.Matrix([spin[2, 1], spin[0, 2], spin[1, 0]]))
     rates = sp.simplify(sp.Matrix.hstack(*columns))
-    arguments = [*motion, *unknown, *inputs, *known.values()]
+    arguments = [*motion, *unknown, *ballast, *inputs, *known.values()]
     return sp.lambdify(arguments, [mass, force, rates], "numpy", cse=True)
 
 
@@ -122,10 +127,12 @@ def test_compiled_model_equals_the_symbolic_one(seed, core, random_vehicle, rand
     rng = np.random.default_rng(seed)
     vehicle = random_vehicle(rng)
     motion, coefficients, inputs = random_state(rng, vehicle["m"])
+    ballast = vehicle["m"] * rng.uniform(-1.0, 1.0, 2)
     mass, force, rates = symbolic_model()(
-        *motion, *coefficients, *inputs, *(vehicle[symbol] for symbol in PARAMETER_SYMBOLS)
+        *motion, *coefficients, *ballast, *inputs, *(vehicle[symbol] for symbol in PARAMETER_SYMBOLS)
     )
-    derivative = core.derivative(motion, coefficients, inputs, vehicle_constants(vehicle))
+    everything = np.concatenate([coefficients, AS_STATED, ballast])
+    derivative = core.derivative(motion, everything, inputs, vehicle_constants(vehicle))
     expected = np.concatenate([np.linalg.solve(mass, force[:, 0]), np.linalg.solve(rates, motion[3:6])])
     assert_allclose(derivative[:6], expected[:6], rtol=1e-12, atol=1e-12 * np.abs(expected[:6]).max())
     assert_allclose(derivative[6:], expected[6:], rtol=1e-12, atol=1e-13)
@@ -172,7 +179,7 @@ def test_lanes_are_independent_of_each_other(n_lanes, rng, core, random_vehicle,
     motion, coefficients = np.zeros((N_MOTION, LANES)), np.zeros((N_FACTORS, LANES))
     motion[:, :n_lanes] = np.transpose([state[0] for state in states])
     coefficients[:N_COEFFICIENTS, :n_lanes] = np.transpose([state[1] for state in states])
-    coefficients[N_COEFFICIENTS:] = np.transpose([AS_STATED])
+    coefficients[N_COEFFICIENTS:] = np.transpose([NO_ERRORS])
     derivative = np.full(N_MOTION * LANES, 7.0)
     motion_derivative(motion.ravel(), coefficients.ravel(), inputs, constants, n_lanes, derivative)
     alone = [core.derivative(m, c, inputs, constants) for m, c, _ in states]

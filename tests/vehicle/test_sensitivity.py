@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from auvid_cli.vehicle.actuators import ActuatorErrors
+from auvid_cli.vehicle.ballast import Ballast
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
 from auvid_cli.vehicle.dynamics import N_FACTORS, factors, vehicle_constants
 from auvid_cli.vehicle.parameters import N_MOTION
@@ -48,7 +49,7 @@ def test_jacobian_by_motion_equals_differences(seed, core, random_vehicle, rando
     vehicle = random_vehicle(rng)
     constants = vehicle_constants(vehicle)
     motion, coefficients, inputs = random_state(rng, vehicle["m"])
-    coefficients = np.concatenate([coefficients, [0.8, 0.03, -0.05]])
+    coefficients = np.concatenate([coefficients, [0.8, 0.03, -0.05], vehicle["m"] * rng.uniform(-1.0, 1.0, 2)])
     motion = away_from_kinks(motion)
     by_motion, _ = jacobian(motion, coefficients, inputs, constants)
     expected = differences(lambda x: core.derivative(x, coefficients, inputs, constants), motion, 1e-3)
@@ -60,16 +61,19 @@ def test_columns_by_coefficient_follow_from_linearity(seed, core, random_vehicle
     rng = np.random.default_rng(seed)
     constants = vehicle_constants(random_vehicle(rng) | {"W": 0.0, "B": 0.0})
     motion, coefficients, inputs = random_state(rng, 1.0)
-    trimmed = np.concatenate([coefficients, [0.8, 0.03, -0.05]])
+    trimmed = np.concatenate([coefficients, [0.8, 0.03, -0.05], rng.uniform(-1.0, 1.0, 2)])
     _, by_coefficients = jacobian(motion, trimmed, inputs, constants)
     without = core.derivative(motion, 0.0 * trimmed, inputs, constants)
     # Of each term fins as they act are a factor, and a trim is worth as much of all terms of its fin.
     acting = inputs + np.array([0.03, -0.05, 0.0, 0.0])
-    for column, unit in zip(by_coefficients.T[: N_COEFFICIENTS + 1], np.eye(N_FACTORS), strict=False):
+    trims = slice(N_COEFFICIENTS + 1, N_COEFFICIENTS + 3)
+    for column, unit in zip(
+        *(np.delete(rows, trims, axis=0) for rows in (by_coefficients.T, np.eye(N_FACTORS))), strict=True
+    ):
         # A large multiple, so that the rest of the derivative does not hide the column's digits.
         change = core.derivative(motion, 1e6 * unit, acting, constants) - without
         assert_allclose(1e6 * column, change, rtol=1e-10, atol=1e-12 * np.abs(without).max())
-    for column, fin in zip(by_coefficients.T[N_COEFFICIENTS + 1 :], np.eye(4), strict=False):
+    for column, fin in zip(by_coefficients.T[trims], np.eye(4), strict=False):
         change = core.derivative(motion, trimmed, inputs + 1e6 * fin, constants)
         change -= core.derivative(motion, trimmed, inputs, constants)
         assert_allclose(1e6 * column, change, rtol=1e-8, atol=1e-12 * np.abs(without).max())
@@ -89,7 +93,7 @@ def test_transition_is_the_derivative_of_the_runge_kutta_step(seed, core, random
     vehicle = random_vehicle(rng)
     constants = vehicle_constants(vehicle)
     motion, coefficients, inputs = random_state(rng, vehicle["m"])
-    coefficients = np.concatenate([coefficients, [0.8, 0.03, -0.05]])
+    coefficients = np.concatenate([coefficients, [0.8, 0.03, -0.05], vehicle["m"] * rng.uniform(-1.0, 1.0, 2)])
     # Gentle enough that no velocity changes its sign, which is a kink, within the step.
     motion, coefficients, step = 0.5 * motion + 0.3 * np.sign(motion), 0.05 * coefficients, 0.005
     moved, transition = one_transition(motion, coefficients, inputs, constants, 1, step)
@@ -112,6 +116,7 @@ def test_transition_over_a_second_solves_the_variational_equation(core, experime
     vehicle = experiment_with().vehicle
     constants = vehicle_constants(vehicle.known_parameters())
     coefficients = factors(vehicle.all_coefficients(), ActuatorErrors(0.8, 0.03, -0.05))
+    coefficients[-len(Ballast._fields) :] = 5.0, -2.0
     motion = np.array([2.0, 0.2, -0.15, 0.1, 0.12, 0.2, 0.1, -0.2, 0.5])
     inputs = np.array([0.05, -0.04, 20.0, 0.3])
 
