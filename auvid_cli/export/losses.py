@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from auvid_cli.export.model import EstimatedState, IdentifiedModel
 from auvid_cli.export.terms import TermSize
+from auvid_cli.vehicle.ballast import NO_BALLAST, Ballast
 
 _COVARIANCES = "The covariances are lost; standard deviations stand beside the values."
 
@@ -39,7 +40,7 @@ def losses_of(model: IdentifiedModel, symbols: Collection[str] = (), notes: tupl
         All else that it loses.
     """
     terms = tuple(size for size in model.term_sizes if size.symbol in symbols)
-    return Losses(terms, (*notes, _COVARIANCES, *_actuation_lines(model), *_state_lines(model)))
+    return Losses(terms, (*notes, _COVARIANCES, *_actuation_lines(model), *_ballast_lines(model), *_state_lines(model)))
 
 
 def loss_lines(losses: Losses) -> list[str]:
@@ -68,6 +69,16 @@ def _actuation_lines(model: IdentifiedModel) -> list[str]:
             f"and rudder and elevator here; along the estimated motion it changed {changes} RMS."
         )
     return lines
+
+
+def _ballast_lines(model: IdentifiedModel) -> list[str]:
+    found = {state.symbol: state.value for state in model.states}
+    ballast = Ballast(*(found.get(symbol, 0.0) for symbol in Ballast._fields))
+    if ballast == NO_BALLAST:
+        return []
+    loaded = ballast.added_to(model.experiment.vehicle.known_parameters())
+    places = ", ".join(f"{symbol} = {loaded[symbol]:.5g} m" for symbol in ("xB", "yB", "zB"))
+    return [f"The ballast is lost: with it the buoyancy is B = {loaded['B']:.6g} N at {places}."]
 
 
 def _state_lines(model: IdentifiedModel) -> list[str]:

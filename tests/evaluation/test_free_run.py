@@ -10,6 +10,7 @@ from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.evaluate import evaluate
 from auvid_cli.evaluation.free_run import free_run
 from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.vehicle.ballast import Ballast
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
 NOISELESS = (
@@ -49,6 +50,19 @@ def test_errors_of_the_true_coefficients_vanish(noiseless, with_coefficients):
     assert [e.component for e in errors] == ["u", "v", "w", "p", "q", "r"]
     assert [e.unit for e in errors] == ["m/s"] * 3 + ["rad/s"] * 3
     assert max(e.mean_absolute_error for e in errors) < 1e-5
+
+
+def test_ballast_that_was_found_acts(noiseless, with_coefficients, with_settings):
+    ballast = Ballast(5.0, -1.5)
+    stated = Ballast(-5.0, 1.5).added_to(noiseless.experiment.vehicle.known_parameters())
+    misstated = with_settings(noiseless, *(f"vehicle.parameters.{name}={value!r}" for name, value in stated.items()))
+    blind = with_coefficients(noiseless.truth.coefficients)
+    seeing = replace(
+        blind, state=(*blind.state, *Ballast._fields), mean=np.hstack([blind.mean, np.tile(ballast, (2, 1))])
+    )
+    (_, errors), (_, worse) = (free_run(prepare(misstated), estimate) for estimate in (seeing, blind))
+    assert max(e.mean_absolute_error for e in errors) < 1e-5
+    assert worse[2].mean_absolute_error > 0.01
 
 
 def test_a_current_and_the_errors_of_the_dvl_are_seen_through(simulated_with, with_coefficients):

@@ -10,6 +10,8 @@ STATES = (
     EstimatedState("thrust_scale", "1", 0.2, 0.0123),
     EstimatedState("current_north", "m/s", -0.25, 0.011),
     EstimatedState("bias_p", "rad/s", 3.5e-3, 1e-4),
+    EstimatedState("excess_buoyancy", "N", 3.6373304, 0.02),
+    EstimatedState("trim_moment", "N*m", -4.7, 0.01),
 )
 FOUND = Actuation(1.2, 14.52, 0.1, {"Y_uudr": 3.14, "Z_uude": 2.72, "M_uude": 1.62, "N_uudr": 0.58})
 POOR = [name for name in FormatName if name != FormatName.JSON]
@@ -31,6 +33,8 @@ def test_every_form_but_json_says_what_it_loses_beside_the_terms_and_how_large_i
         "  thrust_scale: 0.2, standard deviation 0.012",
         "  current_north: -0.25 m/s, standard deviation 0.011 m/s",
         "  bias_p: 0.0035 rad/s, standard deviation 0.0001 rad/s",
+        "with it the buoyancy is B = 470 N at xB = -0.01 m, yB = 0 m, zB = 0 m.",
+        "  trim_moment: -4.7 N*m, standard deviation 0.01 N*m",
     )
     for sentence in said:
         assert sentence in "\n".join(loss_lines(losses))
@@ -40,7 +44,11 @@ def test_every_form_but_json_says_what_it_loses_beside_the_terms_and_how_large_i
 @pytest.mark.parametrize("target", POOR)
 def test_nothing_is_said_of_what_was_not_asked_for(target, model_with):
     lines = loss_lines(FORMATS[target].losses(model_with()))
-    assert not [line for line in lines if "propeller" in line or "lag" in line or "beside the coefficients" in line]
+    assert not [
+        line
+        for line in lines
+        if any(word in line for word in ("propeller", "lag", "ballast", "beside the coefficients"))
+    ]
 
 
 @pytest.mark.parametrize("target", POOR)

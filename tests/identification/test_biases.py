@@ -11,6 +11,7 @@ from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficien
 from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
 from auvid_cli.identification.identify import identify
+from auvid_cli.vehicle.ballast import NO_BALLAST, Ballast
 
 GYRO = np.array([0.004, -0.003, 0.005])
 ATTITUDE = np.array([0.003, -0.004, 0.03])
@@ -136,6 +137,63 @@ def test_fin_trims_and_the_arm_of_a_dvl_are_found(off_centre, with_settings, fil
         assert row.standard_deviation < 0.3 * abs(value), symbol
     trims = tuple(found[f"{fin}_trim"].estimate for fin in ("rudder", "elevator"))
     assert estimate.final_actuators() == (1.0, *trims)
+
+
+BALLAST = Ballast(excess_buoyancy=5.0, trim_moment=-1.5)
+
+
+@pytest.fixture(scope="module")
+def ballasted(simulated_with, with_settings, experiment_with):
+    """A vehicle whose file states another buoyancy, at another place, than it has."""
+    stated = experiment_with().vehicle.known_parameters()
+
+    def buoyancy(parameters):
+        return [f"vehicle.parameters.{symbol}={parameters[symbol]!r}" for symbol in ("B", "xB", "yB", "zB")]
+
+    direct = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
+    dataset = simulated_with("manoeuvre.duration=60 s", direct, *buoyancy(BALLAST.added_to(stated)))
+    return with_settings(dataset, *buoyancy(stated))
+
+
+def assert_ballast_is_found(estimate, truth):
+    assert status_of(estimate) == "completed"
+    found = by_state(estimate)
+    assert estimate.final_ballast() == (found["excess_buoyancy"].estimate, found["trim_moment"].estimate)
+    for symbol, value in BALLAST._asdict().items():
+        row = found[symbol]
+        assert row.observed, symbol
+        assert abs(row.estimate - value) < 4.0 * row.standard_deviation, symbol
+        assert row.standard_deviation < 0.02 * abs(value), symbol
+    for row in coefficient_results(estimate, truth, {}, True):
+        assert abs(row.estimate - row.true) < 4.0 * row.standard_deviation, row.coefficient
+
+
+def test_ballast_is_found_and_the_coefficients_beside_it(ballasted, with_settings, filter_name):
+    seeing = with_settings(ballasted, "identification.estimate.biases=[ballast]", "identification.prior.factor=0.3")
+    assert_ballast_is_found(identify(seeing, filter_name), ballasted.truth)
+
+
+def test_ballast_is_found_by_the_transition_of_the_paper(ballasted, with_settings):
+    """To first order over 10 ms, which is right while the process noise hides what is left."""
+    paper = "identification.ekf.transition=first_order", "identification.process_noise={velocity: 1e-3, rate: 1e-3}"
+    seeing = with_settings(
+        ballasted, "identification.estimate.biases=[ballast]", "identification.prior.factor=0.3", *paper
+    )
+    assert_ballast_is_found(identify(seeing, FilterName.EKF), ballasted.truth)
+
+
+@pytest.mark.parametrize("name", [FilterName.CKF, FilterName.EKF])
+def test_ballast_that_walks_is_a_moving_state(ballasted, with_settings, name):
+    asked = "{biases: [ballast], ballast: {buoyancy_walk: 1e-3 N/s^0.5, moment_walk: 1e-3 N*m/s^0.5}}"
+    estimate = identify(with_settings(ballasted, f"identification.estimate={asked}"), name)
+    assert estimate.state[-2:] == Ballast._fields
+    assert_ballast_is_found(estimate, ballasted.truth)
+
+
+def test_without_the_block_the_ballast_is_noticed(ballasted):
+    estimate = identify(ballasted, FilterName.CKF)
+    assert status_of(estimate).startswith("inconsistent")
+    assert estimate.final_ballast() == NO_BALLAST
 
 
 def test_a_trim_that_walks_and_one_axis_of_an_arm_are_states_of_their_own(off_centre, with_settings):

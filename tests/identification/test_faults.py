@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.vehicle import VehicleEntry
 from auvid_cli.data.estimate import STATES
 from auvid_cli.evaluation.causes import LARGEST_FAULT
 from auvid_cli.evaluation.judgement import FARTHEST_SEGMENT
@@ -233,15 +234,20 @@ def names_with(dataset):
     return VehicleFaults(augmented_problem(prepare(dataset))).names
 
 
+def test_what_ballast_may_be_is_said_to_be_found_along():
+    for name in ("buoyancy", "xG"):
+        assert "(identification.estimate.biases: [ballast])" in remedy_of_fault(name)
+
+
 def test_what_is_estimated_or_not_measured_is_not_tested(short_run, with_settings):
     everything = names_with(short_run)
     assert everything == tuple(name for name in BY_NAME if BY_NAME[name].sensor not in INERTIAL)
     felt = names_with(with_settings(short_run, "identification.attitude_from=inertial"))
     assert felt == tuple(name for name in BY_NAME if BY_NAME[name].sensor != "magnetic_field")
-    estimated = names_with(with_settings(short_run, "identification.estimate.biases=[gyro, dvl, current]"))
+    estimated = names_with(with_settings(short_run, "identification.estimate.biases=[gyro, dvl, current, ballast]"))
     assert set(everything) - set(estimated) == {
         *(f"bias of {symbol}" for symbol in "pqr"), "scale of the DVL", "mounting yaw of the DVL",
-        "current, north", "current, east",
+        "current, north", "current, east", "buoyancy",
     }  # fmt: skip
     blind = replace(short_run, sensors={k: v for k, v in short_run.sensors.items() if k != "dvl"})
     assert {name for name in everything if BY_NAME[name].sensor == "dvl"} == set(everything) - set(names_with(blind))
@@ -277,6 +283,22 @@ def trimmed(data):
     return replace(data, inputs=replace(data.inputs, values=values))
 
 
+def stated(data, symbol, by):
+    """With a vehicle file that states so much less than is true of a parameter."""
+    vehicle = data.experiment.vehicle
+    entry = VehicleEntry(value=vehicle.known_parameters()[symbol] - by)
+    wrong = vehicle.model_copy(update={"parameters": vehicle.parameters.model_copy(update={symbol: entry})})
+    return replace(data, experiment=data.experiment.model_copy(update={"vehicle": wrong}))
+
+
+def buoyant(data):
+    return stated(data, "B", 0.1)
+
+
+def bow_heavy(data):
+    return stated(data, "xG", 1e-4)
+
+
 def results_of(dataset):
     estimate = identify(dataset, FilterName.SMOOTHER)
     assert estimate.status == "completed"
@@ -290,6 +312,8 @@ def results_of(dataset):
         (late, "delay of the gyroscope", 0.002),
         (early_inputs, "delay of the inputs", 0.02),
         (trimmed, "trim of the rudder", 0.3 * DEGREE),
+        (buoyant, "buoyancy", 0.1),
+        (bow_heavy, "xG", 1e-4),
     ],
 )
 def test_a_fault_in_the_data_is_found_with_its_size_and_named_as_the_worst(plant, name, size, clean):
