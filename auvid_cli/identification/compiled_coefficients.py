@@ -56,9 +56,8 @@ def fill_in_all(mean, constants, selection, coefficients):
     for j in range(selection.size):
         coefficients[selection[j]] = constants[SCALE + j] * mean[j]
     for a in range(N_ERRORS):
-        row = row_of(
-            constants, (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim, ROW.excess_buoyancy, ROW.trim_moment)[a]
-        )
+        which = (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim, ROW.excess_buoyancy, ROW.trim_moment)[a]
+        row = row_of(constants, which)
         coefficients[N_COEFFICIENTS + a] = NO_ERRORS[a] + mean[row] if row >= 0 else NO_ERRORS[a]
 
 
@@ -71,8 +70,7 @@ def fill_in_row(sensitivity, constants, selection, row):
     for j in range(N_MOTION):
         row[n_parameters + j] = sensitivity[j]
     for a in range(N_ERRORS):
-        error = row_of(
-            constants, (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim, ROW.excess_buoyancy, ROW.trim_moment)[a]
-        )
+        which = (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim, ROW.excess_buoyancy, ROW.trim_moment)[a]
+        error = row_of(constants, which)
         if error >= 0:
             row[error] = sensitivity[N_MOTION + N_COEFFICIENTS + a]

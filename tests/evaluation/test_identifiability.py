@@ -145,7 +145,7 @@ def test_a_lateral_run_is_named_with_the_coefficients_to_hold(simulated_with, wi
         found.holding.worst_percent, rel=0.1
     )
     # What else is not known takes its part.
-    unknown = with_settings(kept, "identification.estimate.biases=[current, fin_trim]")
+    unknown = with_settings(kept, "identification.estimate.biases=[current, fin_trim, ballast]")
     less = {bound.coefficient: bound.percent_with_noise for bound in assess_dataset(unknown).bounds}
     assert all(less[bound.coefficient] > 0.99 * bound.percent_with_noise for bound in again.bounds)
     assert less["X_u|u|"] > 1.2 * next(b.percent_with_noise for b in again.bounds if b.coefficient == "X_u|u|")

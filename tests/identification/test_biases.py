@@ -174,12 +174,8 @@ def test_ballast_is_found_and_the_coefficients_beside_it(ballasted, with_setting
 
 
 def test_ballast_is_found_by_the_transition_of_the_paper(ballasted, with_settings):
-    """To first order over 10 ms, which is right while the process noise hides what is left."""
-    paper = "identification.ekf.transition=first_order", "identification.process_noise={velocity: 1e-3, rate: 1e-3}"
-    seeing = with_settings(
-        ballasted, "identification.estimate.biases=[ballast]", "identification.prior.factor=0.3", *paper
-    )
-    assert_ballast_is_found(identify(seeing, FilterName.EKF), ballasted.truth)
+    paper = "identification.ekf.transition=first_order", "identification.estimate.biases=[ballast]"
+    assert_ballast_is_found(identify(with_settings(ballasted, *paper), FilterName.EKF), ballasted.truth)
 
 
 @pytest.mark.parametrize("name", [FilterName.CKF, FilterName.EKF])

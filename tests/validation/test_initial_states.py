@@ -3,10 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.validation.initial_states import filtered_initial_states, with_model
+from auvid_cli.vehicle.ballast import Ballast
 
 
 def with_readings(dataset, name, change):
@@ -60,3 +62,17 @@ def test_an_event_is_no_two_starts(zigzag, with_coefficients):
     )
     assert 10 < states.time.size < 20
     assert (np.diff(states.time) > 0.0).all()
+
+
+def test_ballast_that_was_found_is_part_of_the_model(zigzag, with_coefficients, experiment_with):
+    true = zigzag.experiment.vehicle.known_parameters()
+    stated = Ballast(-5.0, 1.5).added_to(true)
+    settings = (f"vehicle.parameters.{symbol}={stated[symbol]!r}" for symbol in ("B", "xB"))
+    asked = experiment_with(*settings, "identification.estimate.biases=[ballast, gyro]")
+    blind = replace(with_coefficients(zigzag.truth.coefficients), experiment=asked)
+    mean = np.hstack([blind.mean, np.tile([5.0, -1.5], (len(blind.mean), 1))])
+    seeing = replace(blind, state=(*blind.state, *Ballast._fields), mean=mean)
+    for estimate, expected in ((blind, stated), (seeing, true)):
+        model = with_model(zigzag, estimate).experiment
+        assert model.vehicle.known_parameters() == pytest.approx(expected)
+        assert model.identification.estimate.biases == ("gyro",)
