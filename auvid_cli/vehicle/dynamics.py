@@ -171,24 +171,25 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
         elevator = stated_elevator + omega[_AT.elevator_trim + k]
         excess = stated_excess - omega[_AT.excess_buoyancy + k]
         lever_x = stated_lever_x - omega[_AT.trim_moment + k]
-        uu, uv, uw, uq, ur = u * u, u * v, u * w, u * q, u * r
+        uv, uw, uq, ur = u * v, u * w, u * q, u * r
+        uu_rudder, uu_elevator = u * u * rudder, u * u * elevator
         vv, ww, pp, qq, rr = abs(v) * v, abs(w) * w, abs(p) * p, abs(q) * q, abs(r) * r
         x = r * a2 - q * a3 - excess * sin_theta + omega[_AT.thrust + k] * surge_force
         x += omega[_AT.X_uu + k] * abs(u) * u
         y = p * a3 - r * a1 + excess * down_y
         y += omega[_AT.Y_vv + k] * vv + omega[_AT.Y_rr + k] * rr
-        y += omega[_AT.Y_url + k] * ur + omega[_AT.Y_uvl + k] * uv + omega[_AT.Y_uudr + k] * uu * rudder
+        y += omega[_AT.Y_url + k] * ur + omega[_AT.Y_uvl + k] * uv + omega[_AT.Y_uudr + k] * uu_rudder
         z = q * a1 - p * a2 + excess * down_z
         z += omega[_AT.Z_ww + k] * ww + omega[_AT.Z_qq + k] * qq
-        z += omega[_AT.Z_uql + k] * uq + omega[_AT.Z_uwl + k] * uw + omega[_AT.Z_uude + k] * uu * elevator
+        z += omega[_AT.Z_uql + k] * uq + omega[_AT.Z_uwl + k] * uw + omega[_AT.Z_uude + k] * uu_elevator
         roll = r * b2 - q * b3 + w * a2 - v * a3 + lever_y * down_z - lever_z * down_y + roll_moment
         roll += omega[_AT.K_pp + k] * pp
         pitch = p * b3 - r * b1 + u * a3 - w * a1 - lever_z * sin_theta - lever_x * down_z
         pitch += omega[_AT.M_qq + k] * qq + omega[_AT.M_ww + k] * ww
-        pitch += omega[_AT.M_uql + k] * uq + omega[_AT.M_uwl + k] * uw + omega[_AT.M_uude + k] * uu * elevator
+        pitch += omega[_AT.M_uql + k] * uq + omega[_AT.M_uwl + k] * uw + omega[_AT.M_uude + k] * uu_elevator
         yaw = q * b1 - p * b2 + v * a1 - u * a2 + lever_x * down_y + lever_y * sin_theta
         yaw += omega[_AT.N_rr + k] * rr + omega[_AT.N_vv + k] * vv
-        yaw += omega[_AT.N_url + k] * ur + omega[_AT.N_uvl + k] * uv + omega[_AT.N_uudr + k] * uu * rudder
+        yaw += omega[_AT.N_url + k] * ur + omega[_AT.N_uvl + k] * uv + omega[_AT.N_uudr + k] * uu_rudder
 
         for i in range(np.uint64(6)):
             j = np.uint64(6) * i
@@ -200,10 +201,10 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
                 + inverse[j + np.uint64(4)] * pitch
                 + inverse[j + np.uint64(5)] * yaw
             )
-        turning = q * sin_phi + r * cos_phi
-        derivative[6 * n + k] = p + sin_theta / cos_theta * turning
+        heading_rate = (q * sin_phi + r * cos_phi) / cos_theta
+        derivative[6 * n + k] = p + sin_theta * heading_rate
         derivative[7 * n + k] = q * cos_phi - r * sin_phi
-        derivative[8 * n + k] = turning / cos_theta
+        derivative[8 * n + k] = heading_rate
 
 
 def check_terms(names: Iterable[str], equations: Callable) -> None:
