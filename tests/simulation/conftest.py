@@ -6,8 +6,7 @@ import pytest
 from auvid_cli.simulation.manoeuvre_plan import make_plan
 from auvid_cli.simulation.true_motion import LONGEST_STEP, Truth, simulate_motion
 from auvid_cli.simulation.unrecorded import draw_disturbance
-from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
-from auvid_cli.vehicle.dynamics import vehicle_constants
+from auvid_cli.vehicle.dynamics import N_FACTORS, vehicle_constants
 
 
 @pytest.fixture(scope="session")
@@ -39,6 +38,6 @@ def standing_still(experiment_with):
         def still(*widths: int):
             return [np.zeros((2, width)) for width in widths]
 
-        return Truth(time, *still(4), motion, *still(3, 6), constants, np.zeros(N_COEFFICIENTS))
+        return Truth(time, *still(4), motion, *still(3, 6), constants, np.zeros(N_FACTORS))
 
     return make
