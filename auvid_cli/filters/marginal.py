@@ -131,7 +131,8 @@ def _slopes(
     """Return the derivatives of the sum of logarithms by the parameters and by faults."""
     n, n_moving = problem.n_parameters, problem.n_moving
     slopes = np.zeros(n + (0 if faults is None else len(faults.names)))
-    data, work = ModelData.of(problem.process, problem.sensors), _work_of(problem)
+    data = ModelData.of(problem.process, problem.sensors)
+    work = Work.of(problem.process, n + n_moving, problem.sensors.matrix.shape[1])
     for segment in range(len(problem.segments)):
 
         def columns(timeline: Timeline, about: Linearised, segment: int = segment) -> FaultEffects:
@@ -155,10 +156,6 @@ def _slopes(
                 slopes += np.einsum("kc,kcj->j", by_rows[..., state], beside.added - here.added)
     slopes *= 2.0 / _CHANGE
     return slopes[:n], slopes[n:]
-
-
-def _work_of(problem: JointProblem) -> Work:
-    return Work.of(problem.process, problem.n_parameters + problem.n_moving, problem.sensors.matrix.shape[1])
 
 
 def _beside(

@@ -97,9 +97,11 @@ def run_smoother(
     outcome = _hand_over(smoothing, problem.sensors, answer, on_chunk, is_answer=marginal)
     if outcome.failure != OK:
         return outcome
-    scores = None if faults is None else score_faults(smoothing, answer, faults)
-    if marginal and faults is not None and scores is not None:
-        scores = marginal_scores(problem, smoothing, answer, faults, scores)
+    scores = None
+    if faults is not None:
+        scores = score_faults(smoothing, answer, faults)
+        if marginal:
+            scores = marginal_scores(problem, smoothing, answer, faults, scores)
     corrected = corrected_smoothing(problem, smoothing, answer)
     return outcome._replace(faults=scores, others=tuple(rivals), corrected=corrected)
 

@@ -115,21 +115,25 @@ class ScaleOfThePlainSensor:
         return FaultEffects(np.zeros((*about.moving.shape, 1)), added)
 
 
+def answer_of(problem, marginal):
+    """The outcome, and the last state with its standard deviation."""
+    chunks = []
+    outcome = run_smoother(
+        problem, lambda timeline, records: chunks.append(records), 50, ScaleOfThePlainSensor(), marginal
+    )
+    assert outcome.failure == OK
+    return outcome, chunks[-1].mean[-1], chunks[-1].standard_deviation[-1]
+
+
 @pytest.mark.parametrize("cut", [(), (150, 270)], ids=["one segment", "three segments"])
 def test_it_is_the_maximum_of_the_likelihood_with_the_motion_integrated_out(cut, rng):
     measured = simulated(rng)
     best = minimize(minus_twice_log_posterior, TRUE, (measured, cut), "Nelder-Mead", options={"xatol": 1e-5}).x
-    problem, answers = problem_of(measured, cut), []
-    for marginal in (False, True):
-        last = []
-        faults = ScaleOfThePlainSensor()
-        outcome = run_smoother(problem, lambda timeline, records: last.append(records), 50, faults, marginal)  # noqa: B023
-        assert outcome.failure == OK
-        answers.append((last[-1].mean[-1, :2] - best) / last[-1].standard_deviation[-1, :2])
-    joint, marginal = np.abs(answers)
+    outcomes, means, deviations = zip(*(answer_of(problem_of(measured, cut), m) for m in (False, True)), strict=True)
+    joint, marginal = (np.abs((m[:2] - best) / d[:2]) for m, d in zip(means, deviations, strict=True))
     assert joint.max() > 1.0
     assert marginal.max() < 0.2
-    scores = outcome.faults
+    scores = outcomes[-1].faults
     # What the posterior gains, once the parameters are found anew for each size of the fault.
     gained = [
         minimize(minus_twice_log_posterior, best, (measured, cut, fault), "Nelder-Mead", options={"xatol": 1e-6}).fun
