@@ -15,6 +15,7 @@ The derivative of a column of F by a parameter is that of the parameter's column
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numba import types
@@ -25,7 +26,7 @@ from auvid_cli.filters.descent import minimise
 from auvid_cli.filters.fault_scores import FaultEffects, Faults
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory
 from auvid_cli.filters.motion_alone import MotionAlone
-from auvid_cli.filters.problem import TIMELINE, FaultScores, Gaussian, ModelData, Timeline
+from auvid_cli.filters.problem import TIMELINE, FaultScores, Gaussian, ModelData, Timeline, Unsettled
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoothing_backward import ADJOINT, Adjoint, back_in_time, take_in_event
 from auvid_cli.filters.smoothing_forward import (
@@ -44,13 +45,15 @@ _stack = types.float64[:, :, ::1]
 
 # By which a state is changed for a difference quotient, SI: what depends on the parameters is nearly a polynomial.
 _CHANGE = 1e-4
-# Most steps, and standard deviations that the last may have.
-_ROUNDS, _SMALL = 8, 0.05
+# Standard deviations that the last step may have.
+_SMALL = 0.05
 # Times the prior's spread of parameters that are held, and passes in which the motion follows these.
 _HELD, _PASSES = 1e-8, 10
 
 
-def without_motion(problem: JointProblem, smoothing: LinearSmoothing, joint: Filtered) -> Filtered | None:
+def without_motion(
+    problem: JointProblem, smoothing: LinearSmoothing, joint: Filtered, max_steps: int
+) -> tuple[Filtered, Unsettled | None] | None:
     """Go from the joint answer to the most probable parameters; None where the motion cannot follow these.
 
     Parameters
@@ -60,28 +63,40 @@ def without_motion(problem: JointProblem, smoothing: LinearSmoothing, joint: Fil
         Of the problem.
     joint : Filtered
         About the joint answer.
+    max_steps : int
 
     Returns
     -------
-    Filtered
+    answer : Filtered
         About the parameters, and the motion that is most probable with them: the answer is this trajectory itself.
+    unsettled : Unsettled or None
+        Where `max_steps` are not enough.
     """
-    n, answer = problem.n_parameters, joint
-    deviation = np.sqrt(np.diagonal(joint.final.covariance())[:n])
-    for _ in range(_ROUNDS):
+    n, answer, unsettled = problem.n_parameters, joint, None
+    covariance = joint.final.covariance()[:n, :n]
+    deviation = np.sqrt(np.diagonal(covariance))
+    for _ in range(max_steps):
         # Back to the joint answer, as it seems from here, and on from there.
         step = answer.final.mean[:n] + marginal_step(problem, smoothing, answer)
         followed = _follow(problem, answer, answer.trajectory.parameters + step)
-        filtered = None if followed is None else smoothing.filter(followed)
-        if filtered is None:
+        filtered = None if followed is None else smoothing.filter(followed.trajectory)
+        if followed is None or filtered is None:
             return None
         answer = filtered
-        if (np.abs(step) <= _SMALL * deviation).all():
-            break
-    return answer
+        if followed.is_there and (np.abs(step) <= _SMALL * deviation).all():
+            return answer, None
+        unsettled = Unsettled(float(step @ np.linalg.solve(covariance, step)), step / deviation)
+    return answer, unsettled
 
 
-def _follow(problem: JointProblem, answer: Filtered, parameters: Array) -> Trajectory | None:
+class _Followed(NamedTuple):
+    """A motion that followed the parameters, and whether it is the most probable one with them."""
+
+    trajectory: Trajectory
+    is_there: bool
+
+
+def _follow(problem: JointProblem, answer: Filtered, parameters: Array) -> _Followed | None:
     """Let the motion follow parameters that are held; None where its cost is not finite."""
     n, mean, factor = problem.n_parameters, problem.prior.mean.copy(), problem.prior.factor.copy()
     for place, owed in zip(problem.places, answer.by_parameters, strict=True):
@@ -92,8 +107,9 @@ def _follow(problem: JointProblem, answer: Filtered, parameters: Array) -> Traje
     found = minimise(smoothing, replace(answer.trajectory, parameters=parameters), _PASSES)
     if found is None:
         return None
-    filtered, _ = found
-    return replace(filtered.trajectory.stepped(smoothing.step(filtered), 1.0), parameters=parameters)
+    filtered, is_there = found
+    moved = filtered.trajectory.stepped(smoothing.step(filtered), 1.0)
+    return _Followed(replace(moved, parameters=parameters), is_there)
 
 
 def marginal_step(problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered) -> Array:

@@ -65,7 +65,7 @@ def run_smoother(
     on_chunk : callable
         What it receives has constant parameters, the smoothed motion, and the innovations of the last filter pass.
     max_passes : int
-        Of the filter through the data, from each start.
+        Of the filter through the data, from each start, and steps from there where `marginal`.
     faults : Faults, optional
         To test for, about the answer.
     marginal : bool
@@ -91,12 +91,15 @@ def run_smoother(
     rivals = [other for rival, _ in others if (other := other_minimum(best, rival)) is not None]
     if len(problem.segments) > 1:
         rivals += answers_of_segments(problem, best)
-    answer = without_motion(problem, smoothing, best) if marginal else best
-    if answer is None:
+    found = without_motion(problem, smoothing, best, max_passes) if marginal else (best, None)
+    if found is None:
         return _failed(problem)
+    answer, unsettled = found
     outcome = _hand_over(smoothing, problem.sensors, answer, on_chunk, is_answer=marginal)
     if outcome.failure != OK:
         return outcome
+    if unsettled is not None:
+        return outcome._replace(failure=NOT_CONVERGED, unsettled=unsettled)
     scores = None
     if faults is not None:
         scores = score_faults(smoothing, answer, faults)

@@ -6,6 +6,8 @@ from numba import njit
 from scipy.optimize import minimize
 
 from auvid_cli.filters.fault_scores import FaultEffects
+from auvid_cli.filters.linear_smoothing import LinearSmoothing
+from auvid_cli.filters.marginal import without_motion
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
     OBSERVATION_SIGNATURE,
@@ -18,7 +20,7 @@ from auvid_cli.filters.problem import (
     Timeline,
 )
 from auvid_cli.filters.segments import JointProblem
-from auvid_cli.filters.smoother import run_smoother
+from auvid_cli.filters.smoother import most_probable, run_smoother
 from auvid_cli.lanes import LANES
 
 N, STEP, DENSITY, NOISE = 400, 0.5, 1.0, 0.7
@@ -141,3 +143,19 @@ def test_it_is_the_maximum_of_the_likelihood_with_the_motion_integrated_out(cut,
     ]
     score = (gained[0] - gained[1]) / 0.02
     assert abs(scores.score[0] - score) < 0.2 * np.sqrt(scores.information[0])
+
+
+def test_it_says_how_far_it_is_from_its_end_where_the_steps_are_too_few(rng):
+    problem = problem_of(simulated(rng), ())
+    smoothing = LinearSmoothing(problem)
+    (joint, _), *_ = most_probable(problem, smoothing, 50)
+    found, few = without_motion(problem, smoothing, joint, 50), without_motion(problem, smoothing, joint, 1)
+    assert found is not None
+    assert few is not None
+    (late, settled), (early, unsettled) = found, few
+    assert settled is None
+    assert unsettled is not None
+    deviation = np.sqrt(np.diagonal(joint.final.covariance())[:2])
+    to_go = late.trajectory.parameters - early.trajectory.parameters
+    # What moved last says how far there is to go: less than that, for the steps become shorter.
+    assert (np.abs(to_go) < np.abs(unsettled.moves * deviation)).all()
