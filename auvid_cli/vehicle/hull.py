@@ -1,0 +1,127 @@
+"""Hulls as bodies of revolution: contours from a few lengths or a table, and what follows from a contour alone."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Enough for integrals to 1e-4: a round nose rises with a square root.
+_N_STATIONS = 2001
+
+
+class Hull(NamedTuple):
+    """The contour of a hull.
+
+    Attributes
+    ----------
+    station : ndarray, shape (n,)
+        Distances from the nose, m, from 0 to the length.
+    radius : ndarray, shape (n,)
+        There, m.
+    """
+
+    station: Array
+    radius: Array
+
+    @property
+    def length(self) -> float:
+        """Return the length, m."""
+        return float(self.station[-1])
+
+    @property
+    def diameter(self) -> float:
+        """Return the largest diameter, m."""
+        return float(2.0 * self.radius.max())
+
+    @property
+    def slenderness(self) -> float:
+        """Return the length in diameters."""
+        return self.length / self.diameter
+
+    @property
+    def volume(self) -> float:
+        """Return the volume, m^3."""
+        return float(np.trapezoid(np.pi * self.radius**2, self.station))
+
+    @property
+    def centre(self) -> float:
+        """Return the distance of the centre of the volume from the nose, m."""
+        return float(np.trapezoid(np.pi * self.radius**2 * self.station, self.station) / self.volume)
+
+    @property
+    def plan_area(self) -> float:
+        """Return the area that is seen from the side, m^2."""
+        return float(np.trapezoid(2.0 * self.radius, self.station))
+
+    @property
+    def wetted_area(self) -> float:
+        """Return the area of the skin without flat ends, m^2: that of the cone frustums between the stations."""
+        slant = np.hypot(np.diff(self.station), np.diff(self.radius))
+        return float(np.pi * np.sum((self.radius[:-1] + self.radius[1:]) * slant))
+
+    def radius_at(self, station: Array | float) -> Array:
+        """Return the radius at distances from the nose, m; beyond the hull it is 0."""
+        return np.asarray(np.interp(station, self.station, self.radius, left=0.0, right=0.0))
+
+
+class MyringLengths(NamedTuple):
+    """Parameters of a contour by Myring, in Prestero's notation.
+
+    Attributes
+    ----------
+    nose, nose_offset, middle, tail, tail_offset : float
+        a, a_0, b, c and c_0, m; the offsets are what is cut off at the ends.
+    diameter : float
+        d, m.
+    exponent : float
+        n of the nose: 2 is an ellipse.
+    tail_angle : float
+        Between contour and axis at the uncut end of the tail, rad.
+    """
+
+    nose: float
+    nose_offset: float
+    middle: float
+    tail: float
+    tail_offset: float
+    diameter: float
+    exponent: float
+    tail_angle: float
+
+
+def myring_hull(shape: MyringLengths) -> Hull:
+    """Return the contour by Myring (1976), as in Prestero (2001), 2.1 to 2.3."""
+    a, offset, b, c, cut, d, exponent, angle = shape
+    begin_of_tail = a + b - offset
+    station = np.linspace(0.0, begin_of_tail + c - cut, _N_STATIONS)
+    nose = 0.5 * d * (1.0 - np.minimum((station + offset - a) / a, 0.0) ** 2) ** (1.0 / exponent)
+    aft = np.maximum(station - begin_of_tail, 0.0)
+    tangent = np.tan(angle)
+    tail = (1.5 * d / c**2 - tangent / c) * aft**2 - (d / c**3 - tangent / c**2) * aft**3
+    return Hull(station, np.maximum(nose - tail, 0.0))
+
+
+def nose_cylinder_tail_hull(length: float, diameter: float, nose: float, tail: float) -> Hull:
+    """Return the contour of half an ellipse, a cylinder and a parabola that ends in a point.
+
+    Parameters
+    ----------
+    length, diameter : float
+        Of the whole, m.
+    nose, tail : float
+        Their lengths, m, no more than `length` together.
+    """
+    station = np.linspace(0.0, length, _N_STATIONS)
+    ahead = np.minimum((station - nose) / nose, 0.0)
+    aft = np.maximum((station - length + tail) / tail, 0.0)
+    return Hull(station, 0.5 * diameter * (np.sqrt(np.maximum(1.0 - ahead**2, 0.0)) - aft**2))
+
+
+def hull_of_radii(station: Sequence[float], radius: Sequence[float]) -> Hull:
+    """Return the contour through radii at rising distances from the nose, of which the first is 0, straight between."""
+    between = np.linspace(0.0, station[-1], _N_STATIONS)
+    everywhere = np.union1d(between, np.asarray(station, dtype=np.float64))
+    return Hull(everywhere, np.interp(everywhere, station, radius))
