@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from auvid_cli.api.checks import check
     from auvid_cli.api.evaluation import evaluate
     from auvid_cli.api.files import load_experiment, read_dataset, read_estimate, write_dataset
+    from auvid_cli.api.geometry import vehicle_from_geometry
     from auvid_cli.api.identifiability import identifiability
     from auvid_cli.api.identification import identify
     from auvid_cli.api.inspection import inspect
@@ -40,12 +41,14 @@ __all__ = [
     "simulate",
     "tune",
     "validate",
+    "vehicle_from_geometry",
     "write_dataset",
 ]
 _MODULES = {
     "auvid_cli.api.checks": ("check",),
     "auvid_cli.api.evaluation": ("evaluate",),
     "auvid_cli.api.files": ("load_experiment", "read_dataset", "read_estimate", "write_dataset"),
+    "auvid_cli.api.geometry": ("vehicle_from_geometry",),
     "auvid_cli.api.identifiability": ("identifiability",),
     "auvid_cli.api.identification": ("identify",),
     "auvid_cli.api.inspection": ("inspect",),

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from auvid_cli.config.augmented_states import AugmentedStates, BiasName, ErrorBlock
 from auvid_cli.config.filter_name import JUDGE, FilterName
@@ -301,6 +301,17 @@ class Identification(Settings):
             raise FileError(f"identification.prior.from_estimate: {earlier}: no such estimate file")
 
 
+def with_its_geometry(identification: Identification, info: ValidationInfo) -> Identification:
+    """Return settings behind those of their vehicle; ValueError if they ask for a geometry that it does not state."""
+    vehicle: VehicleSettings | None = info.data.get("vehicle")
+    if identification.prior.mean == "geometry" and vehicle is not None and vehicle.geometry is None:
+        raise ValueError(
+            f"prior.mean is geometry, and the vehicle {vehicle.name!r} states none: describe hull and fins in "
+            "vehicle.geometry, or take mean: zero or vehicle"
+        )
+    return identification
+
+
 class RecordedFile(Settings):
     """A file of a log."""
 
@@ -325,7 +336,7 @@ class RunSettings(Settings):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/")]
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True, description="of every random stream")] = 1
     vehicle: VehicleSettings
-    identification: Identification = Identification()
+    identification: Annotated[Identification, AfterValidator(with_its_geometry)] = Identification()
 
     def data_files(self) -> list[Path]:
         """Return the files with numbers that the settings name."""

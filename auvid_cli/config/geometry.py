@@ -7,21 +7,21 @@ from pydantic import Field, model_validator
 from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.config.settings import Settings
 from auvid_cli.vehicle.hull import Hull, MyringLengths, hull_of_radii, myring_hull, nose_cylinder_tail_hull
-from auvid_cli.vehicle.shape import Appendage, Fins, Geometry
+from auvid_cli.vehicle.shape import Appendage, Geometry, TailFins
 
-Length = Annotated[float, Amount("m"), Field(gt=0, le=1e3)]
-Offset = Annotated[float, Amount("m"), Field(ge=0, le=1e3)]
+PositiveLength = Annotated[float, Amount("m"), Field(gt=0, le=1e3)]
+Distance = Annotated[float, Amount("m"), Field(ge=0, le=1e3)]
 
 
 class MyringShape(Settings):
     """A hull by Myring, as Prestero describes that of the REMUS."""
 
     type: Literal["myring"]
-    nose: Annotated[Length, Field(description="a")]
-    nose_offset: Annotated[Offset, Field(description="a_0, cut off the nose")] = 0.0
-    middle: Annotated[Offset, Field(description="b, of the cylinder")]
-    tail: Annotated[Length, Field(description="c")]
-    tail_offset: Annotated[Offset, Field(description="c_0, cut off the tail")] = 0.0
+    nose: Annotated[PositiveLength, Field(description="a")]
+    nose_offset: Annotated[Distance, Field(description="a_0, cut off the nose")] = 0.0
+    middle: Annotated[Distance, Field(description="b, of the cylinder")]
+    tail: Annotated[PositiveLength, Field(description="c")]
+    tail_offset: Annotated[Distance, Field(description="c_0, cut off the tail")] = 0.0
     exponent: Annotated[float, Field(ge=0.5, le=20, description="n of the nose: 2 is an ellipse")] = 2.0
     tail_angle: Annotated[
         float, Unit("rad"), Field(gt=0, lt=1.5, description="theta, of the contour at the end of the tail")
@@ -53,15 +53,14 @@ class NoseCylinderTail(Settings):
     """A hull of half an ellipse, a cylinder and a tail that narrows as a parabola to a point."""
 
     type: Literal["nose_cylinder_tail"]
-    nose: Annotated[Length, Field(description="length of the nose")]
-    tail: Annotated[Length, Field(description="length of the tail")]
+    nose: Annotated[PositiveLength, Field(description="length of the nose")]
+    tail: Annotated[PositiveLength, Field(description="length of the tail")]
 
     def hull(self, length: float, diameter: float) -> Hull:
         """Return the contour, m."""
         if self.nose + self.tail > length:
-            raise ValueError(
-                f"geometry.hull: nose and tail are {self.nose + self.tail:g} m of a length of {length:g} m"
-            )
+            ends = self.nose + self.tail
+            raise ValueError(f"nose and tail are {ends:g} m of a length of {length:g} m")
         return nose_cylinder_tail_hull(length, diameter, self.nose, self.tail)
 
 
@@ -69,8 +68,10 @@ class TableOfRadii(Settings):
     """A hull by radii along its axis, straight between them."""
 
     type: Literal["table"]
-    station: Annotated[tuple[Offset, ...], Field(min_length=3, description="distances from the nose, rising from 0, m")]
-    radius: Annotated[tuple[Offset, ...], Field(min_length=3, description="there, m")]
+    station: Annotated[
+        tuple[Distance, ...], Field(min_length=3, description="distances from the nose, rising from 0, m")
+    ]
+    radius: Annotated[tuple[Distance, ...], Field(min_length=3, description="there, m")]
 
     @model_validator(mode="after")
     def _a_contour(self) -> "TableOfRadii":
@@ -93,18 +94,18 @@ AnyHull = Annotated[MyringShape | NoseCylinderTail | TableOfRadii, Field(discrim
 class FinSettings(Settings):
     """Equal fins around the tail."""
 
-    position: Annotated[Length, Field(description="of their hinges, from the nose")]
-    span: Annotated[Length, Field(description="from root to tip")]
+    position: Annotated[PositiveLength, Field(description="of their hinges, from the nose")]
+    span: Annotated[PositiveLength, Field(description="from root to tip")]
     area: Annotated[float, Amount("m^2"), Field(gt=0, le=1e4, description="of one fin")]
     number: Annotated[int, Field(ge=3, le=12, strict=True, description="evenly around the hull")] = 4
     tail: Annotated[
         Literal["+", "x"], Field(description="+: rudders upright, stern planes level; x: all turn for either")
     ] = "+"
     taper: Annotated[float, Field(ge=0, le=1, description="chord at the tip by that at the root")] = 1.0
-    chord: Annotated[Length | None, Field(description="mean; else area by span")] = None
-    tip_radius: Annotated[Length | None, Field(description="of the tips; else the hull's at the hinges and span")] = (
-        None
-    )
+    chord: Annotated[PositiveLength | None, Field(description="mean; else area by span")] = None
+    tip_radius: Annotated[
+        PositiveLength | None, Field(description="of the tips; else the hull's at the hinges and span")
+    ] = None
 
     @model_validator(mode="after")
     def _an_x_of_four(self) -> "FinSettings":
@@ -114,15 +115,13 @@ class FinSettings(Settings):
             raise ValueError(f"tip_radius, from the axis, must be at least the span of {self.span:g} m")
         return self
 
-    def fins(self, hull: Hull) -> Fins:
+    def fins(self, hull: Hull) -> TailFins:
         """Return them on a hull."""
         if self.position > 1.2 * hull.length:
-            raise ValueError(
-                f"geometry.fins.position is {self.position:g} m from the nose of a hull of {hull.length:g} m"
-            )
+            raise ValueError(f"fins.position is {self.position:g} m, and the hull {hull.length:g} m long")
         chord = self.area / self.span if self.chord is None else self.chord
         tip = float(hull.radius_at(self.position)) + self.span if self.tip_radius is None else self.tip_radius
-        return Fins(self.position, self.span, self.area, self.number, self.tail, self.taper, chord, tip)
+        return TailFins(self.position, self.span, self.area, self.number, self.tail, self.taper, chord, tip)
 
 
 class AppendageSettings(Settings):
@@ -143,7 +142,7 @@ class GeometrySettings(Settings):
         Field(description="all of them, fins too; if none is named the bare hull's drag counts 2.2 times"),
     ] = ()
     centre_of_buoyancy: Annotated[
-        Length | None, Field(description="from the nose: the origin; else the centre of the hull's volume")
+        PositiveLength | None, Field(description="from the nose: the origin; else the centre of the hull's volume")
     ] = None
     speed: Annotated[float, Unit("m/s"), Field(ge=0.05, le=50, description="at which skin friction is taken")] = 1.5
 
@@ -164,11 +163,9 @@ class GeometrySettings(Settings):
         """
         hull = self.hull.hull(length, diameter)
         if not 2.0 <= hull.slenderness <= 100.0:
-            raise ValueError(f"geometry.hull is {hull.slenderness:.3g} times as long as wide; expected 2 to 100 times")
+            raise ValueError(f"the hull is {hull.slenderness:.3g} times as long as wide; expected 2 to 100 times")
         centre = hull.centre if self.centre_of_buoyancy is None else self.centre_of_buoyancy
         if centre > hull.length:
-            raise ValueError(
-                f"geometry.centre_of_buoyancy is {centre:g} m from the nose of a hull of {hull.length:g} m"
-            )
+            raise ValueError(f"centre_of_buoyancy is {centre:g} m, and the hull {hull.length:g} m long")
         appendages = tuple(Appendage(each.area, each.drag_coefficient) for each in self.appendages)
         return Geometry(hull, self.fins.fins(hull), centre, appendages, density)

@@ -1,6 +1,6 @@
 """Experiments from files and back to text."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,7 +12,8 @@ from auvid_cli.config.experiment import Experiment, ImportedRun, RunSettings
 from auvid_cli.config.locate import locate
 from auvid_cli.config.position import ConfigSource, Mistake, mistakes_text
 from auvid_cli.config.settings import Settings
-from auvid_cli.config.tree import Tree
+from auvid_cli.config.tree import Tree, read_tree
+from auvid_cli.config.vehicle import Drawing
 from auvid_cli.errors import ConfigError
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -98,6 +99,26 @@ def parse_experiment(text: str, name: str, overrides: Sequence[str] = ()) -> Exp
         With every mistake at once.
     """
     return validated(Experiment, *assemble(ConfigSource(name, Path(), text), overrides))
+
+
+def parse_drawing(drawing: Mapping[str, Any]) -> Drawing:
+    """Validate what a drawing says, as plain values with units.
+
+    Raises
+    ------
+    ConfigError
+        With every mistake at once.
+    """
+    text = yaml.safe_dump(_plain(drawing), sort_keys=False)
+    tree, mistakes = read_tree(ConfigSource("geometry", Path(), text))
+    return validated(Drawing, tree, [*mistakes])
+
+
+def _plain(value: Any) -> Any:
+    """Turn mappings and sequences of any kind into those that YAML knows."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(inner) for key, inner in value.items()}
+    return [_plain(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def dump_experiment(experiment: RunSettings) -> str:

@@ -17,6 +17,9 @@ _LARGEST_WEIGHT_ERROR, _LARGEST_TRIM = 0.03, 0.15
 _LEAST_SHARE, _LARGEST_SHARE = 0.3, 1.5
 # Of the inertia that the mass has in a full cylinder of that size.
 _LEAST_INERTIA, _LARGEST_INERTIA = 0.1, 5.0
+# Of what a drawing says against the rest of the file, and of the slenderness for which its formulas are.
+_LARGEST_SIZE_ERROR, _LARGEST_VOLUME_ERROR, _LARGEST_OFFSET = 0.05, 0.25, 0.1
+_LEAST_SLENDERNESS, _LARGEST_SLENDERNESS = 4.0, 15.0
 
 
 class Doubt(NamedTuple):
@@ -55,6 +58,7 @@ def doubts(vehicle: VehicleSettings) -> list[Doubt]:
         *_displacement(k, full),
         *_inertia(k, size.length, size.diameter),
         *_centres(k, size.length, size.diameter),
+        *_shape(vehicle),
     ]
 
 
@@ -99,3 +103,26 @@ def _centres(k: Mapping[str, float], length: float, diameter: float) -> Iterator
         for centre in "GB":
             if abs(lever := k[f"{axis}{centre}"]) > reach:
                 yield Doubt(f"{axis}{centre}", f"{lever:.4g} m", f"within the hull, {reach:.4g} m")
+
+
+def _shape(vehicle: VehicleSettings) -> Iterator[Doubt]:
+    """Compare the geometry, where it is stated, with the rest of the file and with what its formulas are for."""
+    shape = vehicle.shape()
+    if shape is None:
+        return
+    hull, size, buoyancy = shape.hull, vehicle.size, vehicle.known_parameters()["B"]
+    for what, drawn, stated in (
+        ("length", hull.length, size.length),
+        ("diameter", hull.diameter, size.diameter),
+    ):
+        if abs(drawn / stated - 1.0) > _LARGEST_SIZE_ERROR:
+            yield Doubt(f"the geometry's {what}", f"{drawn:.4g} m", f"size.{what}, {stated:.4g} m")
+    displaced = size.density * GRAVITY * hull.volume
+    if abs(displaced / buoyancy - 1.0) > _LARGEST_VOLUME_ERROR:
+        yield Doubt("the geometry's hull", f"{displaced:.4g} N of water", f"about the buoyancy B of {buoyancy:.4g} N")
+    if not _LEAST_SLENDERNESS <= hull.slenderness <= _LARGEST_SLENDERNESS:
+        limits = f"{_LEAST_SLENDERNESS:g} to {_LARGEST_SLENDERNESS:g} diameters, for which its formulas are"
+        yield Doubt("the geometry's length", f"{hull.slenderness:.3g} diameters", limits)
+    if abs(shape.centre_of_buoyancy - hull.centre) > _LARGEST_OFFSET * hull.length:
+        centre = f"near the centre of the hull's volume, {hull.centre:.4g} m"
+        yield Doubt("the geometry's centre_of_buoyancy", f"{shape.centre_of_buoyancy:.4g} m from the nose", centre)

@@ -36,14 +36,18 @@ class Prior(Settings):
     """Prior of the coefficients: zero and natural magnitude from the vehicle's size times `factor`, or a vehicle's."""
 
     mean: Annotated[
-        Literal["zero", "vehicle"], Field(description="zero, or what the vehicle file states of a coefficient")
+        Literal["zero", "vehicle", "geometry"],
+        Field(
+            description="zero, what the vehicle file states of a coefficient, or what follows from its `geometry`; "
+            "`prior: geometry` is short for `prior: {mean: geometry}`"
+        ),
     ] = "zero"
     relative: Annotated[
         float | dict[str, float] | None,
         BeforeValidator(_shares),
         Field(
             description="standard deviation as a share of that mean, or by coefficient and group (damping, lift, "
-            "control); else that of the vehicle file's entry, else 50 %"
+            "control); else that of the geometry, or of the vehicle file's entry, else 50 %"
         ),
     ] = None
     factor: Annotated[float, Field(ge=1e-6, le=1e6, description="times the natural magnitude")] = 3.0
@@ -54,6 +58,11 @@ class Prior(Settings):
         str | None,
         Field(description="estimate file of other data: its coefficients and their covariance, where it has them"),
     ] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _accept_a_bare_mean(cls, data: Any) -> Any:
+        return {"mean": data} if isinstance(data, str) else data
 
     @field_validator("standard_deviation", mode="before")
     @classmethod
@@ -75,7 +84,7 @@ class Prior(Settings):
     @model_validator(mode="after")
     def _shares_of_something(self) -> "Prior":
         if self.relative is not None and self.mean == "zero":
-            raise ValueError("relative is a share of the vehicle file's values: it needs mean: vehicle")
+            raise ValueError("relative is a share of a mean other than zero: it needs mean: vehicle or geometry")
         shares = self.relative.values() if isinstance(self.relative, dict) else (self.relative,)
         if any(share is not None and not share > 0.0 for share in shares):
             raise ValueError("a share must be greater than 0")

@@ -3,13 +3,16 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
 
+from auvid_cli.config.geometry import GeometrySettings
 from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.config.settings import Settings
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.geometry import DerivedValue, coefficients_from_geometry
 from auvid_cli.vehicle.parameters import PARAMETERS
+from auvid_cli.vehicle.shape import Geometry
 
 
 class VehicleEntry(Settings):
@@ -87,6 +90,28 @@ class Size(Settings):
     density: Annotated[float, Unit("kg/m^3"), Field(ge=1, le=2e4, description="density of the water")] = 1025.0
 
 
+class Drawing(Settings):
+    """What a vehicle file can be made of where nothing else is known."""
+
+    name: str
+    mass: Annotated[float, Amount("kg"), Field(gt=0, description="with all water inside")]
+    size: Size
+    geometry: GeometrySettings
+
+    @field_validator("geometry", mode="after")
+    @classmethod
+    def _parts_that_fit(cls, value: GeometrySettings, info: ValidationInfo) -> GeometrySettings:
+        return _fitting(value, info)
+
+
+def _fitting(geometry: GeometrySettings, info: ValidationInfo) -> GeometrySettings:
+    """Return a geometry that makes a shape of the size that stands before it."""
+    size: Size | None = info.data.get("size")
+    if size is not None:
+        geometry.shape(size.length, size.diameter, size.density)
+    return geometry
+
+
 class VehicleSettings(Settings):
     """A vehicle file."""
 
@@ -94,11 +119,32 @@ class VehicleSettings(Settings):
     source: Annotated[str, Field(description="where the numbers come from")] = ""
     notes: tuple[str, ...] = ()
     size: Size
+    geometry: Annotated[
+        GeometrySettings | None, Field(description="hull and fins, for `prior: geometry` and for checks")
+    ] = None
     parameters: ParameterTable
     coefficients: Annotated[
         CoefficientTable,
         Field(description="needed by a simulation, and for those that are held while others are estimated"),
     ] = CoefficientTable()
+
+    @field_validator("geometry", mode="after")
+    @classmethod
+    def _parts_that_fit(cls, value: GeometrySettings | None, info: ValidationInfo) -> GeometrySettings | None:
+        return value if value is None else _fitting(value, info)
+
+    def shape(self) -> Geometry | None:
+        """Return hull and fins in body axes, SI, where they are stated."""
+        if self.geometry is None:
+            return None
+        return self.geometry.shape(self.size.length, self.size.diameter, self.size.density)
+
+    def derived_values(self) -> tuple[DerivedValue, ...]:
+        """Return what follows from the shape, SI; nothing where it is not stated."""
+        shape = self.shape()
+        if shape is None or self.geometry is None:
+            return ()
+        return coefficients_from_geometry(shape, self.known_parameters()["m"], self.geometry.speed)
 
     def known_parameters(self) -> dict[str, float]:
         """Return the known parameters by symbol, SI."""

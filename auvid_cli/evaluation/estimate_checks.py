@@ -13,6 +13,7 @@ from auvid_cli.evaluation.accuracy import (
 )
 from auvid_cli.evaluation.bounds import Bounds
 from auvid_cli.evaluation.causes import Cause, causes_text
+from auvid_cli.evaluation.geometry_check import near_its_geometry
 from auvid_cli.evaluation.innovation_checks import innovation_checks
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
@@ -63,7 +64,8 @@ def check_estimate(
     if not estimate.completed:
         return checks
     checks += [*_information(estimate, dataset.truth, bounds), *_against_bounds(estimate, bounds, causes)]
-    checks += [*_at_limits(estimate), *_plausibility(estimate), *_sensor_errors(estimate)]
+    checks += [*_at_limits(estimate), *_plausibility(estimate)]
+    checks += [*near_its_geometry(estimate), *_sensor_errors(estimate)]
     if dataset.truth is not None:
         checks += _against_truth(estimate, dataset.truth)
     return checks

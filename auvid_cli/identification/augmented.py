@@ -135,7 +135,7 @@ def _prior_of_parameters(layout: StateLayout, dataset: Dataset) -> Gaussian:
     parameters = Gaussian(np.zeros(n), np.diag(layout.prior_std[:n]))
     symbols, scale, settings = layout.symbols[coefficients], layout.scale[coefficients], dataset.experiment
     priors = coefficient_priors(settings.vehicle, settings.identification.prior)
-    refuse_simulated(dataset, {symbol: priors[symbol] for symbol in symbols})
+    refuse_simulated(dataset, {symbol: priors[symbol] for symbol in symbols}, settings.identification.prior.mean)
     mean = np.array([priors[symbol].mean for symbol in symbols]) / scale
     parameters.mean[coefficients] = mean
     if (earlier := settings.identification.prior.from_estimate) is not None:

@@ -1,4 +1,4 @@
-"""Priors of the coefficients: from the vehicle's size alone, from its file, or from an earlier estimate."""
+"""Priors of the coefficients: from the vehicle's size alone, its shape, its file, or an earlier estimate."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -53,6 +53,11 @@ class CoefficientPrior(NamedTuple):
     standard_deviation: float
 
 
+_ORIGINS = {"vehicle": "vehicle file's", "geometry": "geometry's"}
+_REMEDIES = {
+    "vehicle": "state what was guessed, e.g. --set vehicle.coefficients.{}=...",
+    "geometry": "simulate a vehicle that differs from its drawing, e.g. --set vehicle.coefficients.{}=...",
+}
 # Of a vehicle file's value, if nothing says how sure it is.
 _RELATIVE = 0.5
 
@@ -63,12 +68,12 @@ def coefficient_priors(vehicle: VehicleSettings, prior: Prior) -> dict[str, Coef
     Parameters
     ----------
     vehicle : VehicleSettings
-        Its coefficients count only where `prior.mean` asks for them. What its file does not state, or states as zero
-        without a standard deviation, has zero mean and its natural magnitude times `prior.factor`.
+        Its coefficients count only where `prior.mean` asks for them, and so does its geometry. What its file does not
+        state, or states as zero without a standard deviation, has zero mean and its natural magnitude times
+        `prior.factor`.
     prior : Prior
     """
-    means = vehicle.coefficients.by_symbol() if prior.mean == "vehicle" else {}
-    known = vehicle.coefficients.deviations() if prior.mean == "vehicle" else {}
+    means, known = _expected(vehicle, prior)
     priors = {}
     for coefficient in COEFFICIENTS:
         symbol = coefficient.symbol
@@ -81,6 +86,18 @@ def coefficient_priors(vehicle: VehicleSettings, prior: Prior) -> dict[str, Coef
     return priors
 
 
+def _expected(vehicle: VehicleSettings, prior: Prior) -> tuple[Mapping[str, float], Mapping[str, float]]:
+    """Return means and standard deviations from where the settings say, by symbol."""
+    match prior.mean:
+        case "zero":
+            return {}, {}
+        case "vehicle":
+            return vehicle.coefficients.by_symbol(), vehicle.coefficients.deviations()
+        case "geometry":
+            derived = vehicle.derived_values()
+            return {d.name: d.mean for d in derived}, {d.name: d.standard_deviation for d in derived}
+
+
 def _share(prior: Prior, coefficient: Coefficient) -> float | None:
     """Return what a user says of the standard deviation relative to the mean: of the coefficient, else of its group."""
     if isinstance(prior.relative, dict):
@@ -88,8 +105,16 @@ def _share(prior: Prior, coefficient: Coefficient) -> float | None:
     return prior.relative
 
 
-def refuse_simulated(dataset: Dataset, priors: Mapping[str, CoefficientPrior]) -> None:
+def refuse_simulated(dataset: Dataset, priors: Mapping[str, CoefficientPrior], source: str) -> None:
     """Refuse a prior about the very coefficients with which data were simulated.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    priors : mapping
+        Of the coefficients to estimate, by symbol.
+    source : str
+        Where they are from, as `Prior.mean` has it.
 
     Raises
     ------
@@ -98,9 +123,8 @@ def refuse_simulated(dataset: Dataset, priors: Mapping[str, CoefficientPrior]) -
     """
     if same := dataset.simulated_with({symbol: prior.mean for symbol, prior in priors.items()}):
         raise DataError(
-            "identification.prior.mean=vehicle: these data were simulated with the vehicle file's own "
-            f"{', '.join(same)}, and such a prior proves nothing; state what was guessed, e.g. --set "
-            f"vehicle.coefficients.{same[0]}=..."
+            f"identification.prior.mean={source}: these data were simulated with the {_ORIGINS[source]} own "
+            f"{', '.join(same)}, and such a prior proves nothing; {_REMEDIES[source].format(same[0])}"
         )
 
 

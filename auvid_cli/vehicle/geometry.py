@@ -92,7 +92,7 @@ class _Derived(NamedTuple):
 
 
 def coefficients_from_geometry(geometry: Geometry, mass: float, speed: float = 1.5) -> tuple[DerivedValue, ...]:
-    """Derive what is not simply measured of a vehicle from its shape.
+    """Return what follows of a vehicle from its shape and mass, each number with how sure it is and where it is from.
 
     Parameters
     ----------
@@ -107,15 +107,14 @@ def coefficients_from_geometry(geometry: Geometry, mass: float, speed: float = 1
     tuple of DerivedValue
         Inertia and added mass, the 22 coefficients, and K_up, which has no place among these.
     """
-    return (*_stated(_inertia(geometry, mass), _added_mass(geometry)), *coefficients_of_shape(geometry, speed))
-
-
-def coefficients_of_shape(geometry: Geometry, speed: float) -> tuple[DerivedValue, ...]:
-    """Derive those of `coefficients_from_geometry` that do not hang on the mass: the 22 coefficients and K_up."""
-    return _stated(_damping(geometry, speed), _lift(geometry), _control(geometry), _roll_by_speed(geometry))
-
-
-def _stated(*groups: Iterator[_Derived]) -> tuple[DerivedValue, ...]:
+    groups = (
+        _inertia(geometry, mass),
+        _added_mass(geometry),
+        _damping(geometry, speed),
+        _lift(geometry),
+        _control(geometry),
+        _roll_by_speed(geometry),
+    )
     return tuple(
         DerivedValue(name, _UNITS[name], _rounded(mean), _rounded(deviation), *formula)
         for name, mean, deviation, formula in chain(*groups)

@@ -10,7 +10,7 @@ from auvid_cli.vehicle.hull import Array, Hull
 _SECTION_SLOPE = 0.9 * 2.0 * np.pi
 
 
-class Fins(NamedTuple):
+class TailFins(NamedTuple):
     """Equal fins around the tail.
 
     Attributes
@@ -94,7 +94,7 @@ class Geometry(NamedTuple):
     Attributes
     ----------
     hull : Hull
-    fins : Fins
+    fins : TailFins
     centre_of_buoyancy : float
         Distance from the nose, m.
     appendages : tuple of Appendage
@@ -104,7 +104,7 @@ class Geometry(NamedTuple):
     """
 
     hull: Hull
-    fins: Fins
+    fins: TailFins
     centre_of_buoyancy: float
     appendages: tuple[Appendage, ...]
     density: float

@@ -51,7 +51,7 @@ class CrossFlow(NamedTuple):
 
 
 def cross_flow(geometry: Geometry) -> CrossFlow:
-    """Return the integrals of strips that are cylinders across the flow, as Prestero (2001) with the sign of (4.8) right."""
+    """Return the integrals of strips that are cylinders across the flow, as Prestero (2001) but for a sign in (4.8)."""
     x, at_fins = geometry.x, geometry.fin_x
     hull = 0.5 * geometry.density * _CYLINDER * 2.0 * geometry.hull.radius
     fins = geometry.fins.per_plane * fin_drag(geometry)

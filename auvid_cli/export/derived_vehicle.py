@@ -1,0 +1,67 @@
+"""A vehicle file from size, shape and mass alone: every number with its standard deviation, formula and source."""
+
+from typing import Any
+
+import yaml
+
+from auvid_cli.config.vehicle import Drawing
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.geometry import DerivedValue, coefficients_from_geometry
+from auvid_cli.vehicle.kinematics import GRAVITY
+from auvid_cli.vehicle.parameters import PARAMETERS
+
+# How far the centre of gravity of four published vehicles is below that of buoyancy, of the diameter; their mean.
+_BOTTOM_HEAVINESS = 0.06
+_UNITS = {quantity.symbol: quantity.unit for quantity in (*PARAMETERS, *COEFFICIENTS)}
+
+
+def derived_vehicle_yaml(drawing: Drawing) -> str:
+    """Write a vehicle file that follows from a drawing; the vehicle is taken to float in trim."""
+    mass, size, geometry = drawing.mass, drawing.size, drawing.geometry
+    shape = geometry.shape(size.length, size.diameter, size.density)
+    derived = {each.name: each for each in coefficients_from_geometry(shape, mass, geometry.speed)}
+    drag = -derived["X_u|u|"].mean
+    assumed = {
+        "m": _entry("m", mass, "read"),
+        "W": _entry("W", mass * GRAVITY, "derived: m times gravity"),
+        "B": _entry("B", mass * GRAVITY, "assumed: as W"),
+        "zG": _entry("zG", _BOTTOM_HEAVINESS * size.diameter, f"assumed: {_BOTTOM_HEAVINESS:g} of the diameter"),
+        "X_prop": _entry("X_prop", drag * geometry.speed**2, f"derived: -X_u|u| u^2 at {geometry.speed:g} m/s"),
+    }
+    nothing = {quantity.symbol: _entry(quantity.symbol, 0.0, "assumed") for quantity in PARAMETERS}
+    known = nothing | assumed | {symbol: _derived_entry(each) for symbol, each in derived.items()}
+    vehicle = {
+        "name": drawing.name,
+        "source": "hull, fins and mass alone; formulas by their numbers in auvid's theory",
+        "notes": [_beyond(each) for each in derived.values() if each.is_beyond_the_table],
+        "size": {
+            "length": f"{size.length!r} m",
+            "diameter": f"{size.diameter!r} m",
+            "density": f"{size.density!r} kg/m^3",
+        },
+        "geometry": geometry.model_dump(mode="json", exclude_none=True),
+        "parameters": {quantity.symbol: known[quantity.symbol] for quantity in PARAMETERS},
+        "coefficients": {coefficient.symbol: known[coefficient.symbol] for coefficient in COEFFICIENTS},
+    }
+    # A line for each entry, however long.
+    return yaml.safe_dump(vehicle, sort_keys=False, width=10**6, default_flow_style=None, allow_unicode=True)
+
+
+def _entry(symbol: str, value: float, status: str) -> dict[str, Any]:
+    return {"value": f"{value:.6g} {_UNITS[symbol]}", "status": status}
+
+
+def _derived_entry(value: DerivedValue) -> dict[str, Any]:
+    return {
+        "value": f"{value.mean!r} {value.unit}",
+        "standard_deviation": f"{value.standard_deviation!r} {value.unit}",
+        "status": f"derived: {value.formula}",
+        "source": value.source,
+    }
+
+
+def _beyond(value: DerivedValue) -> str:
+    return (
+        f"{value.name} = {value.mean!r} {value.unit}, give or take {value.standard_deviation!r} ({value.formula}; "
+        f"{value.source}) has no place among the {len(COEFFICIENTS)} coefficients."
+    )
