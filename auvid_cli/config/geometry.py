@@ -9,6 +9,9 @@ from auvid_cli.config.settings import Settings
 from auvid_cli.vehicle.hull import Hull, MyringLengths, hull_of_radii, myring_hull, nose_cylinder_tail_hull
 from auvid_cli.vehicle.shape import Appendage, Geometry, TailFins
 
+# Beyond these the factors of spheroids, which are those of a sphere at 1, cannot be computed well.
+_LEAST_SLENDERNESS, _LARGEST_SLENDERNESS = 1.1, 1e3
+
 PositiveLength = Annotated[float, Amount("m"), Field(gt=0, le=1e3)]
 Distance = Annotated[float, Amount("m"), Field(ge=0, le=1e3)]
 
@@ -162,8 +165,9 @@ class GeometrySettings(Settings):
             If the parts do not fit together.
         """
         hull = self.hull.hull(length, diameter)
-        if not 2.0 <= hull.slenderness <= 100.0:
-            raise ValueError(f"the hull is {hull.slenderness:.3g} times as long as wide; expected 2 to 100 times")
+        if not _LEAST_SLENDERNESS <= hull.slenderness <= _LARGEST_SLENDERNESS:
+            limits = f"{_LEAST_SLENDERNESS:g} to {_LARGEST_SLENDERNESS:g} times"
+            raise ValueError(f"the hull is {hull.slenderness:.3g} times as long as wide; expected {limits}")
         centre = hull.centre if self.centre_of_buoyancy is None else self.centre_of_buoyancy
         if centre > hull.length:
             raise ValueError(f"centre_of_buoyancy is {centre:g} m, and the hull {hull.length:g} m long")

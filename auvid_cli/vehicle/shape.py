@@ -8,6 +8,8 @@ from auvid_cli.vehicle.hull import Array, Hull
 
 # Lift-curve slope of a fin of endless span by Hoerner: 2 pi, of which 0.9 is left by the boundary layer.
 _SECTION_SLOPE = 0.9 * 2.0 * np.pi
+# Where a fin is hinged, of its chord: that of the REMUS.
+_HINGE = 0.36
 
 
 class TailFins(NamedTuple):
@@ -44,8 +46,9 @@ class TailFins(NamedTuple):
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Return where they begin and end, m from the nose: a fin is hinged at about a third of its chord."""
-        return self.position - self.chord / 3.0, self.position + 2.0 * self.chord / 3.0
+        """Return where they begin and end, m from the nose."""
+        begin = self.position - _HINGE * self.chord
+        return begin, begin + self.chord
 
     @property
     def aspect_ratio(self) -> float:

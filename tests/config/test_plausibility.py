@@ -3,6 +3,9 @@ import pytest
 from auvid_cli.config import plausibility
 from auvid_cli.errors import ConfigError
 
+DRAWN_TOO_THIN = {"the geometry's diameter", "the geometry's hull"}
+DRAWN_TOO_LONG = {*DRAWN_TOO_THIN, "the geometry's length"}
+
 
 @pytest.fixture
 def doubts(experiment_with):
@@ -27,13 +30,17 @@ def test_nothing_is_doubtful_about_a_vehicle_that_ships(vehicle_file, experiment
         ("parameters.m=47.556 lb", {"W"}),
         ("parameters.W=47.556", {"W", "B"}),
         ("parameters.B=600", {"B"}),
-        ("size.diameter=1.753", {"B", "Ixx"}),
-        ("size.length=21.94", {"B", "Iyy", "Izz"}),
+        ("size.diameter=1.753", {"B", "Ixx", "the geometry's hull", "the geometry's length"}),
+        ("size.length=21.94", {"B", "Iyy", "Izz", "the geometry's hull", "the geometry's length"}),
         ("parameters.Ixx=187.1", {"Ixx", "the inertia"}),
         ("parameters.Iyy=0.0151", {"Iyy", "the inertia"}),
         ("parameters.Izz=30", {"the inertia"}),
         ("parameters.zG=-0.0083 m", {"zG"}),
         ("parameters.xB=219.4", {"xB"}),
+        ("geometry.centre_of_buoyancy=0.5 m", {"the geometry's centre_of_buoyancy"}),
+        ("geometry.hull={type: table, station: [0, 1.2, 2.4], radius: [0.08, 0.088, 0.08]}", {"the geometry's length"}),
+        ("geometry.hull={type: table, station: [0, 1.1, 2.2], radius: [0, 0.095, 0]}", DRAWN_TOO_THIN),
+        ("geometry.hull={type: table, station: [0, 1.1, 2.2], radius: [0.06, 0.06, 0.06]}", DRAWN_TOO_LONG),
     ],
 )
 def test_a_wrong_sign_or_unit_is_doubtful(doubts, change, subjects):

@@ -101,7 +101,8 @@ def test_a_vehicle_file_says_what_is_expected_and_how_sure_that_is(experiment_wi
         ("{mean: vehicle, relative: {drag: 50 %}}", "'drag' is not a coefficient or a group of them"),
         ("{mean: vehicle, relative: {N_uudr: 0}}", "greater than 0"),
         ("{mean: vehicle, relative: 2 kg}", "a share such as '50 %'"),
-        ("{mean: file}", "'zero' or 'vehicle'"),
+        ("{mean: file}", "'zero', 'vehicle' or 'geometry'"),
+        ("drawing", "'zero', 'vehicle' or 'geometry'"),
     ],
 )
 def test_what_makes_no_prior_is_refused_in_words(prior, words, experiment_with):
@@ -114,6 +115,42 @@ def test_the_truth_of_a_simulation_is_no_prior(short_run, with_settings):
     with pytest.raises(DataError, match="such a prior proves nothing"):
         augmented_problem(prepare(asking))
     assert augmented_problem(prepare(asking.without_truth())).prior.mean.any()
+
+
+GEOMETRY = "identification.prior=geometry"
+
+
+def test_hull_and_fins_say_what_is_expected_and_how_sure_that_is(experiment_with):
+    vehicle = experiment_with(GEOMETRY).vehicle
+    derived = {each.name: each for each in vehicle.derived_values()}
+
+    def priors(**settings):
+        return coefficient_priors(vehicle, Prior.model_validate({"mean": "geometry"} | settings))
+
+    plain = priors()
+    assert tuple(plain) == SYMBOLS
+    assert all(prior == (derived[s].mean, derived[s].standard_deviation) for s, prior in plain.items())
+    # What the user says stands above the formulas.
+    own = priors(relative={"control": "10 %"}, standard_deviation={"X_u|u|": "2 kg/m"})
+    assert own["N_uudr"] == pytest.approx((derived["N_uudr"].mean, 0.1 * abs(derived["N_uudr"].mean)))
+    assert own["X_u|u|"] == (derived["X_u|u|"].mean, 2.0)
+    assert own["Y_v|v|"] == plain["Y_v|v|"]
+
+
+def test_no_geometry_is_no_prior(experiment_with):
+    with pytest.raises(ConfigError, match=r"'Virginia Tech DIVE' states none: describe hull and fins") as error:
+        experiment_with("vehicle=vehicles/dive.yaml", GEOMETRY)
+    assert len([line for line in str(error.value).splitlines() if "geometry" in line]) == 1
+
+
+def test_what_the_geometry_gives_is_no_prior_of_its_own_simulation(simulated_with, with_settings):
+    vehicle = simulated_with("manoeuvre.duration=1 s").experiment.vehicle
+    fin = next(each.mean for each in vehicle.derived_values() if each.name == "N_uudr")
+    drawn = simulated_with("manoeuvre.duration=1 s", f"vehicle.coefficients.N_uudr={fin}")
+    with pytest.raises(DataError, match=r"the geometry's own N_uudr, and such a prior proves nothing"):
+        augmented_problem(prepare(with_settings(drawn, GEOMETRY)))
+    held = with_settings(drawn, GEOMETRY, "identification.coefficients=[X_u|u|, Y_uvl]")
+    assert augmented_problem(prepare(held)).prior.mean.any()
 
 
 def test_an_estimate_starts_at_what_the_file_states_and_moves_off_it(simulated_with, with_settings):
