@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from docs import make_geometry
 from docs.make_architecture import TARGET, architecture
 
 ROOT = Path(__file__).parents[1]
@@ -19,6 +20,11 @@ def test_a_page_is_what_the_package_says(name):
     assert (ROOT / f"docs/{name}.md").read_text(encoding="utf-8") == getattr(module, name)(), (
         f"docs/{name}.md is out of date: python docs/make_{name}.py"
     )
+
+
+def test_the_table_of_shapes_is_what_the_formulas_give():
+    theory = (ROOT / "docs/theory.md").read_text(encoding="utf-8")
+    assert make_geometry.table() in theory, "python -m docs.make_geometry"
 
 
 def test_the_picture_of_the_rooms_is_what_the_code_imports():

@@ -27,7 +27,7 @@ class MyringShape(Settings):
     tail_offset: Annotated[Distance, Field(description="c_0, cut off the tail")] = 0.0
     exponent: Annotated[float, Field(ge=0.5, le=20, description="n of the nose: 2 is an ellipse")] = 2.0
     tail_angle: Annotated[
-        float, Unit("rad"), Field(gt=0, lt=1.5, description="theta, of the contour at the end of the tail")
+        float, Amount("rad"), Field(gt=0, lt=1.5, description="theta, of the contour at the end of the tail")
     ]
 
     @model_validator(mode="after")
@@ -105,9 +105,9 @@ class FinSettings(Settings):
         Literal["+", "x"], Field(description="+: rudders upright, stern planes level; x: all turn for either")
     ] = "+"
     taper: Annotated[float, Field(ge=0, le=1, description="chord at the tip by that at the root")] = 1.0
-    chord: Annotated[PositiveLength | None, Field(description="mean; else area by span")] = None
+    chord: Annotated[PositiveLength | None, Field(description="mean, m; else area by span")] = None
     tip_radius: Annotated[
-        PositiveLength | None, Field(description="of the tips; else the hull's at the hinges and span")
+        PositiveLength | None, Field(description="of the tips, m; else the hull's at the hinges and span")
     ] = None
 
     @model_validator(mode="after")
@@ -131,7 +131,7 @@ class AppendageSettings(Settings):
     """Something that sticks out of the hull."""
 
     name: str = ""
-    area: Annotated[float, Amount("m^2"), Field(gt=0, le=1e4, description="that its drag coefficient is of")]
+    area: Annotated[float, Amount("m^2"), Field(gt=0, le=1e4, description="to which its drag coefficient belongs")]
     drag_coefficient: Annotated[float, Field(ge=0, le=10, description="along the axis")]
 
 
@@ -145,7 +145,7 @@ class GeometrySettings(Settings):
         Field(description="all of them, fins too; if none is named the bare hull's drag counts 2.2 times"),
     ] = ()
     centre_of_buoyancy: Annotated[
-        PositiveLength | None, Field(description="from the nose: the origin; else the centre of the hull's volume")
+        PositiveLength | None, Field(description="from the nose, m: the origin; else the centre of the hull's volume")
     ] = None
     speed: Annotated[float, Unit("m/s"), Field(ge=0.05, le=50, description="at which skin friction is taken")] = 1.5
 

@@ -1,0 +1,70 @@
+import pytest
+import yaml
+
+from auvid_cli.config.load import find_experiment, load_experiment, parse_drawing
+from auvid_cli.config.plausibility import doubts
+from auvid_cli.errors import ConfigError
+from auvid_cli.export.derived_vehicle import derived_vehicle_yaml
+from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS
+
+DRAWING = {
+    "name": "mine: a 'first' one",
+    "mass": "53 kg",
+    "size": {"length": "2 m", "diameter": "20 cm"},
+    "geometry": {
+        "hull": {"type": "nose_cylinder_tail", "nose": "0.25 m", "tail": "0.5 m"},
+        "fins": {"position": "1.9 m", "span": "10 cm", "area": 0.008},
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def text():
+    return derived_vehicle_yaml(parse_drawing(DRAWING))
+
+
+@pytest.fixture(scope="module")
+def vehicle(text, tmp_path_factory):
+    path = tmp_path_factory.mktemp("vehicle") / "mine.yaml"
+    path.write_text(text, encoding="utf-8")
+    return load_experiment(find_experiment(None), (f"vehicle={path}", "identification.prior=geometry")).vehicle
+
+
+def test_it_is_a_whole_vehicle_that_looks_right(vehicle):
+    assert tuple(vehicle.all_coefficients()) == SYMBOLS
+    assert set(vehicle.known_parameters()) == set(PARAMETER_SYMBOLS)
+    assert doubts(vehicle) == []
+    known = vehicle.known_parameters()
+    assert (known["m"], known["B"]) == (53.0, known["W"])
+    assert known["X_prop"] == pytest.approx(-vehicle.all_coefficients()["X_u|u|"] * 1.5**2, rel=1e-4)
+
+
+def test_its_numbers_are_exactly_those_of_its_geometry(vehicle):
+    """So that a simulation of this file and a prior from its geometry are known to be the same."""
+    stated = vehicle.known_parameters() | vehicle.all_coefficients()
+    unsure = vehicle.parameters.deviations() | vehicle.coefficients.deviations()
+    derived = [each for each in vehicle.derived_values() if not each.is_beyond_the_table]
+    assert {each.name: each.mean for each in derived} == {each.name: stated[each.name] for each in derived}
+    assert {each.name: each.standard_deviation for each in derived} == unsure
+
+
+def test_each_number_has_a_line_with_formula_and_source(text, vehicle):
+    lines = {line.split(":")[0].strip(): line for line in text.splitlines()}
+    for each in vehicle.derived_values():
+        if not each.is_beyond_the_table:
+            assert f"derived: {each.formula}".replace("'", "''") in lines[each.name]
+            assert each.source in lines[each.name]
+    (note,) = yaml.safe_load(text)["notes"]
+    assert note.startswith("K_up = -")
+    assert "G16" in note
+
+
+def test_mistakes_in_a_drawing_are_all_named():
+    fins = {"position": "9 m", "span": "1 s", "area": 0.008}
+    with pytest.raises(ConfigError) as error:
+        parse_drawing(DRAWING | {"mass": "heavy", "geometry": DRAWING["geometry"] | {"fins": fins}})
+    assert "mass: expected a mass" in str(error.value)
+    assert "geometry.fins.span: expected a length" in str(error.value)
+    with pytest.raises(ConfigError, match=r"geometry: fins.position is 9 m, and the hull 2 m long"):
+        parse_drawing(DRAWING | {"geometry": DRAWING["geometry"] | {"fins": fins | {"span": 0.1}}})
