@@ -1,12 +1,14 @@
-"""The commands together."""
+"""The commands together, by what one wants to do and in the order of use."""
 
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, NamedTuple
 
 import typer
 
 from auvid_cli import __version__
 from auvid_cli.cli.campaign import campaign
 from auvid_cli.cli.check import check
+from auvid_cli.cli.command_help import BOTH_HELPS, Command, Group, examples_text, paragraphs
 from auvid_cli.cli.export import export
 from auvid_cli.cli.identifiability import identifiability
 from auvid_cli.cli.identify import identify
@@ -18,15 +20,98 @@ from auvid_cli.cli.simulate import simulate
 from auvid_cli.cli.tune import tune
 from auvid_cli.cli.validate import validate
 
+
+class Entry(NamedTuple):
+    """A command, what one types to get it, and examples that stand below its help: each fits in 80 columns."""
+
+    name: str
+    function: Callable[..., None]
+    examples: tuple[str, ...]
+
+
+GROUPS: dict[str, tuple[Entry, ...]] = {
+    "Begin with data of your own": (
+        Entry(
+            "import",
+            import_log,
+            ("auvid import --suggest dive.csv -o map.yaml", "auvid import --map map.yaml"),
+        ),
+        Entry(
+            "inspect",
+            inspect,
+            ("auvid inspect results/dive/dataset.h5", "auvid inspect results/dive/dataset.h5 --use 0:80"),
+        ),
+    ),
+    "Begin with a simulation": (
+        Entry(
+            "run",
+            run,
+            (
+                "auvid run",
+                "auvid run remus100 --seed 7 --output results/seed7",
+                'auvid run --set sensors.dvl.rate="5 Hz" --output results/slow_dvl',
+            ),
+        ),
+        Entry(
+            "simulate",
+            simulate,
+            (
+                "auvid simulate",
+                "auvid simulate --set manoeuvre=manoeuvres/zigzag_20_20.yaml -o results/zigzag",
+            ),
+        ),
+    ),
+    "Identify": (
+        Entry(
+            "identifiability",
+            identifiability,
+            ("auvid identifiability", "auvid identifiability results/dive/dataset.h5 --use 0:80"),
+        ),
+        Entry(
+            "identify",
+            identify,
+            ("auvid identify results/dive/dataset.h5 --use 0:80", "auvid identify spiral --filter tukf"),
+        ),
+        Entry("tune", tune, ("auvid tune results/dive/dataset.h5 --sensors",)),
+    ),
+    "Judge": (
+        Entry("report", report, ("auvid report results/dive",)),
+        Entry("check", check, ("auvid check results/dive", "auvid check results/dive --verbose")),
+        Entry(
+            "validate",
+            validate,
+            ("auvid validate results/spiral/estimates/ckf.h5 results/zigzag/dataset.h5",),
+        ),
+    ),
+    "Go on": (
+        Entry("export", export, ("auvid export results/spiral/estimates/tukf.h5 --to python",)),
+        Entry(
+            "campaign",
+            campaign,
+            ("auvid campaign regimes --set seeds=2 --dry-run", "auvid campaign regimes --set seeds=2"),
+        ),
+    ),
+}
+
 app = typer.Typer(
     name="auvid",
+    cls=Group,
+    context_settings=BOTH_HELPS,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
+    epilog="What a command takes, with examples: auvid COMMAND -h",
 )
-for command in (run, simulate, identify, report, check, identifiability, inspect, tune, validate, export, campaign):
-    app.command()(command)
-app.command("import")(import_log)
+for title, entries in GROUPS.items():
+    for entry in entries:
+        app.command(
+            entry.name,
+            cls=Command,
+            context_settings=BOTH_HELPS,
+            rich_help_panel=title,
+            help=paragraphs(entry.function),
+            epilog=examples_text(entry.examples),
+        )(entry.function)
 
 
 def _print_version(wanted: bool) -> None:

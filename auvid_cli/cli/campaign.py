@@ -19,7 +19,7 @@ def campaign(
         typer.Option(metavar="ADDRESS", help="Dask scheduler to use, such as tcp://HOST:8786. Default: this machine."),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes on this machine. Default: one for each core.")
+        int | None, typer.Option(metavar="N", min=1, help="Processes on this machine. Default: one for each core.")
     ] = None,
     settings: Annotated[
         list[str] | None,

@@ -15,7 +15,12 @@ if TYPE_CHECKING:
 
 def export(
     path: Annotated[Path, typer.Argument(metavar="ESTIMATE", help="Estimate file, results/NAME/estimates/FILTER.h5.")],
-    target: Annotated[FormatName, typer.Option("--to", help="Form of the model.")],
+    target: Annotated[
+        FormatName,
+        typer.Option(
+            "--to", metavar="FORM", help=f"Form of the model: {', '.join(form.value for form in FormatName)}."
+        ),
+    ],
     output: Annotated[
         Path | None,
         typer.Option(

@@ -14,7 +14,7 @@ from auvid_cli.cli.terminal import Terminal, reporting_errors
 LogsArgument = Annotated[
     list[str] | None,
     typer.Argument(
-        metavar="LOG...",
+        metavar="LOG",
         help="Log files or bags, in the order of the map's `logs`, or NAME=FILE. Default: those that it names.",
         show_default=False,
     ),

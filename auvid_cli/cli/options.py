@@ -37,7 +37,9 @@ FilterOption = Annotated[
     typer.Option(
         "--filter",
         "-f",
-        help="Filter to run; repeatable. Default: those of the settings. The smoother judges them.",
+        metavar="FILTER",
+        help=f"Filter to run: {', '.join(name.value for name in FilterName)}; repeatable. Default: those of the "
+        "settings. The smoother judges them.",
         show_default=False,
     ),
 ]
@@ -52,7 +54,9 @@ SetOption = Annotated[
 ]
 SeedOption = Annotated[
     int | None,
-    typer.Option("--seed", min=0, help="Seed of all noise. Default: the experiment's.", show_default=False),
+    typer.Option(
+        "--seed", metavar="N", min=0, help="Seed of all noise. Default: the experiment's.", show_default=False
+    ),
 ]
 UseOption = Annotated[
     list[str] | None,

@@ -20,7 +20,7 @@ def validate(
     ],
     dataset_files: Annotated[
         list[Path],
-        typer.Argument(metavar="DATASET...", help="Dataset files (.h5) of other runs than it was made from."),
+        typer.Argument(metavar="DATASET", help="Dataset files (.h5) of other runs than it was made from."),
     ],
     use: UseOption = None,
     output: OutputOption = None,
