@@ -5,7 +5,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
-from auvid_cli.cli.options import DatasetArgument, OutputOption, OverwriteOption, QuietOption, overrides
+from auvid_cli.cli.options import (
+    DatasetArgument,
+    OutputOption,
+    OverwriteOption,
+    QuietOption,
+    VerboseVerdictsOption,
+    overrides,
+)
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.errors import ConfigError
 
@@ -27,9 +34,7 @@ def inspect(
     output: OutputOption = None,
     overwrite: OverwriteOption = False,
     quiet: QuietOption = False,
-    verbose: Annotated[
-        bool, typer.Option("--verbose", "-v", help="Also print what passed, and how long each part took.")
-    ] = False,
+    verbose: VerboseVerdictsOption = False,
 ) -> None:
     """Judge recorded data before anybody identifies from them: signs, units, axes, clocks, gaps, spikes, excitation.
 

@@ -84,6 +84,9 @@ OverwriteOption = Annotated[
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Also say how long each part took.")]
+VerboseVerdictsOption = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Also print what passed, and how long each part took.")
+]
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Print the resolved settings as YAML and stop.")]
 
 

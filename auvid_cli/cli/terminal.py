@@ -185,7 +185,7 @@ class Terminal:
 
     @contextmanager
     def progress(self, *labels: str, unit: str = "") -> Iterator[list[Advance]]:
-        """Show bars with rate and time left; yields, for each, what moves it."""
+        """Show bars with rate and time left, and in the end one line for all; yields, for each, what moves it."""
         from rich.progress import (
             BarColumn,
             MofNCompleteColumn,
@@ -196,7 +196,7 @@ class Terminal:
             TimeRemainingColumn,
         )
 
-        start, ended = perf_counter(), dict.fromkeys(labels, 0.0)
+        start, ended, notes = perf_counter(), dict.fromkeys(labels, 0.0), dict.fromkeys(labels, "")
         columns = (
             SpinnerColumn(),
             TextColumn("{task.description:>10}"),
@@ -207,13 +207,13 @@ class Terminal:
             TimeRemainingColumn(),
         )
         shown = self._err.is_terminal and not self.quiet
-        with Progress(*columns, console=self._err, disable=not shown) as bars:
+        with Progress(*columns, console=self._err, transient=True, disable=not shown) as bars:
 
             def bar(label: str) -> Advance:
                 task = bars.add_task(label, total=None, rate="")
 
                 def advance(done: float, total: float, note: str = "") -> None:
-                    ended[label] = perf_counter() - start
+                    ended[label], notes[label] = perf_counter() - start, note
                     rate = done / max(ended[label], 1e-9)
                     text = f"{rate:,.3g}" if rate < 100 else f"{rate:,.0f}"
                     bars.update(task, completed=done, total=total, rate=f"{text}{unit}/s{note}")
@@ -221,6 +221,10 @@ class Terminal:
                 return advance
 
             yield [bar(label) for label in labels]
+        if shown:
+            what = ", ".join(f"{label}{notes[label]}" for label in labels)
+            said = f"{what}: done in {perf_counter() - start:.1f} s"
+            self._err.print(said, markup=False, highlight=False, soft_wrap=True)
         if self.verbose:
             for label, seconds in ended.items():
                 self.say(f"{label}: {seconds:.2f} s")

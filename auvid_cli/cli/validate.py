@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
-from auvid_cli.cli.options import OutputOption, OverwriteOption, QuietOption, UseOption, VerboseOption, overrides
+from auvid_cli.cli.options import (
+    OutputOption,
+    OverwriteOption,
+    QuietOption,
+    UseOption,
+    VerboseVerdictsOption,
+    overrides,
+)
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 
 if TYPE_CHECKING:
@@ -26,7 +33,7 @@ def validate(
     output: OutputOption = None,
     overwrite: OverwriteOption = False,
     quiet: QuietOption = False,
-    verbose: VerboseOption = False,
+    verbose: VerboseVerdictsOption = False,
 ) -> None:
     """Say how well an identified model predicts a run that it has not seen; exit code 1 if it does not.
 
@@ -60,7 +67,7 @@ def validate(
             validation = predict(segments, estimate, training)
         tables = validation.tables()
         paths = write_and_draw(folder, tables, lambda figures: figures.add_validation(validation), terminal)
-        print_validation(terminal.out, validation)
+        print_validation(terminal.out, validation, passed=verbose)
         terminal.say_all(paths)
         raise typer.Exit(VERDICT_FAILED if validation.checks.failed() else DONE)
 

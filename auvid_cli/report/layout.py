@@ -32,6 +32,10 @@ _BOUND = "Cramér-Rao bound"
 _AVERAGE = "average error %"
 # A corrected standard deviation is told where it is more than so many times the nominal one.
 _WIDER = 1.02
+_ERROR_OF = (
+    "Error %: how far the mean over the last tenth of the run lies from the true value; an estimate beside it is that "
+    "at the end."
+)
 _CORRECTED = (
     "Corrected sd: standard deviation with allowance for residuals that are correlated in time, where that makes it "
     f"more than {_WIDER - 1.0:.0%} larger."
@@ -111,7 +115,7 @@ def _accuracy(evaluation: Evaluation, with_paper: bool) -> Table:
             ["Average", "", "", *nothing, *average, *theirs("average")],
             ["CPU time", "s", "", *cpu_time, *nothing, *theirs("cpu_time_s")],
         ],
-        (*([NOTE] if in_paper else []), *mark_explained(evaluation)),
+        (*([NOTE] if in_paper else []), _ERROR_OF, *mark_explained(evaluation)),
     )
 
 
@@ -162,7 +166,11 @@ def estimates(evaluation: Evaluation, filters: Sequence[str], with_truth: bool, 
         if any_row is not None:
             results = (cell for name in filters for cell in cells(name, by_filter.get(name)))
             rows.append([Symbol(symbol), UnitCell(any_row.unit), *[any_row.true] * has_truth, *results])
-    notes = *mark_explained(evaluation), *([_CORRECTED] if wider & {*filters} else [])
+    notes = (
+        *([_ERROR_OF] if has_truth else []),
+        *mark_explained(evaluation),
+        *([_CORRECTED] if wider & {*filters} else []),
+    )
     return Table("estimates", "Estimates and their standard deviations at the end", tuple(columns), rows, notes=notes)
 
 

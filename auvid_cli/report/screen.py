@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from rich.console import Console
@@ -22,13 +23,14 @@ from auvid_cli.report.layout import (
     unobserved,
 )
 from auvid_cli.report.notation import filter_label
-from auvid_cli.report.screen_table import encodable, first_that_fits, fits, narrowed, printed, screen_table
+from auvid_cli.report.screen_table import encodable, fits, narrowed, printed, screen_table
 from auvid_cli.report.sentence import sentence
 from auvid_cli.report.table import ERROR_DIGITS, Cell, Column, Symbol, Table, UnitCell
 
 # What gives way where the terminal is narrow, first to last.
 _LEAST_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
 _VERDICTS = {True: "pass", False: "FAIL", None: "note"}
+_COUNTED = {"FAIL": "failed", "note": "noted"}
 _STYLES = {"FAIL": "bold red", "note": "yellow"}
 
 
@@ -38,18 +40,20 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
     Parameters
     ----------
     console : rich.console.Console
-        Where it is narrow, units and then standard deviations are left out, the latter only with a truth.
+        Where it is narrow, units and then standard deviations are left out, the latter only with a truth, and said so.
     evaluation : Evaluation
     """
     filters = [row.filter for row in evaluation.summary]
+    notes = dict.fromkeys(mark_explained(evaluation))
     if evaluation.coefficients:
-        for table in _tables_that_fit(console, evaluation, filters):
-            console.print(table)
+        for choice in _choices_that_fit(console, evaluation, filters):
+            console.print(_rendered(console, choice))
+            notes |= dict.fromkeys(choice.table.notes)
     console.print(screen_table(console, runs(evaluation), unbroken=("filter", "judgement")))
     for text in judgement_sentences(evaluation.judgements(), with_sound=False):
         console.print(Text(text))
     console.print(screen_table(console, consistency(evaluation), ERROR_DIGITS + 1, unbroken=("NIS of",)))
-    explained = [encodable(console, text) for text in mark_explained(evaluation)]
+    explained = [encodable(console, text) for text in notes]
     for text in [*explained, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:
         console.print(Text(text))
 
@@ -61,18 +65,37 @@ def print_files(console: Console, files: Sequence[Path]) -> None:
         console.print(Text(line), soft_wrap=True)
 
 
-def print_checks(console: Console, checks: Sequence[Check], passed: bool = True) -> None:
-    """Print verdicts, those that did not pass with what to do about them; `passed` says whether also the others."""
-    for name in dict.fromkeys(check.filter for check in checks):
+def print_checks(console: Console, checks: Sequence[Check], passed: bool) -> None:
+    """Print verdicts that did not pass, with what to do about them, and count the others.
+
+    Parameters
+    ----------
+    console : rich.console.Console
+    checks : sequence of Check
+        Advice that is the same for several filters stands there once.
+    passed : bool
+        Whether those that passed are printed as well.
+    """
+    names = dict.fromkeys(check.filter for check in checks)
+    for name in names:
         of_filter = [check for check in checks if check.filter == name]
-        whose = filter_label(name) if name else "data"
-        console.print(Text(f"{whose}: {sum(check.passed is True for check in of_filter)} of {len(of_filter)} passed"))
+        counts = Counter(_VERDICTS[check.passed] for check in of_filter)
+        others = "".join(f", {counts[verdict]} {said}" for verdict, said in _COUNTED.items() if counts[verdict])
+        console.print(Text(f"{_whose(name)}: {counts['pass']} of {len(of_filter)} passed{others}"))
         if shown := [check for check in of_filter if passed or not check.passed]:
             console.print(screen_table(console, _checks(shown), styles=_STYLES))
-        for check in of_filter:
-            if not check.passed:
-                console.print(Text(f"{check.check} of {check.subject}: {check.advice}"))
-                console.print()
+    whose: dict[tuple[str, str], list[str]] = {}
+    for check in checks:
+        if not check.passed:
+            whose.setdefault((f"{check.check} of {check.subject}", check.advice), []).append(_whose(check.filter))
+    for (what, advice), labels in whose.items():
+        only = f" ({', '.join(labels)})" if len(labels) < len(names) else ""
+        console.print(Text(f"{what}{only}: {advice}"))
+        console.print()
+
+
+def _whose(name: str) -> str:
+    return filter_label(name) if name else "data"
 
 
 def _checks(checks: Sequence[Check]) -> Table:
@@ -142,14 +165,30 @@ def _bounds(identifiability: Identifiability) -> Table:
     return table if identifiability.groups else table.without("goes with")
 
 
-def _tables_that_fit(console: Console, evaluation: Evaluation, filters: list[str]) -> list[ScreenTable]:
-    """Make one table with as much in it as there is room for, or else one for each filter."""
-    full = estimates(evaluation, filters, with_truth=True)
-    has_truth = any(row.true is not None for row in evaluation.coefficients)
-    wide = [full, *([estimates(evaluation, filters, with_truth=True, with_deviations=False)] if has_truth else [])]
-    narrower = (narrow for table in wide for narrow in (table, table.without("unit")))
+class _Choice(NamedTuple):
+    """A table of estimates, and what is left out of it."""
+
+    table: Table
+    left_out: tuple[str, ...]
+
+
+def _rendered(console: Console, choice: _Choice) -> ScreenTable:
     unbroken = ("symbol", "unit", "true", "error %")
-    table = first_that_fits(console, (screen_table(console, table, unbroken=unbroken) for table in narrower))
-    if len(filters) == 1 or fits(console, table):
-        return [table]
-    return [table for name in filters for table in _tables_that_fit(console, evaluation, [name])]
+    return screen_table(console, choice.table, unbroken=unbroken, left_out=choice.left_out)
+
+
+def _choices_that_fit(console: Console, evaluation: Evaluation, filters: list[str]) -> list[_Choice]:
+    """Choose one table with as much in it as there is room for, or else one for each filter."""
+    wide = [_Choice(estimates(evaluation, filters, with_truth=True), ())]
+    if any(row.true is not None for row in evaluation.coefficients):
+        bare = estimates(evaluation, filters, with_truth=True, with_deviations=False)
+        wide.append(_Choice(bare, ("standard deviations",)))
+    choices = [
+        narrow
+        for choice in wide
+        for narrow in (choice, _Choice(choice.table.without("unit"), ("units", *choice.left_out)))
+    ]
+    fitting = [choice for choice in choices if fits(console, _rendered(console, choice))]
+    if fitting or len(filters) == 1:
+        return [*fitting, choices[-1]][:1]
+    return [choice for name in filters for choice in _choices_that_fit(console, evaluation, [name])]

@@ -36,8 +36,9 @@ def screen_table(
     digits: int = DIGITS,
     unbroken: Collection[str] = (),
     styles: Mapping[str, str] = NO_STYLES,
+    left_out: Sequence[str] = (),
 ) -> ScreenTable:
-    """Render a table for a console: a rule under the headings, and nothing else.
+    """Render a table for a console: a rule under the headings, and below what was left out of it, if anything was.
 
     Parameters
     ----------
@@ -49,8 +50,13 @@ def screen_table(
         Headings of columns whose lines are not broken, however narrow the console is.
     styles : mapping
         How cells stand out, by their text.
+    left_out : sequence of str
+        Names of what there was no room for.
     """
-    screen = ScreenTable(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    caption = Text(f" left out at {console.width} columns: {', '.join(left_out)}") if left_out else None
+    screen = ScreenTable(
+        box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), caption=caption, caption_justify="left"
+    )
     for column in table.columns:
         header, justify = Text(encodable(console, column.header)), "right" if column.numeric else "left"
         screen.add_column(header, justify=justify, no_wrap=column.header in unbroken, overflow="fold")
@@ -62,8 +68,12 @@ def screen_table(
 
 def narrowed(console: Console, table: Table, dropped: Sequence[str], digits: int = DIGITS) -> ScreenTable:
     """Render a table without as many columns as there is no room for, by their headings in this order."""
-    ever_narrower = accumulate(dropped, Table.without, initial=table)
-    return first_that_fits(console, (screen_table(console, each, digits) for each in ever_narrower))
+    headers = [column.header for column in table.columns]
+    dropped = [header for header in dropped if header in headers]
+    ever_narrower = enumerate(accumulate(dropped, Table.without, initial=table))
+    return first_that_fits(
+        console, (screen_table(console, each, digits, left_out=dropped[:count]) for count, each in ever_narrower)
+    )
 
 
 def fits(console: Console, table: ScreenTable) -> bool:

@@ -22,8 +22,16 @@ _BAND = (
 )
 
 
-def print_validation(console: Console, validation: Validation) -> None:
-    """Print what is against the estimate, errors of the free run, fits by horizon, manoeuvres, and verdicts."""
+def print_validation(console: Console, validation: Validation, passed: bool) -> None:
+    """Print what is against the estimate, errors of the free run, fits by horizon, manoeuvres, and verdicts.
+
+    Parameters
+    ----------
+    console : rich.console.Console
+    validation : Validation
+    passed : bool
+        Whether verdicts that passed are printed as well.
+    """
     if validation.judgement.is_against:
         for line in judgement_sentences({validation.filter: validation.judgement}, with_sound=False):
             console.print(Text(line))
@@ -38,7 +46,7 @@ def print_validation(console: Console, validation: Validation) -> None:
         console.print(Text(line))
     for remark in validation.remarks:
         console.print(Text(sentence(remark)))
-    print_checks(console, validation.checks)
+    print_checks(console, validation.checks, passed)
     console.print(Text(_conclusion(validation)))
 
 

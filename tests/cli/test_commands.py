@@ -52,7 +52,7 @@ def test_a_smoother_that_nobody_asked_for_judges_the_filters(tmp_path):
     assert [row["filter"] for row in rows] == ["ckf", "smoother"]
     assert rows[1]["grade"] == "sound"
     assert result.exit_code == (rows[0]["grade"] != "sound")
-    again = auvid("check", "results/spiral", cwd=tmp_path)
+    again = auvid("check", "results/spiral", "-v", cwd=tmp_path)
     assert "sound" in again.stdout
     assert again.exit_code in (result.exit_code, 1)
 
@@ -213,6 +213,7 @@ def test_progress_bars_stand_on_a_terminal_in_colour_or_without(no_color, result
     assert process.returncode == 0
     assert b"ckf" in shown
     assert re.search(rb"([0-9]+)/\1 ", re.sub(rb"\x1b\[[0-9;]*m", b"", shown)), "a bar that reached its end"
+    assert len(re.findall(rb"ckf: done in [0-9.]+ s\r\n", shown)) == 1, "what stays of all bars"
     assert (re.search(rb"\x1b\[[0-9;]*3[0-9]", shown) is None) == no_color
 
 

@@ -4,7 +4,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from auvid_cli.report.screen import print_files, print_summary
+from auvid_cli.data.check import Check
+from auvid_cli.report.screen import print_checks, print_files, print_summary
 from auvid_cli.report.screen_table import printed as printed_number
 
 
@@ -30,8 +31,47 @@ def test_at_100_columns_all_filters_stand_side_by_side_with_deviations(evaluatio
     assert " ".join(line.split()[-12:]) == "10.20 ± 0.25 2.0 10.10 ± 0.25 1.0 10.05 ± 0.25 0.50"
 
 
-def test_at_80_columns_the_deviations_give_way(evaluation):
-    assert "sd" not in printed(evaluation, 80)
+def test_at_80_columns_the_deviations_give_way_and_are_named(evaluation):
+    text = printed(evaluation, 80)
+    assert "sd" not in text
+    assert "left out at 80 columns: standard deviations" in text
+    assert "left out" not in printed(evaluation, 100)
+
+
+def test_what_an_error_is_of_is_said_where_there_is_one(evaluation):
+    explained = "Error %: how far the mean over the last tenth of the run lies from the true value"
+    assert explained in printed(evaluation, 200)
+    rows = [row._replace(true=None, rmse=None, steady_state_error_percent=None) for row in evaluation.coefficients]
+    assert explained not in printed(evaluation._replace(coefficients=rows), 200)
+
+
+def verdict(name, check, passed, advice=""):
+    return Check.of(name, "dvl", check, statistic="1", threshold="2", passed=passed, advice=advice)
+
+
+def checks_printed(checks, passed):
+    text = StringIO()
+    print_checks(Console(file=text, width=100), checks, passed)
+    return text.getvalue()
+
+
+def test_checks_that_passed_are_counted_and_listed_only_if_asked_for():
+    checks = [
+        verdict("ckf", "gap", True),
+        verdict("ckf", "NIS", False, "Mend it."),
+        verdict("ckf", "noise", None, "So."),
+    ]
+    short, long = (checks_printed(checks, passed) for passed in (False, True))
+    assert short.splitlines()[0] == "CKF: 1 of 3 passed, 1 failed, 1 noted"
+    assert ("gap" in short, "gap" in long) == (False, True)
+    assert all("NIS of dvl: Mend it." in text and "noise of dvl: So." in text for text in (short, long))
+
+
+def test_advice_that_is_the_same_for_several_filters_stands_there_once():
+    checks = [verdict(name, "NIS", False, "Mend it.") for name in ("ckf", "tukf")]
+    text = checks_printed([*checks, verdict("ckf", "gap", None, "Look."), verdict("tukf", "gap", True)], passed=False)
+    assert text.count("NIS of dvl: Mend it.") == 1
+    assert "gap of dvl (CKF): Look." in text
 
 
 def test_without_truth_estimates_and_deviations_only(evaluation):

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from auvid_cli.report.screen_table import first_that_fits, fits, screen_table
+from auvid_cli.report.screen_table import first_that_fits, fits, narrowed, screen_table
 from auvid_cli.report.table import Column, Table
 
 
@@ -42,3 +42,12 @@ def test_a_column_that_is_left_out_is_gone_from_body_and_totals():
     columns = tuple(Column(header) for header in ("a", "b", "a"))
     table = Table("key", "Title", columns, [[1.0, 2.0, 3.0]], [["x", "y", "z"]]).without("a")
     assert (table.columns, table.rows, table.totals) == ((Column("b"),), [[2.0]], [["y"]])
+
+
+@pytest.mark.parametrize(("width", "said"), [(80, []), (50, ["b"]), (30, ["b", "a"])])
+def test_a_table_names_the_columns_that_it_has_no_room_for(width, said):
+    table = Table("key", "Title", tuple(Column(header) for header in "abc"), [["x" * 20] * 3])
+    console = console_of(width)
+    console.print(narrowed(console, table, ["absent", "b", "a"]))
+    below = " ".join(console.file.getvalue().split()).rpartition("x" * 20)[2].strip()
+    assert below == (f"left out at {width} columns: {', '.join(said)}" if said else "")
