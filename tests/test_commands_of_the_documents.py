@@ -91,9 +91,12 @@ def test_commands_of_the_readme_and_the_guide_run_in_order_in_one_empty_folder(q
             assert program == "auvid", f"{program} {arguments}: neither auvid nor named in this test"
             if arguments[:2] == ["import", "--suggest"]:
                 write_log(Path(arguments[2]))
+            if arguments[0] == "compare":
+                # A clone has these, of runs that are longer than those of this test.
+                shutil.copytree("results/spiral/tables", "results/reference/spiral", dirs_exist_ok=True)
             result = CliRunner().invoke(app, arguments)
             assert result.exit_code == 0, f"auvid {shlex.join(arguments)}:\n{result.output}"
             if arguments[:2] == ["import", "--suggest"]:
                 fill_in(Path(arguments[-1]))
             seen.add(arguments[0])
-    assert seen >= {"run", "simulate", "identify", "validate", "export", "import", "inspect", "campaign"}
+    assert seen >= {"run", "simulate", "identify", "validate", "export", "import", "inspect", "campaign", "compare"}

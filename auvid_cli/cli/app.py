@@ -9,6 +9,7 @@ from auvid_cli import __version__
 from auvid_cli.cli.campaign import campaign
 from auvid_cli.cli.check import check
 from auvid_cli.cli.command_help import BOTH_HELPS, Command, Group, examples_text, paragraphs
+from auvid_cli.cli.compare import compare
 from auvid_cli.cli.export import export
 from auvid_cli.cli.identifiability import identifiability
 from auvid_cli.cli.identify import identify
@@ -84,6 +85,14 @@ GROUPS: dict[str, tuple[Entry, ...]] = {
         ),
     ),
     "Go on": (
+        Entry(
+            "compare",
+            compare,
+            (
+                "auvid compare results/spiral results/reference",
+                "auvid compare results/spiral results/old --relative rmse=0.05",
+            ),
+        ),
         Entry("export", export, ("auvid export results/spiral/estimates/tukf.h5 --to python",)),
         Entry(
             "campaign",

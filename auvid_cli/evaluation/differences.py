@@ -1,0 +1,156 @@
+"""Two results beside each other, value by value, with what they may differ by."""
+
+from collections.abc import Iterator, Mapping
+from math import inf, isfinite, nan
+from typing import NamedTuple
+
+from auvid_cli.data.result_tables import ResultTables
+
+# Another processor or library rounds differently, and a filter carries that on; nothing else should.
+RELATIVE, DEVIATIONS = 0.01, 0.01
+# What the standard deviation of an estimate says enough of, and what no two runs have in common.
+_BY_DEVIATION = ("estimate", "steady_state_error_percent")
+_LEFT_OUT = ("cpu_time_s", "microseconds_per_step", "reason", "remedy")
+
+
+class Tolerance(NamedTuple):
+    """How far results may be apart and still count as the same.
+
+    Attributes
+    ----------
+    everywhere : float or None
+        Share of the larger of two values, in every column but those that measure time or are sentences; None for 0.01,
+        and nothing of an estimate and its error in percent.
+    by_column : mapping
+        The same of single columns, by name; infinite of one that is not compared.
+    deviations : float
+        What an estimate may differ by as well, in standard deviations of the second result.
+    """
+
+    everywhere: float | None = None
+    by_column: Mapping[str, float] = {}
+    deviations: float = DEVIATIONS
+
+    def share(self, column: str) -> float:
+        """Return the share of the larger of two values that they may differ by."""
+        if column in self.by_column:
+            return self.by_column[column]
+        if column in _LEFT_OUT:
+            return inf
+        if self.everywhere is not None:
+            return self.everywhere
+        return 0.0 if column in _BY_DEVIATION else RELATIVE
+
+
+class ComparedValue(NamedTuple):
+    """A value of one result beside that of another.
+
+    Attributes
+    ----------
+    table : str
+    row : str
+        Filter and, if it is of one, coefficient or component.
+    column : str
+        Empty where a whole row is missing.
+    first, second : str
+        As in the tables; empty where there is none.
+    difference, allowed : float
+        First less second, and what it may be; NaN where they are no numbers.
+    agrees : bool
+    """
+
+    table: str
+    row: str
+    column: str
+    first: str
+    second: str
+    difference: float
+    allowed: float
+    agrees: bool
+
+    @property
+    def severity(self) -> float:
+        """Return how many times as large as allowed the difference is; infinite where it is none of numbers."""
+        if self.agrees:
+            return 0.0
+        return abs(self.difference) / self.allowed if self.allowed > 0.0 else inf
+
+
+class Comparison(NamedTuple):
+    """All values of a second result beside those of a first.
+
+    Attributes
+    ----------
+    values : list of ComparedValue
+    only_first : list of str
+        Filters, rows of others, and columns that the second does not have; they are no differences.
+    """
+
+    values: list[ComparedValue]
+    only_first: list[str]
+
+    def differing(self) -> list[ComparedValue]:
+        """Return the values that do not agree, the worst first."""
+        return sorted((value for value in self.values if not value.agrees), key=lambda value: -value.severity)
+
+
+def compare_tables(first: ResultTables, second: ResultTables, tolerance: Tolerance) -> Comparison:
+    """Compare results: what the second has, the first must have, and alike.
+
+    Parameters
+    ----------
+    first, second : ResultTables
+        The second is the reference.
+    tolerance : Tolerance
+    """
+    values = [
+        value
+        for table, rows in second.items()
+        for key, row in rows.items()
+        for value in _compared_rows(table, " ".join(key), first.get(table, {}).get(key), row, tolerance)
+    ]
+    return Comparison(values, [*_only_first(first, second)])
+
+
+def _only_first(first: ResultTables, second: ResultTables) -> Iterator[str]:
+    filters = {key[0] for rows in second.values() for key in rows}
+    more = _keys(first) - _keys(second)
+    yield from sorted({" ".join(key) if key[0] in filters else key[0] for key in more})
+    for table, rows in first.items():
+        for row in [*rows.values()][:1]:
+            known = next(iter(second.get(table, {}).values()), row)
+            yield from (f"{table}.{column}" for column in row if column not in known)
+
+
+def _keys(tables: ResultTables) -> set[tuple[str, ...]]:
+    return {key for rows in tables.values() for key in rows}
+
+
+def _compared_rows(
+    table: str, of: str, first: Mapping[str, str] | None, second: Mapping[str, str], tolerance: Tolerance
+) -> Iterator[ComparedValue]:
+    if first is None:
+        yield ComparedValue(table, of, "", "", "a row", nan, nan, agrees=False)
+        return
+    deviation, true = _number(second.get("standard_deviation", "")), _number(second.get("true", ""))
+    scales = {"estimate": deviation, "steady_state_error_percent": 100.0 * deviation / abs(true) if true else nan}
+    for column, cell in second.items():
+        share = tolerance.share(column)
+        if share < inf:
+            slack = tolerance.deviations * scales.get(column, nan)
+            yield _compared(table, of, column, first.get(column, ""), cell, share, slack if isfinite(slack) else 0.0)
+
+
+def _compared(table: str, row: str, column: str, first: str, second: str, share: float, slack: float) -> ComparedValue:
+    a, b = _number(first), _number(second)
+    if not (isfinite(a) and isfinite(b)):
+        return ComparedValue(table, row, column, first, second, nan, nan, first == second)
+    allowed = max(share * max(abs(a), abs(b)), slack)
+    return ComparedValue(table, row, column, first, second, a - b, allowed, abs(a - b) <= allowed)
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return nan

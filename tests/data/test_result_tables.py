@@ -1,0 +1,50 @@
+"""Tables of results from CSV files, also from damaged ones."""
+
+import pytest
+
+from auvid_cli.data.result_tables import read_result_tables
+from auvid_cli.errors import FileError
+
+HEADER = "filter,coefficient,estimate\n"
+
+
+def write(folder, text, name="coefficients"):
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"{name}.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
+
+
+@pytest.mark.parametrize("place", ["tables", ".", "spiral/tables", "spiral"])
+def test_tables_are_found_in_a_results_folder_and_in_a_copy_of_them(place, tmp_path):
+    write(tmp_path / place, HEADER + "ckf,X_uu,-5\n")
+    write(tmp_path / place, "filter,grade\nckf,sound\n", "summary")
+    assert read_result_tables(tmp_path, "spiral") == {
+        "coefficients": {("ckf", "X_uu"): {"estimate": "-5"}},
+        "summary": {("ckf",): {"grade": "sound"}},
+    }
+
+
+def test_where_there_are_none_the_command_that_makes_them_is_named(tmp_path):
+    with pytest.raises(FileError, match="`auvid report` makes those"):
+        read_result_tables(tmp_path, "spiral")
+    with pytest.raises(FileError, match="no such folder"):
+        read_result_tables(tmp_path / "absent", "spiral")
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", r"coefficients\.csv:1: is no table of results: there is no column filter, coefficient"),
+        ("filter,estimate\n", "there is no column coefficient"),
+        ("filter,coefficient,filter\n", "a column stands there twice"),
+        (HEADER + "ckf,X_uu\n", r"csv:2: 2 cells, and the table has 3 columns"),
+        (HEADER + "ckf,X_uu,1\nckf,X_uu,1\n", r"csv:3: a second row of ckf X_uu"),
+        (HEADER + '"ckf,X_uu,1\n', "is no CSV"),
+        (HEADER.encode() + b"\xff,X,1\n", "is no text in UTF-8"),
+        (b"\0" * 20_000_001, "too large"),
+    ],
+)
+def test_a_damaged_table_is_one_clear_complaint(text, complaint, tmp_path):
+    write(tmp_path, text)
+    with pytest.raises(FileError, match=complaint) as caught:
+        read_result_tables(tmp_path, "spiral")
+    assert "\n" not in str(caught.value)
