@@ -18,7 +18,7 @@ of it at work.
 Importing takes no time: each name is loaded when it is first asked for. Functions say nothing on the terminal and
 write no file unless they are given its name. Paths are text or `pathlib.Path`, filters and forms are named by text.
 Numbers are SI, angles radians. Whatever is wrong with settings, files or data is an `auvid_cli.errors.AuvidError` with
-one clear message; an argument of another type than is said below is not looked for.
+one clear message; an argument of another type than is said below is a `TypeError` with one as well.
 
 Results are plain objects. `to_pandas()` makes one table of a result that is one (verdicts), and tables by their names
 of one that is several, with the names and columns of the CSV files that the commands write. `to_xarray()` labels what

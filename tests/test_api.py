@@ -5,6 +5,7 @@ import doctest
 import subprocess
 import sys
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -159,6 +160,48 @@ def test_a_wrong_name_is_one_clear_error(wrong, complaint, short_run, estimate, 
         wrong(short_run, estimate)
     assert complaint in str(caught.value)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_an_argument_of_a_wrong_type_is_one_clear_error(name):
+    function = getattr(auvid, name)
+    needed = [
+        p for p in signature(function).parameters.values() if p.default is p.empty and p.kind is not p.VAR_POSITIONAL
+    ]
+    given = [object() for _ in needed] or [object()]
+    with pytest.raises(TypeError, match=rf"^{name}: \w+ must be [\w| \[\]]+, not object$"):
+        function(*given)
+
+
+@pytest.mark.parametrize(
+    ("call", "complaint"),
+    [
+        (lambda dataset: auvid.simulate("spiral"), r"simulate: experiment must be .*'spiral'; load_experiment makes"),
+        (lambda dataset: auvid.check(dataset, "tukf.h5"), r"check: estimates must be .*'tukf.h5'; read_estimate makes"),
+        (lambda dataset: auvid.identify(dataset, 3), "identify: filter_name must be str, not int"),
+        (lambda dataset: auvid.tune(dataset, sensors="yes"), "tune: sensors must be bool, not str"),
+        (lambda dataset: auvid.inspect(dataset, use=(0.0,)), "inspect: use must be .*float, float.*, not tuple"),
+        (lambda dataset: auvid.inspect(dataset, use=("0", "80")), "inspect: use must be"),
+        (lambda dataset: auvid.identifiability(dataset, {"X_u|u|": "5"}), "identifiability: at must be Mapping"),
+        (lambda dataset: auvid.validate([dataset, 3], 3), "validate: data must be Dataset | Sequence"),
+        (lambda dataset: auvid.read_dataset("dataset.h5", 7), "read_dataset: overrides must be str, not int"),
+        (lambda dataset: auvid.check(), "dataset"),
+    ],
+)
+def test_a_wrong_type_is_named_with_what_would_be_right(call, complaint, short_run):
+    with pytest.raises(TypeError, match=complaint) as caught:
+        call(short_run)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_setting_in_place_of_an_experiment_is_sent_to_where_it_belongs():
+    with pytest.raises(
+        ConfigError, match="; a setting stands behind it: --set seed=7, in Python an argument of its own"
+    ):
+        auvid.load_experiment("seed=7")
+    with pytest.raises(ConfigError) as caught:
+        auvid.load_experiment("lake")
+    assert "--set" not in str(caught.value)
 
 
 def test_what_is_recorded_cannot_be_set(here):

@@ -1,5 +1,6 @@
 """Verdicts on estimates."""
 
+from auvid_cli.api.argument_types import typed
 from auvid_cli.api.preparation import prepare_checked
 from auvid_cli.data.check import Checks
 from auvid_cli.data.dataset import Dataset
@@ -10,6 +11,7 @@ from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.judgement import judge, reference_among
 
 
+@typed
 def check(dataset: Dataset, *estimates: Estimate) -> Checks:
     """List verdicts on estimates: each a statistic, what it may be, and what to do where it is not.
 

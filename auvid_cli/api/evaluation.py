@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from auvid_cli.api.argument_types import typed
 from auvid_cli.api.preparation import prepare_checked
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
@@ -38,6 +39,7 @@ class Evaluator:
         return evaluation.evaluate(self._prepared, list(estimates), self._bounds_of)
 
 
+@typed
 def evaluate(dataset: Dataset, *estimates: Estimate) -> Evaluation:
     """Compare estimates with the truth of their dataset, where it has one, with their bounds, and with each other.
 

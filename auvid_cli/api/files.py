@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+from auvid_cli.api.argument_types import typed
 from auvid_cli.config import load
 from auvid_cli.config.assemble import changed_keys
 from auvid_cli.config.experiment import Experiment
@@ -14,6 +15,7 @@ from auvid_cli.data.netcdf import digest
 from auvid_cli.errors import ConfigError
 
 
+@typed
 def load_experiment(source: str | Path | None = None, *overrides: str) -> Experiment:
     """Read the settings of an experiment.
 
@@ -44,6 +46,7 @@ def load_experiment(source: str | Path | None = None, *overrides: str) -> Experi
     return load.load_experiment(find_experiment(None if source is None else str(source)), overrides)
 
 
+@typed
 def read_dataset(path: str | Path, *overrides: str) -> Dataset:
     """Read a dataset file, whoever wrote it.
 
@@ -83,6 +86,7 @@ def read_dataset(path: str | Path, *overrides: str) -> Dataset:
     return dataset_file.read_dataset(Path(path), overrides)
 
 
+@typed
 def write_dataset(path: str | Path, dataset: Dataset) -> Dataset:
     """Write a dataset, whole or not at all; a file that stands there is replaced.
 
@@ -112,6 +116,7 @@ def write_dataset(path: str | Path, dataset: Dataset) -> Dataset:
     return replace(dataset, sha256=digest(Path(path)))
 
 
+@typed
 def read_estimate(path: str | Path) -> Estimate:
     """Read an estimate file; of a very long one evenly spaced events, as many as an evaluation needs.
 

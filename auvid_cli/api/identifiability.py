@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping
 
+from auvid_cli.api.argument_types import typed
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.evaluation.assessment import Identifiability
 from auvid_cli.evaluation.identifiability import assess_dataset
 
 
+@typed
 def identifiability(dataset: Dataset, at: Mapping[str, float] | None = None) -> Identifiability:
     """Say what data can tell of each coefficient at best, before any filter runs.
 

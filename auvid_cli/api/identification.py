@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from auvid_cli.api.argument_types import typed
 from auvid_cli.api.preparation import refuse_to_replace
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.named import named
@@ -15,6 +16,7 @@ from auvid_cli.identification.prepared_data import prepare
 __all__ = ["identify", "with_noise_settled"]
 
 
+@typed
 def identify(dataset: Dataset, filter_name: str, file: str | Path | None = None) -> Estimate:
     """Estimate coefficients and motion from a dataset, by its settings; its truth is not looked at.
 

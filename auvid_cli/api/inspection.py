@@ -1,11 +1,13 @@
 """Verdicts on data."""
 
+from auvid_cli.api.argument_types import typed
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.time_window import within
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.inspection.inspection import Inspection
 
 
+@typed
 def inspect(dataset: Dataset, use: tuple[float, float] | None = None) -> Inspection:
     """Judge recorded data before anybody identifies from them: clocks, gaps, spikes, signs, units, excitation.
 

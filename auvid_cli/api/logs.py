@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from auvid_cli.api.argument_types import typed
 from auvid_cli.config.log_map import load_map
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.logs.convert import Conversion
@@ -50,6 +51,7 @@ class MappedLogs:
         return dataset_from_logs(self.settings, self._tree, self._files)
 
 
+@typed
 def import_logs(map_file: str | Path, *logs: str | Path) -> Dataset:
     """Convert CSV, NumPy or MATLAB files, ROS bags or ArduPilot logs by a map; see ``auvid import`` in the guide.
 

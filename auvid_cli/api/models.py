@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from auvid_cli.api.argument_types import typed
 from auvid_cli.api.preparation import refuse_estimates_of_others, refuse_to_replace
 from auvid_cli.config.format_name import FormatName
 from auvid_cli.config.named import named
@@ -61,6 +62,7 @@ class Export:
         return self._form.file_text(self._model, self._losses, file.stem)
 
 
+@typed
 def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str, file: str | Path | None = None) -> str:
     """Turn an estimate into a model that other programs read; its heading says what they cannot hold of it.
 

@@ -1,11 +1,13 @@
 """Simulation."""
 
+from auvid_cli.api.argument_types import typed
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.simulation import simulate as simulation
 from auvid_cli.simulation.field_log import field_log
 
 
+@typed
 def simulate(experiment: Experiment) -> Dataset:
     """Simulate the vehicle and the sensors of an experiment.
 

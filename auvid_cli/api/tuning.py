@@ -2,12 +2,14 @@
 
 from collections.abc import Callable
 
+from auvid_cli.api.argument_types import typed
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.tuning import Tuning
 from auvid_cli.identification.noise_tuning import tune_noise
 from auvid_cli.identification.prepared_data import prepare
 
 
+@typed
 def tune(dataset: Dataset, sensors: bool = False, on_pass: Callable[[], None] | None = None) -> Tuning:
     """Find the process noise, and that of the sensors if asked, that makes a dataset most likely.
 

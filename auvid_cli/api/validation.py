@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from auvid_cli.api.argument_types import typed
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.validation.data_leakage import unseen_segments
@@ -11,6 +12,7 @@ from auvid_cli.validation.validate import validate as predict
 __all__ = ["predict", "unseen_segments", "validate"]
 
 
+@typed
 def validate(data: Dataset | Sequence[Dataset], estimate: Estimate, training: Dataset | None = None) -> Validation:
     """Say how well an identified model predicts data that it has not seen, and whether its uncertainty is honest.
 

@@ -1,5 +1,6 @@
 """Experiments from files and back to text."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -169,7 +170,13 @@ def _file_or_shipped(name: str, folder: Path, what: str) -> Path:
         return shipped[name]
     if name and path.exists():
         return path
-    raise ConfigError(f"{name!r} is neither a file nor {what} that ships with auvid: {', '.join(shipped) or 'none'}")
+    key, equals, _ = name.partition("=")
+    is_setting = equals and all(part.isidentifier() for part in key.split("."))
+    hint = f"; a setting stands behind it: --set {shlex.quote(name)}, in Python an argument of its own"
+    raise ConfigError(
+        f"{name!r} is neither a file nor {what} that ships with auvid: {', '.join(shipped) or 'none'}"
+        + (hint if is_setting else "")
+    )
 
 
 AnySettings = TypeVar("AnySettings", bound=Settings)
