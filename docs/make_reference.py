@@ -1,4 +1,7 @@
-"""Write docs/reference.md from the tables and settings classes of the package: `python docs/make_reference.py`."""
+"""Write docs/reference.md, and the keys that shells complete, from the tables and settings classes of the package.
+
+`python docs/make_reference.py`
+"""
 
 import types
 import typing
@@ -7,16 +10,20 @@ from pathlib import Path
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
+from auvid_cli.config.assemble import SECTIONS
 from auvid_cli.config.campaign import Campaign
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.magnitudes import magnitude_of
 from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.config.sensors import SensorSettings
+from auvid_cli.config.vehicle import VehicleEntry
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import INPUTS, MOTION, PARAMETERS, POSITION, SENSORS
 
 TARGET = Path(__file__).with_name("reference.md")
+# Beside the code that reads it: to load the settings classes takes longer than a shell may wait.
+KEYS = Path(__file__).parents[1] / "auvid_cli/cli/setting_keys.txt"
 OPENING = """# Reference
 
 Made by `python docs/make_reference.py` from the tables and settings classes in the package; do not edit.
@@ -54,6 +61,32 @@ def reference() -> str:
     campaign: dict[type[BaseModel], str] = {}
     collect("", Campaign, campaign)
     return page + "".join(section(path, model) for model, path in campaign.items())
+
+
+def setting_keys() -> str:
+    """Write the keys of an experiment, one a line, without those that a shell would take for something else."""
+    keys = {*SECTIONS, *leaves("", Experiment)}
+    return "".join(f"{key}\n" for key in sorted(keys) if "|" not in key)
+
+
+def leaves(path: str, model: type[BaseModel]):
+    """Yield the keys below a settings class that take a value; entries of a list or a mapping have none."""
+    for name, field in model.model_fields.items():
+        key = f"{path}.{field.alias or name}".lstrip(".")
+        inner = sections(field.annotation)
+        if not inner:
+            yield key
+        for each in inner:
+            yield from leaves(key, each)
+
+
+def sections(annotation) -> list[type[BaseModel]]:
+    """List the settings classes that a key may be a section of; a vehicle's entry is a value."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [] if issubclass(annotation, VehicleEntry) else [annotation]
+    if typing.get_origin(annotation) in (tuple, dict):
+        return []
+    return [model for argument in typing.get_args(annotation) for model in sections(argument)]
 
 
 def table(header, rows) -> str:
@@ -152,3 +185,4 @@ def default(field) -> str:
 
 if __name__ == "__main__":
     TARGET.write_text(reference(), encoding="utf-8")
+    KEYS.write_text(setting_keys(), encoding="utf-8")

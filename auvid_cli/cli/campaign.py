@@ -6,13 +6,19 @@ from typing import Annotated
 
 import typer
 
+from auvid_cli.cli.completion import complete_campaign
 from auvid_cli.cli.options import QuietOption, VerboseOption
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 
 
 def campaign(
     file: Annotated[
-        str, typer.Argument(metavar="CAMPAIGN", help="Campaign file, or the name of one that ships with auvid.")
+        str,
+        typer.Argument(
+            metavar="CAMPAIGN",
+            help="Campaign file, or the name of one that ships with auvid.",
+            autocompletion=complete_campaign,
+        ),
     ],
     scheduler: Annotated[
         str | None,

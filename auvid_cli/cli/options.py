@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from auvid_cli.cli.completion import complete_data, complete_experiment, complete_setting
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.errors import ConfigError
 
@@ -13,6 +14,7 @@ ExperimentArgument = Annotated[
     typer.Argument(
         metavar="EXPERIMENT",
         help="Experiment file, or the name of one that ships with auvid. Default: the spiral.",
+        autocompletion=complete_experiment,
         show_default=False,
     ),
 ]
@@ -21,6 +23,7 @@ DataArgument = Annotated[
     typer.Argument(
         metavar="EXPERIMENT|DATASET",
         help="Experiment whose dataset has been simulated, or a dataset file (.h5). Default: the spiral.",
+        autocompletion=complete_data,
         show_default=False,
     ),
 ]
@@ -49,6 +52,7 @@ SetOption = Annotated[
         "--set",
         metavar="KEY=VALUE|FILE",
         help='Override a setting, e.g. --set sensors.dvl.rate="5 Hz", or those in a YAML file; repeatable.',
+        autocompletion=complete_setting,
         show_default=False,
     ),
 ]

@@ -13,11 +13,10 @@ from auvid_cli.config.experiment import Experiment, ImportedRun, RunSettings
 from auvid_cli.config.locate import locate
 from auvid_cli.config.position import ConfigSource, Mistake, mistakes_text
 from auvid_cli.config.settings import Settings
+from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.config.tree import Tree, read_tree
 from auvid_cli.config.vehicle import Drawing
 from auvid_cli.errors import ConfigError
-
-PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def load_experiment(path: Path, overrides: Sequence[str] = ()) -> Experiment:
@@ -133,12 +132,6 @@ def dump_experiment(experiment: RunSettings) -> str:
 def given_settings(experiment: RunSettings) -> dict[str, Any]:
     """Return resolved settings as plain values in SI, without those that are not given."""
     return _given(experiment.model_dump(mode="json", by_alias=True))
-
-
-def shipped_configs() -> Path:
-    """Find the folder of the settings that ship with auvid: inside the package, or beside it in a checkout."""
-    inside = PACKAGE / "configs"
-    return inside if inside.is_dir() else PACKAGE.parent / "configs"
 
 
 def find_campaign(name: str) -> Path:

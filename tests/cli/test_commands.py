@@ -330,14 +330,17 @@ def test_figures_are_not_drawn_by_what_lies_in_the_current_folder(results, tmp_p
     [
         (["--help"], {}, {"pydantic"}),
         # Typer itself loads pydantic there, if it is installed.
-        ([], {"_AUVID_COMPLETE": "complete_bash", "COMP_WORDS": "auvid identify --filter ", "COMP_CWORD": "3"}, set()),
+        *(
+            ([], {"_AUVID_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": "3"}, set())
+            for words in ("auvid identify --filter ", "auvid run --set sensors.dvl.ra")
+        ),
     ],
-    ids=["help", "completion"],
+    ids=["help", "completion", "completion of keys"],
 )
 def test_help_and_completion_import_nothing_heavy(arguments, environment, heavy):
     command = [sys.executable, "-X", "importtime", Path(sys.executable).with_name("auvid"), *arguments]
     result = subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=True)
-    assert "identify" in result.stdout or "tukf" in result.stdout
+    assert re.search("identify|tukf|sensors.dvl.rate=", result.stdout)
     imported = {line.rpartition("|")[2].strip() for line in result.stderr.splitlines()}
     assert "typer" in imported
     assert imported.isdisjoint(heavy | {"numba", "numpy", "scipy", "h5py", "matplotlib", "pint"})
