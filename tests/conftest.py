@@ -19,7 +19,8 @@ import pytest
 
 from auvid_cli.api import validation
 from auvid_cli.config.experiment import Experiment, FilterName
-from auvid_cli.config.load import dump_experiment, find_experiment, load_experiment, parse_experiment, shipped_configs
+from auvid_cli.config.load import dump_experiment, find_experiment, load_experiment, parse_experiment
+from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.data import screening
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from auvid_cli.cli import campaigning
 from auvid_cli.cli.app import app
-from auvid_cli.config import load
+from auvid_cli.config import load, shipped
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 
@@ -40,13 +40,13 @@ def commands(block: str) -> Iterator[list[str]]:
 @pytest.fixture
 def quick(tmp_path, monkeypatch, without_figures, fewer_starts, walked_here):
     """Shipped settings without the slowest filters and the judge, for 120 s; a trial run of a campaign; no figures."""
-    configs = shutil.copytree(load.shipped_configs(), tmp_path / "shipped")
+    configs = shutil.copytree(shipped.shipped_configs(), tmp_path / "package/configs")
     for path in (*configs.glob("*.yaml"), *configs.glob("manoeuvres/*.yaml")):
         text = path.read_text(encoding="utf-8").replace("[ekf, ckf, tukf", "[ckf, tukf")
         # Of so short a run the errors of an AHRS, which last, are doubted with reason.
         text = re.sub("(, smoother)?, output_error]", "]", text).replace("  filters: [", "  judge: false\n  filters: [")
         path.write_text(text.replace("duration: 300 s", "duration: 120 s"), encoding="utf-8")
-    monkeypatch.setattr(load, "shipped_configs", lambda: configs)
+    monkeypatch.setattr(shipped, "PACKAGE", configs.parent)
     monkeypatch.setattr(campaigning, "_PROBES", 1)
 
 
@@ -67,7 +67,7 @@ def write_log(path: Path) -> None:
 def fill_in(path: Path) -> None:
     """What only the user knows of a suggested map."""
     text = path.read_text(encoding="utf-8")
-    vehicle = f"vehicle: {load.shipped_configs()}/vehicles/vt690.yaml\nlogs:"
+    vehicle = f"vehicle: {shipped.shipped_configs()}/vehicles/vt690.yaml\nlogs:"
     text = re.sub(r"(?s)vehicle: #.*?logs:", vehicle, text)
     path.write_text(text.replace("standard_deviation: null", "standard_deviation: 0.01"), encoding="utf-8")
 

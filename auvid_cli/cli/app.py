@@ -15,6 +15,7 @@ from auvid_cli.cli.identifiability import identifiability
 from auvid_cli.cli.identify import identify
 from auvid_cli.cli.import_log import import_log
 from auvid_cli.cli.inspect import inspect
+from auvid_cli.cli.list_shipped import list_shipped
 from auvid_cli.cli.report import report
 from auvid_cli.cli.run import run
 from auvid_cli.cli.simulate import simulate
@@ -44,6 +45,7 @@ GROUPS: dict[str, tuple[Entry, ...]] = {
         ),
     ),
     "Begin with a simulation": (
+        Entry("list", list_shipped, ("auvid list", "auvid list vehicles")),
         Entry(
             "run",
             run,

@@ -3,14 +3,17 @@
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 
 from auvid_cli.config.position import ConfigSource, KeyPath, Mistake, Position
+from auvid_cli.config.shipped import shipped_files, shipped_part
 from auvid_cli.config.tree import DEEPEST, Tree, read_tree
 from auvid_cli.printable import shortened
 from auvid_cli.regular import read_bytes
 
-SECTIONS = ("vehicle", "sensors", "manoeuvre")
+# Which may name a file, and of what kind such files ship.
+SECTIONS = {"vehicle": "vehicles", "sensors": "sensors", "manoeuvre": "manoeuvres"}
 SUFFIXES = (".yaml", ".yml")
 MOST_BYTES = 1_000_000
 
@@ -165,17 +168,24 @@ def _splice(tree: Tree, section: str, folder: Path, mistakes: list[Mistake]) -> 
     if named is None or not isinstance(named.content, str) or not named.content.endswith(SUFFIXES):
         return tree
     candidates = [base / named.content for base in dict.fromkeys((named.at.source.folder, folder))]
-    path = next((candidate for candidate in candidates if candidate.is_file()), candidates[0])
+    own = next((candidate for candidate in candidates if candidate.exists()), None)
+    path = own or shipped_part(named.content) or candidates[0]
     name = os.path.normpath(path)
     try:
         content, mistakes_within = read_tree(read_source(path, name))
     except ValueError as error:
         content, mistakes_within = (
             replace(named, content={}, readable=False),
-            (Mistake(named.at, (), f"{name}: {error}"),),
+            (Mistake(named.at, (), f"{name}: {error}{_meant(section, named.content) if not path.exists() else ''}"),),
         )
     mistakes += (mistake.under((section,)) for mistake in mistakes_within)
     return tree.put((section,), content)
+
+
+def _meant(section: str, name: str) -> str:
+    """Name the part that ships with auvid and was perhaps meant."""
+    near = get_close_matches(name, [file.name for file in shipped_files(SECTIONS[section])], n=1)
+    return f"; did you mean {near[0]!r}, which ships with auvid?" if near else ""
 
 
 def _absolute_data_file(tree: Tree, path: KeyPath) -> Tree:

@@ -26,6 +26,25 @@ class FilterName(StrEnum):
                 assert_never(self)
 
     @property
+    def description(self) -> str:
+        """Say in one line what it is."""
+        match self:
+            case FilterName.EKF:
+                return "Extended Kalman filter: linearised along the motion; exact or first-order transition."
+            case FilterName.CKF:
+                return "Cubature Kalman filter: third-degree spherical rule, in square-root form."
+            case FilterName.TUKF:
+                return "Transformed unscented Kalman filter: cubature points, turned so that none goes far in a state."
+            case FilterName.UKF:
+                return "Unscented Kalman filter with the scaled transformation."
+            case FilterName.SMOOTHER:
+                return "Iterated smoother: the most probable coefficients and motion of all data; judges the others."
+            case FilterName.OUTPUT_ERROR:
+                return "Output-error method: fit of coefficients and initial motion, without process noise."
+            case _:
+                assert_never(self)
+
+    @property
     def is_free_run_fit(self) -> bool:
         """Say whether it fits the motion left to itself: without process noise and, unless asked, without the prior."""
         match self:

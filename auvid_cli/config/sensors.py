@@ -1,6 +1,6 @@
 """Settings of the sensors: each with its own clock, noise and faults."""
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
@@ -212,17 +212,55 @@ class Attitude(SensorSettings):
         return (self.ahrs.standard_deviation,) * 3 if self.source == "ahrs" else super().stated_standard_deviation()
 
 
-class SensorSuite(Settings):
-    """A sensor file."""
+class AhrsSensors(NamedTuple):
+    """An AHRS, and the sensors from which it computes the attitude, apart from the DVL, whose noise it neglects."""
 
-    name: str = ""
+    attitude: Attitude
     gyroscope: Gyroscope
     accelerometer: Accelerometer
     magnetometer: Magnetometer
-    dvl: Dvl
-    attitude: Attitude
+
+
+class SensorSuite(Settings):
+    """A sensor file: what is not there is not carried; an AHRS needs gyroscope, accelerometer, magnetometer and DVL."""
+
+    name: str = ""
+    gyroscope: Gyroscope | None = None
+    accelerometer: Accelerometer | None = None
+    magnetometer: Magnetometer | None = None
+    dvl: Dvl | None = None
+    attitude: Attitude | None = None
     magnetic_field: MagneticField | None = None
     depth: Depth | None = None
+
+    @model_validator(mode="after")
+    def _something_to_measure_with(self) -> "SensorSuite":
+        if not self.given():
+            raise ValueError(f"expected at least one sensor of {', '.join(SENSORS)}")
+        return self
+
+    @model_validator(mode="after")
+    def _what_an_ahrs_computes_from(self) -> "SensorSuite":
+        needed = "gyroscope", "accelerometer", "magnetometer", "dvl"
+        missing = [name for name in needed if getattr(self, name) is None]
+        if self.has_ahrs and missing:
+            raise ValueError(
+                f"an AHRS computes the attitude from {', '.join(needed)}, and there is no {' and no '.join(missing)}; "
+                "state what is missing, or take attitude: {source: direct}"
+            )
+        return self
+
+    @property
+    def has_ahrs(self) -> bool:
+        """Say whether the attitude is computed by an AHRS."""
+        return self.attitude is not None and self.attitude.source == "ahrs"
+
+    def ahrs(self) -> AhrsSensors | None:
+        """Return the AHRS with its sensors; None where the attitude is measured directly, or not at all."""
+        attitude, gyroscope, accelerometer = self.attitude, self.gyroscope, self.accelerometer
+        if not (self.has_ahrs and attitude and gyroscope and accelerometer and self.magnetometer):
+            return None
+        return AhrsSensors(attitude, gyroscope, accelerometer, self.magnetometer)
 
     def given(self) -> dict[str, SensorSettings]:
         """Return the sensors by name, of those that there are."""

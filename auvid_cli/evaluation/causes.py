@@ -120,4 +120,4 @@ def is_from_ahrs(estimate: Estimate) -> bool:
     experiment = estimate.experiment
     if "attitude" not in estimate.innovations:
         return False
-    return not isinstance(experiment, Experiment) or experiment.sensors.attitude.source == "ahrs"
+    return not isinstance(experiment, Experiment) or experiment.sensors.has_ahrs

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
 from auvid_cli.compilation import compiled
-from auvid_cli.config.sensors import SensorSuite
+from auvid_cli.config.sensors import AhrsSensors
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import SimulationError
 from auvid_cli.simulation.sensors import sample_times
@@ -32,14 +32,14 @@ _GYROSCOPE, _DVL, _ACCELEROMETER, _MAGNETOMETER, _OUTPUT = range(5)
 _INITIAL_TILT = np.deg2rad(3.0)
 
 
-def attitude_reference(records: dict[str, SensorRecord], suite: SensorSuite, duration: float) -> SensorRecord:
-    """Estimate roll, pitch and yaw at the rate of `suite.attitude`.
+def attitude_reference(records: dict[str, SensorRecord], sensors: AhrsSensors, duration: float) -> SensorRecord:
+    """Estimate roll, pitch and yaw at the rate of `sensors.attitude`.
 
     Parameters
     ----------
     records : dict of SensorRecord
         gyroscope, accelerometer, magnetometer and dvl.
-    suite : SensorSuite
+    sensors : AhrsSensors
         Noise levels as stated; nothing here knows the true biases.
     duration : float
         Length of the run, s.
@@ -47,10 +47,10 @@ def attitude_reference(records: dict[str, SensorRecord], suite: SensorSuite, dur
     Returns
     -------
     SensorRecord
-        Its standard deviation is the stated one of `suite.attitude`, which must be larger than the
+        Its standard deviation is the stated one of `sensors.attitude`, which must be larger than the
         scatter, because the errors of an AHRS are correlated in time.
     """
-    settings = suite.attitude
+    settings = sensors.attitude
     output = sample_times(settings, duration)
     gyroscope, dvl, accelerometer, magnetometer = (
         records[name] for name in ("gyroscope", "dvl", "accelerometer", "magnetometer")
@@ -58,13 +58,13 @@ def attitude_reference(records: dict[str, SensorRecord], suite: SensorSuite, dur
     sources = (gyroscope, dvl, accelerometer, magnetometer)
     if any(np.isnan(source.values).all() for source in sources):
         raise SimulationError("the AHRS needs at least one sample of gyroscope, accelerometer, magnetometer and DVL")
-    gyro_noise = np.array(suite.gyroscope.noise_standard_deviation()) / np.sqrt(suite.gyroscope.rate)
-    force_variance = np.mean(np.square(suite.accelerometer.noise_standard_deviation()))
-    force_variance += settings.ahrs.manoeuvre_acceleration**2 * suite.accelerometer.rate
+    gyro_noise = np.array(sensors.gyroscope.noise_standard_deviation()) / np.sqrt(sensors.gyroscope.rate)
+    force_variance = np.mean(np.square(sensors.accelerometer.noise_standard_deviation()))
+    force_variance += settings.ahrs.manoeuvre_acceleration**2 * sensors.accelerometer.rate
     noise = _Noise(
         rate_density=float(np.mean(gyro_noise**2)),
         force_variance=float(force_variance / GRAVITY**2),
-        heading_variance=suite.magnetometer.noise_standard_deviation()[0] ** 2,
+        heading_variance=sensors.magnetometer.noise_standard_deviation()[0] ** 2,
         gyro_bias=settings.ahrs.gyro_bias,
     )
     unknown = np.full((2, 3), np.nan)

@@ -32,10 +32,10 @@ def simulate(experiment: Experiment) -> Dataset:
     truth = simulate_motion(experiment.vehicle, manoeuvre, plan, disturbance)
     current = np.array([manoeuvre.current_north, manoeuvre.current_east, 0.0])
     records = measure(truth, experiment.sensors, current, experiment.seed)
-    if experiment.sensors.attitude.source == "ahrs":
-        duration, suite = float(truth.time[-1]), experiment.sensors
-        attitude = attitude_reference(records, suite, duration)
-        records["attitude"] = stamped(attitude, suite.attitude, "attitude", experiment.seed, duration)
+    if ahrs := experiment.sensors.ahrs():
+        duration = float(truth.time[-1])
+        attitude = attitude_reference(records, ahrs, duration)
+        records["attitude"] = stamped(attitude, ahrs.attitude, "attitude", experiment.seed, duration)
     return Dataset(
         inputs=record_inputs(truth.time, truth.inputs - trim, manoeuvre.recorded_rate),
         sensors=records,

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import auvid_cli.data.replacement
-from auvid_cli.config.load import shipped_configs
+from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.data.results_folder import dataset_in, products
 from auvid_cli.errors import SimulationError
 

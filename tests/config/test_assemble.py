@@ -118,6 +118,19 @@ def test_unreadable_reference_is_an_error_where_it_stands(folder, reference, rea
     assert mistakes == [f"{folder / 'e.yaml'}:2:10: vehicle: {folder / reference}: {reason}"]
 
 
+def test_a_name_beside_a_shipped_one_is_asked_for(folder):
+    _, (mistake,) = assembled(folder, "sensors=sensors/table_3.yaml")
+    assert mistake.endswith(
+        "sensors/table_3.yaml: no such file; did you mean 'sensors/table_iii.yaml', which ships with auvid?"
+    )
+
+
+def test_a_folder_of_the_user_in_the_way_of_a_shipped_part_is_told(folder):
+    (folder / "vehicles" / "lauv.yaml").mkdir()
+    _, (mistake,) = assembled(folder, "vehicle=vehicles/lauv.yaml")
+    assert mistake.endswith(f"{folder / 'vehicles' / 'lauv.yaml'}: is a folder, not a file")
+
+
 @pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")])
 def test_what_never_ends_is_no_settings_file(tmp_path, make):
     make(tmp_path / "e.yaml")

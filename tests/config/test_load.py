@@ -5,16 +5,16 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.config import load
+from auvid_cli.config import shipped
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import (
     dump_experiment,
     find_experiment,
     load_experiment,
     parse_experiment,
-    shipped_configs,
 )
 from auvid_cli.config.manoeuvre import Recorded, Spiral
+from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.errors import ConfigError
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.matrices import mass_matrix
@@ -141,27 +141,20 @@ def test_missing_file_and_folder(tmp_path):
 
 
 def test_find_experiment(tmp_path, monkeypatch):
-    shipped = tmp_path / "configs"
-    shipped.mkdir()
-    (shipped / "spiral.yaml").touch()
-    (shipped / "zigzag.yaml").touch()
-    monkeypatch.setattr(load, "PACKAGE", tmp_path / "package")
+    configs = tmp_path / "configs"
+    configs.mkdir()
+    (configs / "spiral.yaml").touch()
+    (configs / "zigzag.yaml").touch()
+    monkeypatch.setattr(shipped, "PACKAGE", tmp_path / "package")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "zigzag").mkdir()
     (tmp_path / "mine.yaml").touch()
-    assert find_experiment(None) == shipped / "spiral.yaml"
-    assert find_experiment("zigzag") == shipped / "zigzag.yaml"
+    assert find_experiment(None) == configs / "spiral.yaml"
+    assert find_experiment("zigzag") == configs / "zigzag.yaml"
     assert find_experiment("mine.yaml") == Path("mine.yaml")
     for name in ("zagzig", "", "none.yaml"):
         with pytest.raises(ConfigError, match=f"'{name}' is neither a file nor .*: spiral, zigzag$"):
             find_experiment(name)
-
-
-def test_configs_inside_the_package_come_first(tmp_path, monkeypatch):
-    monkeypatch.setattr(load, "PACKAGE", tmp_path / "package")
-    assert shipped_configs() == tmp_path / "configs"
-    (tmp_path / "package" / "configs").mkdir(parents=True)
-    assert shipped_configs() == tmp_path / "package" / "configs"
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from auvid_cli.config.load import shipped_configs
 from auvid_cli.config.log_map import load_map
+from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.errors import ConfigError
 from auvid_cli.logs.convert import convert
 from auvid_cli.logs.formats.log import Log, LogColumn

@@ -1,0 +1,56 @@
+"""What ships is found from anywhere, and described in one line."""
+
+import pytest
+
+from auvid_cli.config import shipped
+from auvid_cli.config.load import load_experiment
+from auvid_cli.config.shipped import KINDS, shipped_configs, shipped_files, shipped_part
+
+
+def test_configs_inside_the_package_come_first(tmp_path, monkeypatch):
+    monkeypatch.setattr(shipped, "PACKAGE", tmp_path / "package")
+    assert shipped_configs() == tmp_path / "configs"
+    (tmp_path / "package" / "configs").mkdir(parents=True)
+    assert shipped_configs() == tmp_path / "package" / "configs"
+
+
+def test_every_shipped_file_is_of_a_kind_and_says_what_it_is_in_its_first_line():
+    files = [file for kind in KINDS for file in shipped_files(kind)]
+    assert len(files) == len([*shipped_configs().rglob("*.yaml")])
+    for name, description in files:
+        assert description[-1] in ".?", name
+        assert 20 < len(description) <= 95, name
+
+
+def test_a_description_is_the_comment_in_the_first_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(shipped, "PACKAGE", tmp_path)
+    for file in ("configs/a.yaml", "configs/vehicles/b.yaml"):
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).write_text("# A thing.\n# More of it.\nname: b\n")
+    assert shipped_files("experiments") == [("a", "A thing.")]
+    assert shipped_files("vehicles") == [("vehicles/b.yaml", "A thing.")]
+
+
+@pytest.mark.parametrize("name", ["vehicles", "vehicles/none.yaml", "vehicles/../spiral.yaml", "../pyproject.toml", ""])
+def test_what_is_no_shipped_part_is_none(name):
+    assert shipped_part(name) is None
+
+
+def test_an_absolute_name_is_none_of_a_shipped_part():
+    assert shipped_part(str(shipped_configs() / "spiral.yaml")) is None
+
+
+def test_parts_are_found_from_an_experiment_elsewhere_and_its_own_win(tmp_path, monkeypatch):
+    # As installed: inside the package, and nothing in the folder where one works.
+    monkeypatch.chdir(tmp_path)
+    own = tmp_path / "mine"
+    own.mkdir()
+    parts = "vehicle: vehicles/lauv.yaml\nsensors: sensors/table_iii.yaml\nmanoeuvre: manoeuvres/zigzag_20_20.yaml\n"
+    (own / "e.yaml").write_text(f"name: e\n{parts}")
+    experiment = load_experiment(own / "e.yaml")
+    assert (experiment.vehicle.name, experiment.manoeuvre.name) == ("LAUV", "zigzag 20/20")
+    text = (shipped_configs() / "vehicles/lauv.yaml").read_text().replace("name: LAUV", "name: mine")
+    (own / "vehicles").mkdir()
+    (own / "vehicles/lauv.yaml").write_text(text)
+    assert load_experiment(own / "e.yaml").vehicle.name == "mine"
+    assert load_experiment(own / "e.yaml", ("vehicle=vehicles/remus100.yaml",)).vehicle.name == "REMUS 100"
