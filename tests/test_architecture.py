@@ -20,6 +20,7 @@ MAY_IMPORT = {
     "evaluation": {"config", "data", "filters", "identification", "inspection", "vehicle"},
     "validation": {"config", "data", "evaluation", "filters", "identification", "vehicle"},
     "export": {"config", "data", "evaluation", "identification", "vehicle"},
+    "start": {"config", "export", "simulation", "vehicle"},
     "campaign": {"config", "data", "evaluation", "identification", "simulation", "vehicle"},
     "report": {"campaign", "config", "data", "evaluation", "inspection", "logs", "validation", "vehicle"},
 }

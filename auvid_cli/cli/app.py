@@ -14,8 +14,10 @@ from auvid_cli.cli.export import export
 from auvid_cli.cli.identifiability import identifiability
 from auvid_cli.cli.identify import identify
 from auvid_cli.cli.import_log import import_log
+from auvid_cli.cli.init import init
 from auvid_cli.cli.inspect import inspect
 from auvid_cli.cli.list_shipped import list_shipped
+from auvid_cli.cli.outline_words import OutlineCommand
 from auvid_cli.cli.report import report
 from auvid_cli.cli.run import run
 from auvid_cli.cli.simulate import simulate
@@ -29,6 +31,7 @@ class Entry(NamedTuple):
     name: str
     function: Callable[..., None]
     examples: tuple[str, ...]
+    cls: type[Command] = Command
 
 
 GROUPS: dict[str, tuple[Entry, ...]] = {
@@ -46,6 +49,12 @@ GROUPS: dict[str, tuple[Entry, ...]] = {
     ),
     "Begin with a simulation": (
         Entry("list", list_shipped, ("auvid list", "auvid list vehicles")),
+        Entry(
+            "init",
+            init,
+            ("auvid init mine --length 2 m --diameter .2 m --mass 60 kg", "auvid init mine --like remus100"),
+            OutlineCommand,
+        ),
         Entry(
             "run",
             run,
@@ -117,7 +126,7 @@ for title, entries in GROUPS.items():
     for entry in entries:
         app.command(
             entry.name,
-            cls=Command,
+            cls=entry.cls,
             context_settings=BOTH_HELPS,
             rich_help_panel=title,
             help=paragraphs(entry.function),

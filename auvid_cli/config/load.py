@@ -15,8 +15,11 @@ from auvid_cli.config.position import ConfigSource, Mistake, mistakes_text
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.config.tree import Tree, read_tree
-from auvid_cli.config.vehicle import Drawing
+from auvid_cli.config.vehicle import Drawing, VehicleSettings
 from auvid_cli.errors import ConfigError
+
+# Of a folder that is an experiment.
+EXPERIMENT_FILE = "experiment.yaml"
 
 
 def load_experiment(path: Path, overrides: Sequence[str] = ()) -> Experiment:
@@ -114,6 +117,25 @@ def parse_drawing(drawing: Mapping[str, Any]) -> Drawing:
     return validated(Drawing, tree, [*mistakes])
 
 
+def parse_vehicle(text: str, name: str) -> VehicleSettings:
+    """Validate a vehicle file that is kept as text.
+
+    Parameters
+    ----------
+    text : str
+        YAML.
+    name : str
+        What to call it in messages.
+
+    Raises
+    ------
+    ConfigError
+        With every mistake at once.
+    """
+    tree, mistakes = read_tree(ConfigSource(name, Path(), text))
+    return validated(VehicleSettings, tree, [*mistakes])
+
+
 def _plain(value: Any) -> Any:
     """Turn mappings and sequences of any kind into those that YAML knows."""
     if isinstance(value, Mapping):
@@ -145,15 +167,19 @@ def find_experiment(name: str | None) -> Path:
     Parameters
     ----------
     name : str or None
-        A path, the name of a shipped experiment such as ``spiral``, or None for that one.
+        A path, a folder with an ``experiment.yaml``, the name of a shipped experiment such as ``spiral``, or None for
+        that one.
 
     Raises
     ------
     ConfigError
-        If it is neither; the message lists the shipped experiments.
+        If it is none of these; the message lists the shipped experiments.
     """
     folder = shipped_configs()
-    return folder / "spiral.yaml" if name is None else _file_or_shipped(name, folder, "an experiment")
+    if name is None:
+        return folder / "spiral.yaml"
+    within = Path(name) / EXPERIMENT_FILE
+    return within if name and within.is_file() else _file_or_shipped(name, folder, "an experiment")
 
 
 def _file_or_shipped(name: str, folder: Path, what: str) -> Path:

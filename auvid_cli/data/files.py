@@ -1,9 +1,12 @@
 """Writing files so that nothing half-written ever stands under a final name, and nothing is lost that was read."""
 
+import os
+import shutil
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from secrets import token_hex
 
 from auvid_cli.data.temporaries import temporary_in
 from auvid_cli.errors import FileError
@@ -67,6 +70,50 @@ def keep_apart(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
 def _identity(path: Path) -> tuple[int, int]:
     status = path.stat()
     return status.st_dev, status.st_ino
+
+
+def write_folder(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write a new folder of text files whole or not at all; one that is there already must be empty.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written, is not empty, or is no folder.
+    """
+    refuse_filled(folder)
+    is_there = folder.exists()
+    temporary = (folder if is_there else folder.parent) / f".auvid-{token_hex(8)}"
+    try:
+        temporary.mkdir(parents=True)
+        for name, text in texts.items():
+            (temporary / name).write_text(text, encoding="utf-8")
+        if is_there:
+            # Somebody may be working in it: it stays the same folder.
+            for name in texts:
+                (temporary / name).rename(folder / name)
+        else:
+            temporary.rename(folder)
+    except OSError as error:
+        raise FileError(f"{folder}: cannot be written: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def refuse_filled(folder: Path) -> None:
+    """Refuse a new folder where something stands already.
+
+    Raises
+    ------
+    FileError
+        If it is no folder, is not empty, or cannot be looked at.
+    """
+    try:
+        if not folder.is_dir() and os.path.lexists(folder):
+            raise FileError(f"{folder}: exists already, and is no folder; name another place")
+        if folder.is_dir() and any(folder.iterdir()):
+            raise FileError(f"{folder}: exists already, and is not empty; name another place")
+    except OSError as error:
+        raise FileError(f"{folder}: cannot be looked at: {error.strerror or error}") from error
 
 
 def write_text(path: Path, text: str) -> None:
