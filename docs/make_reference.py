@@ -15,6 +15,7 @@ from auvid_cli.config.campaign import Campaign
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.magnitudes import magnitude_of
+from auvid_cli.config.outline import Outline
 from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.config.sensors import SensorSettings
 from auvid_cli.config.vehicle import VehicleEntry
@@ -57,6 +58,8 @@ def reference() -> str:
     known = set(found)
     collect("", LogMap, found)
     page += "".join(section(path, model) for model, path in found.items() if model not in known)
+    page += "\n## The options of `auvid init`\n"
+    page += section("", Outline)
     page += "\n## A campaign's file\n\nFor `auvid campaign`; dotted keys are those of an experiment.\n"
     campaign: dict[type[BaseModel], str] = {}
     collect("", Campaign, campaign)
@@ -114,7 +117,7 @@ def classes(annotation) -> list[type[BaseModel]]:
 
 def section(path: str, model: type[BaseModel]) -> str:
     """Write the section of one settings class."""
-    wholes = {LogMap: "A map", Campaign: "A campaign", Experiment: "An experiment"}
+    wholes = {LogMap: "A map", Outline: "An outline", Campaign: "A campaign", Experiment: "An experiment"}
     heading = f"\n### `{path}`" if path else f"\n### {wholes[model]}"
     kind = typing.get_args(model.model_fields["type"].annotation)[0] if "type" in model.model_fields else ""
     heading += f" with `type: {kind}`" if kind else ""

@@ -80,8 +80,8 @@ _README = """\
     auvid import dive.csv --map %(map)s
     auvid identify %(dataset)s
 
-The first is a rehearsal: it simulates the vehicle, identifies it from what its sensors said, and compares with what was
-simulated. The second makes a dataset of a log `dive.csv` of yours, once its columns stand in `map.yaml`; the third identifies
+The first is a rehearsal: it simulates the vehicle, identifies it from what its sensors said, and compares the two.
+The second makes a dataset of a log `dive.csv` of yours, once its columns stand in `map.yaml`; the third identifies
 from that.
 
 ## Measure what you can

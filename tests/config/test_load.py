@@ -152,6 +152,10 @@ def test_find_experiment(tmp_path, monkeypatch):
     assert find_experiment(None) == configs / "spiral.yaml"
     assert find_experiment("zigzag") == configs / "zigzag.yaml"
     assert find_experiment("mine.yaml") == Path("mine.yaml")
+    # A folder with an experiment goes before what ships under its name.
+    assert find_experiment(str(tmp_path / "zigzag")) == tmp_path / "zigzag"
+    (tmp_path / "zigzag" / "experiment.yaml").touch()
+    assert find_experiment("zigzag") == Path("zigzag/experiment.yaml")
     for name in ("zagzig", "", "none.yaml"):
         with pytest.raises(ConfigError, match=f"'{name}' is neither a file nor .*: spiral, zigzag$"):
             find_experiment(name)

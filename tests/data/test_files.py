@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from auvid_cli.data.files import keep_apart, replacing, write_text
+from auvid_cli.data.files import keep_apart, replacing, write_folder, write_text
 from auvid_cli.errors import FileError
 
 KILLED = """
@@ -108,3 +108,43 @@ def test_what_is_read_is_known_by_any_name(link, tmp_path):
     for name in ("read.yaml", "other"):
         with pytest.raises(FileError, match="would be written over"):
             keep_apart([tmp_path / name], [tmp_path / "read.yaml"])
+
+
+def test_a_new_folder_is_there_whole_with_rights_as_any_other(tmp_path):
+    write_folder(tmp_path / "a" / "b", {"x.txt": "1", "y.txt": "2"})
+    assert names(tmp_path / "a") == {"b"}
+    assert {path.name: path.read_text() for path in (tmp_path / "a" / "b").iterdir()} == {"x.txt": "1", "y.txt": "2"}
+    assert (tmp_path / "a" / "b").stat().st_mode == (tmp_path / "a").stat().st_mode
+
+
+def test_an_empty_folder_stays_the_same_folder(tmp_path):
+    before = tmp_path.stat().st_ino
+    write_folder(tmp_path, {"x.txt": "1"})
+    assert names(tmp_path) == {"x.txt"}
+    assert tmp_path.stat().st_ino == before
+
+
+@pytest.mark.parametrize("stands", ["file", "filled", "dangling"])
+def test_a_new_folder_takes_no_place_where_something_stands(stands, tmp_path):
+    place = tmp_path / "a"
+    match stands:
+        case "file":
+            place.write_text("mine")
+        case "filled":
+            place.mkdir()
+            (place / ".hidden").write_text("mine")
+        case "dangling":
+            place.symlink_to(tmp_path / "nowhere")
+    before = names(tmp_path)
+    with pytest.raises(FileError, match=r"exists already, and is n(o folder|ot empty); name another place"):
+        write_folder(place, {"x.txt": "1"})
+    assert names(tmp_path) == before
+
+
+def test_of_a_folder_that_cannot_be_written_nothing_is_left(tmp_path):
+    # The second file lies in a folder that is not there.
+    with pytest.raises(FileError, match="a: cannot be written: No such file or directory"):
+        write_folder(tmp_path / "a", {"x.txt": "1", "no/y.txt": "2"})
+    assert names(tmp_path) == set()
+    with pytest.raises(FileError, match=r"cannot be (written|looked at): File name too long"):
+        write_folder(tmp_path / ("a" * 300), {"x.txt": "1"})

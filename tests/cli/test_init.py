@@ -1,0 +1,122 @@
+"""`auvid init`, and what can be done with the folder that it makes."""
+
+import os
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from auvid_cli.cli.app import app
+from auvid_cli.cli.outline_words import joined
+
+from .conftest import assert_one_clear_complaint, auvid
+
+FILES = {"vehicle.yaml", "sensors.yaml", "experiment.yaml", "map.yaml", "README.md"}
+MINE = ("--length", "2", "m", "--diameter", ".2", "m", "--mass", "60kg", "--fin-span", "0.1 m", "--fin-area", "0.012")
+
+
+@pytest.fixture(autouse=True)
+def quick(without_figures):
+    """Nobody looks at figures."""
+
+
+def test_a_folder_of_a_few_numbers_runs_without_an_edit(tmp_path):
+    made = auvid("init", "mine", *MINE, cwd=tmp_path)
+    assert made.exit_code == 0, made.output
+    assert made.stdout.splitlines()[-1] == "next: auvid run mine"
+    assert "water displaced by the hull" in made.stdout
+    assert {path.name for path in (tmp_path / "mine").iterdir()} == FILES
+    short = (
+        "--set",
+        "manoeuvre.duration=40 s",
+        "--set",
+        "identification.filters=[ckf]",
+        "--set",
+        "identification.judge=false",
+    )
+    result = auvid("run", "mine", *short, cwd=tmp_path)
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "results/mine/estimates/ckf.h5").is_file()
+    # The same folder names the dataset afterwards.
+    assert auvid("inspect", "results/mine/dataset.h5", cwd=tmp_path).exit_code in (0, 1)
+    assert_one_clear_complaint(auvid("import", "--map", "mine/map.yaml", cwd=tmp_path), "dive.csv: no such file")
+
+
+def test_a_folder_that_is_not_empty_stays_as_it_is(tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/notes.txt").write_text("mine")
+    complaint = auvid("init", "mine", "--like", "lauv", cwd=tmp_path)
+    assert_one_clear_complaint(complaint, "mine: exists already, and is not empty; name another place")
+    assert [path.name for path in tmp_path.rglob("*")] == ["mine", "notes.txt"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ((), ("missing --length, --diameter, --mass, --fin-span, --fin-area; ", "--like remus100")),
+        (MINE[:6], ("missing --mass, --fin-span, --fin-area; ",)),
+        ((*MINE[:6], "--mass", "180 kg", *MINE[-4:]), ("a mass of 180 kg is 3.3 times the ",)),
+        (("--length", "0", "m", *MINE[3:]), ("--length 0 m: length: must be greater than 0",)),
+        (("--like", "remus"), ("--like remus: no such vehicle ships",)),
+        (("--like", "lauv", "--mass", "3"), ("--like lauv is a whole vehicle: leave out --mass",)),
+        (("--like", "lauv", "--speed", "fast"), ("--speed: expected a speed such as",)),
+        (("--like", "lauv", "--speed", "0"), ("--speed: must be from 0.05 to 50 m/s, got '0'",)),
+    ],
+)
+def test_a_mistake_is_one_line_and_writes_nothing(options, words, tmp_path):
+    complaint = auvid("init", "mine", *options, cwd=tmp_path)
+    assert_one_clear_complaint(complaint, *words)
+    assert len(complaint.stderr.splitlines()) == 1
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_a_number_and_its_unit_may_be_two_words():
+    units = {"--length": "m", "--mass": "kg"}
+    assert joined(["--length", "2", "m", "mine"], units) == ["--length", "2 m", "mine"]
+    assert joined(["--length", "2", "mine"], units) == ["--length", "2", "mine"]
+    assert joined(["--length", "2", "kg"], units) == ["--length", "2", "kg"]
+    assert joined(["m", "--fins", "4", "m", "--mass", "2e3", "g"], units) == [
+        "m",
+        "--fins",
+        "4",
+        "m",
+        "--mass",
+        "2e3 g",
+    ]
+
+
+def test_what_is_missing_is_asked_for_on_a_terminal(tmp_path):
+    pty = pytest.importorskip("pty")
+    child, screen = pty.fork()
+    if child == 0:
+        os.chdir(tmp_path)
+        os.execv(sys.executable, [sys.executable, "-m", "auvid_cli", "init", "mine", *MINE[:6], "--mass", "60"])
+    shown = b""
+    for asked, answer in ((b"Span", b"wide\n"), (b"Span", b"10 cm\n"), (b"Area", b"-1\n"), (b"Area", b"120 cm^2\n")):
+        shown += until(screen, asked)
+        os.write(screen, answer)
+    shown += until(screen, b"next: auvid run mine")
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert b"expected a length such as '0.2 m'" in shown
+    assert b"must be greater than 0" in shown
+    assert {path.name for path in (tmp_path / "mine").iterdir()} == FILES
+
+
+def until(screen: int, wanted: bytes) -> bytes:
+    """What a terminal shows, until it shows that and the end of a question or a line."""
+    shown, deadline = b"", time.monotonic() + 120
+    while wanted not in shown and time.monotonic() < deadline:
+        try:
+            shown += os.read(screen, 4096)
+        except OSError:
+            break
+    assert wanted in shown, shown
+    return shown
+
+
+def test_nobody_to_ask_is_no_traceback(tmp_path):
+    result = CliRunner().invoke(app, ["init", str(tmp_path / "mine")], input="2 m\n", catch_exceptions=False)
+    assert_one_clear_complaint(result, "missing --length")
+    assert not Path(tmp_path / "mine").exists()

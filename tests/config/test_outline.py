@@ -1,0 +1,61 @@
+"""A vehicle in outline: what is refused, and what is taken where nothing is said."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from auvid_cli.config.outline import Outline, missing_keys, outline_of_options, units
+from auvid_cli.errors import ConfigError
+
+GIVEN = {"length": "2 m", "diameter": "20 cm", "mass": "55", "fin_span": "10 cm", "fin_area": "80 cm^2"}
+
+
+def test_quantities_are_read_with_their_units():
+    outline = outline_of_options(GIVEN | {"speed": "3 knot", "fins": 3})
+    assert (outline.length, outline.diameter, outline.mass) == (2.0, 0.2, 55.0)
+    assert outline.fin_area == pytest.approx(0.008)
+    assert outline.speed == pytest.approx(3 * 1852 / 3600)
+
+
+def test_a_missing_key_is_named_until_it_is_given():
+    assert missing_keys({}) == [*GIVEN]
+    assert missing_keys({"mass": "1", "speed": "2"}) == ["length", "diameter", "fin_span", "fin_area"]
+    assert missing_keys(GIVEN) == []
+    assert {"fins", "tail"}.isdisjoint(units())
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"length": "0 m"}, r"^--length 0 m: length: must be greater than 0, got '0 m'$"),
+        ({"mass": "60 m"}, r"^--mass 60 m: mass: expected a mass such as"),
+        ({"mass": "-1", "tail": "y"}, r"(?s)^--mass -1: .*\n--tail y: tail: expected '\+' or 'x', got 'y'$"),
+        ({"fins": 2}, "--fins 2: fins: must be at least 3, got 2"),
+        ({"fins": 3, "tail": "x"}, "outline: .*a tail like an x has 4 fins, got 3"),
+        ({"nose": "1.5 m", "tail_length": "1 m"}, "outline: nose and tail are 2.5 m of a length of 2 m"),
+        ({"fin_position": "4 m"}, "outline: fins.position is 4 m, and the hull 2 m long"),
+        ({"diameter": "2 m"}, "outline: the hull is 1 times as long as wide"),
+        # Three times what a cylinder with nose and tail displaces, which is less than 64 kg.
+        (
+            {"mass": "192 kg"},
+            r"outline: a mass of 192 kg is 3\.\d times the \d\d\.\d* kg of water .* expected 0.5 to 1.5",
+        ),
+        ({"mass": "55000"}, "outline: a mass of 5.5e\\+04 kg is 1e\\+03 times"),
+    ],
+)
+def test_nonsense_is_refused_with_its_number(wrong, said):
+    with pytest.raises(ConfigError, match=said):
+        outline_of_options(GIVEN | wrong)
+
+
+@given(length=st.floats(0.1, 50.0), slenderness=st.floats(3.0, 20.0))
+def test_what_nobody_says_fits_any_hull(length, slenderness):
+    diameter = length / slenderness
+    geometry = Outline.model_construct(
+        length=length, diameter=diameter, fin_span=0.5 * diameter, fin_area=0.1 * diameter**2
+    ).geometry()
+    shape = geometry.shape(length, diameter, 1025.0)
+    # Between a cone and a cylinder, and fins behind the centre.
+    cylinder = 0.25 * 3.141592653589793 * diameter**2 * length
+    assert cylinder / 3 < shape.hull.volume < cylinder
+    assert shape.fin_x < 0.0

@@ -1,0 +1,100 @@
+"""The files of a first folder: each is one that auvid reads."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.config.log_map import load_map
+from auvid_cli.config.outline import outline_of_options
+from auvid_cli.data.files import write_folder
+from auvid_cli.errors import ConfigError
+from auvid_cli.start.first_folder import folder_like, folder_of_outline
+from auvid_cli.start.sanity import sanity_notes, sanity_rows
+
+OUTLINE = {"length": 2, "diameter": 0.2, "mass": 60, "fin_span": 0.1, "fin_area": 0.012}
+
+
+@pytest.fixture(scope="module")
+def mine():
+    return folder_of_outline(Path("mine"), outline_of_options(OUTLINE))
+
+
+def test_what_is_written_is_read_by_every_command(mine, tmp_path):
+    write_folder(tmp_path / "mine", mine.texts)
+    experiment = load_experiment(find_experiment(str(tmp_path / "mine")))
+    assert experiment.name == "mine"
+    assert experiment.vehicle == mine.vehicle
+    assert [*experiment.sensors.given()] == ["gyroscope", "dvl", "attitude", "depth"]
+    log, _ = load_map(tmp_path / "mine" / "map.yaml")
+    assert (log.vehicle, log.identification.prior.mean) == (mine.vehicle, "geometry")
+    assert (
+        load_experiment(find_experiment("spiral"), (f"vehicle={tmp_path}/mine/vehicle.yaml",)).vehicle == mine.vehicle
+    )
+
+
+def test_a_vehicle_without_a_drawing_starts_from_what_its_file_states(tmp_path):
+    write_folder(tmp_path / "d", folder_like(tmp_path / "d", "dive", None).texts)
+    log, _ = load_map(tmp_path / "d" / "map.yaml")
+    assert log.identification.prior.mean == "vehicle"
+
+
+def test_every_number_that_is_derived_says_how(mine):
+    lines = [line for line in mine.texts["vehicle.yaml"].splitlines() if "{value:" in line]
+    assert len(lines) == 46
+    assert all("status: " in line for line in lines)
+    assert all("source: " in line and "standard_deviation: " in line for line in lines if "derived: G" in line)
+
+
+@pytest.mark.parametrize("name", ["remus100", "vehicles/remus100.yaml"])
+def test_a_shipped_vehicle_is_taken_over_whole(name):
+    folder = folder_like(Path("mine"), name, None)
+    assert folder.vehicle.name == "REMUS 100"
+    assert folder.texts["vehicle.yaml"].startswith("# As vehicles/remus100.yaml of auvid: REMUS 100")
+    assert "speed: 1.544 m/s" in folder.texts["experiment.yaml"]
+    assert "speed: 1 m/s" in folder_like(Path("mine"), name, 1.0).texts["experiment.yaml"]
+
+
+@pytest.mark.parametrize("name", ["remus", "spiral.yaml", "../spiral", "sensors/field.yaml", "", "/etc/passwd"])
+def test_a_vehicle_that_does_not_ship_is_refused_with_those_that_do(name):
+    with pytest.raises(
+        ConfigError, match="no such vehicle ships with auvid; there are dive, lauv, lrauv, remus100, vt690"
+    ):
+        folder_like(Path("mine"), name, None)
+
+
+@pytest.mark.parametrize(
+    ("folder", "name"), [("a b;$x", "a_b_x"), ("-rf", "rf"), ("été", "t_"), ("..hidden", "hidden"), ("水", "first")]
+)
+def test_an_experiment_has_what_a_name_can_keep_of_its_folders(folder, name, tmp_path):
+    files = folder_like(tmp_path / folder, "lauv", None)
+    write_folder(tmp_path / folder, files.texts)
+    assert load_experiment(tmp_path / folder / "experiment.yaml").name == name
+    assert files.texts["README.md"].startswith(f"# {name}\n")
+
+
+def test_what_a_vehicle_comes_to_stands_beside_what_is_usual(mine):
+    rows = {row.quantity: row for row in sanity_rows(mine.vehicle, mine.spiral)}
+    # A cylinder of the middle, half an ellipsoid and a paraboloid-like tail: between two thirds and all of a full one.
+    displaced = float(rows["water displaced by the hull"].value.split()[0])
+    assert 0.67 < displaced / (1025.0 * 3.14159 * 0.01 * 2.0) < 1.0
+    assert rows["water displaced by the hull"].beside.startswith("mass 60 kg, ")
+    assert rows["length"].beside.startswith("10 diameters")
+    # m d^2 / 8 of a full cylinder.
+    assert rows["inertia about x"].beside == "0.3 of a full cylinder"
+    assert [*sanity_notes(mine.vehicle, mine.spiral)] == []
+
+
+@pytest.mark.parametrize(
+    ("change", "note"),
+    [
+        ({"length": 4, "mass": 115}, "length is 20 diameters; expected 4 to 15"),
+        ({"mass": 70}, r"mass is 70 kg; expected about the 5\d\.\d* kg of water that the hull displaces"),
+        ({"length": 1, "mass": 25, "speed": 3}, r"the spiral has \d\d% of the usual excitation"),
+    ],
+)
+def test_what_is_doubtful_is_said(change, note):
+    folder = folder_of_outline(Path("mine"), outline_of_options(OUTLINE | change))
+    notes = [*sanity_notes(folder.vehicle, folder.spiral)]
+    assert any(re.search(note, said) for said in notes), notes

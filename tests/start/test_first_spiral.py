@@ -1,0 +1,79 @@
+"""The first manoeuvre: vehicles of every size survive it, and it is in proportion to them."""
+
+import numpy as np
+import pytest
+import yaml
+
+from auvid_cli.config.load import parse_vehicle
+from auvid_cli.config.manoeuvre import Spiral
+from auvid_cli.config.outline import outline_of_options
+from auvid_cli.config.shipped import shipped_configs
+from auvid_cli.errors import ConfigError
+from auvid_cli.export.derived_vehicle import derived_vehicle_yaml
+from auvid_cli.start.first_spiral import cruising_speed, first_spiral, spiral_lines
+
+
+def outlined(length, diameter, mass, span, area, **others):
+    options = {"length": length, "diameter": diameter, "mass": mass, "fin_span": span, "fin_area": area} | others
+    return parse_vehicle(derived_vehicle_yaml(outline_of_options(options).drawing("boat")), "boat")
+
+
+def shipped(name):
+    return parse_vehicle((shipped_configs() / "vehicles" / name).read_text(encoding="utf-8"), name)
+
+
+@pytest.mark.parametrize(
+    ("outline", "speed"),
+    [
+        ((0.5, 0.12, 4.4, 0.05, 0.0025), 1.0),
+        ((1, 0.2, 22, 0.08, 0.006), 1.5),
+        ((2, 0.2, 60, 0.1, 0.012), 1.5),
+        ((2, 0.2, 60, 0.1, 0.012), 3.0),
+        ((5, 0.6, 1200, 0.3, 0.08), 2.0),
+    ],
+)
+def test_a_vehicle_in_outline_keeps_upright_and_near_its_speed(outline, speed):
+    spiral = first_spiral(outlined(*outline), speed)
+    assert spiral.vigour == 1.0
+    assert spiral.roll < np.deg2rad(45.0)
+    assert spiral.pitch < np.deg2rad(60.0)
+    assert 0.7 * speed < spiral.speed[0] < speed < spiral.speed[1] < 1.3 * speed
+    # It goes down at some 10 degrees.
+    assert 0.08 * 300 * speed < spiral.depth < 0.3 * 300 * speed
+
+
+def test_a_shipped_vehicle_survives_it_at_the_speed_of_its_thrust(vehicle_file):
+    vehicle = shipped(vehicle_file)
+    speed = cruising_speed(vehicle)
+    assert speed is not None
+    assert first_spiral(vehicle, speed).vigour == 1.0
+
+
+def test_a_vehicle_that_turns_too_fast_gets_less_of_it():
+    vehicle = outlined(1, 0.2, 22, 0.08, 0.006)
+    assert 0.0 < first_spiral(vehicle, 3.0).vigour < 1.0
+    with pytest.raises(
+        ConfigError, match=r"boat: does not survive the gentlest spiral at 20 m/s \(.*\); name a lower --speed"
+    ):
+        first_spiral(vehicle, 20.0)
+
+
+def test_frequencies_go_with_speed_by_length_and_forces_with_the_square_of_the_speed():
+    vehicle = outlined(2, 0.2, 60, 0.1, 0.012)
+    slow, fast = (Spiral.model_validate(yaml.safe_load("\n".join(spiral_lines(vehicle, v, 1.0)))) for v in (1.0, 2.0))
+    assert fast.turn_rate == pytest.approx(2.0 * slow.turn_rate, rel=0.01)
+    assert slow.excitation.rudder is not None
+    assert fast.excitation.rudder is not None
+    assert fast.excitation.rudder.highest == pytest.approx(2.0 * slow.excitation.rudder.highest, rel=0.01)
+    assert slow.excitation.surge_force is not None
+    assert fast.excitation.surge_force is not None
+    assert fast.excitation.surge_force.amplitude == pytest.approx(4.0 * slow.excitation.surge_force.amplitude, rel=0.01)
+    assert fast.excitation.roll_moment == slow.excitation.roll_moment
+    gentle = Spiral.model_validate(yaml.safe_load("\n".join(spiral_lines(vehicle, 1.0, 0.5))))
+    assert gentle.turn_rate == pytest.approx(0.5 * slow.turn_rate, rel=0.01)
+
+
+def test_the_speed_of_a_shipped_vehicle_is_that_of_its_trim():
+    # Prestero: 1.54 m/s; da Silva et al.: 1.43 m/s.
+    assert cruising_speed(shipped("remus100.yaml")) == pytest.approx(1.54, abs=0.01)
+    assert cruising_speed(shipped("lauv.yaml")) == pytest.approx(1.43, abs=0.001)
