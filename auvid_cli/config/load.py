@@ -173,13 +173,16 @@ def find_experiment(name: str | None) -> Path:
     Raises
     ------
     ConfigError
-        If it is none of these; the message lists the shipped experiments.
+        If it is none of these; the message lists the shipped experiments, or says that the folder has none.
     """
     folder = shipped_configs()
     if name is None:
         return folder / "spiral.yaml"
     within = Path(name) / EXPERIMENT_FILE
-    return within if name and within.is_file() else _file_or_shipped(name, folder, "an experiment")
+    path = within if name and within.is_file() else _file_or_shipped(name, folder, "an experiment")
+    if path.is_dir():
+        raise ConfigError(f"{name}: is a folder without {EXPERIMENT_FILE}; name an experiment file")
+    return path
 
 
 def _file_or_shipped(name: str, folder: Path, what: str) -> Path:

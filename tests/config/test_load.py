@@ -153,7 +153,8 @@ def test_find_experiment(tmp_path, monkeypatch):
     assert find_experiment("zigzag") == configs / "zigzag.yaml"
     assert find_experiment("mine.yaml") == Path("mine.yaml")
     # A folder with an experiment goes before what ships under its name.
-    assert find_experiment(str(tmp_path / "zigzag")) == tmp_path / "zigzag"
+    with pytest.raises(ConfigError, match=r"zigzag: is a folder without experiment\.yaml; name an experiment file$"):
+        find_experiment(str(tmp_path / "zigzag"))
     (tmp_path / "zigzag" / "experiment.yaml").touch()
     assert find_experiment("zigzag") == Path("zigzag/experiment.yaml")
     for name in ("zagzig", "", "none.yaml"):

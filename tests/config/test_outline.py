@@ -48,6 +48,16 @@ def test_nonsense_is_refused_with_its_number(wrong, said):
         outline_of_options(GIVEN | wrong)
 
 
+@given(key=st.sampled_from([*GIVEN, "tail", "speed", "fin_position"]), text=st.text() | st.from_regex(r"-?[\d.]+ ?\w*"))
+def test_any_text_is_taken_or_refused_in_words(key, text):
+    said = "--"
+    try:
+        outline_of_options(GIVEN | {key: text})
+    except ConfigError as error:
+        said = str(error)
+    assert said.startswith(("--", "outline: "))
+
+
 @given(length=st.floats(0.1, 50.0), slenderness=st.floats(3.0, 20.0))
 def test_what_nobody_says_fits_any_hull(length, slenderness):
     diameter = length / slenderness
