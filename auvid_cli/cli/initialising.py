@@ -69,12 +69,17 @@ def _answers(given: Mapping[str, str | int]) -> dict[str, str]:
         If there is none.
     """
     missing = missing_keys(given)
-    if missing and not (sys.stdin.isatty() and sys.stdout.isatty()):
+    if missing and not _is_terminal():
         raise ConfigError(
             f"missing {', '.join(map(option, missing))}; state them, start at a vehicle that ships (--like "
             "remus100), or answer questions on a terminal"
         )
     return {key: _answer(_QUESTIONS[key], units()[key]) for key in missing}
+
+
+def _is_terminal() -> bool:
+    """Say whether somebody sees a question and can answer."""
+    return sys.stdin.isatty() and sys.stdout.isatty()
 
 
 def _answer(question: str, unit: str) -> str:

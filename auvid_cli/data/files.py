@@ -1,14 +1,12 @@
 """Writing files so that nothing half-written ever stands under a final name, and nothing is lost that was read."""
 
 import os
-import shutil
 import stat
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from secrets import token_hex
 
-from auvid_cli.data.temporaries import temporary_in
+from auvid_cli.data.temporaries import remove_abandoned, temporary_folder_in, temporary_in
 from auvid_cli.errors import FileError
 
 _KINDS = {
@@ -82,21 +80,20 @@ def write_folder(folder: Path, texts: Mapping[str, str]) -> None:
     """
     refuse_filled(folder)
     is_there = folder.exists()
-    temporary = (folder if is_there else folder.parent) / f".auvid-{token_hex(8)}"
+    place = folder if is_there else folder.parent
     try:
-        temporary.mkdir(parents=True)
-        for name, text in texts.items():
-            (temporary / name).write_text(text, encoding="utf-8")
-        if is_there:
-            # Somebody may be working in it: it stays the same folder.
-            for name in texts:
-                (temporary / name).rename(folder / name)
-        else:
-            temporary.rename(folder)
+        place.mkdir(parents=True, exist_ok=True)
+        with temporary_folder_in(place) as temporary:
+            for name, text in texts.items():
+                (temporary / name).write_text(text, encoding="utf-8")
+            if is_there:
+                # Somebody may be working in it: it stays the same folder.
+                for name in texts:
+                    (temporary / name).rename(folder / name)
+            else:
+                temporary.rename(folder)
     except OSError as error:
         raise FileError(f"{folder}: cannot be written: {error.strerror or error}") from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def refuse_filled(folder: Path) -> None:
@@ -110,6 +107,8 @@ def refuse_filled(folder: Path) -> None:
     try:
         if not folder.is_dir() and os.path.lexists(folder):
             raise FileError(f"{folder}: exists already, and is no folder; name another place")
+        if folder.is_dir():
+            remove_abandoned(folder)
         if folder.is_dir() and any(folder.iterdir()):
             raise FileError(f"{folder}: exists already, and is not empty; name another place")
     except OSError as error:

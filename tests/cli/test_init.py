@@ -1,8 +1,5 @@
 """`auvid init`, and what can be done with the folder that it makes."""
 
-import os
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from auvid_cli.api.files import read_dataset
+from auvid_cli.cli import initialising
 from auvid_cli.cli.app import app
 from auvid_cli.cli.outline_words import joined
 from auvid_cli.data.dataset import Dataset
@@ -122,33 +120,22 @@ def test_a_number_and_its_unit_may_be_two_words():
     ]
 
 
-def test_what_is_missing_is_asked_for_on_a_terminal(tmp_path):
-    pty = pytest.importorskip("pty")
-    child, screen = pty.fork()
-    if child == 0:
-        os.chdir(tmp_path)
-        os.execv(sys.executable, [sys.executable, "-m", "auvid_cli", "init", "mine", *MINE[:6], "--mass", "60"])
-    shown = b""
-    for asked, answer in ((b"Span", b"wide\n"), (b"Span", b"10 cm\n"), (b"Area", b"-1\n"), (b"Area", b"120 cm^2\n")):
-        shown += until(screen, asked)
-        os.write(screen, answer)
-    shown += until(screen, b"next: auvid run mine")
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-    assert b"expected a length such as '0.2 m'" in shown
-    assert b"must be greater than 0" in shown
+def test_what_is_missing_is_asked_for_on_a_terminal(tmp_path, monkeypatch):
+    monkeypatch.setattr(initialising, "_is_terminal", lambda: True)
+    command = ["init", str(tmp_path / "mine"), *MINE[:6], "--mass", "60"]
+    result = CliRunner().invoke(app, command, input="wide\n10 cm\n-1\n120 cm^2\n", catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    assert result.output.count("Span of one fin from root to tip, e.g. 10 cm:") == 2
+    assert "expected a length such as '0.2 m'" in result.output
+    assert "must be greater than 0" in result.output
     assert {path.name for path in (tmp_path / "mine").iterdir()} == FILES
 
 
-def until(screen: int, wanted: bytes) -> bytes:
-    """What a terminal shows, until it shows that and the end of a question or a line."""
-    shown, deadline = b"", time.monotonic() + 120
-    while wanted not in shown and time.monotonic() < deadline:
-        try:
-            shown += os.read(screen, 4096)
-        except OSError:
-            break
-    assert wanted in shown, shown
-    return shown
+def test_who_does_not_answer_gets_no_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(initialising, "_is_terminal", lambda: True)
+    result = CliRunner().invoke(app, ["init", str(tmp_path / "mine")], input="2 m\n", catch_exceptions=False)
+    assert result.exit_code == 130
+    assert [*tmp_path.iterdir()] == []
 
 
 def test_nobody_to_ask_is_no_traceback(tmp_path):

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from auvid_cli.data.files import keep_apart, replacing, write_folder, write_text
+from auvid_cli.data.temporaries import temporary_folder_in
 from auvid_cli.errors import FileError
 
 KILLED = """
@@ -18,6 +19,15 @@ from pathlib import Path
 from auvid_cli.data.files import replacing
 with replacing(Path(sys.argv[1])) as temporary:
     temporary.write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+KILLED_WITH_A_FOLDER = """
+import os, signal, sys
+from pathlib import Path
+from auvid_cli.data.temporaries import temporary_folder_in
+with temporary_folder_in(Path(sys.argv[1])) as temporary:
+    (temporary / "half").write_text("half")
     os.kill(os.getpid(), signal.SIGKILL)
 """
 
@@ -139,6 +149,24 @@ def test_a_new_folder_takes_no_place_where_something_stands(stands, tmp_path):
     with pytest.raises(FileError, match=r"exists already, and is n(o folder|ot empty); name another place"):
         write_folder(place, {"x.txt": "1"})
     assert names(tmp_path) == before
+
+
+def test_what_is_left_of_a_folder_by_a_killed_writer_is_no_hindrance(tmp_path):
+    for place, folder in ((tmp_path, tmp_path / "a"), (tmp_path / "b", tmp_path / "b")):
+        place.mkdir(exist_ok=True)
+        subprocess.run([sys.executable, "-c", KILLED_WITH_A_FOLDER, place], check=False)
+        assert len(names(place)) == 1
+        write_folder(folder, {"x.txt": "1"})
+        assert names(folder) == {"x.txt"}
+        assert names(place) == {"a"} if place == tmp_path else {"x.txt"}
+
+
+def test_a_folder_that_is_being_written_is_left_to_its_writer(tmp_path):
+    with temporary_folder_in(tmp_path) as other:
+        write_folder(tmp_path / "a", {"x.txt": "1"})
+        write_text(tmp_path / "b.txt", "b")
+        assert other.is_dir()
+    assert names(tmp_path) == {"a", "b.txt"}
 
 
 def test_of_a_folder_that_cannot_be_written_nothing_is_left(tmp_path):

@@ -10,14 +10,23 @@ from auvid_cli.config.log_map import load_map
 from auvid_cli.config.outline import outline_of_options
 from auvid_cli.data.files import write_folder
 from auvid_cli.errors import ConfigError
+from auvid_cli.start import first_spiral
 from auvid_cli.start.first_folder import folder_like, folder_of_outline
 from auvid_cli.start.sanity import sanity_notes, sanity_rows
 
 OUTLINE = {"length": 2, "diameter": 0.2, "mass": 60, "fin_span": 0.1, "fin_area": 0.012}
 
 
+@pytest.fixture(scope="module", autouse=True)
+def short():
+    """Spirals of a minute: here it does not matter for how long they are survived."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(first_spiral, "_SHORTEST", 60.0)
+        yield
+
+
 @pytest.fixture(scope="module")
-def mine():
+def mine(short):
     return folder_of_outline(Path("mine"), outline_of_options(OUTLINE))
 
 

@@ -49,7 +49,8 @@ def test_a_shipped_vehicle_survives_it_at_the_speed_of_its_thrust(vehicle_file):
     assert first_spiral(vehicle, speed).vigour == 1.0
 
 
-def test_a_vehicle_that_turns_too_fast_gets_less_of_it():
+def test_a_vehicle_that_turns_too_fast_gets_less_of_it(monkeypatch):
+    monkeypatch.setattr("auvid_cli.start.first_spiral._SHORTEST", 60.0)
     vehicle = outlined(1, 0.2, 22, 0.08, 0.006)
     assert 0.0 < first_spiral(vehicle, 3.0).vigour < 1.0
     with pytest.raises(
