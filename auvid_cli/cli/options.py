@@ -13,7 +13,7 @@ ExperimentArgument = Annotated[
     str | None,
     typer.Argument(
         metavar="EXPERIMENT",
-        help="Experiment file, or the name of one that ships with auvid. Default: the spiral.",
+        help="Experiment file, folder with an experiment.yaml, or the name of one that ships. Default: the spiral.",
         autocompletion=complete_experiment,
         show_default=False,
     ),

@@ -44,7 +44,7 @@ def suggest(logs: Sequence[Log], folder: Path) -> str:
         [
             Comment("A map suggested by auvid: look at every line with `check:`, replace every null with `required:`."),
             YamlEntry("name", next(iter(names))),
-            YamlEntry("vehicle", _vehicle(), "or the path of a vehicle file"),
+            YamlEntry("vehicle", _vehicle(), "or the path of a vehicle file, such as `auvid init` writes"),
             YamlEntry("logs", files),
             YamlEntry("sensors", list(sensor_lines(names, sensors, judged))),
             YamlEntry("inputs", list(input_lines(names, inputs, judged))),
