@@ -171,5 +171,10 @@ class GeometrySettings(Settings):
         centre = hull.centre if self.centre_of_buoyancy is None else self.centre_of_buoyancy
         if centre > hull.length:
             raise ValueError(f"centre_of_buoyancy is {centre:g} m, and the hull {hull.length:g} m long")
+        if self.fins.position <= centre:
+            raise ValueError(
+                f"fins.position is {self.fins.position:g} m, ahead of the centre of buoyancy at {centre:.4g} m: "
+                "only fins at the tail have formulas"
+            )
         appendages = tuple(Appendage(each.area, each.drag_coefficient) for each in self.appendages)
         return Geometry(hull, self.fins.fins(hull), centre, appendages, density)

@@ -176,14 +176,16 @@ def _damping(geometry: Geometry, speed: float) -> Iterator[_Derived]:
 def _lift(geometry: Geometry) -> Iterator[_Derived]:
     of_hull, of_fins, x = hull_lift(geometry), geometry.fins.per_plane * fin_lift(geometry), geometry.fin_x
     force, moment = 0.7 * (of_hull.force + of_fins), 0.6 * (of_hull.moment + x * of_fins)
+    # As moments may cancel, of their sizes.
+    unsure = 0.8 * 0.6 * (abs(of_hull.moment) + abs(x * of_fins))
     yield _share("Y_url", -x * of_fins, 0.8, _RATE)
     yield _share("Y_uvl", -force, 0.4, _LIFT)
     yield _share("Z_uql", x * of_fins, 0.8, _RATE)
     yield _share("Z_uwl", -force, 0.4, _LIFT)
     yield _share("M_uql", -(x**2) * of_fins, 0.8, _RATE)
-    yield _share("M_uwl", moment, 0.8, _LIFT_MOMENT)
+    yield _Derived("M_uwl", moment, unsure, _LIFT_MOMENT)
     yield _share("N_url", -(x**2) * of_fins, 0.8, _RATE)
-    yield _share("N_uvl", -moment, 0.8, _LIFT_MOMENT)
+    yield _Derived("N_uvl", -moment, unsure, _LIFT_MOMENT)
 
 
 def _control(geometry: Geometry) -> Iterator[_Derived]:

@@ -61,6 +61,7 @@ def test_a_hull_may_be_a_table(text):
             "less than nose",
         ),
         ("fins.position=3 m", "fins.position is 3 m, and the hull 2.194 m long"),
+        ("fins.position=0.8 m", "fins.position is 0.8 m, ahead of the centre of buoyancy at 1.027 m"),
         ("fins.area=66 cm", "a quantity such as '0.1 m^2'"),
         ("fins.tail=y", "expected '+' or 'x', got 'y'"),
         ("fins={position: 2, span: 0.1, area: 0.01, number: 3, tail: x}", "a tail like an x has 4 fins, got 3"),
