@@ -12,7 +12,7 @@ from docs.make_field import TUTORIAL, fill_in, settings
 
 # What the page promises of each command's exit code, and how much less of the data is used here.
 JUDGED = {"inspect": 1, "identify": 1, "validate": 1}
-SHORTER = {"simulate field": "simulate field --set 'manoeuvre.duration=95 s'", "321:": "51:"}
+SHORTER = {"simulate field": "simulate field --set 'manoeuvre.duration=115 s'", "321:": "71:"}
 
 
 def test_the_commands_of_the_tutorial_lead_from_logs_to_a_prediction(
@@ -25,7 +25,7 @@ def test_the_commands_of_the_tutorial_lead_from_logs_to_a_prediction(
     Path("lateral.yaml").write_text(lateral, encoding="utf-8")
     for command in commands:
         name = command.split()[1]
-        shorter = command.replace("0:320", "0:5" if name == "tune" else "0:50")
+        shorter = command.replace("0:320", "0:5" if name == "tune" else "0:70")
         for long, short in SHORTER.items():
             shorter = shorter.replace(long, short)
         result = CliRunner().invoke(app, shlex.split(shorter)[1:])

@@ -4,11 +4,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from auvid_cli.api.argument_types import typed
 from auvid_cli.config.load import parse_drawing
 from auvid_cli.data.files import write_text
 from auvid_cli.export.derived_vehicle import derived_vehicle_yaml
 
 
+@typed
 def vehicle_from_geometry(
     name: str,
     mass: float | str,

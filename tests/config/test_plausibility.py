@@ -31,7 +31,6 @@ def test_nothing_is_doubtful_about_a_vehicle_that_ships(vehicle_file, experiment
         ("parameters.W=47.556", {"W", "B"}),
         ("parameters.B=600", {"B"}),
         ("size.diameter=1.753", {"B", "Ixx", "the geometry's hull", "the geometry's length"}),
-        ("size.length=21.94", {"B", "Iyy", "Izz", "the geometry's hull", "the geometry's length"}),
         ("parameters.Ixx=187.1", {"Ixx", "the inertia"}),
         ("parameters.Iyy=0.0151", {"Iyy", "the inertia"}),
         ("parameters.Izz=30", {"the inertia"}),
@@ -45,6 +44,12 @@ def test_nothing_is_doubtful_about_a_vehicle_that_ships(vehicle_file, experiment
 )
 def test_a_wrong_sign_or_unit_is_doubtful(doubts, change, subjects):
     assert set(doubts(change)) == subjects
+
+
+def test_a_length_in_another_unit_is_refused_for_its_fins_and_doubtful_without_a_drawing(doubts):
+    with pytest.raises(ConfigError, match="ahead of the centre of buoyancy"):
+        doubts("size.length=21.94")
+    assert set(doubts("size.length=21.94", "geometry=null")) == {"B", "Iyy", "Izz"}
 
 
 def test_a_doubt_says_what_is_stated_and_what_is_expected(doubts):
