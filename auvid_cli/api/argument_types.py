@@ -49,6 +49,8 @@ def _is_of(value: Any, stated: Any) -> bool:
     kind, inner = get_origin(stated), get_args(stated)
     if kind in (Union, UnionType):
         return any(_is_of(value, each) for each in inner)
+    if stated is Any:
+        return True
     if stated is float:
         return isinstance(value, Real) and not isinstance(value, bool)
     if kind is tuple:
