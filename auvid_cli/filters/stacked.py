@@ -1,5 +1,7 @@
 """Measurements that a filter with a covariance takes in at once."""
 
+from math import pi
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf  # pyright: ignore[reportAttributeAccessIssue]
@@ -24,8 +26,8 @@ class Stack:
 
     Attributes
     ----------
-    width : int
-        Most components of a sensor.
+    width, size : int
+        Most components of a sensor, and how many measurements there are.
     sensors, measurements : list of int
         Sensors that say anything, and the places of their measurements in the stack.
     begins : ndarray of int
@@ -38,7 +40,7 @@ class Stack:
     """
 
     def __init__(self, sensors: Sensors, kinds: tuple[Kind, ...]) -> None:
-        self.width = width = sensors.variance.shape[1]
+        self.width, self.size = width, _ = sensors.variance.shape[1], len(kinds)
         present = [(k, c) for k, (_, missing) in enumerate(kinds) for c in range(width) if not missing >> c & 1]
         of_measurement = np.array([k for k, _ in present], dtype=np.int64)
         self.measurements = np.unique(of_measurement).tolist()
@@ -52,16 +54,23 @@ class Stack:
         self.nonlinear = any(sensors.nonlinear[sensor] for sensor in self.sensors)
         self.matrix = sensors.matrix[rows]
         self.noise = np.diag(sensors.variance[rows])
-        self._angular = sensors.angular[rows] if sensors.angular[rows].any() else None
+        self._angular = np.flatnonzero(sensors.angular[rows]).tolist()
+
+    def derivative(self, state: Array) -> Array:
+        """Return the measurement matrix of linear sensors, whatever the state is."""
+        return self.matrix
 
     def residual(self, measurement: Array, predicted: Array) -> Array:
         """Subtract the components present, angles wrapped to [-pi, pi)."""
         difference = measurement - predicted
-        if self._angular is None:
-            return difference
-        return np.where(self._angular, wrap(difference), difference)
+        for component in self._angular:
+            angle = difference.item(component)
+            # Wrapping is a dozen times as slow as seeing that there is nothing to wrap.
+            if not -pi <= angle < pi:
+                difference[component] = wrap(angle)
+        return difference
 
-    def one_by_one(self, innovation: Array, covariance: Array, inverse: Array) -> tuple[Array, Array, Array]:
+    def one_by_one(self, innovation: Array, covariance: Array) -> tuple[Array, Array, Array]:
         """Find what the innovations would have been, had the measurements been used one after the other.
 
         With the factor L of their covariance, L^-1 y is white, and its part of a measurement is what this says beyond
@@ -69,28 +78,30 @@ class Stack:
 
         Parameters
         ----------
-        innovation : ndarray, shape (m,)
-        covariance, inverse : ndarray, shape (m, m)
-            Of the innovation.
+        innovation : ndarray, shape (k, m)
+            At k times.
+        covariance : ndarray, shape (k, m, m)
+            Of each.
 
         Returns
         -------
-        innovation, variance : ndarray, shape (m,)
-        nis : ndarray
-            Normalised innovation squared of each of `sensors`.
+        innovation, variance : ndarray, shape (k, m)
+        nis : ndarray, shape (k, n)
+            Normalised innovation squared of each of the n `sensors`.
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            If the covariance is not positive definite.
+            If a covariance is not positive definite.
         """
-        # LAPACK's own Cholesky: what NumPy wraps around it takes several times as long as nine rows do.
-        factor, failed = dpotrf(covariance, lower=True, clean=True)
-        if failed:
-            raise np.linalg.LinAlgError("the innovation covariance is not positive definite")
-        white = factor.T @ (inverse @ innovation)
+        factor = np.linalg.cholesky(covariance)
+        white = np.zeros_like(innovation)
+        for i in range(innovation.shape[1]):
+            explained = np.einsum("kj,kj->k", factor[:, i, :i], white[:, :i])
+            white[:, i] = (innovation[:, i] - explained) / factor[:, i, i]
         alone = factor * self._same_measurement
-        return alone @ white, np.einsum("ij,ij->i", alone, alone), np.add.reduceat(white**2, self.begins)
+        variance = np.einsum("kij,kij->ki", alone, alone)
+        return np.einsum("kij,kj->ki", alone, white), variance, np.add.reduceat(white**2, self.begins, axis=1)
 
     def first_broken(self, innovation: Array, covariance: Array) -> int:
         """Find the first of `sensors` up to which innovations are not finite or not definite; else the last."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from auvid_cli.filters import extended
 from auvid_cli.filters.extended import run_extended_filter
 from auvid_cli.filters.point_sets import cubature, transformed, unscented
 from auvid_cli.filters.problem import OK, PREDICTION, Gaussian
@@ -118,6 +119,25 @@ def test_a_measurement_that_breaks_the_state_is_reported_with_its_sensor(filter_
     assert np.isfinite(history.records.mean[:event]).all()
     assert np.isnan(history.records.mean[event:]).all()
     assert_allclose(history.covariance, run(filter_kind, until(linear_problem, event)).covariance, rtol=1e-12)
+
+
+@pytest.mark.parametrize("together", [1, 7])
+@pytest.mark.parametrize("broken", [False, True])
+def test_how_many_events_the_extended_filter_judges_together_changes_nothing(
+    together, broken, linear_problem, run, monkeypatch
+):
+    if broken:
+        measurement = linear_problem.timeline.measurement.copy()
+        measurement[linear_problem.timeline.measurement_offset[20]] = np.inf
+        linear_problem = with_timeline(linear_problem, measurement=measurement)
+    whole = run("ekf", linear_problem)
+    monkeypatch.setattr(extended, "_BLOCK", together)
+    parts = run("ekf", linear_problem)
+    assert (parts.n_good, parts.failure) == (whole.n_good, whole.failure)
+    assert (whole.failure != OK) == broken
+    assert np.array_equal(parts.covariance, whole.covariance)
+    for a, b in zip(whole.records[:-1], parts.records[:-1], strict=True):
+        assert_allclose(a, b, rtol=1e-12)
 
 
 @pytest.mark.parametrize("turns", [-3, 1, 2])
