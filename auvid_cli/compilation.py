@@ -26,6 +26,12 @@ for module in sys.argv[1:]:
 """
 
 
+def _without_aliases(flags: Any) -> Any:
+    """Have a function compiled for arrays that share nothing which it writes; numba has no option for it."""
+    flags.noalias = True
+    return flags
+
+
 def compiled(
     signature: Any, *, reassociate: bool = False, inline: bool = False, internal: bool = False
 ) -> Callable[[Callable], Any]:
@@ -45,6 +51,10 @@ def compiled(
 
     Notes
     -----
+    What a function writes to one array it must not read or write through another: arguments may not overlap there. The
+    compiler counts on it, so that nothing has to be looked up again after every store; who hands over the same numbers
+    twice gets any result. Parts of one array that do not overlap are fine, and so is what is only read.
+
     Compiled functions release the interpreter lock, and division by zero yields infinity, as in NumPy. They make no
     arrays but slices of their arguments, which then carry no reference count: its atomic increments were an eighth of
     a filter's time, and what makes and assigns whole arrays takes long to compile.
@@ -67,6 +77,7 @@ def compiled(
             return function
         # Its own cache would run whatever stands in the files; this and the rest is what `njit` does itself.
         dispatcher._cache = CodeCache(function)
+        dispatcher._compiler._customize_flags = _without_aliases
         with register_dispatcher(dispatcher):
             dispatcher.compile(signature)
         dispatcher.disable_compile()

@@ -10,6 +10,7 @@ from auvid_cli.compilation import compiled
 
 # Rows of a factor are padded with zeros to whole tiles, and worked on from a tile's edge on.
 TILE = 16
+_0, _1, _2, _3, _4, _TILE = (np.uint64(number) for number in (0, 1, 2, 3, 4, TILE))
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
@@ -46,27 +47,24 @@ def triangularise(rows, n, lower):
     return True
 
 
-@compiled(
-    types.float64(_matrix, types.int64, types.int64, types.float64, _vector, _vector, _vector),
-    reassociate=True,
-)
+@compiled(types.float64(_matrix, types.int64, _vector, types.float64, *[_vector] * 3), reassociate=True)
 def carlson_update(columns, n, measured, variance, gain, ratio, share):
-    """Condition a factor, and whatever rides along with it, on one of its rows measured with noise.
+    """Condition a factor, and whatever rides along with it, on a combination of its rows measured with noise.
 
     Parameters
     ----------
-    columns : ndarray, shape (at least n rounded up to even, width)
+    columns : ndarray, shape (at least n rounded up to a multiple of four, width)
         Row j holds column j of the lower-triangular factor S, then, from n on, entry j of further rows that
         depend on the state linearly. Zero elsewhere; width is a multiple of `TILE`. Updated in place.
     n : int
         Dimension of the state.
-    measured : int
-        Which row of the factor, as an index along `width`.
+    measured : ndarray, shape (at least n rounded up to a multiple of four,)
+        The combination in the basis of the factor: with h the row of the measurement matrix, ``h S``. Zero from n on.
     variance : float
         Of the measurement noise.
     gain : ndarray, shape (width,)
         Filled with the covariance of every row with the measured one; divide by the returned value.
-    ratio, share : ndarray, shape (at least n rounded up to even, )
+    ratio, share : ndarray, shape (one more than `measured` needs,)
         Overwritten.
 
     Returns
@@ -78,40 +76,41 @@ def carlson_update(columns, n, measured, variance, gain, ratio, share):
     -----
     With f the measured row, ``I - f f' / (variance + f' f)`` has the lower-triangular root L with, for
     ``a_j = variance + sum_{k >= j} f_k^2``, ``L_jj = sqrt(a_{j+1} / a_j)`` and ``L_ij = -f_i f_j / sqrt(a_j
-    a_{j+1})``; S L is built column by column from the last (Carlson, AIAA J. 11(9), 1973). Two columns at a
-    time load and store the gain half as often; a padding column of zeros makes their number even.
+    a_{j+1})``; S L is built column by column from the last (Carlson, AIAA J. 11(9), 1973). Four columns at a
+    time load and store the gain a quarter as often; padding columns of zeros fill up the last four. Indices are
+    unsigned, so that none is looked at for counting from the end.
     """
-    width = columns.shape[1]
-    n_even = n + n % 2
+    width, last = np.uint64(columns.shape[1]), (np.uint64(n) + _3) // _4 * _4
+    factor = columns.reshape(-1)
     total = variance
-    for j in range(n_even):
-        share[j] = columns[j, measured]
-    for step in range(n_even):
-        j = n_even - 1 - step
-        total += share[j] * share[j]
+    ratio[last] = variance
+    for step in range(last):
+        j = last - _1 - step
+        total += measured[j] * measured[j]
         ratio[j] = total
-    for j in range(n_even):
-        ratio[j] = np.sqrt(ratio[j])
-    last = np.sqrt(variance)
-    share[n_even - 1] /= ratio[n_even - 1] * last
-    for j in range(n_even - 1):
-        share[j] /= ratio[j] * ratio[j + 1]
-    for j in range(n_even - 1):
-        ratio[j] = ratio[j + 1] / ratio[j]
-    ratio[n_even - 1] = last / ratio[n_even - 1]
+    for j in range(last):
+        root = 1.0 / np.sqrt(ratio[j] * ratio[j + _1])
+        share[j] = measured[j] * root
+        ratio[j] = ratio[j + _1] * root
 
     for i in range(width):
         gain[i] = 0.0
-    for step in range(0, n_even, 2):
-        j = n_even - 1 - step
-        f0, keep0, give0 = columns[j, measured], ratio[j], share[j]
-        f1, keep1, give1 = columns[j - 1, measured], ratio[j - 1], share[j - 1]
-        edge = (j - 1) // TILE * TILE
-        column0, column1, covariance = columns[j][edge:], columns[j - 1][edge:], gain[edge:]
-        for i in range(width - edge):
-            old0, old1, g = column0[i], column1[i], covariance[i]
-            column0[i] = keep0 * old0 - give0 * g
-            g += f0 * old0
-            column1[i] = keep1 * old1 - give1 * g
-            covariance[i] = g + f1 * old1
+    for step in range(_0, last, _4):
+        j = last - _4 - step
+        f0, f1, f2, f3 = measured[j], measured[j + _1], measured[j + _2], measured[j + _3]
+        keep0, keep1, keep2, keep3 = ratio[j], ratio[j + _1], ratio[j + _2], ratio[j + _3]
+        give0, give1, give2, give3 = share[j], share[j + _1], share[j + _2], share[j + _3]
+        column0 = j * width
+        column1, column2, column3 = column0 + width, column0 + _2 * width, column0 + _3 * width
+        for i in range(j // _TILE * _TILE, width):
+            old0, old1, old2, old3 = factor[column0 + i], factor[column1 + i], factor[column2 + i], factor[column3 + i]
+            g = gain[i]
+            factor[column3 + i] = keep3 * old3 - give3 * g
+            g += f3 * old3
+            factor[column2 + i] = keep2 * old2 - give2 * g
+            g += f2 * old2
+            factor[column1 + i] = keep1 * old1 - give1 * g
+            g += f1 * old1
+            factor[column0 + i] = keep0 * old0 - give0 * g
+            gain[i] = g + f0 * old0
     return total

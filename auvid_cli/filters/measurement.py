@@ -1,10 +1,9 @@
 """Measurement update of the square-root filter, for linear and nonlinear sensors alike.
 
-The predicted measurement rides along with the state as further rows of the factor: what one component says
-changes the prediction of the next as it changes the state. A linear sensor's rows are combinations of the
-state's. A nonlinear sensor's are the odd part of what it makes of the sigma points; the even part adds to its
-noise and correlates the components, which a triangular factor takes apart again. Then every sensor is
-applied one scalar at a time.
+Every component is a combination of rows of the factor. A linear sensor's are those of the state. A nonlinear sensor's
+ride along with the state as further rows: what one component says changes the prediction of the next as it changes the
+state. They are the odd part of what it makes of the sigma points; the even part adds to its noise and correlates the
+components, which a triangular factor takes apart again. Then every sensor is applied one scalar at a time.
 """
 
 import numpy as np
@@ -16,7 +15,7 @@ from auvid_cli.filters.basis import blocks_and_lanes
 from auvid_cli.filters.factor import carlson_update, triangularise
 from auvid_cli.filters.problem import RECORDS, TIMELINE
 from auvid_cli.filters.sigma_points import collect_points, draw_points
-from auvid_cli.filters.square_root_state import MODEL, STATE
+from auvid_cli.filters.square_root_state import COMPONENTS, MODEL, STATE
 from auvid_cli.filters.workspace import WORKSPACE
 from auvid_cli.lanes import LANES
 
@@ -32,20 +31,25 @@ def wrapped(difference, angular):
     return _wrap(difference) if angular else difference
 
 
-@compiled(types.void(_vector, STATE, types.int64), reassociate=True, inline=True)
-def predict_linearly(row, state, place):
-    """Put a combination of the state's rows at `place` of mean and factor."""
-    mean, columns = state.mean, state.columns
-    predicted = 0.0
-    for j in range(state.n):
-        columns[j, place] = 0.0
-    for i in range(state.n):
-        h = row[i]
-        if h != 0.0:
-            predicted += h * mean[i]
-            for j in range(i + 1):
-                columns[j, place] += h * columns[j, i]
-    mean[place] = predicted
+@compiled(types.void(COMPONENTS, types.int64, STATE, _vector), reassociate=True, inline=True)
+def gather(components, which, state, measured):
+    """Fill in the row of a component in the basis of the factor; `which` counts the components of all sensors."""
+    n, columns = state.n, state.columns
+    for j in range(measured.size):
+        measured[j] = 0.0
+    for entry in range(components.begin[which], components.begin[which + 1]):
+        place, weight = components.place[entry], components.weight[entry]
+        for j in range(n):
+            measured[j] += weight * columns[j, place]
+
+
+@compiled(types.float64(COMPONENTS, types.int64, _vector), inline=True)
+def combined(components, which, values):
+    """Add up values of the rows of the factor to that of a component."""
+    total = 0.0
+    for entry in range(components.begin[which], components.begin[which + 1]):
+        total += components.weight[entry] * values[components.place[entry]]
+    return total
 
 
 @compiled(types.void(MODEL, STATE, TIMELINE, types.int64, types.int64, WORKSPACE), reassociate=True, internal=True)
@@ -77,12 +81,12 @@ def predict_nonlinearly(model, state, timeline, event, sensor, work):
     types.int64(MODEL, STATE, TIMELINE, types.int64, types.int64, RECORDS, WORKSPACE), reassociate=True, inline=True
 )
 def select(model, state, timeline, event, k, records, work):
-    """Predict the components of a measurement that are present and within the gate, one behind the other.
+    """Predict a measurement, and select the components that are present and within the gate.
 
-    ``work.error`` and ``work.noise`` get their innovations and the variances of their noise; returns how many they
-    are. Parameters as of `update`.
+    ``work.component`` says which they are, ``work.error`` and ``work.noise`` get their innovations and the variances of
+    their noise; returns how many they are. Parameters as of `update`.
     """
-    n, mean, columns, m, sensors = state.n, state.mean, state.columns, model.basis.present.size, model.data.sensors
+    components, m, sensors, measured = model.components, model.basis.present.size, model.data.sensors, work.measured
     measurement, sensor = timeline.measurement[k], timeline.measurement_sensor[k]
     innovation, variance = records.innovation[k], records.innovation_variance[k]
     nonlinear = sensors.nonlinear[sensor]
@@ -94,27 +98,25 @@ def select(model, state, timeline, event, k, records, work):
         variance[c] = np.nan
         if np.isnan(measurement[c]):
             continue
-        s, noise = n_present, sensors.variance[sensor, c]
+        s, which, noise = n_present, sensor * measurement.size + c, sensors.variance[sensor, c]
+        gather(components, which, state, measured)
         total = noise
+        for j in range(m):
+            total += measured[j] * measured[j]
         if nonlinear:
-            mean[n + s] = mean[n + c]
-            for j in range(n):
-                columns[j, n + s] = columns[j, n + c]
             for i in range(m + 1):
                 even = work.spread[c, i]
                 work.spread[s, i] = even
                 total += even * even
             for i in range(measurement.size):
                 work.spread[s, m + 1 + i] = np.sqrt(noise) if i == s else 0.0
-        else:
-            predict_linearly(sensors.matrix[sensor, c], state, n + s)
-        for j in range(n):
-            total += columns[j, n + s] * columns[j, n + s]
-        innovation[c] = wrapped(measurement[c] - mean[n + s], sensors.angular[sensor, c])
+        difference = measurement[c] - combined(components, which, state.mean)
+        innovation[c] = wrapped(difference, sensors.angular[sensor, c])
         if innovation[c] ** 2 > sensors.gate * total:
             continue
         n_present += 1
         variance[c] = total
+        work.component[s] = c
         work.error[s] = innovation[c]
         work.noise[s] = noise
     return n_present
@@ -127,7 +129,7 @@ def decorrelate(state, n_present, work):
     With ``L L'`` the covariance of the noise in ``work.spread``, the combinations are the rows of the inverse
     of L scaled to a unit diagonal. False if it has no factor.
     """
-    n, columns, lower = state.n, state.columns, work.lower
+    n, columns, lower, component = state.n, state.columns, work.lower, work.component
     if not triangularise(work.spread, n_present, lower):
         return False
     for s in range(n_present):
@@ -135,27 +137,29 @@ def decorrelate(state, n_present, work):
             share = lower[s, b] / lower[b, b]
             work.error[s] -= share * work.error[b]
             for j in range(n):
-                columns[j, n + s] -= share * columns[j, n + b]
+                columns[j, n + component[s]] -= share * columns[j, n + component[b]]
         work.noise[s] = lower[s, s] ** 2
     return True
 
 
-@compiled(types.float64(STATE, types.int64, WORKSPACE), reassociate=True, inline=True)
-def condition(state, n_present, work):
-    """Condition on components with independent noise, one after the other; returns the sum of their NIS."""
-    n, mean, columns = state.n, state.mean, state.columns
-    width = columns.shape[1]
-    for s in range(n_present):
-        # The riding mean is minus the innovation, so that the update below carries that on too.
-        mean[n + s] = -work.error[s]
+@compiled(types.float64(COMPONENTS, types.int64, STATE, types.int64, WORKSPACE), reassociate=True, inline=True)
+def condition(components, first, state, n_present, work):
+    """Condition on components with independent noise, one after the other; returns the sum of their NIS.
+
+    `first` is the sensor's first component among those of all sensors.
+    """
+    n, mean, columns, gain, measured = state.n, state.mean, state.columns, work.gain, work.measured
     nis = 0.0
     for s in range(n_present):
-        error = -mean[n + s]
-        total = carlson_update(columns, n, n + s, work.noise[s], work.gain, work.ratio, work.share)
-        nis += error * error / total
-        step = error / total
-        for i in range(width):
-            mean[i] += work.gain[i] * step
+        gather(components, first + work.component[s], state, measured)
+        total = carlson_update(columns, n, measured, work.noise[s], gain, work.ratio, work.share)
+        step = work.error[s] / total
+        nis += work.error[s] * step
+        for i in range(gain.size):
+            mean[i] += gain[i] * step
+        # The innovations of the others move with the state, and are carried on rather than subtracted anew.
+        for other in range(s + 1, n_present):
+            work.error[other] -= combined(components, first + work.component[other], gain) * step
     return nis
 
 
@@ -185,6 +189,7 @@ def update(model, state, timeline, event, k, records, work):
         Normalised innovation squared of the whole measurement; NaN or negative where the update failed.
     """
     n_present = select(model, state, timeline, event, k, records, work)
-    if model.data.sensors.nonlinear[timeline.measurement_sensor[k]] and not decorrelate(state, n_present, work):
+    sensor = timeline.measurement_sensor[k]
+    if model.data.sensors.nonlinear[sensor] and not decorrelate(state, n_present, work):
         return np.nan
-    return condition(state, n_present, work)
+    return condition(model.components, sensor * timeline.measurement.shape[1], state, n_present, work)

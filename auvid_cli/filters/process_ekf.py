@@ -44,7 +44,7 @@ class ProcessEkf(ExtendedKalmanFilter):
         self._inputs = inputs
 
     def start_from(self, mean: Array, covariance: Array) -> None:
-        """Forget all that came after a state."""
+        """Go back to a state, as if nothing had come after it."""
         self.x, self.P = mean.copy(), covariance
         self.x_prior, self.P_prior = mean, covariance
 

@@ -16,33 +16,35 @@ from auvid_cli.filters.square_root_state import STATE
 from auvid_cli.filters.workspace import WORKSPACE
 from auvid_cli.lanes import LANES
 
-_ROW = np.uint64(PAIRS)
+_0, _1, _2, _3, _4, _ROW = (np.uint64(number) for number in (0, 1, 2, 3, 4, PAIRS))
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
 
-@compiled(
-    types.void(_vector, types.int64, types.int64, types.int64, types.int64, _vector, _vector),
-    reassociate=True,
-    inline=True,
-)
-def two_products(left, first, second, stride, n_terms, right, out):
-    """Fill `out` with two rows of a matrix product, each `PAIRS` long: ``sum_j left_j right_j``.
+@compiled(types.void(_vector, *[types.uint64] * 4, _vector, _vector), reassociate=True, inline=True)
+def four_products(left, first, across, along, n_terms, right, out):
+    """Fill `out` with four rows of a matrix product, each `PAIRS` long: ``sum_j left_j right_j``.
 
-    Two rows and four terms at a time load and store half as often as one by one; `n_terms` is rounded up to a
-    multiple of four. The rows of `left` begin at `first` and `second`, their terms lie `stride` apart.
+    Four rows and four terms at a time load and store a quarter as often as one by one; `n_terms` is rounded up to a
+    multiple of four. The rows of `left` begin `across` apart, from `first` on; their terms lie `along` apart.
     """
-    for k in range(2 * PAIRS):
+    for k in range(np.uint64(4 * PAIRS)):
         out[k] = 0.0
-    for j in range(0, n_terms, 4):
-        a, b = first + j * stride, second + j * stride
-        a0, a1, a2, a3 = left[a], left[a + stride], left[a + 2 * stride], left[a + 3 * stride]
-        b0, b1, b2, b3 = left[b], left[b + stride], left[b + 2 * stride], left[b + 3 * stride]
-        terms = right[j * PAIRS : (j + 4) * PAIRS]
+    for j in range(_0, n_terms, _4):
+        a = first + j * along
+        b, c, d = a + across, a + _2 * across, a + _3 * across
+        a0, a1, a2, a3 = left[a], left[a + along], left[a + _2 * along], left[a + _3 * along]
+        b0, b1, b2, b3 = left[b], left[b + along], left[b + _2 * along], left[b + _3 * along]
+        c0, c1, c2, c3 = left[c], left[c + along], left[c + _2 * along], left[c + _3 * along]
+        d0, d1, d2, d3 = left[d], left[d + along], left[d + _2 * along], left[d + _3 * along]
+        terms = j * _ROW
         for k in range(_ROW):
-            t0, t1, t2, t3 = terms[k], terms[k + _ROW], terms[k + 2 * _ROW], terms[k + 3 * _ROW]
+            t = terms + k
+            t0, t1, t2, t3 = right[t], right[t + _ROW], right[t + _2 * _ROW], right[t + _3 * _ROW]
             out[k] += a0 * t0 + a1 * t1 + a2 * t2 + a3 * t3
             out[k + _ROW] += b0 * t0 + b1 * t1 + b2 * t2 + b3 * t3
+            out[k + _2 * _ROW] += c0 * t0 + c1 * t1 + c2 * t2 + c3 * t3
+            out[k + _3 * _ROW] += d0 * t0 + d1 * t1 + d2 * t2 + d3 * t3
 
 
 @compiled(types.void(BASIS, STATE, types.int64, WORKSPACE), reassociate=True, inline=True)
@@ -59,9 +61,10 @@ def draw_points(basis, state, n_moving, work):
     for i in range(n):
         points[n_tiles, (i - n_parameters if i >= n_parameters else i + n_moving) * LANES] = mean[i]
     for tile in range(n_tiles):
-        for i in range(0, n, 2):
-            two_products(factor, i, i + 1, width, i + 2, basis.directions[tile], scratch)
-            for r in range(min(2, n - i)):
+        for i in range(0, n, 4):
+            first, n_terms = np.uint64(i), np.uint64(i + 4)
+            four_products(factor, first, _1, np.uint64(width), n_terms, basis.directions[tile], scratch)
+            for r in range(min(4, n - i)):
                 lane = i + r - n_parameters if i + r >= n_parameters else i + r + n_moving
                 row = points[tile, lane * LANES : (lane + 1) * LANES]
                 deviation = scratch[r * PAIRS : (r + 1) * PAIRS]
@@ -127,10 +130,11 @@ def collect_points(images, basis, n_images, first_even, image_mean, work):
         image_mean[i] = centre if basis.centred else centre + shift
         spread[i, first_even + m] = 0.0 if basis.centred else np.sqrt(basis.curvature) * shift
     differences = odd.reshape(-1)
-    for i in range(0, n_images, 2):
+    row = np.uint64(m)
+    for i in range(0, n_images, 4):
         for tile in range(n_tiles):
-            two_products(differences, i * m, (i + 1) * m, 1, m, basis.transposed[tile], scratch)
-            for r in range(2):
+            four_products(differences, np.uint64(i) * row, row, _1, row, basis.transposed[tile], scratch)
+            for r in range(4):
                 target = regression[i + r, tile * PAIRS : (tile + 1) * PAIRS]
                 source = scratch[r * PAIRS : (r + 1) * PAIRS]
                 for k in range(_ROW):

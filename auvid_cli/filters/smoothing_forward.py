@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.factor import TILE, carlson_update, triangularise
 from auvid_cli.filters.huber import weight
-from auvid_cli.filters.measurement import predict_linearly, wrapped
+from auvid_cli.filters.measurement import wrapped
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
     MODEL_DATA,
@@ -116,7 +116,7 @@ class Work(NamedTuple):
     spread : ndarray, shape (even number of moving states, whole tiles)
     lower : ndarray, shape (as many, as many)
     gain : ndarray, shape (width of the factor,)
-    ratio, share : ndarray, shape (even number of states,)
+    measured, ratio, share : ndarray, shape (whole tiles and one more,)
     predictions : ndarray, shape (c,)
         What a sensor sees of a state.
     process : ndarray
@@ -130,6 +130,7 @@ class Work(NamedTuple):
     spread: Array
     lower: Array
     gain: Array
+    measured: Array
     ratio: Array
     share: Array
     predictions: Array
@@ -138,7 +139,7 @@ class Work(NamedTuple):
     @classmethod
     def of(cls, process: Process, n: int, n_components: int) -> "Work":
         """Make it for a state of n entries, and sensors of up to `n_components`."""
-        n_moving, even = process.noise_density.size, n + n % 2
+        n_moving = process.noise_density.size
         rows, even_moving = n_moving + 2, n_moving + n_moving % 2
         return cls(
             point=np.zeros(n),
@@ -148,8 +149,9 @@ class Work(NamedTuple):
             spread=np.zeros((rows, padded(2 * n_moving))),
             lower=np.zeros((rows, rows)),
             gain=np.zeros(padded(n + n_components)),
-            ratio=np.zeros(even),
-            share=np.zeros(even),
+            measured=np.zeros(padded(n) + 1),
+            ratio=np.zeros(padded(n) + 1),
+            share=np.zeros(padded(n) + 1),
             predictions=np.zeros(n_components),
             process=np.zeros(process.scratch_size),
         )
@@ -158,12 +160,12 @@ class Work(NamedTuple):
 def new_state(gaussian: Gaussian, n_components: int) -> State:
     """Lay out a Gaussian, with room for measurements of up to `n_components`."""
     n = gaussian.mean.size
-    return State.of(gaussian, n + n % 2, padded(n + n_components))
+    return State.of(gaussian, padded(n), padded(n + n_components))
 
 
 LINEARISED = types.NamedTuple((_vector, _vector, _matrix, _matrix, _stack, _matrix, _stack), Linearised)
 TRACE = types.NamedTuple((_matrix, _stack, _stack, *[_matrix] * 5), Trace)
-WORK = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 5), Work)
+WORK = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 6), Work)
 
 
 _weight = compiled(types.float64(types.float64, types.float64), inline=True)(weight)
@@ -257,10 +259,26 @@ def _predict(transition, noise_density, elapsed, state, work):
     return True
 
 
+@compiled(types.void(_vector, STATE, types.int64), reassociate=True, inline=True)
+def _predict_component(row, state, place):
+    """Put a combination of the state's rows at `place` of mean and factor."""
+    mean, columns = state.mean, state.columns
+    predicted = 0.0
+    for j in range(state.n):
+        columns[j, place] = 0.0
+    for i in range(state.n):
+        h = row[i]
+        if h != 0.0:
+            predicted += h * mean[i]
+            for j in range(i + 1):
+                columns[j, place] += h * columns[j, i]
+    mean[place] = predicted
+
+
 @compiled(types.float64(types.int64, _matrix, _vector, LINEARISED, STATE, TRACE, WORK), reassociate=True, internal=True)
 def _update(k, rows, noise, about, state, trace, work):
     """Condition on measurement k, component by component; returns the sum of their NIS."""
-    n, mean, columns = state.n, state.mean, state.columns
+    n, mean, columns, measured = state.n, state.mean, state.columns, work.measured
     width = columns.shape[1]
     for c in range(rows.shape[0]):
         trace.innovation[k, c] = np.nan
@@ -270,7 +288,7 @@ def _update(k, rows, noise, about, state, trace, work):
             for j in range(n):
                 columns[j, n + c] = 0.0
             continue
-        predict_linearly(rows[c], state, n + c)
+        _predict_component(rows[c], state, n + c)
         total = noise[c] / trace.weight[k, c]
         for j in range(n):
             total += columns[j, n + c] * columns[j, n + c]
@@ -283,7 +301,10 @@ def _update(k, rows, noise, about, state, trace, work):
         if np.isnan(about.residual[k, c]):
             continue
         error = -mean[n + c]
-        total = carlson_update(columns, n, n + c, noise[c] / trace.weight[k, c], work.gain, work.ratio, work.share)
+        for j in range(n):
+            measured[j] = columns[j, n + c]
+        variance = noise[c] / trace.weight[k, c]
+        total = carlson_update(columns, n, measured, variance, work.gain, work.ratio, work.share)
         nis += error * error / total
         step = error / total
         for i in range(width):

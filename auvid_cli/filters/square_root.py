@@ -30,7 +30,7 @@ from auvid_cli.filters.problem import (
     until,
 )
 from auvid_cli.filters.sigma_points import all_finite
-from auvid_cli.filters.square_root_state import MODEL, STATE, SquareRootModel, State
+from auvid_cli.filters.square_root_state import MODEL, STATE, Components, SquareRootModel, State
 from auvid_cli.filters.workspace import WORKSPACE, new_workspace, padded
 
 _vector = types.float64[::1]
@@ -55,12 +55,12 @@ def deviations(columns, n, squares, result):
     types.UniTuple(types.int64, 2)(*MODEL.types, TIMELINE, STATE, RECORDS, WORKSPACE),
     reassociate=True,
 )
-def _run(advance, observe, data, basis, timeline, state, records, work):
+def _run(advance, observe, data, components, basis, timeline, state, records, work):
     """Filter a chunk; returns (first event that failed or how many there are, what failed).
 
     A model comes field by field, since numba takes no functions inside a tuple from Python.
     """
-    model = SquareRootModel(advance, observe, data, basis)
+    model = SquareRootModel(advance, observe, data, components, basis)
     n, mean, columns = state.n, state.mean, state.columns
     for event in range(timeline.time.size):
         leads = timeline.substep_offset[event + 1] > timeline.substep_offset[event]
@@ -104,8 +104,9 @@ def run_square_root_filter(
         Early, with the reason, where the state is not finite or the factor cannot be propagated.
     """
     n, n_components = prior.mean.size, sensors.matrix.shape[1]
-    width = padded(n + n_components)
-    model = SquareRootModel(process.advance, process.observe, ModelData.of(process, sensors), basis_of(point_set))
+    width = padded(n + n_components if sensors.nonlinear.any() else n)
+    data, components = ModelData.of(process, sensors), Components.of(sensors)
+    model = SquareRootModel(process.advance, process.observe, data, components, basis_of(point_set))
     work = new_workspace(model.basis, process, n, n_components, width)
     state = State.of(prior, model.basis.present.size, width)
     n_good, failure = 0, OK

@@ -7,12 +7,53 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.filters.basis import BASIS, Basis
-from auvid_cli.filters.problem import MODEL_DATA, OBSERVATION_SIGNATURE, PROCESS_SIGNATURE, Gaussian, ModelData
+from auvid_cli.filters.problem import (
+    MODEL_DATA,
+    OBSERVATION_SIGNATURE,
+    PROCESS_SIGNATURE,
+    Gaussian,
+    Indices,
+    ModelData,
+    Sensors,
+)
 
 Array = NDArray[np.float64]
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
+
+
+class Components(NamedTuple):
+    """Which rows of the factor each component of each sensor is made of: few of the state's, or one that rides along.
+
+    Attributes
+    ----------
+    begin : ndarray of int, shape (n_sensors * c + 1,)
+        Component i of sensor s has the entries from ``begin[s * c + i]`` to the next one's.
+    place : ndarray of int
+        Row of the factor.
+    weight : ndarray
+        How many times it counts.
+    """
+
+    begin: Indices
+    place: Indices
+    weight: Array
+
+    @classmethod
+    def of(cls, sensors: Sensors) -> "Components":
+        """Find the entries of measurement matrices that are not zero."""
+        n_sensors, n_components, n = sensors.matrix.shape
+        rows = np.concatenate([sensors.matrix, np.zeros((n_sensors, n_components, n_components))], axis=2)
+        rows[sensors.nonlinear] = np.eye(n_components, n + n_components, n)
+        rows = rows.reshape(n_sensors * n_components, -1)
+        component, place = np.nonzero(rows)
+        begin = np.searchsorted(component, np.arange(len(rows) + 1))
+        return cls(begin, np.ascontiguousarray(place), rows[component, place])
+
+
+_indices = types.int64[::1]
+COMPONENTS = types.NamedTuple((_indices, _indices, _vector), Components)
 
 
 class SquareRootModel(NamedTuple):
@@ -23,17 +64,19 @@ class SquareRootModel(NamedTuple):
     advance, observe
         As in `Process`.
     data : ModelData
+    components : Components
     basis : Basis
     """
 
     advance: Any
     observe: Any
     data: ModelData
+    components: Components
     basis: Basis
 
 
 MODEL = types.NamedTuple(
-    (types.FunctionType(PROCESS_SIGNATURE), types.FunctionType(OBSERVATION_SIGNATURE), MODEL_DATA, BASIS),
+    (types.FunctionType(PROCESS_SIGNATURE), types.FunctionType(OBSERVATION_SIGNATURE), MODEL_DATA, COMPONENTS, BASIS),
     SquareRootModel,
 )
 
@@ -46,10 +89,10 @@ class State(NamedTuple):
     n : int
         Dimension.
     mean : ndarray, shape (width,)
-        Behind the n components of the state there is room for a predicted measurement.
+        Behind the n components of the state there is room for the prediction of a nonlinear sensor, if there is any.
     columns : ndarray, shape (m, width)
-        Row j holds column j of the lower-triangular factor of the covariance, then entry j of the rows of a predicted
-        measurement. Zero elsewhere.
+        Row j holds column j of the lower-triangular factor of the covariance, then entry j of the rows of that
+        prediction. Zero elsewhere.
     """
 
     n: int

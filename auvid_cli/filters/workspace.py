@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.filters.basis import PAIRS, Basis
 from auvid_cli.filters.factor import TILE
-from auvid_cli.filters.problem import Process
+from auvid_cli.filters.problem import Indices, Process
 from auvid_cli.lanes import LANES
 
 Array = NDArray[np.float64]
@@ -24,16 +24,18 @@ class Workspace(NamedTuple):
     images : ndarray, shape (n_tiles + 1, c * LANES)
         What a sensor measures of them.
     odd, regression : ndarray, shape (r, m)
-        With r at least the number of moving states and of components of a sensor.
+        With r the number of moving states or of components of a sensor, whichever is more, and rows to fill up fours.
     spread : ndarray, shape (r, whole tiles)
     lower : ndarray, shape (r, r)
-    product : ndarray, shape (2 * PAIRS,)
+    product : ndarray, shape (4 * PAIRS,)
     process : ndarray
         For the process itself.
     gain : ndarray, shape (width of the factor,)
-    ratio, share : ndarray, shape (m,)
+    measured, ratio, share : ndarray, shape (m + 1,)
+    component : ndarray of int, shape (c,)
+        Which components of a measurement are used.
     noise, error : ndarray, shape (c,)
-        Variance of the noise and innovation of what is measured.
+        Variance of the noise and innovation of these.
     """
 
     points: Array
@@ -45,15 +47,17 @@ class Workspace(NamedTuple):
     product: Array
     process: Array
     gain: Array
+    measured: Array
     ratio: Array
     share: Array
+    component: Indices
     noise: Array
     error: Array
 
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
-WORKSPACE = types.NamedTuple((*[_matrix] * 6, *[_vector] * 7), Workspace)
+WORKSPACE = types.NamedTuple((*[_matrix] * 6, *[_vector] * 6, types.int64[::1], *[_vector] * 2), Workspace)
 
 
 def padded(size: int) -> int:
@@ -66,7 +70,7 @@ def new_workspace(basis: Basis, process: Process, n: int, n_components: int, wid
     n_tiles, m = basis.directions.shape[0], basis.present.size
     n_moving = process.noise_density.size
     rows = max(n_moving, n_components) + 1
-    rows += rows % 2
+    rows += -rows % 4
     return Workspace(
         points=np.zeros((n_tiles + 1, n * LANES)),
         images=np.zeros((n_tiles + 1, n_components * LANES)),
@@ -74,11 +78,13 @@ def new_workspace(basis: Basis, process: Process, n: int, n_components: int, wid
         regression=np.zeros((rows, m)),
         spread=np.zeros((rows, padded(2 * rows + m + 1))),
         lower=np.zeros((rows, rows)),
-        product=np.zeros(2 * PAIRS),
+        product=np.zeros(4 * PAIRS),
         process=np.zeros(process.scratch_size),
         gain=np.zeros(width),
-        ratio=np.zeros(m),
-        share=np.zeros(m),
+        measured=np.zeros(m + 1),
+        ratio=np.zeros(m + 1),
+        share=np.zeros(m + 1),
+        component=np.zeros(n_components, dtype=np.int64),
         noise=np.zeros(n_components),
         error=np.zeros(n_components),
     )

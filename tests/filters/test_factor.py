@@ -55,9 +55,10 @@ def test_carlson_update_is_the_covariance_formula(seed, n, magnitude, gaps):
     expected = keep @ covariance @ keep.T + variance * np.outer(gain, gain) / total**2
 
     width = -(-(n + 2) // TILE) * TILE
-    columns, returned = padded(rows.T, n + n % 2, width), np.zeros(width)
-    ratio, share = np.zeros(n + 1), np.zeros(n + 1)
-    innovation_variance = carlson_update(columns, n, n, variance, returned, ratio, share)
+    fours = -(-n // 4) * 4
+    columns, returned = padded(rows.T, fours, width), np.full(width, 7.0)
+    ratio, share = np.full(fours + 1, 7.0), np.full(fours + 1, 7.0)
+    innovation_variance = carlson_update(columns, n, columns[:, n].copy(), variance, returned, ratio, share)
     size = np.abs(covariance).max()
     assert_allclose(innovation_variance, total, rtol=1e-12)
     assert_allclose(returned[: n + 2], gain, rtol=1e-10, atol=1e-12 * size)
