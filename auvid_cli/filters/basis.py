@@ -12,8 +12,9 @@ from auvid_cli.lanes import LANES
 
 Array = NDArray[np.float64]
 
-# A block of lanes holds this many pairs.
+# A block of lanes holds this many pairs; where fewer than half as many are left for the last one, that is half full.
 PAIRS = LANES // 2
+HALF = PAIRS // 2
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
@@ -24,12 +25,14 @@ class Basis(NamedTuple):
     Attributes
     ----------
     directions : ndarray, shape (n_tiles, m * PAIRS)
-        Tile t holds, for every coordinate j, that of the pairs from ``t * PAIRS`` on, at ``j * PAIRS``. The
-        dimension m is n, padded with zeros to whole tiles.
+        Tile t holds, for every coordinate j, that of the pairs from ``t * PAIRS`` on, at ``j * PAIRS``; of the last one
+        at ``j * last``. The dimension m is n, padded with zeros to whole halves of a tile.
     transposed : ndarray, shape (n_tiles, m * PAIRS)
-        Tile t holds, for every pair k, its coordinates from ``t * PAIRS`` on, at ``k * PAIRS``.
+        Tile t holds, for every pair k, its coordinates from ``t * PAIRS`` on, in the same way.
     present : ndarray, shape (m,)
         One for each pair, zero for padding.
+    last : int
+        How many pairs the last tile holds: `PAIRS` or `HALF`.
     weight, centred, curvature
         As in `PointSet`.
     """
@@ -37,32 +40,46 @@ class Basis(NamedTuple):
     directions: Array
     transposed: Array
     present: Array
+    last: int
     weight: float
     centred: bool
     curvature: float
 
 
-BASIS = types.NamedTuple((_matrix, _matrix, _vector, types.float64, types.boolean, types.float64), Basis)
+BASIS = types.NamedTuple((_matrix, _matrix, _vector, types.int64, types.float64, types.boolean, types.float64), Basis)
 
 
 def basis_of(point_set: PointSet) -> Basis:
     """Lay out a point set."""
     n = point_set.directions.shape[0]
-    n_tiles = -(-n // PAIRS)
-    padded = np.zeros((n_tiles * PAIRS, n_tiles * PAIRS))
+    n_tiles, m = -(-n // PAIRS), -(-n // HALF) * HALF
+    last = m - (n_tiles - 1) * PAIRS
+    padded = np.zeros((m, m))
     padded[:n, :n] = point_set.directions
 
     def in_tiles(matrix: Array) -> Array:
-        return np.ascontiguousarray(matrix.reshape(-1, n_tiles, PAIRS).swapaxes(0, 1)).reshape(n_tiles, -1)
+        tiles = np.zeros((n_tiles, m * PAIRS))
+        for t in range(n_tiles):
+            tile = matrix[:, t * PAIRS : (t + 1) * PAIRS]
+            tiles[t, : tile.size] = tile.reshape(-1)
+        return tiles
 
-    present = (np.arange(n_tiles * PAIRS) < n).astype(float)
-    return Basis(
-        in_tiles(padded), in_tiles(padded.T), present, point_set.weight, point_set.centred, point_set.curvature
-    )
+    present = (np.arange(m) < n).astype(float)
+    tiles = in_tiles(padded), in_tiles(padded.T)
+    return Basis(*tiles, present, last, point_set.weight, point_set.centred, point_set.curvature)
 
 
-@compiled(types.UniTuple(types.int64, 2)(BASIS), internal=True)
-def blocks_and_lanes(basis):
-    """Count the blocks of points that a map has to work on, and the lanes of the last: the centre needs one."""
+@compiled(types.int64(BASIS), internal=True)
+def n_blocks(basis):
+    """Count the blocks of points that a map has to work on: the centre, where it is needed, has one of its own."""
     n_tiles = basis.directions.shape[0]
-    return (n_tiles, LANES) if basis.centred else (n_tiles + 1, 1)
+    return n_tiles if basis.centred else n_tiles + 1
+
+
+@compiled(types.uint64(BASIS, types.int64), internal=True)
+def lanes_of(basis, block):
+    """Count the lanes of a block that are in use."""
+    n_tiles = basis.directions.shape[0]
+    if block == n_tiles:
+        return 1
+    return 2 * basis.last if block == n_tiles - 1 else LANES

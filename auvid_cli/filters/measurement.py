@@ -11,7 +11,7 @@ from numba import types
 
 from auvid_cli.angles import wrap
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.basis import blocks_and_lanes
+from auvid_cli.filters.basis import lanes_of, n_blocks
 from auvid_cli.filters.factor import carlson_update, triangularise
 from auvid_cli.filters.problem import RECORDS, TIMELINE
 from auvid_cli.filters.sigma_points import collect_points, draw_points
@@ -59,10 +59,9 @@ def predict_nonlinearly(model, state, timeline, event, sensor, work):
     n_moving, n_components = data.noise_density.size, timeline.measurement.shape[1]
     inputs = timeline.inputs[timeline.event_input[event]]
     draw_points(model.basis, state, n_moving, work)
-    n_blocks, last_lanes = blocks_and_lanes(model.basis)
-    for b in range(n_blocks):
+    for b in range(n_blocks(model.basis)):
         moving, parameters = work.points[b, : n_moving * LANES], work.points[b, n_moving * LANES :]
-        n_lanes = np.uint64(last_lanes if b == n_blocks - 1 else LANES)
+        n_lanes = lanes_of(model.basis, b)
         model.observe(
             *(moving, parameters, sensor, inputs, data.constants, data.selection, n_lanes),
             work.images[b],

@@ -8,7 +8,7 @@ import numpy as np
 from numba import types
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.basis import blocks_and_lanes
+from auvid_cli.filters.basis import lanes_of, n_blocks
 from auvid_cli.filters.factor import triangularise
 from auvid_cli.filters.problem import TIMELINE
 from auvid_cli.filters.sigma_points import all_finite, collect_points, draw_points
@@ -37,10 +37,9 @@ def predict(model, state, timeline, event, work):
     for substep in range(substep_duration.size):
         elapsed += substep_duration[substep]
     draw_points(basis, state, n_moving, work)
-    n_blocks, last_lanes = blocks_and_lanes(basis)
-    for b in range(n_blocks):
+    for b in range(n_blocks(basis)):
         moving, parameters = work.points[b, : n_moving * LANES], work.points[b, n_moving * LANES :]
-        n_lanes = np.uint64(last_lanes if b == n_blocks - 1 else LANES)
+        n_lanes = lanes_of(basis, b)
         for substep in range(substep_duration.size):
             held, duration = timeline.inputs[substep_input[substep]], substep_duration[substep]
             model.advance(moving, parameters, held, data.constants, data.selection, n_lanes, duration, work.process)

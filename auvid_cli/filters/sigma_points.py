@@ -7,52 +7,78 @@ moves with each column of S, so it is a set of further rows of the factor; the e
 columns do not explain. The process and nonlinear measurements are both collected so.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import types
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.basis import BASIS, PAIRS
+from auvid_cli.filters.basis import BASIS, HALF, PAIRS
 from auvid_cli.filters.square_root_state import STATE
 from auvid_cli.filters.workspace import WORKSPACE
 from auvid_cli.lanes import LANES
 
-_0, _1, _2, _3, _4, _ROW = (np.uint64(number) for number in (0, 1, 2, 3, 4, PAIRS))
+_0, _1, _2, _3, _4 = (np.uint64(number) for number in range(5))
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
 
-@compiled(types.void(_vector, *[types.uint64] * 4, _vector, _vector), reassociate=True, inline=True)
-def four_products(left, first, across, along, n_terms, right, out):
-    """Fill `out` with four rows of a matrix product, each `PAIRS` long: ``sum_j left_j right_j``.
+def _four_products(pairs: int) -> Callable:
+    """Compile it for one length of rows: with a known one the loop is all vector instructions."""
+    row = np.uint64(pairs)
 
-    Four rows and four terms at a time load and store a quarter as often as one by one; `n_terms` is rounded up to a
-    multiple of four. The rows of `left` begin `across` apart, from `first` on; their terms lie `along` apart.
-    """
-    for k in range(np.uint64(4 * PAIRS)):
-        out[k] = 0.0
-    for j in range(_0, n_terms, _4):
-        a = first + j * along
-        b, c, d = a + across, a + _2 * across, a + _3 * across
-        a0, a1, a2, a3 = left[a], left[a + along], left[a + _2 * along], left[a + _3 * along]
-        b0, b1, b2, b3 = left[b], left[b + along], left[b + _2 * along], left[b + _3 * along]
-        c0, c1, c2, c3 = left[c], left[c + along], left[c + _2 * along], left[c + _3 * along]
-        d0, d1, d2, d3 = left[d], left[d + along], left[d + _2 * along], left[d + _3 * along]
-        terms = j * _ROW
-        for k in range(_ROW):
-            t = terms + k
-            t0, t1, t2, t3 = right[t], right[t + _ROW], right[t + _2 * _ROW], right[t + _3 * _ROW]
-            out[k] += a0 * t0 + a1 * t1 + a2 * t2 + a3 * t3
-            out[k + _ROW] += b0 * t0 + b1 * t1 + b2 * t2 + b3 * t3
-            out[k + _2 * _ROW] += c0 * t0 + c1 * t1 + c2 * t2 + c3 * t3
-            out[k + _3 * _ROW] += d0 * t0 + d1 * t1 + d2 * t2 + d3 * t3
+    @compiled(types.void(_vector, *[types.uint64] * 4, _vector, _vector), reassociate=True, internal=True)
+    def four_products(left, first, across, along, n_terms, right, out):
+        """Fill `out` with four rows of a matrix product, each `pairs` long: ``sum_j left_j right_j``.
+
+        Four rows and four terms at a time load and store a quarter as often as one by one; `n_terms` is rounded up to a
+        multiple of four. The rows of `left` begin `across` apart, from `first` on; their terms lie `along` apart.
+        """
+        for k in range(_4 * row):
+            out[k] = 0.0
+        for j in range(_0, n_terms, _4):
+            a = first + j * along
+            b, c, d = a + across, a + _2 * across, a + _3 * across
+            a0, a1, a2, a3 = left[a], left[a + along], left[a + _2 * along], left[a + _3 * along]
+            b0, b1, b2, b3 = left[b], left[b + along], left[b + _2 * along], left[b + _3 * along]
+            c0, c1, c2, c3 = left[c], left[c + along], left[c + _2 * along], left[c + _3 * along]
+            d0, d1, d2, d3 = left[d], left[d + along], left[d + _2 * along], left[d + _3 * along]
+            terms = j * row
+            for k in range(row):
+                t = terms + k
+                t0, t1, t2, t3 = right[t], right[t + row], right[t + _2 * row], right[t + _3 * row]
+                out[k] += a0 * t0 + a1 * t1 + a2 * t2 + a3 * t3
+                out[k + row] += b0 * t0 + b1 * t1 + b2 * t2 + b3 * t3
+                out[k + _2 * row] += c0 * t0 + c1 * t1 + c2 * t2 + c3 * t3
+                out[k + _3 * row] += d0 * t0 + d1 * t1 + d2 * t2 + d3 * t3
+
+    return four_products
+
+
+_in_whole_tile, _in_half_tile = _four_products(PAIRS), _four_products(HALF)
+
+
+@compiled(types.void(_vector, *[types.uint64] * 4, _vector, types.int64, _vector), inline=True)
+def products_in_tile(left, first, across, along, n_terms, right, pairs, out):
+    """Do so for a tile with so many pairs."""
+    if pairs == PAIRS:
+        _in_whole_tile(left, first, across, along, n_terms, right, out)
+    else:
+        _in_half_tile(left, first, across, along, n_terms, right, out)
+
+
+@compiled(types.int64(BASIS, types.int64), inline=True)
+def pairs_in(basis, tile):
+    """Count the pairs that a tile holds."""
+    return basis.last if tile == basis.directions.shape[0] - 1 else PAIRS
 
 
 @compiled(types.void(BASIS, STATE, types.int64, WORKSPACE), reassociate=True, inline=True)
 def draw_points(basis, state, n_moving, work):
     """Fill blocks with the points ``mean +- S delta_k``, one block to a tile, and the centre behind them.
 
-    +delta lies in the lower half of the lanes and -delta in the upper; lanes without a direction hold the
-    mean. Moving rows come first in a block, then the parameters.
+    +delta lies in the lower half of the lanes in use and -delta in the upper; of these, lanes without a direction hold
+    the mean. Moving rows come first in a block, then the parameters.
     """
     n, mean, columns, points, scratch = state.n, state.mean, state.columns, work.points, work.product
     n_parameters, n_tiles = n - n_moving, basis.directions.shape[0]
@@ -61,17 +87,18 @@ def draw_points(basis, state, n_moving, work):
     for i in range(n):
         points[n_tiles, (i - n_parameters if i >= n_parameters else i + n_moving) * LANES] = mean[i]
     for tile in range(n_tiles):
+        pairs = pairs_in(basis, tile)
         for i in range(0, n, 4):
             first, n_terms = np.uint64(i), np.uint64(i + 4)
-            four_products(factor, first, _1, np.uint64(width), n_terms, basis.directions[tile], scratch)
+            products_in_tile(factor, first, _1, np.uint64(width), n_terms, basis.directions[tile], pairs, scratch)
             for r in range(min(4, n - i)):
                 lane = i + r - n_parameters if i + r >= n_parameters else i + r + n_moving
                 row = points[tile, lane * LANES : (lane + 1) * LANES]
-                deviation = scratch[r * PAIRS : (r + 1) * PAIRS]
-                centre = mean[i + r]
-                for k in range(_ROW):
-                    row[k] = centre + deviation[k]
-                    row[k + _ROW] = centre - deviation[k]
+                deviation = scratch[r * pairs : (r + 1) * pairs]
+                plus, minus, centre = row[:pairs], row[pairs:], mean[i + r]
+                for k in range(pairs):
+                    plus[k] = centre + deviation[k]
+                    minus[k] = centre - deviation[k]
 
 
 @compiled(types.boolean(types.int64, _vector), reassociate=True, inline=True)
@@ -114,11 +141,11 @@ def collect_points(images, basis, n_images, first_even, image_mean, work):
         middle, difference = spread[i, first_even : first_even + m], odd[i]
         total = 0.0
         for tile in range(n_tiles):
-            points = images[tile, i * LANES : (i + 1) * LANES]
-            first = np.uint64(tile * PAIRS)
-            for k in range(_ROW):
-                middle[first + k] = 0.5 * (points[k] + points[k + _ROW])
-                difference[first + k] = basis.weight * (points[k] - points[k + _ROW])
+            pairs = pairs_in(basis, tile)
+            points, first = images[tile, i * LANES : (i + 1) * LANES], tile * PAIRS
+            for k in range(pairs):
+                middle[first + k] = 0.5 * (points[k] + points[pairs + k])
+                difference[first + k] = basis.weight * (points[k] - points[pairs + k])
                 total += middle[first + k] * present[first + k]
         centre = 2.0 * basis.weight * total if basis.centred else images[n_tiles, i * LANES]
         shift = 0.0
@@ -133,9 +160,10 @@ def collect_points(images, basis, n_images, first_even, image_mean, work):
     row = np.uint64(m)
     for i in range(0, n_images, 4):
         for tile in range(n_tiles):
-            four_products(differences, np.uint64(i) * row, row, _1, row, basis.transposed[tile], scratch)
+            pairs = pairs_in(basis, tile)
+            products_in_tile(differences, np.uint64(i) * row, row, _1, row, basis.transposed[tile], pairs, scratch)
             for r in range(4):
-                target = regression[i + r, tile * PAIRS : (tile + 1) * PAIRS]
-                source = scratch[r * PAIRS : (r + 1) * PAIRS]
-                for k in range(_ROW):
+                target = regression[i + r, tile * PAIRS : tile * PAIRS + pairs]
+                source = scratch[r * pairs : (r + 1) * pairs]
+                for k in range(pairs):
                     target[k] = source[k]
