@@ -12,7 +12,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.measurement_errors import estimated_errors, measured_motion, motion_behind
 from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.filters.problem import Timeline
-from auvid_cli.identification.free_motion import move_freely
+from auvid_cli.identification.free_motion import N_PREDICTED, move_freely
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
@@ -77,8 +77,8 @@ def free_motion(
     ----------
     timelines : iterable of Timeline
         In time order.
-    motion : ndarray, shape (9,)
-        At the start of the first.
+    motion : ndarray, shape (9,) or (10,)
+        At the start of the first; the depth behind it, or not.
     parameters, coefficients : mapping
         Of the model, SI, by symbol.
     actuators : ActuatorErrors
@@ -86,16 +86,18 @@ def free_motion(
     Yields
     ------
     timeline : Timeline
-    motion : ndarray, shape (events, 9)
+    motion : ndarray, shape (events, 9) or (events, 10)
         At its events; not finite from where the model blew up.
     """
     constants = vehicle_constants(parameters)
-    block, row = (np.repeat(each, LANES) for each in (motion, factors(coefficients, actuators)))
+    start = np.zeros(N_PREDICTED)
+    start[: motion.size] = motion
+    block, row = (np.repeat(each, LANES) for each in (start, factors(coefficients, actuators)))
     work = np.zeros(N_WORK)
     for timeline in timelines:
-        predicted = np.empty((timeline.time.size, N_MOTION))
+        predicted = np.empty((timeline.time.size, N_PREDICTED))
         move_freely(block, row, constants, timeline, predicted, work)
-        yield timeline, predicted
+        yield timeline, predicted[:, : motion.size]
 
 
 def free_run(prepared: PreparedData, estimate: Estimate) -> tuple[FreeRun, list[VelocityError]]:

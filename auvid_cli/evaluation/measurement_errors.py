@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.augmented_states import ERROR_BLOCKS
 from auvid_cli.identification.dvl import VELOCITY_ERRORS, measured_velocity, velocity_behind
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, state_of
+from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, SENSORS, state_of
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,8 @@ _ADDED = {
     if block.additive and block.sensor is not None
     for quantity, measured in zip(block.quantities, SENSORS[block.sensor], strict=True)
 }
-_OF_MOTION = {name for name, measured in SENSORS.items() if {state_of(q) for q in measured} <= {*MOTION_SYMBOLS}}
+_READ = {*MOTION_AND_DEPTH_SYMBOLS}
+_OF_MOTION = {name for name, measured in SENSORS.items() if {state_of(q) for q in measured} <= _READ}
 _ERRORS = {quantity.symbol for block in ERROR_BLOCKS if block.sensor in _OF_MOTION for quantity in block.quantities}
 if _unknown := _ERRORS - _ADDED.keys() - {*VELOCITY_ERRORS}:
     raise TypeError(f"no measured motion has {', '.join(sorted(_unknown))}")
@@ -30,8 +31,8 @@ class MeasurementErrors(NamedTuple):
 
     Attributes
     ----------
-    offset : ndarray, shape (9,)
-        Adds to the measurements of each motion state, SI.
+    offset : ndarray, shape (10,)
+        Adds to the measurements of each motion state and of the depth, SI.
     dvl : ndarray, shape (7,)
         Those of `VELOCITY_ERRORS`, SI.
     """
@@ -45,7 +46,7 @@ def estimated_errors(state: Sequence[str], values: Array) -> MeasurementErrors:
     by_symbol = dict(zip(state, values, strict=True))
     offset = {_ADDED[symbol]: value for symbol, value in by_symbol.items() if symbol in _ADDED}
     return MeasurementErrors(
-        np.array([offset.get(symbol, 0.0) for symbol in MOTION_SYMBOLS]),
+        np.array([offset.get(symbol, 0.0) for symbol in MOTION_AND_DEPTH_SYMBOLS]),
         np.array([by_symbol.get(symbol, 0.0) for symbol in VELOCITY_ERRORS]),
     )
 
@@ -57,23 +58,23 @@ def measured_motion(motion: Array, errors: MeasurementErrors) -> Array:
 
     Parameters
     ----------
-    motion : ndarray, shape (..., 9)
-        Its velocity is that through the water; not finite where a model blew up.
+    motion : ndarray, shape (..., 9) or (..., 10)
+        Its velocity is that through the water; not finite where a model blew up; the depth behind it, or not.
     errors : MeasurementErrors
 
     Returns
     -------
-    ndarray, shape (..., 9)
+    ndarray, shape (..., 9) or (..., 10)
         Its velocity is that over ground.
     """
-    read = motion + errors.offset
+    read = motion + errors.offset[: motion.shape[-1]]
     with np.errstate(invalid="ignore", over="ignore"):
         read[..., :3] = measured_velocity(motion, errors.dvl) + errors.offset[:3]
     return read
 
 
 def motion_behind(measurement: Array, errors: MeasurementErrors) -> Array:
-    """Return the motion, shape (..., 9), of which noiseless sensors would say this; inverts `measured_motion`."""
-    motion = measurement - errors.offset
+    """Return the motion of which noiseless sensors would say this; inverts `measured_motion`."""
+    motion = measurement - errors.offset[: measurement.shape[-1]]
     motion[..., :3] = velocity_behind(motion, errors.dvl)
     return motion

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.labelled import LabelledSeries
-from auvid_cli.vehicle.parameters import MOTION
+from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,16 +21,21 @@ class FreeRun(NamedTuple):
     Attributes
     ----------
     time : ndarray, shape (n,)
-    motion : ndarray, shape (n, 9)
-        Not finite from where the model blew up, if it did.
+    motion : ndarray, shape (n, 9) or (n, 10)
+        Not finite from where the model blew up, if it did; the depth behind it where that is predicted.
     """
 
     time: Array
     motion: Array
 
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Return what its columns are."""
+        return MOTION_AND_DEPTH[: self.motion.shape[1]]
+
     def to_pandas(self) -> "pd.DataFrame":
         """Return a table with a column for each motion state, indexed by time, s."""
-        return LabelledSeries(self.time, MOTION, self.motion).to_pandas()
+        return LabelledSeries(self.time, self.quantities, self.motion).to_pandas()
 
     def to_xarray(self) -> "xr.Dataset":
         """Return a variable over time for each motion state.
@@ -40,4 +45,4 @@ class FreeRun(NamedTuple):
         DataError
             If xarray is not installed.
         """
-        return LabelledSeries(self.time, MOTION, self.motion).to_xarray()
+        return LabelledSeries(self.time, self.quantities, self.motion).to_xarray()

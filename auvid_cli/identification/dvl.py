@@ -142,4 +142,4 @@ def velocity_behind(motion: Array, errors: Array) -> Array:
 def _beyond(motion: Array, errors: Array) -> Array:
     """Return the velocity of the DVL over ground less that of the origin through the water."""
     _, _, north, east, *arm = errors
-    return current_in_body_axes(motion[..., 6:], north, east) + np.cross(motion[..., 3:6], arm)
+    return current_in_body_axes(motion[..., 6:9], north, east) + np.cross(motion[..., 3:6], arm)

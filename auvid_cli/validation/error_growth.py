@@ -11,11 +11,12 @@ import numpy as np
 
 from auvid_cli.validation.horizon_prediction import HORIZONS, Sample
 from auvid_cli.validation.signals import SignalSize
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
+from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS
 
 # So many errors say how large they are to a fifth.
 _FEWEST = 20
-# What an error of a signal grows with: an angle's with its rate; turns in either plane slow a vehicle down and roll it.
+# What an error of a signal grows with: an angle's with its rate, that of the depth with what pitches and heaves; turns
+# in either plane slow a vehicle down and roll it.
 _TURNS = ("v", "w", "q", "r")
 _GROWS_WITH = {
     "u": ("u", *_TURNS),
@@ -23,6 +24,7 @@ _GROWS_WITH = {
     "phi": ("p", *_TURNS),
     "theta": ("q",),
     "psi": ("r",),
+    "down": ("w", "q"),
 }
 
 
@@ -72,7 +74,7 @@ def error_growth(samples: Sequence[Sample], sizes: Mapping[str, SignalSize]) -> 
             excess = [
                 (sample.target.measurement - sample.named[0]) ** 2 - sample.variance
                 for sample in samples
-                if (MOTION_SYMBOLS[sample.target.column], sample.target.horizon) == (symbol, horizon)
+                if (MOTION_AND_DEPTH_SYMBOLS[sample.target.column], sample.target.horizon) == (symbol, horizon)
             ]
             if len(excess) >= _FEWEST and np.isfinite(excess).all():
                 largest = max(largest, float(np.mean(excess)))

@@ -18,11 +18,13 @@ from auvid_cli.validation.model_bundle import Models
 from auvid_cli.validation.motion_prediction import unchanged_motion
 from auvid_cli.validation.results import FREE_RUN, Prediction
 from auvid_cli.validation.signals import SAME, MeasuredSignal, SignalSize, is_angle
-from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
+from auvid_cli.vehicle.parameters import DEPTH, MOTION_AND_DEPTH, MOTION_AND_DEPTH_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
-# Times of events, s, and what is predicted of measurements there, shape (events, 9), chunk by chunk.
+# Times of events, s, and what is predicted of measurements there, shape (events, 10), chunk by chunk.
 _Run: TypeAlias = Iterator[tuple[Array, Array]]
+# What nothing brings back to where it was: a model that is a little off leaves it further and further behind.
+_GOES_ON = "psi", DEPTH.symbol
 
 
 class FreeRunFit(NamedTuple):
@@ -32,14 +34,14 @@ class FreeRunFit(NamedTuple):
     ----------
     run : FreeRun
         Of the identified model, as the sensors read it: with their errors, and where a current is estimated over
-        ground. Of a long run evenly spaced samples.
+        ground; with the depth where that is measured. Of a long run evenly spaced samples.
     length : float
         s.
     fits : dict of dict of PredictionFit
         By model and motion symbol.
     excursion : dict of float
-        How far the run went from the mean of each signal but the heading, over how far the measurements went; infinite
-        where it is not finite.
+        How far the run went from the mean of each signal but heading and depth, over how far the measurements went;
+        infinite where it is not finite.
     """
 
     run: FreeRun
@@ -77,7 +79,8 @@ def fit_free_runs(
     motions["constant_velocity"] = _constant_velocity(timelines, start, motion)
     predictions = {name: _as_measured(run, starts.final_errors) for name, run in motions.items()}
     keeper, farthest = Keeper(prepared.measuring), _Farthest(signals)
-    predictions["identified"] = _watched(predictions["identified"], keeper, farthest)
+    shown = len(MOTION_AND_DEPTH) if DEPTH.symbol in signals else N_MOTION
+    predictions["identified"] = _watched(predictions["identified"], shown, keeper, farthest)
     fits = {name: _fits(run, signals) for name, run in predictions.items()}
     return FreeRunFit(keeper.kept(), timelines.span[1] - start, fits, farthest.over_reach())
 
@@ -98,8 +101,8 @@ class _Farthest:
 
     def __init__(self, signals: Mapping[str, MeasuredSignal]) -> None:
         self._signals = signals
-        self._centres = np.array([signals[s].values.mean() if s in signals else 0.0 for s in MOTION_SYMBOLS])
-        self._distance = np.zeros(N_MOTION)
+        self._centres = np.array([signals[s].values.mean() if s in signals else 0.0 for s in MOTION_AND_DEPTH_SYMBOLS])
+        self._distance = np.zeros(len(MOTION_AND_DEPTH))
 
     def take(self, predicted: Array) -> None:
         """Take the next chunk of the run."""
@@ -107,12 +110,12 @@ class _Farthest:
             self._distance = np.maximum(self._distance, np.abs(predicted - self._centres).max(axis=0))
 
     def over_reach(self) -> dict[str, float]:
-        """Return it over how far the measurements went, for each signal but the heading; infinite if not finite."""
+        """Return it over how far the measurements went, but of heading and depth; infinite if not finite."""
         reach = {s: float(np.abs(g.values - g.values.mean()).max()) + g.deviation for s, g in self._signals.items()}
         return {
             symbol: float(np.nan_to_num(self._distance[column], nan=np.inf)) / reach[symbol]
-            for column, symbol in enumerate(MOTION_SYMBOLS[:-1])
-            if symbol in self._signals
+            for column, symbol in enumerate(MOTION_AND_DEPTH_SYMBOLS)
+            if symbol in self._signals and symbol not in _GOES_ON
         }
 
 
@@ -129,9 +132,9 @@ def _as_measured(run: Iterable[tuple[Timeline, Array]], errors: MeasurementError
         yield timeline.time, measured_motion(predicted, errors)
 
 
-def _watched(run: _Run, keeper: Keeper, farthest: _Farthest) -> _Run:
+def _watched(run: _Run, shown: int, keeper: Keeper, farthest: _Farthest) -> _Run:
     for time, predicted in run:
-        keeper.keep(time, predicted)
+        keeper.keep(time, predicted[:, :shown])
         farthest.take(predicted)
         yield time, predicted
 
@@ -143,7 +146,7 @@ def _fits(run: _Run, signals: Mapping[str, MeasuredSignal]) -> dict[str, Predict
     for time, predicted in run:
         for symbol, signal in signals.items():
             in_chunk = slice(*np.searchsorted(signal.time, [time[0] - SAME, time[-1] + SAME]))
-            column = MOTION_SYMBOLS.index(symbol)
+            column = MOTION_AND_DEPTH_SYMBOLS.index(symbol)
             expected = predicted[np.searchsorted(time, signal.time[in_chunk] - SAME), column]
             if is_angle(symbol) and symbol not in turns:
                 turns[symbol] = signal.turns(float(time[0]), float(predicted[0, column]))
@@ -157,7 +160,7 @@ def _row(symbol: str, size: SignalSize, length: float, fits: Mapping[str, Predic
     rmse, identified = {name: fit.rmse for name, fit in fits.items()}, fits["identified"]
     return Prediction(
         signal=symbol,
-        unit=MOTION[MOTION_SYMBOLS.index(symbol)].unit,
+        unit=MOTION_AND_DEPTH[MOTION_AND_DEPTH_SYMBOLS.index(symbol)].unit,
         kind=FREE_RUN,
         horizon_s=length,
         measurements=identified.measurements,

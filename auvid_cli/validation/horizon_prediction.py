@@ -15,7 +15,7 @@ from auvid_cli.validation.motion_prediction import Disturbed, Shaken, move_side_
 from auvid_cli.validation.results import AHEAD, Prediction
 from auvid_cli.validation.signals import MeasuredSignal, SignalSize, is_angle
 from auvid_cli.vehicle.matrices import mass_matrix
-from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION
+from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH, MOTION_AND_DEPTH_SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ _SIGMAS = 2.0
 
 
 class Target(NamedTuple):
-    """A measurement to be predicted: the horizon, s, the column of the motion, when, and what it says, SI."""
+    """A measurement to be predicted: the horizon, s, the column of motion and depth, when, and what it says, SI."""
 
     horizon: float
     column: int
@@ -99,7 +99,8 @@ def targets_of(signals: Mapping[str, MeasuredSignal], start: float) -> list[Targ
             i = signal.since(start + horizon)
             if i < signal.time.size and signal.time[i] <= start + _LATEST * horizon:
                 at, measurement = float(signal.time[i]), float(signal.values[i])
-                targets.append(Target(horizon, MOTION_SYMBOLS.index(symbol), at, measurement, signal.deviation))
+                column = MOTION_AND_DEPTH_SYMBOLS.index(symbol)
+                targets.append(Target(horizon, column, at, measurement, signal.deviation))
     return targets
 
 
@@ -128,8 +129,8 @@ def predict_ahead(
     bundle : Bundle
         A drawn model also starts from a motion that is drawn from the uncertainty of the start.
     rng : numpy.random.Generator
-    process_noise : ndarray, shape (9,), optional
-        That moves drawn models as well: root of the spectral density for each motion state, SI / s^0.5.
+    process_noise : ndarray, shape (10,), optional
+        That moves drawn models as well: root of the spectral density for each motion state and the depth, SI / s^0.5.
     """
     parameters, named = prepared.experiment.vehicle.known_parameters(), len(bundle.names)
     drawn = len(bundle.coefficients) - named
@@ -141,7 +142,7 @@ def predict_ahead(
             continue
         wanted = np.unique([target.time for target in targets])
         motion = np.tile(starts.motion[k], (len(bundle.coefficients), 1))
-        motion[named:] += starts.deviation[k] * rng.standard_normal((drawn, N_MOTION))
+        motion[named:] += starts.deviation[k] * rng.standard_normal((drawn, len(MOTION_AND_DEPTH)))
         timelines = prepared.segments[0].timelines.between(float(start), float(wanted[-1]))
         disturbed = _disturbed(prepared, starts, k, slice(named, named + drawn), rng)
         predicted = move_side_by_side(timelines, motion, bundle.coefficients, parameters, wanted, shaken, disturbed)
@@ -151,7 +152,7 @@ def predict_ahead(
         read, first = measured_motion(predicted, errors), measured_motion(starts.motion[k], errors)
         for target in targets:
             at, column = int(np.searchsorted(wanted, target.time)), target.column
-            symbol = MOTION_SYMBOLS[column]
+            symbol = MOTION_AND_DEPTH_SYMBOLS[column]
             turns = signals[symbol].turns(float(start), first[column]) if is_angle(symbol) else 0.0
             lanes = read[at, :, column] + turns
             noise = target.deviation**2 + starts.errors_deviation[k].offset[column] ** 2
@@ -195,7 +196,7 @@ def rows_ahead(
     drawn, blown_up = collected.blown_up.size, int(collected.blown_up.sum())
     for horizon in HORIZONS:
         for symbol, size in sizes.items():
-            column = MOTION_SYMBOLS.index(symbol)
+            column = MOTION_AND_DEPTH_SYMBOLS.index(symbol)
             samples = [s for s in collected.samples if s.target.horizon == horizon and s.target.column == column]
             if len(samples) < FEWEST_STARTS:
                 continue
@@ -208,7 +209,7 @@ def rows_ahead(
             within = np.abs(measured - predicted[:, 0]) <= _SIGMAS * deviation
             yield Prediction(
                 symbol,
-                MOTION[column].unit,
+                MOTION_AND_DEPTH[column].unit,
                 AHEAD,
                 horizon,
                 len(samples),

@@ -1,5 +1,6 @@
 """Where predictions start: the motion that a filter finds in the measurements so far, with the coefficients held."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.actuators import as_acting
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.prepared_data import PreparedData, on_time
-from auvid_cli.vehicle.parameters import DISTURBANCE
+from auvid_cli.vehicle.parameters import DISTURBANCE, MOTION_AND_DEPTH, Quantity
 
 Array = NDArray[np.float64]
 
@@ -32,14 +33,14 @@ _OF_THE_MODEL = BiasName.THRUST, BiasName.FIN_TRIM, BiasName.BALLAST
 
 @dataclass(frozen=True)
 class InitialStates:
-    """Filtered motion at some events, from the measurements up to there.
+    """Filtered motion and depth at some events, from the measurements up to there.
 
     Attributes
     ----------
     time : ndarray, shape (k,)
         s.
-    motion, deviation : ndarray, shape (k, 9)
-        Mean and standard deviation.
+    motion, deviation : ndarray, shape (k, 10)
+        Mean and standard deviation; zero of a depth that is not measured.
         The velocity is that through the water where the filter looks for a current.
     force, force_deviation : ndarray, shape (k, 6)
         Mean and standard deviation of what disturbs the motion, N and N m; zero where the filter does not look for it.
@@ -52,8 +53,8 @@ class InitialStates:
         the next as the model says.
     status : str
         "completed", or how far the filter came.
-    process_noise : ndarray, shape (9,)
-        Root of its spectral density for each motion state by the settings, SI / s^0.5.
+    process_noise : ndarray, shape (10,)
+        Root of its spectral density for each motion state and the depth by the settings, SI / s^0.5.
     noise_factor : float
         By how much that of the filter is larger.
     """
@@ -139,7 +140,6 @@ def _with_noise(prepared: PreparedData, factor: float) -> PreparedData:
 
 def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
     problem = augmented_problem(prepared)
-    motion = problem.layout.rows_of("motion")
     kept, squares, components = [], np.zeros(len(problem.measuring)), np.zeros(len(problem.measuring))
     timelines, prior = problem.segments[0].timelines, problem.prior
     reached, last = timelines.span[0], prior.mean
@@ -161,26 +161,27 @@ def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
             squares[sensor] += records.nis[counted].sum()
             components[sensor] += np.isfinite(records.innovation_variance[counted]).sum()
 
-    def forces(states: Array) -> Array:
-        columns = [problem.layout.row(quantity.symbol) for quantity in DISTURBANCE]
+    def of(quantities: Sequence[Quantity], states: Array) -> Array:
+        columns = [problem.layout.row(quantity.symbol) for quantity in quantities]
         none = np.zeros(len(states))
         return np.column_stack([none if column is None else states[:, column] for column in columns])
 
-    points = cubature(prior.mean.size)
+    points, density = cubature(prior.mean.size), np.zeros(prior.mean.size)
+    density[problem.layout.n_parameters :] = problem.process.noise_density
     outcome = run_square_root_filter(points, problem.process, problem.sensors, timelines, prior, receive)
     time, mean, deviation = (np.array(rows) for rows in zip(*kept, strict=True)) if kept else (np.zeros(0),) * 3
     shape = len(kept), len(problem.layout.symbols)
     mean, deviation = mean.reshape(shape), deviation.reshape(shape)
     return InitialStates(
         time,
-        mean[:, motion],
-        deviation[:, motion],
-        forces(mean),
-        forces(deviation),
+        of(MOTION_AND_DEPTH, mean),
+        of(MOTION_AND_DEPTH, deviation),
+        of(DISTURBANCE, mean),
+        of(DISTURBANCE, deviation),
         [estimated_errors(problem.layout.symbols, row) for row in mean],
         [estimated_errors(problem.layout.symbols, row) for row in deviation],
         estimated_errors(problem.layout.symbols, last),
         {name: float(s / max(n, 1.0)) for name, s, n in zip(problem.measuring, squares, components, strict=True)},
         "completed" if outcome.failure == OK else f"diverged at t = {reached:.3f} s",
-        problem.process.noise_density[problem.layout.moving_rows_of("motion")],
+        of(MOTION_AND_DEPTH, density[None])[0],
     )

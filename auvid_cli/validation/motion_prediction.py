@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.filters.problem import Timeline
-from auvid_cli.identification.free_motion import move_through
+from auvid_cli.identification.free_motion import N_PREDICTED, move_through
 from auvid_cli.lanes import LANES
 from auvid_cli.validation.signals import SAME
 from auvid_cli.vehicle.dynamics import N_WORK, NO_ERRORS, vehicle_constants
 from auvid_cli.vehicle.kinematics import euler_angles, rotation_matrix
-from auvid_cli.vehicle.parameters import N_MOTION
 
 Array = NDArray[np.float64]
 
@@ -28,8 +27,8 @@ class Shaken(NamedTuple):
     Attributes
     ----------
     which : slice
-    density : ndarray, shape (9,)
-        Root of the spectral density of the white noise on each motion state's rate, SI / s^0.5.
+    density : ndarray, shape (10,)
+        Root of the spectral density of the white noise on the rate of each motion state and of the depth, SI / s^0.5.
     rng : numpy.random.Generator
     """
 
@@ -38,7 +37,7 @@ class Shaken(NamedTuple):
     rng: np.random.Generator
 
     def push(self, states: Array, elapsed: float) -> None:
-        """Add what came of it in some time, s, to the states, shape (9, n)."""
+        """Add what came of it in some time, s, to the states, shape (10, n)."""
         pushed = states[:, self.which]
         pushed += np.sqrt(elapsed) * self.density[:, None] * self.rng.standard_normal(pushed.shape)
 
@@ -67,7 +66,7 @@ class Disturbed(NamedTuple):
     rng: np.random.Generator
 
     def push(self, states: Array, elapsed: float) -> None:
-        """Let it act for some time, s, on the states, shape (9, n)."""
+        """Let it act for some time, s, on the states, shape (10, n)."""
         states[:6] += elapsed * self.inverse @ self.force
 
     def go_on(self, elapsed: float) -> None:
@@ -93,8 +92,8 @@ def move_side_by_side(
     ----------
     timelines : iterable of Timeline
         Gone through as far as the last time wanted.
-    motion : ndarray, shape (n, 9)
-        At the start, of each model.
+    motion : ndarray, shape (n, 10)
+        At the start, of each model, the depth behind it.
     coefficients : ndarray, shape (n, 22)
         SI.
     parameters : mapping
@@ -106,13 +105,13 @@ def move_side_by_side(
 
     Returns
     -------
-    ndarray, shape (k, n, 9)
+    ndarray, shape (k, n, 10)
         Not finite where a model has blown up.
     """
     n = len(motion)
     constants, work = vehicle_constants(parameters), np.zeros(N_WORK)
     block, rows = (_in_lanes(each) for each in (motion, np.hstack([coefficients, np.tile(NO_ERRORS, (n, 1))])))
-    states, moved = block.reshape(N_MOTION, LANES), np.empty((wanted.size, n, N_MOTION))
+    states, moved = block.reshape(N_PREDICTED, LANES), np.empty((wanted.size, n, N_PREDICTED))
     # What acts at random does so at the end of each stride; without it there is nothing to stop for.
     longest = 0.0 if disturbed is not None else inf if shaken is None else _BETWEEN_PUSHES
     done = 0
@@ -160,28 +159,30 @@ def _in_lanes(values: Array) -> Array:
 
 
 def unchanged_motion(elapsed: Array, motion: Array, angles: Array | None = None) -> Array:
-    """Hold velocities and rates; the attitude follows in closed form (Rodrigues' formula).
+    """Hold velocities and rates; attitude and depth follow in closed form (Rodrigues' formula, and its integral).
 
     Parameters
     ----------
     elapsed : ndarray, shape (n,)
         s since the start, increasing, less than half a turn apart.
-    motion : ndarray, shape (9,)
-        At the start.
+    motion : ndarray, shape (10,)
+        At the start, the depth behind it.
     angles : ndarray, shape (3,), optional
         Roll, pitch, yaw shortly before the first of these times, from which no angle jumps a turn; else at the start.
 
     Returns
     -------
-    ndarray, shape (n, 9)
+    ndarray, shape (n, 10)
     """
     rates, begin = motion[3:6], motion[6:9]
     rate = float(np.linalg.norm(rates)) or 1.0
     p, q, r = rates / rate
     across = np.array([[0.0, -r, q], [r, 0.0, -p], [-q, p, 0.0]])
     turned = rate * elapsed[:, None, None]
-    since_begin = np.eye(3) + np.sin(turned) * across + (1.0 - np.cos(turned)) * across @ across
-    attitude = euler_angles(rotation_matrix(begin) @ since_begin)
+    first, sine, versine = rotation_matrix(begin), np.sin(turned), 1.0 - np.cos(turned)
+    attitude = euler_angles(first @ (np.eye(3) + sine * across + versine * across @ across))
+    way = np.eye(3) * elapsed[:, None, None] + (versine * across + (turned - sine) * across @ across) / rate
+    depth = motion[9] + (first @ way @ motion[:3])[:, 2]
     before = begin if angles is None else angles
     attitude = np.unwrap(np.vstack([before, attitude]), axis=0)[1:]
-    return np.hstack([np.tile(motion[:6], (elapsed.size, 1)), attitude])
+    return np.column_stack([np.tile(motion[:6], (elapsed.size, 1)), attitude, depth])

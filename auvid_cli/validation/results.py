@@ -21,7 +21,7 @@ class Prediction(NamedTuple):
     Attributes
     ----------
     signal, unit : str
-        Motion state and its SI unit.
+        Motion state, or the depth (``down``), and its SI unit.
     kind : str
         `FREE_RUN`, against every measurement of the run, or `AHEAD`, from many starts.
     horizon_s : float

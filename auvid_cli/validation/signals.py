@@ -1,4 +1,4 @@
-"""Measurements as one signal for each measured motion state."""
+"""Measurements as one signal for each measured motion state, and of the depth."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.data.rate_of_change import WHILE_TURNING, rate_noise, rate_of_change
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, state_of
+from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, MOTION_SYMBOLS, SENSORS, state_of
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ _FEWEST_AROUND = 2
 
 
 class MeasuredSignal(NamedTuple):
-    """Measurements of one motion state.
+    """Measurements of one motion state, or of the depth.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class MeasuredSignal(NamedTuple):
 
 
 class SignalSize(NamedTuple):
-    """What the measurements of one motion state are like, over all segments.
+    """What the measurements of one signal are like, over all segments.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ def is_angle(symbol: str) -> bool:
 
 
 def measured_signals(measuring: Mapping[str, SensorRecord]) -> dict[str, MeasuredSignal]:
-    """Return signals by motion symbol, in the order of the motion states; those that are measured."""
+    """Return signals by symbol, motion states in their order and the depth; those that are measured."""
     signals = {}
     for name, record in measuring.items():
         for component, quantity in enumerate(SENSORS[name]):
@@ -78,13 +78,13 @@ def measured_signals(measuring: Mapping[str, SensorRecord]) -> dict[str, Measure
                 signals[symbol] = MeasuredSignal(record.time[finite], continuous, deviation)
     if "r" not in signals and (yaw_rate := _yaw_rate_by_attitude(signals)) is not None:
         signals["r"] = yaw_rate
-    return {symbol: signals[symbol] for symbol in MOTION_SYMBOLS if symbol in signals}
+    return {symbol: signals[symbol] for symbol in MOTION_AND_DEPTH_SYMBOLS if symbol in signals}
 
 
 def signal_sizes(segments: Sequence[Mapping[str, MeasuredSignal]]) -> dict[str, SignalSize]:
-    """Return what signals of several segments are like, by motion symbol, in the order of the motion states."""
+    """Return what signals of several segments are like, by symbol, in the order of `measured_signals`."""
     sizes = {}
-    for symbol in MOTION_SYMBOLS:
+    for symbol in MOTION_AND_DEPTH_SYMBOLS:
         if own := [signals[symbol] for signals in segments if symbol in signals]:
             weights = [signal.values.size for signal in own]
             noise, variance = ([s.deviation**2 for s in own], [float(s.values.var()) for s in own])

@@ -72,6 +72,9 @@ POSITION: tuple[Quantity, ...] = (
     Quantity("down", "m", "position down (depth)", "eta, eq. (2)"),
 )
 DEPTH = POSITION[2]
+# What is predicted, and compared with measurements of it.
+MOTION_AND_DEPTH: tuple[Quantity, ...] = (*MOTION, DEPTH)
+MOTION_AND_DEPTH_SYMBOLS: tuple[str, ...] = tuple(q.symbol for q in MOTION_AND_DEPTH)
 
 INPUTS: tuple[Quantity, ...] = (
     Quantity("rudder", "rad", "rudder deflection", "tau_control"),

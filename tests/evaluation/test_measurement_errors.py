@@ -9,7 +9,7 @@ from auvid_cli.evaluation.measurement_errors import MeasurementErrors, estimated
 
 SCALE, YAW, NORTH, EAST = 0.03, 0.08, 0.3, -0.2
 ARM = np.array([0.4, -0.2, 0.1])
-ERRORS = MeasurementErrors(0.01 * np.arange(9.0), np.array([SCALE, YAW, NORTH, EAST, *ARM]))
+ERRORS = MeasurementErrors(0.01 * np.arange(10.0), np.array([SCALE, YAW, NORTH, EAST, *ARM]))
 
 
 @pytest.fixture
@@ -24,11 +24,18 @@ def test_a_dvl_sees_the_ground_turned_by_its_mounting_and_scaled(motion):
     seen = (1.0 + SCALE) * Rotation.from_euler("z", YAW).apply(over_ground, inverse=True)
     read = measured_motion(motion, ERRORS)
     assert_allclose(read[:, :3], seen + ERRORS.offset[:3], rtol=1e-13, atol=1e-13)
-    assert_array_equal(read[:, 3:], motion[:, 3:] + ERRORS.offset[3:])
+    assert_array_equal(read[:, 3:], motion[:, 3:] + ERRORS.offset[3:9])
 
 
 def test_a_measurement_leads_back_to_its_motion(motion):
     assert_allclose(motion_behind(measured_motion(motion, ERRORS), ERRORS), motion, rtol=1e-12, atol=1e-12)
+
+
+def test_a_depth_behind_the_motion_is_read_beside_it(motion):
+    with_depth = np.column_stack([motion, np.arange(50.0)])
+    read = measured_motion(with_depth, ERRORS)
+    assert_array_equal(read, np.column_stack([measured_motion(motion, ERRORS), np.arange(50.0) + ERRORS.offset[9]]))
+    assert_allclose(motion_behind(read, ERRORS), with_depth, rtol=1e-12, atol=1e-12)
 
 
 def test_rows_may_stand_side_by_side(motion):
@@ -54,4 +61,4 @@ def test_errors_are_found_by_name_wherever_they_stand():
     state = ("X_u|u|", "current_east", "u", "psi", "dvl_yaw", "bias_psi", "current_north", "bias_p", "dvl_z")
     errors = estimated_errors(state, np.arange(1.0, 10.0))
     assert_array_equal(errors.dvl, [0.0, 5.0, 7.0, 2.0, 0.0, 0.0, 9.0])
-    assert_array_equal(errors.offset, [0.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0, 0.0, 6.0])
+    assert_array_equal(errors.offset, [0.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0, 0.0, 6.0, 0.0])

@@ -158,6 +158,17 @@ def test_each_panel_shows_errors_over_the_horizon_with_what_explains_them(valida
     assert labels == ["CKF", "unchanged", "vehicle file", "noise", "explained"]
 
 
+def test_a_depth_that_is_predicted_has_a_panel_of_its_own(validation):
+    depth = [row._replace(signal="down", unit="m") for row in validation.predictions if row.signal == "u"]
+    rows = [*validation.predictions, *depth]
+    figure = horizon_figure("ckf", rows)
+    assert [axes.get_ylabel() for axes in figure.axes[8:]] == [r"$\psi$ (deg)", "depth (m)"]
+    for drawn, surge in zip(figure.axes[9].lines, figure.axes[0].lines, strict=True):
+        np.testing.assert_array_equal(drawn.get_ydata(), surge.get_ydata())
+    # The axis of horizons stands below the last panel of each column.
+    assert [i for i, axes in enumerate(figure.axes) if axes.get_xlabel()] == [7, 8, 9]
+
+
 def test_a_signal_without_measurements_says_so(validation):
     rows = [row for row in validation.predictions if row.signal != "v"]
     axes = horizon_figure("ckf", rows).axes[1]

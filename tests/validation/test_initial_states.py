@@ -21,13 +21,23 @@ def test_starts_are_near_the_true_motion_and_know_how_near(zigzag, with_coeffici
     wanted = np.linspace(5.0, 75.0, 200)
     states = filtered_initial_states(prepare(with_model(zigzag, with_coefficients(zigzag.truth.coefficients))), wanted)
     assert_allclose(states.time, wanted, atol=0.011)
-    true = np.stack([np.interp(states.time, zigzag.truth.time, column) for column in zigzag.truth.motion.T], axis=1)
+    truth = np.column_stack([zigzag.truth.motion, zigzag.truth.position[:, 2]])
+    true = np.stack([np.interp(states.time, zigzag.truth.time, column) for column in truth.T], axis=1)
     sigmas = (states.motion - true) / states.deviation
     assert np.abs(sigmas).max() < 5.0
     assert np.all(states.deviation < 0.01)
     assert states.status == "completed"
     assert states.noise_factor == 1.0
     assert_allclose(list(states.nis.values()), 1.0, atol=0.1)
+
+
+def test_a_depth_that_is_not_measured_is_nowhere_and_moves_nothing(zigzag, with_coefficients):
+    blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "depth"})
+    model = with_coefficients(zigzag.truth.coefficients)
+    states = filtered_initial_states(prepare(with_model(blind, model)), np.array([10.0, 20.0]))
+    assert not states.motion[:, 9].any()
+    assert not states.deviation[:, 9].any()
+    assert states.process_noise[9] == 0.0 < states.process_noise[:9].min()
 
 
 def test_no_start_knows_what_comes_after_it(zigzag, with_coefficients):

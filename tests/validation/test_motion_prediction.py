@@ -37,10 +37,10 @@ def with_drag(*drags):
 def test_coasting_slows_down_as_one_over_time_at_any_event_of_any_part():
     parts = [coasting(0, 30, before=False), coasting(30, 101, before=True)]
     drags, wanted = np.array([-3.2, -6.4, 0.0]), np.array([0.0, 0.1, 2.9, 3.0, 7.7, 10.0])
-    motion = np.zeros((3, 9))
+    motion = np.zeros((3, 10))
     motion[:, 0] = 2.0
     moved = move_side_by_side(parts, motion, with_drag(*drags), PLAIN, wanted)
-    assert moved.shape == (6, 3, 9)
+    assert moved.shape == (6, 3, 10)
     # (m - X_udot) u' = X u^2
     assert_allclose(moved[:, :, 0], 2.0 / (1.0 - drags / 64.0 * 2.0 * wanted[:, None]), rtol=1e-9)
     assert_allclose(moved[:, :, 1:], 0.0, atol=1e-12)
@@ -55,7 +55,7 @@ def test_a_force_fades_as_it_pushes_and_goes_on_at_random_where_it_is_drawn():
     deviation, times = np.array([3.0, 0.0, 0.0, 0.0, 0.0, 0.0]), np.full(6, time_constant)
     disturbed = Disturbed(slice(10, n), force, deviation, times, inverse, np.random.default_rng(2))
     parts, table = [coasting(0, 101, before=False)], with_drag(*[0.0] * n)
-    moved = move_side_by_side(parts, np.zeros((n, 9)), table, PLAIN, wanted, disturbed=disturbed)
+    moved = move_side_by_side(parts, np.zeros((n, 10)), table, PLAIN, wanted, disturbed=disturbed)
     expected = 8.0 * time_constant / 64.0 * (1.0 - np.exp(-wanted / time_constant))
     assert_allclose(moved[:, :10, 0], np.repeat(expected[:, None], 10, axis=1), rtol=1e-4)
     assert_allclose(disturbed.force[0, :10], 8.0 * np.exp(-10.0 / time_constant))
@@ -68,7 +68,7 @@ def test_a_force_fades_as_it_pushes_and_goes_on_at_random_where_it_is_drawn():
 
 
 def test_a_model_that_blows_up_leaves_the_others_alone():
-    motion = np.zeros((3, 9))
+    motion = np.zeros((3, 10))
     motion[:, 0] = 2.0
     table = with_drag(-3.2, 1e3, -3.2)
     moved = move_side_by_side([coasting(0, 51, before=False)], motion, table, PLAIN, np.array([5.0]))
@@ -78,35 +78,50 @@ def test_a_model_that_blows_up_leaves_the_others_alone():
 
 def test_what_the_timeline_does_not_reach_is_not_there():
     moved = move_side_by_side(
-        [coasting(0, 11, before=False)], np.zeros((1, 9)), with_drag(0.0), PLAIN, np.array([0.5, 4.0])
+        [coasting(0, 11, before=False)], np.zeros((1, 10)), with_drag(0.0), PLAIN, np.array([0.5, 4.0])
     )
     assert len(moved) == 1
 
 
 def test_a_held_yaw_rate_turns_the_heading_on_and_on():
     elapsed = np.linspace(0.0, 60.0, 601)
-    motion = np.array([3.0, 0.1, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 20.0])
+    motion = np.array([3.0, 0.1, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 20.0, 7.0])
     moved = unchanged_motion(elapsed, motion)
     assert_allclose(moved[:, 8], 20.0 + 0.5 * elapsed)
     assert_allclose(moved[:, :8], np.tile(motion[:8], (601, 1)), atol=1e-12)
+    assert_allclose(moved[:, 9], 7.0)
     later = unchanged_motion(elapsed[300:], motion, moved[299, 6:9])
     assert_allclose(later, moved[300:])
 
 
-def test_held_rates_turn_the_attitude_as_the_equations_of_its_angles_say():
-    p, q, r = 0.1, -0.07, 0.2
+def test_held_rates_turn_the_attitude_and_take_the_depth_along_as_the_equations_of_both_say():
+    u, v, w, p, q, r = 2.0, -0.3, 0.4, 0.1, -0.07, 0.2
 
-    def rates(_, angles):
-        phi, theta, _ = angles
+    def rates(_, state):
+        phi, theta, *_ = state
         turning = q * np.sin(phi) + r * np.cos(phi)
-        return [p + np.tan(theta) * turning, q * np.cos(phi) - r * np.sin(phi), turning / np.cos(theta)]
+        sinking = np.cos(theta) * (v * np.sin(phi) + w * np.cos(phi)) - u * np.sin(theta)
+        return [p + np.tan(theta) * turning, q * np.cos(phi) - r * np.sin(phi), turning / np.cos(theta), sinking]
 
-    begin, elapsed = [0.3, -0.4, 2.0], np.linspace(0.0, 6.0, 61)
+    begin, elapsed = [0.3, -0.4, 2.0, 5.0], np.linspace(0.0, 6.0, 61)
     expected = solve_ivp(rates, (0.0, 6.0), begin, t_eval=elapsed, rtol=1e-10, atol=1e-12).y.T
-    moved = unchanged_motion(elapsed, np.array([1.0, 0.0, 0.0, p, q, r, *begin]))
-    assert_allclose(moved[:, 6:9], expected, atol=1e-8)
+    moved = unchanged_motion(elapsed, np.array([u, v, w, p, q, r, *begin]))
+    assert_allclose(moved[:, 6:], expected, atol=1e-8)
 
 
-def test_without_rates_nothing_turns():
-    motion = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.1, 0.2, 9.0])
-    assert unchanged_motion(np.array([0.0, 50.0]), motion) == pytest.approx(np.tile(motion, (2, 1)))
+def test_without_rates_nothing_turns_and_the_depth_grows_with_time():
+    motion = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.1, -0.2, 9.0, 3.0])
+    moved = unchanged_motion(np.array([0.0, 50.0]), motion)
+    assert moved[:, :9] == pytest.approx(np.tile(motion[:9], (2, 1)))
+    assert moved[:, 9] == pytest.approx([3.0, 3.0 + 50.0 * np.sin(0.2)])
+
+
+def test_a_model_that_coasts_downwards_gains_the_depth_of_its_way():
+    """Of a body in balance: its way is the integral of one over time, a logarithm."""
+    drag, pitch, wanted = -3.2, -0.4, np.array([0.0, 3.0, 10.0])
+    motion = np.zeros((2, 10))
+    motion[:, [0, 7, 9]] = 2.0, pitch, 4.0
+    moved = move_side_by_side([coasting(0, 101, before=False)], motion, with_drag(drag, 0.0), PLAIN, wanted)
+    slowing = -drag / 64.0 * 2.0
+    assert_allclose(moved[:, 0, 9], 4.0 - np.sin(pitch) * 2.0 * np.log1p(slowing * wanted) / slowing, rtol=1e-6)
+    assert_allclose(moved[:, 1, 9], 4.0 - np.sin(pitch) * 2.0 * wanted, rtol=1e-12)

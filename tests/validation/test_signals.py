@@ -14,10 +14,11 @@ def test_signals_hold_what_is_finite_of_each_component_in_the_order_of_the_motio
     attitude = np.array([[0.0, 0.1, 3.0], [0.0, np.nan, 3.1], [0.0, 0.1, -3.1], [0.0, 0.1, -3.0]])
     records = {
         "attitude": SensorRecord(time, attitude, np.array([0.01, 0.02, 0.03])),
+        "depth": SensorRecord(time, 5.0 + time[:, None], np.array([0.05])),
         "dvl": SensorRecord(time[:2], np.array([[3.0, np.nan, 0.0], [3.5, np.nan, 0.0]]), np.full(3, 1e-3)),
     }
     signals = measured_signals(records)
-    assert list(signals) == ["u", "w", "phi", "theta", "psi"]
+    assert list(signals) == ["u", "w", "phi", "theta", "psi", "down"]
     assert signals["theta"].time.tolist() == [0.0, 2.0, 3.0]
     assert signals["theta"].deviation == 0.02
     assert_allclose(signals["psi"].values, [3.0, 3.1, 2 * np.pi - 3.1, 2 * np.pi - 3.0])

@@ -14,7 +14,7 @@ from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.validation.horizon_prediction import HORIZONS
 from auvid_cli.validation.results import AHEAD, FREE_RUN
 from auvid_cli.validation.validate import validate
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
+from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS
 
 from .conftest import WHITE, ZIGZAG
 
@@ -37,7 +37,7 @@ def identified(simulated_with):
     return identify(simulated_with("manoeuvre.duration=150 s", WHITE), FilterName.CKF)
 
 
-NO_NOISE = "identification.process_noise={velocity: 1e-9, rate: 1e-9, attitude: 1e-9}"
+NO_NOISE = "identification.process_noise={velocity: 1e-9, rate: 1e-9, attitude: 1e-9, depth: 1e-9}"
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def test_true_coefficients_predict_to_within_the_noise(zigzag, undisturbed):
     validation = validate([zigzag], undisturbed)
     ahead = rows_of(validation, AHEAD)
     assert {row.horizon_s for row in ahead} == set(HORIZONS)
-    assert {row.signal for row in ahead} == set(MOTION_SYMBOLS)
+    assert {row.signal for row in ahead} == set(MOTION_AND_DEPTH_SYMBOLS)
     for row in ahead:
         low, high = chi2.ppf([1e-4, 1.0 - 1e-4], row.measurements)
         assert low < row.measurements * (row.rmse / row.expected_rmse) ** 2 < high, row
@@ -238,7 +238,7 @@ def test_a_turn_without_a_roll_is_taken_as_level_and_that_is_said(simulated_with
 def test_without_a_dvl_predictions_start_from_what_the_model_says_of_the_velocity(zigzag, with_coefficients):
     blind = replace(zigzag, sensors={name: r for name, r in zigzag.sensors.items() if name != "dvl"})
     validation = validate([blind], with_coefficients(zigzag.truth.coefficients), starts=30)
-    assert set(free_fits(validation)) == set(MOTION_SYMBOLS[3:])
+    assert set(free_fits(validation)) == set(MOTION_AND_DEPTH_SYMBOLS[3:])
     assert free_fits(validation)["r"] > 90.0
 
 

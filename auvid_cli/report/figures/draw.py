@@ -78,7 +78,7 @@ class FigureQueue:
 
     def add_validation(self, validation: "Validation") -> None:
         """Draw what a model predicts of data that it has not seen; of several segments the free run of the longest."""
-        for name, quantities in (("velocities", MOTION[:6]), ("attitude", MOTION[6:])):
+        for name, quantities in (("velocities", MOTION[:6]), ("attitude", validation.run.quantities[6:])):
             sensors = _records_of(quantities, validation.shown.sensors)
             self._add(f"validation_{name}", "motion", quantities, sensors, {validation.filter: validation.run})
         self._add("validation_horizons", "horizons", validation.filter, validation.predictions)

@@ -24,7 +24,7 @@ from auvid_cli.report.figures.style import (
     tidy,
 )
 from auvid_cli.report.notation import symbol_math
-from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
+from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity
 
 Array = NDArray[np.float64]
 
@@ -41,12 +41,12 @@ class Curve(NamedTuple):
 
 
 def motion_figure(quantities: Sequence[Quantity], sensors: dict[str, SensorRecord], runs: dict[str, FreeRun]) -> Figure:
-    """Draw a row for each motion state: the whole run, and its end beside it.
+    """Draw a row for each motion state, or the depth: the whole run, and its end beside it.
 
     Parameters
     ----------
     quantities : sequence of Quantity
-        Motion states.
+        Motion states, and the depth if the runs have it.
     sensors : dict of SensorRecord
     runs : dict of FreeRun
         By filter.
@@ -116,7 +116,7 @@ def _measured(quantity: Quantity, sensors: dict[str, SensorRecord]) -> Curve | N
 
 
 def _predicted(quantity: Quantity, runs: dict[str, FreeRun]) -> dict[str, Curve]:
-    column = MOTION_SYMBOLS.index(quantity.symbol)
+    column = MOTION_AND_DEPTH_SYMBOLS.index(quantity.symbol)
     return {
         name: Curve(run.time, _drawable(quantity, run.motion[:, column])) for name, run in runs.items() if run.time.size
     }

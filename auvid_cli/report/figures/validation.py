@@ -1,6 +1,7 @@
 """How errors of predictions grow with the horizon, and how much of that was to be expected."""
 
 from collections.abc import Sequence
+from math import ceil
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -12,7 +13,7 @@ from matplotlib.patches import Patch
 from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure, say
 from auvid_cli.report.notation import filter_label, symbol_math
 from auvid_cli.validation.results import AHEAD, Prediction
-from auvid_cli.vehicle.parameters import MOTION
+from auvid_cli.vehicle.parameters import DEPTH, MOTION, MOTION_AND_DEPTH
 
 _COLUMNS = 3
 _EXPECTED = "0.85"
@@ -26,7 +27,9 @@ _OTHERS = {
 
 
 def horizon_figure(filter_name: str, predictions: Sequence[Prediction]) -> Figure:
-    """Draw a panel for each motion state: RMSE over the horizon, both logarithmic, angles in degrees.
+    """Draw a panel for each motion state, and the depth if there is any: RMSE over the horizon, both logarithmic.
+
+    Angles are in degrees.
 
     Parameters
     ----------
@@ -34,9 +37,14 @@ def horizon_figure(filter_name: str, predictions: Sequence[Prediction]) -> Figur
     predictions : sequence of Prediction
         Those ahead are drawn.
     """
-    figure = new_figure(11.0, 7.6)
-    panels = figure.subplots(len(MOTION) // _COLUMNS, _COLUMNS, sharex=True)
-    for axes, quantity in zip(panels.flat, MOTION, strict=True):
+    has_depth = any(row.signal == DEPTH.symbol for row in predictions)
+    quantities = MOTION_AND_DEPTH if has_depth else MOTION
+    rows_of_panels = ceil(len(quantities) / _COLUMNS)
+    figure = new_figure(11.0, 2.4 * rows_of_panels + 0.4)
+    panels = figure.subplots(rows_of_panels, _COLUMNS, sharex=True)
+    for axes in panels.flat[len(quantities) :]:
+        axes.remove()
+    for axes, quantity in zip(panels.flat, quantities, strict=False):
         rows = [row for row in predictions if row.kind == AHEAD and row.signal == quantity.symbol]
         unit = quantity.unit.replace("rad", "deg")
         axes.set_ylabel(f"{symbol_math(quantity.symbol)} ({unit})", fontsize=9)
@@ -45,8 +53,9 @@ def horizon_figure(filter_name: str, predictions: Sequence[Prediction]) -> Figur
             _draw(axes, filter_name, rows, np.rad2deg(1.0) if unit != quantity.unit else 1.0)
         else:
             say(axes, "no measurements ahead")
-    for axes in panels[-1]:
+    for axes in panels.flat[len(quantities) - _COLUMNS : len(quantities)]:
         axes.set_xlabel("horizon (s)", fontsize=9)
+        axes.tick_params(labelbottom=True)
     legend_above(figure, _handles(filter_name, predictions))
     return figure
 
