@@ -38,11 +38,14 @@ class Alignment(NamedTuple):
         Whether what is called rudder turns the vehicle as an elevator does, and the other way round.
     share : float
         By how much the faster of the fins changes within the delay, of its RMS about its mean.
+    gain : float
+        In log-likelihood, over no delay.
     """
 
     delay: float | None
     exchanged: bool | None
     share: float = 0.0
+    gain: float = 0.0
 
     @property
     def is_delayed(self) -> bool:
@@ -79,7 +82,8 @@ def input_alignment(signals: Signals, time_constant: float | None) -> Alignment:
     if not likelihood[likeliest] > likelihood[usual].max() + _LIKELIER:
         likeliest = int(np.where(usual, likelihood, -np.inf).argmax())
     cells = float(delays[likeliest]) + _peak(likelihood, likeliest)
-    return Alignment(cells * signals.grid.step, exchanged, _share(signals, round(cells)))
+    gain = float(likelihood[likeliest] - likelihood[delays.size // 2])
+    return Alignment(cells * signals.grid.step, exchanged, _share(signals, round(cells)), gain)
 
 
 def _share(signals: Signals, cells: int) -> float:

@@ -38,15 +38,16 @@ class _Turn(NamedTuple):
 
 
 _FINS = "delay", "rudder and elevator"
+_LASTING = tuple(f"errors that last in {rate}" for rate in "pqr")
 _TURNS = (
-    _Turn(("p against phi",), ("roll_moment", "response of p"), (), "phi (and p)", "starboard side down"),
+    _Turn(("p against phi",), ("roll_moment", "response of p"), (), "phi (and p)", "starboard side down", _LASTING),
     _Turn(
         ("q against theta",),
         ("elevator", "response of q"),
         (("depth", "depth against pitch and u"), ("dvl", "w in a turn")),
         "theta (and q)",
         "nose up",
-        ("w in a turn", *_FINS),
+        ("w in a turn", *_FINS, *_LASTING),
     ),
     _Turn(
         ("r against psi", "r against heading"),
@@ -56,7 +57,7 @@ _TURNS = (
         "clockwise from above; headings of ENU count the other way",
         (
             *("v in a turn", "v against accelerometer", "lever arm", "current", "heading offset", "response of u"),
-            *("bias instability of r", *_FINS),
+            *("bias instability of r", *_FINS, *_LASTING),
         ),
     ),
 )

@@ -15,7 +15,7 @@ from auvid_cli.inspection.alignment import aligned, alignment_checks, input_alig
 from auvid_cli.inspection.allan import bias_instability
 from auvid_cli.inspection.clean_record import Screened, screened
 from auvid_cli.inspection.contradictions import weighed
-from auvid_cli.inspection.current import drift, through_water
+from auvid_cli.inspection.current import drift, is_current, through_water
 from auvid_cli.inspection.data_checks import data_checks
 from auvid_cli.inspection.excitation import excitation_checks, fitness_checks
 from auvid_cli.inspection.excursions import excursion_checks
@@ -23,6 +23,8 @@ from auvid_cli.inspection.forces import force_checks
 from auvid_cli.inspection.grid import Signals, signals_of
 from auvid_cli.inspection.inspection import Inspection, Mark, judged
 from auvid_cli.inspection.kinematic_ties import attitude_rates
+from auvid_cli.inspection.lasting_errors import lasting_error_checks, lasting_errors
+from auvid_cli.inspection.likely_causes import causes_by_evidence, causes_check
 from auvid_cli.inspection.single_sensor import measurement_checks
 from auvid_cli.inspection.steps import angle_steps, gimbal_check, step_check
 from auvid_cli.inspection.timing import input_timing_checks, timing_checks
@@ -70,7 +72,8 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     speed = mean_speed(signals)
     length = dataset.experiment.vehicle.size.length
     time_constant = length / speed if speed is not None else None
-    in_water = through_water(signals, drift(signals))
+    found = drift(signals)
+    in_water = through_water(signals, found)
     alignment = input_alignment(in_water, time_constant)
     checks += [*input_timing_checks(dataset.inputs, time_constant), *alignment_checks(alignment)]
     checks += force_checks(signals, dataset.experiment.vehicle)
@@ -78,7 +81,8 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     accelerometer = dataset.sensors.get("accelerometer")
     ahead = 0.0 if accelerometer is None else accelerometer.position[0]
     velocities = velocity_checks(aligned(signals, alignment), length, time_constant, ahead)
-    checks += [*rotations, *velocities, *_stability(signals)]
+    errors = lasting_errors(signals, sound)
+    checks += [*rotations, *velocities, *_stability(signals), *lasting_error_checks(errors)]
     # Of sensors that contradict each other none is a witness.
     if not any(check.passed is False and check.subject in sound for check in rotations):
         swings, away = excursion_checks(signals, stepped)
@@ -88,7 +92,10 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     every = slice(None, None, 1 + dataset.inputs.time.size // _MOST_INPUTS)
     inputs = InputRecord(dataset.inputs.time[every], dataset.inputs.values[every])
     presence = {name: _presence(record, span) for name, record in sensors.items()}
-    return Inspection(Checks(weighed(checks)), marks, inputs, presence, span)
+    weighty = weighed(checks)
+    current = found if found is not None and is_current(signals, found) else None
+    weighty.append(causes_check(causes_by_evidence(alignment, current, errors), weighty))
+    return Inspection(Checks(weighty), marks, inputs, presence, span)
 
 
 def _sensor_checks(dataset: Dataset, name: str, screening: Screened) -> list[Check]:

@@ -1,0 +1,126 @@
+"""Whether gyroscope and attitude part by more than noise: errors that last, as of a bias that wanders."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.check import Check
+from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.inspection.grid import Signals, change, smoothed
+from auvid_cli.inspection.inspection import judged
+from auvid_cli.vehicle.parameters import SENSORS, Quantity
+
+Array = NDArray[np.float64]
+
+# s, over which rates are averaged: what lasts for less is noise to whoever identifies.
+_SPAN = 5.0
+_FEWEST = 6
+# Times what the stated noise leaves of that average.
+_LARGEST = 2.0
+_PITCHED = np.deg2rad(80.0)
+
+
+class LastingError(NamedTuple):
+    """Of a rate of the gyroscope: what the attitude does not explain, averaged over some seconds.
+
+    Attributes
+    ----------
+    rate : str
+    size, expected : float
+        Root mean square, and what noise as stated makes of it, rad/s.
+    gain : float
+        In log-likelihood, if noise were as large as it is; 0 where it is no larger than stated.
+    """
+
+    rate: str
+    size: float
+    expected: float
+    gain: float
+
+    @property
+    def is_beyond_noise(self) -> bool:
+        """Say whether it is there."""
+        return self.size > _LARGEST * self.expected
+
+
+def lasting_errors(signals: Signals, sensors: Mapping[str, SensorRecord]) -> list[LastingError]:
+    """Find them for each rate, where all rates and angles are measured.
+
+    The change of each angle by the rates is Fossen (2011), eq. (2.26). What is in proportion to that change, or to how
+    it changes, is a scale or a delay, and is left out.
+    """
+    if not signals.has("p", "q", "r", "phi", "theta", "psi"):
+        return []
+    p, q, r, phi, theta, psi = (signals.values[symbol] for symbol in ("p", "q", "r", "phi", "theta", "psi"))
+    turning = q * np.sin(phi) + r * np.cos(phi)
+    level = np.where(np.abs(theta) < _PITCHED, np.cos(theta), np.nan)
+    turned = {
+        "p": (p + np.sin(theta) / level * turning, phi),
+        "q": (q * np.cos(phi) - r * np.sin(phi), theta),
+        "r": (turning / level, psi),
+    }
+    return [
+        found
+        for rate, (by_rates, angle) in turned.items()
+        if (found := _parting(signals, sensors, rate, by_rates, angle))
+    ]
+
+
+def _parting(
+    signals: Signals, sensors: Mapping[str, SensorRecord], rate: str, by_rates: Array, angle: Array
+) -> LastingError | None:
+    window = round(_SPAN / signals.grid.step)
+    # An angle is known in the middle of a cell: from one middle to another lie the means of the cells between.
+    between = 0.5 * (smoothed(by_rates, window) + np.append(smoothed(by_rates, window)[1:], np.nan))
+    means, changes = between[::window], change(angle, window)[::window] / _SPAN
+    faster = change(by_rates, window)[::window] / _SPAN
+    known = np.isfinite(means) & np.isfinite(changes) & np.isfinite(faster)
+    beside = np.column_stack([changes, faster])[known]
+    if known.sum() < _FEWEST + beside.shape[1]:
+        return None
+    unexplained = (means - changes)[known]
+    left = unexplained - beside @ np.linalg.lstsq(beside, unexplained, rcond=1e-6)[0]
+    count = left.size - beside.shape[1]
+    size, expected = float(np.sqrt(left @ left / count)), _by_noise(signals, sensors, rate)
+    ratio = max(size / expected, 1.0)
+    return LastingError(rate, size, expected, float(count * (0.5 * (ratio**2 - 1.0) - np.log(ratio))))
+
+
+def _by_noise(signals: Signals, sensors: Mapping[str, SensorRecord], rate: str) -> float:
+    """Return what white noise as stated leaves of the average, rad/s."""
+    angle = {"p": "phi", "q": "theta", "r": "psi"}[rate]
+    of_rate, of_angle = (_stated(sensors, symbol) for symbol in (rate, angle))
+    in_a_cell = max(signals.grid.step / signals.interval[angle], 1.0)
+    return float(np.sqrt(of_rate**2 * signals.interval[rate] / _SPAN + 2.0 * of_angle**2 / in_a_cell / _SPAN**2))
+
+
+def _stated(sensors: Mapping[str, SensorRecord], symbol: str) -> float:
+    """Return the stated noise of the first sensor of a motion state, SI."""
+
+    def place(quantities: tuple[Quantity, ...]) -> int | None:
+        return next((i for i, quantity in enumerate(quantities) if quantity.symbol == symbol), None)
+
+    return next(
+        float(record.standard_deviation[at])
+        for name, record in sensors.items()
+        if (at := place(SENSORS[name])) is not None
+    )
+
+
+def lasting_error_checks(found: list[LastingError]) -> list[Check]:
+    """Judge them: a note where they are more than noise."""
+    return [
+        judged(
+            "gyroscope",
+            f"errors that last in {error.rate}",
+            statistic=f"{np.rad2deg(error.size):.2g} deg/s over {_SPAN:g} s beside the attitude",
+            threshold=f"<= {_LARGEST:g} times {np.rad2deg(error.expected):.2g} deg/s, which the stated noise makes",
+            passed=None if error.is_beyond_noise else True,
+            advice=f"{error.rate} and the attitude part for seconds, more than noise as stated: look for a bias "
+            "(`identification.estimate.biases: [gyro]`, with `gyro.walk` if it wanders), or state more process noise "
+            "(`auvid tune` finds how much), not less.",
+        )
+        for error in found
+    ]

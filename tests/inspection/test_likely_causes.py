@@ -1,0 +1,103 @@
+"""What identification is told to look for, by what these data say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.inspection.alignment import Alignment
+from auvid_cli.inspection.current import Drift
+from auvid_cli.inspection.grid import Grid, Signals
+from auvid_cli.inspection.inspect import inspect_dataset
+from auvid_cli.inspection.inspection import cannot_tell, judged
+from auvid_cli.inspection.lasting_errors import LastingError, lasting_errors
+from auvid_cli.inspection.likely_causes import causes_by_evidence, causes_check
+
+DIRECT = "sensors.attitude={source: direct, rate: 20 Hz, noise: 0.1 deg}", "sensors.gyroscope.rate=20 Hz"
+
+
+def told(simulated_with, *settings):
+    checks = inspect_dataset(simulated_with("manoeuvre.duration=60 s", *DIRECT, *settings)).checks
+    (causes,) = [check for check in checks if check.check == "likely causes"]
+    return causes, {check.check: check for check in checks if check.check.startswith("errors that last")}
+
+
+def test_sound_data_have_no_cause(simulated_with):
+    causes, lasting = told(simulated_with)
+    assert (causes.passed, causes.statistic) == (True, "none")
+    assert len(lasting) == 3
+    assert all(check.passed for check in lasting.values())
+
+
+def test_a_coloured_gyroscope_asks_for_its_bias_or_more_process_noise(simulated_with):
+    causes, lasting = told(
+        simulated_with, "sensors.gyroscope.coloured_share=0.9", "sensors.gyroscope.coloured_time_constant=4 s"
+    )
+    assert None in {check.passed for check in lasting.values()}
+    assert causes.passed is None
+    assert causes.statistic.startswith("errors of the gyroscope that last")
+    assert "more process noise (`auvid tune`)" in causes.advice
+    assert "lower" not in causes.advice
+
+
+def test_causes_stand_in_the_order_of_their_evidence_and_doubtful_ones_are_left_out():
+    late, flow = Alignment(0.5, False, 1.0, gain=30.0), Drift(0.3, 0.4, 0.1)
+    errors = [LastingError("r", 0.02, 0.001, 100.0), LastingError("q", 0.001, 0.001, 0.0)]
+    notes = [
+        judged("x", name, statistic="much", threshold="little", passed=None, advice="")
+        for name in ("delay", "current", "errors that last in r")
+    ]
+    check = causes_check(causes_by_evidence(late, flow, errors), notes)
+    assert [part.partition(" (")[0] for part in check.statistic.split("; ")] == [
+        "errors of the gyroscope that last",
+        "inputs at another time",
+        "a current",
+    ]
+    # A gain of half the squared standard errors: 0.5 m/s of 0.1 m/s.
+    assert "a current (gains 12 in log-likelihood)" in check.statistic
+    assert check.advice.index("[gyro]") < check.advice.index("inputs: -0.5 s") < check.advice.index("[current]")
+    doubted = [cannot_tell("x", "delay", "nothing turns", ""), *notes[1:]]
+    assert "inputs" not in causes_check(causes_by_evidence(late, flow, errors), doubted).statistic
+
+
+@pytest.fixture
+def rolling(rng):
+    """Function: an hour's tenth of rolling to and fro, measured with white noise, and what else a rate has."""
+
+    def make(added):
+        time = 0.1 * np.arange(3600) + 0.05
+        phi, p = 0.3 * np.sin(0.8 * time), 0.24 * np.cos(0.8 * time)
+        still = np.zeros(time.size)
+        noise = rng.standard_normal((2, time.size))
+        values = {"p": p + 1e-3 * noise[0] + added(time), "phi": phi + 2e-3 * noise[1]}
+        values |= dict.fromkeys(("q", "r", "theta", "psi"), still)
+        record = SensorRecord(time, np.zeros((time.size, 3)), np.array([1e-3, 1e-3, 1e-3]))
+        sensors = {"gyroscope": record, "attitude": replace(record, standard_deviation=np.full(3, 2e-3))}
+        found = lasting_errors(Signals(Grid(0.0, 0.1, time.size), values, dict.fromkeys(values, 0.1)), sensors)
+        return next(error for error in found if error.rate == "p")
+
+    return make
+
+
+def test_noise_as_stated_leaves_what_is_expected_of_it_whatever_scale_or_delay_a_rate_has(rolling):
+    # Of an average over 5 s: 50 rates, and an angle at either end.
+    expected = np.sqrt(1e-6 / 50 + 2 * 4e-6 / 25)
+    for added in (
+        lambda time: 0.0 * time,
+        lambda time: 0.01 * np.cos(0.8 * time),
+        lambda time: 0.02 * np.sin(0.8 * time),
+    ):
+        error = rolling(added)
+        assert error.expected == pytest.approx(expected)
+        assert error.size == pytest.approx(expected, rel=0.25)
+        assert not error.is_beyond_noise
+
+
+def test_an_error_that_lasts_has_its_size_and_gain(rolling):
+    error = rolling(lambda time: 4e-3 * np.sign(np.sin(0.02 * time)))
+    assert error.size == pytest.approx(4e-3, rel=0.1)
+    ratio = error.size / error.expected
+    # The likelihood of 70 averages of normal noise, of the size that they have and of the stated one.
+    assert error.gain == pytest.approx(70 * (0.5 * (ratio**2 - 1.0) - np.log(ratio)), rel=0.05)
+    assert error.is_beyond_noise
