@@ -37,25 +37,32 @@ class ErrorGrowth(NamedTuple):
     ----------
     variance : dict of float
         By motion symbol and horizon, s; SI.
+    by_process_noise : dict of float
+        Of it what process noise makes, which is there whether or not the vehicle moves.
     moved : dict of float
         Variance of the motion behind each signal, SI.
     """
 
     variance: dict[tuple[str, float], float]
+    by_process_noise: dict[tuple[str, float], float]
     moved: dict[str, float]
 
     def in_motion(self, sizes: Mapping[str, SignalSize]) -> dict[tuple[str, float], float]:
-        """Return the variance for other data, SI, by motion symbol and horizon: in proportion to what moves there."""
+        """Return the variance for other data beyond process noise, SI: in proportion to what moves there."""
         moved = _moved(sizes)
         ratio = {symbol: moved[symbol] / self.moved[symbol] for symbol in moved if symbol in self.moved}
         scale = {
             symbol: max((ratio[other] for other in _GROWS_WITH.get(symbol, (symbol,)) if other in ratio), default=1.0)
             for symbol in sizes
         }
-        return {(symbol, h): scale[symbol] * v for (symbol, h), v in self.variance.items() if symbol in scale}
+        return {
+            (symbol, h): max(scale[symbol] * v - self.by_process_noise[symbol, h], 0.0)
+            for (symbol, h), v in self.variance.items()
+            if symbol in scale
+        }
 
 
-def error_growth(samples: Sequence[Sample], sizes: Mapping[str, SignalSize]) -> ErrorGrowth:
+def error_growth(samples: Sequence[Sample], shaken: Sequence[Sample], sizes: Mapping[str, SignalSize]) -> ErrorGrowth:
     """Find by how much mean squares of errors exceed what is stated; never less than at a shorter horizon.
 
     Horizons beyond the data, and those that too few starts reach, get what the longest one has.
@@ -63,23 +70,27 @@ def error_growth(samples: Sequence[Sample], sizes: Mapping[str, SignalSize]) -> 
     Parameters
     ----------
     samples : sequence of Sample
-        Predictions of the identified model's own data, from many starts.
+        Predictions of the identified model's own data, from many starts; their variance without process noise.
+    shaken : sequence of Sample
+        The same with it.
     sizes : mapping
         Of these data, see `signal_sizes`.
     """
-    variance = {}
+    variance, by_process_noise = {}, {}
     for symbol in sizes:
-        largest = 0.0
+        largest, noise = 0.0, 0.0
         for horizon in HORIZONS:
-            excess = [
-                (sample.target.measurement - sample.named[0]) ** 2 - sample.variance
-                for sample in samples
+            pairs = [
+                (sample, other)
+                for sample, other in zip(samples, shaken, strict=True)
                 if (MOTION_AND_DEPTH_SYMBOLS[sample.target.column], sample.target.horizon) == (symbol, horizon)
             ]
-            if len(excess) >= _FEWEST and np.isfinite(excess).all():
-                largest = max(largest, float(np.mean(excess)))
-            variance[symbol, horizon] = largest
-    return ErrorGrowth(variance, _moved(sizes))
+            excess = [(plain.target.measurement - plain.named[0]) ** 2 - plain.variance for plain, _ in pairs]
+            added = [other.variance - plain.variance for plain, other in pairs]
+            if len(pairs) >= _FEWEST and np.isfinite([excess, added]).all():
+                largest, noise = max(largest, float(np.mean(excess))), max(noise, float(np.mean(added)))
+            variance[symbol, horizon], by_process_noise[symbol, horizon] = largest, noise
+    return ErrorGrowth(variance, by_process_noise, _moved(sizes))
 
 
 def _moved(sizes: Mapping[str, SignalSize]) -> dict[str, float]:

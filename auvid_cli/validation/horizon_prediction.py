@@ -110,12 +110,12 @@ def predict_ahead(
     starts: InitialStates,
     bundle: Bundle,
     rng: np.random.Generator,
-    process_noise: Array | None = None,
+    with_process_noise: bool = True,
 ) -> Collected:
     """Predict measurements from every start, with the sensors' errors and the current that are known there.
 
     The variance holds how unsure coefficients, start, measurements and their additive errors are, each by itself, what
-    disturbs the motion where that is estimated, and process noise where it is given. It leaves out the uncertainty of
+    disturbs the motion where that is estimated, and process noise if asked. It leaves out the uncertainty of
     the current and of the DVL's scale and yaw, and that these go with the start's velocity: what the filter knows well
     is the velocity over ground, less well its share through the water.
 
@@ -129,13 +129,13 @@ def predict_ahead(
     bundle : Bundle
         A drawn model also starts from a motion that is drawn from the uncertainty of the start.
     rng : numpy.random.Generator
-    process_noise : ndarray, shape (10,), optional
-        That moves drawn models as well: root of the spectral density for each motion state and the depth, SI / s^0.5.
+    with_process_noise : bool
+        Whether that moves drawn models.
     """
     parameters, named = prepared.experiment.vehicle.known_parameters(), len(bundle.names)
     drawn = len(bundle.coefficients) - named
     collected = Collected([], np.zeros(drawn, dtype=np.bool_))
-    shaken = None if process_noise is None else Shaken(slice(named, named + drawn), process_noise, rng)
+    shaken = Shaken(slice(named, named + drawn), starts.process_noise, rng) if with_process_noise else None
     for k, start in enumerate(starts.time):
         targets = targets_of(signals, float(start))
         if not targets:

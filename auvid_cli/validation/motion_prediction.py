@@ -17,8 +17,8 @@ from auvid_cli.vehicle.kinematics import euler_angles, rotation_matrix
 Array = NDArray[np.float64]
 
 
-# s; process noise pushes at least so long apart, which is short beside how fast a vehicle answers.
-_BETWEEN_PUSHES = 0.1
+# s; process noise and what disturbs push at least so long apart, which is short beside how fast a vehicle answers.
+_BETWEEN_PUSHES, _BETWEEN_DISTURBANCES = 0.1, 0.05
 
 
 class Shaken(NamedTuple):
@@ -113,7 +113,7 @@ def move_side_by_side(
     block, rows = (_in_lanes(each) for each in (motion, np.hstack([coefficients, np.tile(NO_ERRORS, (n, 1))])))
     states, moved = block.reshape(N_PREDICTED, LANES), np.empty((wanted.size, n, N_PREDICTED))
     # What acts at random does so at the end of each stride; without it there is nothing to stop for.
-    longest = 0.0 if disturbed is not None else inf if shaken is None else _BETWEEN_PUSHES
+    longest = _BETWEEN_DISTURBANCES if disturbed is not None else inf if shaken is None else _BETWEEN_PUSHES
     done = 0
 
     def move(timeline: Timeline, begin: int, end: int) -> None:

@@ -36,8 +36,8 @@ class Prediction(NamedTuple):
         Of what there was before: the prior's mean, the coefficients in the vehicle file, and the motion at the start
         going on as it is.
     expected_rmse : float or None
-        What the uncertainties of coefficients, start and measurements amount to, and by how much predictions of the
-        model's own data are worse than these; where such data are not at hand, process noise instead.
+        What the uncertainties of coefficients, start and measurements amount to, and the larger of what process noise
+        adds and by how much predictions of the model's own data, where these are at hand, are worse than stated.
     share_within_band : float or None
         Of the errors, those within two of these standard deviations; 0.95 if the uncertainties are right.
     draws, draws_blown_up : int or None

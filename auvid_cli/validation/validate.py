@@ -90,8 +90,7 @@ def validate(
     free = [fit_free_runs(segment.prepared, segment.signals, models, segment.states) for segment in followed]
     rng = np.random.default_rng(estimate.experiment.seed)
     bundle = _bundle(models, drawn_coefficients(estimate, DRAWS, rng))
-    # What is seen on the model's own data says better how errors grow than white noise that stands for their causes.
-    collected = _predict(followed, bundle, rng, with_process_noise=training is None)
+    collected = _predict(followed, bundle, rng)
     growth = {} if training is None else _growth(training, estimate, bundle, starts, rng).in_motion(sizes)
     rows = [*free_run_rows(free, sizes), *rows_ahead(collected, bundle.names, sizes, growth)]
     numbers = [
@@ -144,12 +143,11 @@ def _span(prepared: PreparedData, signals: Mapping[str, MeasuredSignal]) -> tupl
 
 
 def _predict(
-    followed: Sequence[_Followed], bundle: Bundle, rng: np.random.Generator, with_process_noise: bool
+    followed: Sequence[_Followed], bundle: Bundle, rng: np.random.Generator, with_process_noise: bool = True
 ) -> Collected:
     collected = Collected([], np.zeros(len(bundle.coefficients) - len(bundle.names), dtype=np.bool_))
     for prepared, signals, states in followed:
-        process_noise = states.process_noise if with_process_noise else None
-        collected = collected.plus(predict_ahead(prepared, signals, states, bundle, rng, process_noise))
+        collected = collected.plus(predict_ahead(prepared, signals, states, bundle, rng, with_process_noise))
     return collected
 
 
@@ -160,7 +158,8 @@ def _growth(
     own = replace(training, experiment=estimate.experiment)
     followed, _ = _follow(used_segments(own, measuring_sensors(own)), estimate, starts)
     sizes = signal_sizes([segment.signals for segment in followed])
-    return error_growth(_predict(followed, bundle, rng, with_process_noise=False).samples, sizes)
+    plain, shaken = (_predict(followed, bundle, rng, noise).samples for noise in (False, True))
+    return error_growth(plain, shaken, sizes)
 
 
 def _doubts(followed: Sequence[_Followed]) -> tuple[dict[str, float], str]:
@@ -209,8 +208,8 @@ def _remarks(
 def _unknown_growth(training: Dataset | None) -> Iterator[str]:
     if training is None:
         yield (
-            "the data that the estimate was made from are not at hand: process noise, and not the errors of predicting "
-            "them, says how bands grow"
+            "the data that the estimate was made from are not at hand: process noise alone, and not the errors of "
+            "predicting them, says how bands grow"
         )
 
 

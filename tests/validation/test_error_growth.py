@@ -21,7 +21,7 @@ def samples(symbol, horizon, errors, variance):
 def test_what_exceeds_the_stated_variance_grows_with_the_motion():
     own = {"v": signal(0.01, 0.1), "u": signal(0.01, 0.1)}
     errors = [*samples("v", 1.0, [0.3, -0.5] * 20, 0.04), *samples("v", 5.0, [0.1] * 40, 0.04)]
-    growth = error_growth(errors, own)
+    growth = error_growth(errors, errors, own)
     assert growth.variance["v", 0.5] == 0.0
     # Never less than at a shorter horizon, to the longest.
     assert [growth.variance["v", h] for h in HORIZONS if h >= 1.0] == pytest.approx([0.17 - 0.04] * 6)
@@ -32,11 +32,23 @@ def test_what_exceeds_the_stated_variance_grows_with_the_motion():
 
 def test_turns_carry_errors_of_surge():
     own, other = ({"u": signal(0.01, 0.1), "r": signal(0.01, spread)} for spread in (0.1, 0.2))
-    growth = error_growth(samples("u", 1.0, [0.3] * 40, 0.0), own)
+    errors = samples("u", 1.0, [0.3] * 40, 0.0)
+    growth = error_growth(errors, errors, own)
     assert growth.in_motion(other)["u", 1.0] == pytest.approx(4.0 * 0.09, rel=0.05)
 
 
 def test_errors_that_are_expected_or_few_add_nothing():
     own = {"v": signal(0.01, 0.1)}
     for errors in (samples("v", 1.0, [0.1] * 40, 0.04), samples("v", 1.0, [0.5] * 10, 0.04)):
-        assert set(error_growth(errors, own).variance.values()) == {0.0}
+        assert set(error_growth(errors, errors, own).variance.values()) == {0.0}
+
+
+def test_process_noise_stands_for_its_share_whether_or_not_the_vehicle_moves():
+    own, still, livelier = ({"v": signal(0.01, spread)} for spread in (0.1, 0.0, 0.3))
+    plain, shaken = (samples("v", 1.0, [0.5] * 40, variance) for variance in (0.04, 0.1))
+    growth = error_growth(plain, shaken, own)
+    assert growth.by_process_noise["v", 1.0] == pytest.approx(0.06)
+    # What predictions with process noise lack: of as much motion, of none, of three times as much.
+    for sizes, scale in ((own, 1.0), (still, 0.01), (livelier, 9.0)):
+        expected = max(scale * (0.25 - 0.04) - 0.06, 0.0)
+        assert growth.in_motion(sizes)["v", 1.0] == pytest.approx(expected, rel=0.1, abs=1e-9)
