@@ -143,17 +143,27 @@ def most_likely_noise(
         return None
     best = log_likelihood(filtered)
     information = likelihood.scores(filtered).information
-    low, high = _intervals(lambda logarithms: best - likelihood.at(logarithms, trajectory), x, information)
+
+    def without(i: int) -> float:
+        # What one group leaves undone others may do: they are as likely as they can be without it.
+        others = np.arange(x.size) != i
+        start = np.where(others, x, -_FARTHEST)
+        return best - likelihood.at(_climb(likelihood, start, trajectory, others), trajectory)
+
+    low, high = _intervals(lambda logarithms: best - likelihood.at(logarithms, trajectory), without, x, information)
     return NoiseFactors(np.exp(x), low, high, best - as_stated, converged)
 
 
-def _climb(likelihood: _Likelihood, x: Array, trajectory: Trajectory) -> Array:
-    """Go up along a trajectory, as far as that is worth a step."""
+def _climb(likelihood: _Likelihood, x: Array, trajectory: Trajectory, free: NDArray[np.bool_] | None = None) -> Array:
+    """Go up along a trajectory, as far as that is worth a step; of some logarithms only, if asked."""
     here = likelihood.filter(x, trajectory)
     for _ in range(_MOST_STEPS):
         if here is None:
             break
         scores = likelihood.scores(here)
+        if free is not None:
+            information = scores.information * np.outer(free, free) + np.diag(~free)
+            scores = scores._replace(slope=scores.slope * free, information=information)
         # No step is much longer than that, even where the data say nothing of noise that is too small to be seen.
         bent = scores.information + np.diag(np.abs(scores.slope) / _LONGEST + _LEAST)
         step = np.clip(x + np.linalg.solve(bent, scores.slope), -_FARTHEST, _FARTHEST) - x
@@ -169,7 +179,9 @@ def _climb(likelihood: _Likelihood, x: Array, trajectory: Trajectory) -> Array:
     return x
 
 
-def _intervals(below: Callable[[Array], float], x: Array, information: Array) -> tuple[Array, Array]:
+def _intervals(
+    below: Callable[[Array], float], without: Callable[[int], float], x: Array, information: Array
+) -> tuple[Array, Array]:
     """Return 95 % intervals of the factors, from the curvature, and of little noise from how much less is as likely."""
     variance = np.diag(np.linalg.inv(information + _LEAST * np.eye(x.size)))
     width = np.minimum(_DEVIATIONS * np.sqrt(variance), _FARTHEST)
@@ -177,7 +189,7 @@ def _intervals(below: Callable[[Array], float], x: Array, information: Array) ->
     low, high = np.where(some, np.exp(x - width), 0.0), np.where(some, np.exp(x + width), np.inf)
     for i in np.flatnonzero(width > _NARROW):
         unit = np.eye(x.size)[i]
-        if below(x - (_FARTHEST + x[i]) * unit) < _BELOW:
+        if below(x - (_FARTHEST + x[i]) * unit) < _BELOW or without(int(i)) < _BELOW:
             low[i] = 0.0
             high[i] = np.exp(x[i] + _until(lambda by, unit=unit: below(x + by * unit) - _BELOW, _FARTHEST - x[i]))
     return low, high

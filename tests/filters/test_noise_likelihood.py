@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 
 from auvid_cli.filters.linear_smoothing import LinearSmoothing, Trajectory
-from auvid_cli.filters.noise_likelihood import most_likely_noise, scaled
+from auvid_cli.filters.noise_likelihood import _climb, _intervals, _Likelihood, most_likely_noise, scaled
 from auvid_cli.filters.noise_scores import NoiseGroup
 from auvid_cli.filters.segments import JointProblem
 
@@ -57,3 +57,32 @@ def test_whoever_asks_may_end_the_search(linear_problem):
 
     with pytest.raises(Enough):
         most_likely_noise(joint(linear_problem), GROUPS, 20, count)
+
+
+@pytest.mark.parametrize(("left", "begins_at_none"), [(1.0, True), (3.0, False)])
+def test_a_density_might_be_none_if_others_make_up_for_it(left, begins_at_none):
+    """Without it the likelihood, the others held, is less by 5; the others then win back all but what is left."""
+
+    def below(logarithms):
+        return 5.0 * (1.0 - np.exp(logarithms[0])) ** 2
+
+    low, high = _intervals(below, lambda i: left, np.zeros(1), np.array([[4.0]]))
+    assert (low[0] == 0.0) == begins_at_none
+    expected = np.log1p(np.sqrt(1.92 / 5.0)) if begins_at_none else 1.96 / 2.0
+    assert np.log(high[0]) == pytest.approx(expected, abs=0.05)
+
+
+@pytest.mark.parametrize("linear_problem", [2], indirect=True)
+def test_what_is_held_stays_and_the_others_are_the_likeliest_with_it(linear_problem):
+    likelihood = _Likelihood(joint(linear_problem), GROUPS, lambda: None)
+    n, n_moving = linear_problem.prior.mean.size, joint(linear_problem).n_moving
+    events = linear_problem.timeline.time.size
+    nowhere = Trajectory(np.zeros(n - n_moving), [np.zeros(n_moving)], [[np.zeros((events, n_moving))]])
+    start = np.array([0.0, -1.0, 0.0])
+    found = _climb(likelihood, start, nowhere, np.array([True, False, True]))
+    assert found[1] == -1.0
+    assert (found[[0, 2]] != 0.0).all()
+    best = likelihood.at(found, nowhere)
+    for change in (0.3, -0.3):
+        for group in (0, 2):
+            assert likelihood.at(found + change * np.eye(3)[group], nowhere) < best + 0.02

@@ -1,0 +1,116 @@
+"""Whether bands hold where the model is wrong, into docs/studies.md: `python -m docs.make_mismatch`, half an hour.
+
+Each seed is identified from a spiral by the smoother, with the process noise that its data ask for, and predicts a
+zigzag. What was found is kept in a file, line by line, and seeds that stand there are not done again.
+"""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+
+import auvid_cli as auvid
+from auvid_cli.data.dataset import Dataset
+from docs.section import replace_section
+
+_SENSORS = (
+    "sensors.gyroscope={rate: 20 Hz, noise: 0.1 deg/s}",
+    "sensors.attitude={source: direct, rate: 10 Hz, noise: 0.1 deg}",
+    "sensors.dvl={rate: 5 Hz, noise: 0.5 cm/s}",
+    "sensors.depth={rate: 5 Hz, noise: 2 cm}",
+    "identification.noise=estimate",
+)
+_SPIRAL = ("manoeuvre.duration=60 s", "manoeuvre.initial_speed=3.9 m/s", "manoeuvre.excitation.fade_in=5 s")
+_ZIGZAG = ("manoeuvre=manoeuvres/zigzag_20_20.yaml", "manoeuvre.duration=100 s", "manoeuvre.initial_speed=3.9 m/s")
+_OTHER_SEED = 1000
+_SIGNALS, _HORIZONS = ("u", "v", "w", "q", "r", "down"), (0.5, 5.0, 50.0)
+_LEAST, _MOST = 0.90, 0.98
+
+
+class Case(NamedTuple):
+    """What is wrong, as settings of what happens, and what the smoother is told to look for."""
+
+    true: tuple[str, ...]
+    told: tuple[str, ...] = ()
+
+
+CASES = {
+    "mass 3 % more": Case(("vehicle.parameters.m=48.98268 kg",)),
+    "buoyancy 10 % less": Case(("vehicle.parameters.B=419.72640264 N",)),
+    "buoyancy 10 % less, `ballast`": Case(
+        ("vehicle.parameters.B=419.72640264 N",),
+        ("identification.estimate={biases: [ballast], ballast: {buoyancy_spread: 50 N, moment_spread: 5 N*m}}",),
+    ),
+    "disturbance, `disturbance`": Case(
+        (
+            "manoeuvre.disturbance={force: {standard_deviation: 5 N, time_constant: 3 s}, "
+            "moment: {standard_deviation: [0.2 N*m, 2 N*m, 2 N*m], time_constant: 3 s}}",
+        ),
+        (
+            "identification.estimate={biases: [disturbance], disturbance: {force: {standard_deviation: 10 N, "
+            "time_constant: 5 s}, moment: {standard_deviation: [0.4 N*m, 4 N*m, 4 N*m], time_constant: 5 s}}}",
+        ),
+    ),
+}
+
+
+def data(manoeuvre: tuple[str, ...], case: Case, seed: int) -> Dataset:
+    """Simulate what happens, as the smoother is told of it."""
+    settings = (*manoeuvre, *_SENSORS, f"seed={seed}")
+    told = auvid.load_experiment("spiral", *settings, *case.told)
+    return replace(auvid.simulate(auvid.load_experiment("spiral", *settings, *case.true)), experiment=told)
+
+
+def found(case: Case, seed: int) -> pd.DataFrame:
+    """Identify and predict one seed: a row for each signal and horizon."""
+    spiral = data(_SPIRAL, case, seed)
+    estimate = auvid.identify(spiral, "smoother")
+    if not estimate.completed:
+        return pd.DataFrame({"signal": [""], "horizon_s": [0.0], "status": [estimate.status]})
+    validation = auvid.validate(data(_ZIGZAG, case, _OTHER_SEED + seed), estimate, training=spiral)
+    rows = validation.to_pandas()["validation"].query("kind == 'ahead' and horizon_s in @_HORIZONS")
+    kept = ["signal", "horizon_s", "measurements", "noise", "rmse", "expected_rmse", "share_within_band"]
+    return rows[kept].assign(status=estimate.status)
+
+
+def table(rows: pd.DataFrame) -> list[str]:
+    """Say of each case how often bands hold, by signal and horizon; what has no band holds nothing."""
+    lines = [
+        f"| wrong | seeds | {' | '.join(f'{signal}, {h:g} s' for signal in _SIGNALS for h in _HORIZONS)} |",
+        f"| --- | ---: | {' | '.join(['---:'] * len(_SIGNALS) * len(_HORIZONS))} |",
+    ]
+    for case, each in rows.groupby("case", sort=False):
+        cells = []
+        for signal in _SIGNALS:
+            for horizon in _HORIZONS:
+                own = each[(each["signal"] == signal) & (each["horizon_s"] == horizon)]
+                share = (own["share_within_band"].fillna(0.0) * own["measurements"]).sum() / own["measurements"].sum()
+                cells.append(f"{share:.0%}" if _LEAST <= share <= _MOST else f"**{share:.0%}**")
+        lines.append(f"| {case} | {each['seed'].nunique()} | {' | '.join(cells)} |")
+    return lines
+
+
+def main() -> None:
+    """Go through all seeds and write the section."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--rows", type=Path, default=Path("results/studies/mismatch.csv"))
+    arguments = parser.parse_args()
+    file: Path = arguments.rows
+    file.parent.mkdir(parents=True, exist_ok=True)
+    done = set[tuple[str, int]]()
+    if file.exists():
+        done.update(pd.read_csv(file)[["case", "seed"]].itertuples(index=False, name=None))
+    for seed in range(1, arguments.seeds + 1):
+        for name, case in CASES.items():
+            if (name, seed) not in done:
+                rows = found(case, seed).assign(case=name, seed=seed)
+                rows.to_csv(file, mode="a", header=not file.exists(), index=False)
+        print(f"{seed} of {arguments.seeds} seeds", flush=True)
+    replace_section("mismatch", "\n".join(table(pd.read_csv(file))), "studies")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,156 @@
+"""Whether tuned noise is that which was simulated, into docs/studies.md: `python -m docs.make_tune`, some half an hour.
+
+Each seed is tuned with everything stated twice as large as it is. What is found is kept in a file, line by line, and
+seeds that stand there are not done again.
+"""
+
+import argparse
+from math import radians, sqrt
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+
+import auvid_cli as auvid
+from docs.section import replace_section
+
+_SENSORS = {"gyroscope": 0.5, "attitude": 0.5, "dvl": 0.5}
+# The same run in all cases: 30 s with all inputs moving.
+_RUN = (
+    "manoeuvre=manoeuvres/multisine.yaml",
+    "manoeuvre.duration=30 s",
+    "manoeuvre.initial_speed=3.9 m/s",
+    "manoeuvre.excitation.fade_in=3 s",
+    "sensors.gyroscope={rate: 50 Hz, noise: 0.1 deg/s, standard_deviation: 0.2 deg/s}",
+    "sensors.attitude={source: direct, rate: 10 Hz, noise: 0.1 deg, standard_deviation: 0.2 deg}",
+    "sensors.dvl={rate: 5 Hz, noise: 0.5 cm/s, standard_deviation: 1 cm/s}",
+)
+# White noise in the accelerations, SI / Hz^0.5: a force that is drawn anew at each of the inputs' ticks, of a vehicle
+# whose masses do not couple axes.
+_WHITE, _TICK = 5e-3, 0.01
+_FORCE = [_WHITE * mass / sqrt(_TICK) for mass in (60.603, 99.356, 99.3461)]
+_MOMENT = [_WHITE * inertia / sqrt(_TICK) for inertia in (0.98290933, 29.4507, 28.8229)]
+_UNCOUPLED = ("zG", "Y_rdot", "Z_qdot", "M_wdot", "N_vdot")
+
+
+class Case(NamedTuple):
+    """What is simulated.
+
+    Attributes
+    ----------
+    settings : tuple of str
+        Beside those of all cases.
+    true : dict of float
+        By the setting that is tuned, within those of the identification, SI.
+    """
+
+    settings: tuple[str, ...]
+    true: dict[str, float]
+
+
+CASES = {
+    "white": Case(
+        (
+            f"manoeuvre.disturbance={{force: {{standard_deviation: {_FORCE}, time_constant: 1e-9 s}}, "
+            f"moment: {{standard_deviation: {_MOMENT}, time_constant: 1e-9 s}}}}",
+            *(f"vehicle.parameters.{symbol}=0" for symbol in _UNCOUPLED),
+            "vehicle.parameters.zB=-8.3 mm",
+            f"identification.process_noise={{velocity: {2 * _WHITE}, rate: {2 * _WHITE}, attitude: 1e-4}}",
+        ),
+        {"process_noise.velocity": _WHITE, "process_noise.rate": _WHITE, "process_noise.attitude": 0.0},
+    ),
+    "lasting": Case(
+        (
+            "manoeuvre.disturbance={force: {standard_deviation: 5 N, time_constant: 3 s}, "
+            "moment: {standard_deviation: [0.2 N*m, 2 N*m, 2 N*m], time_constant: 3 s}}",
+            "sensors.gyroscope.drift=0.03 deg/s/s^0.5",
+            "identification.process_noise={velocity: 1e-3, rate: 1e-3, attitude: 1e-4}",
+            "identification.estimate={biases: [gyro, disturbance], gyro: {spread: 0.1 deg/s, walk: 0.06 deg/s/s^0.5}, "
+            "disturbance: {force: {standard_deviation: 10 N, time_constant: 3 s}, "
+            "moment: {standard_deviation: [0.4 N*m, 4 N*m, 4 N*m], time_constant: 3 s}}}",
+        ),
+        {
+            "process_noise.velocity": 0.0,
+            "process_noise.rate": 0.0,
+            "process_noise.attitude": 0.0,
+            "estimate.gyro.walk": radians(0.03),
+            "estimate.disturbance.force.standard_deviation": 5.0,
+            "estimate.disturbance.moment.standard_deviation.0": 0.2,
+            "estimate.disturbance.moment.standard_deviation.1": 2.0,
+            "estimate.disturbance.moment.standard_deviation.2": 2.0,
+        },
+    ),
+}
+
+# Process noise acts from one measurement to the next: what comes of it where these are farther apart.
+CASES |= {
+    f"{name}, gyroscope at 20 Hz": case._replace(settings=(*case.settings, "sensors.gyroscope.rate=20 Hz"))
+    for name, case in CASES.items()
+}
+
+
+def found(case: Case, seed: int) -> pd.DataFrame:
+    """Simulate and tune one seed: a row for each noise."""
+    experiment = auvid.load_experiment("spiral", *_RUN, *case.settings, f"seed={seed}")
+    rows = auvid.tune(auvid.simulate(experiment), sensors=True).to_pandas()
+    rows["setting"] = rows["setting"].str.removeprefix("identification.")
+    true = case.true | {f"measurement_noise.{sensor}": factor for sensor, factor in _SENSORS.items()}
+    return rows.assign(seed=seed, true=rows["setting"].map(true))
+
+
+def table(rows: pd.DataFrame) -> list[str]:
+    """Say of each noise how often its interval holds the truth."""
+    lines = [
+        "| disturbance | noise | unit | true | stated | found, median | half the interval, median | "
+        "intervals that hold the truth |",
+        "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for (case, setting), each in rows.groupby(["case", "setting"], sort=False):
+        first, held = each.iloc[0], _held(each)
+        half = "" if first["true"] == 0.0 else f"{((each['high'] - each['low']) / (2 * first['true'])).median():.0%}"
+        lines.append(
+            f"| {case} | `{setting}` | {first['unit']} | {first['true']:.3g} | {first['stated']:.3g} | "
+            f"{each['tuned'].median():.3g} | {half} | {held.sum()} of {len(held)} |"
+        )
+    return lines
+
+
+def summary(rows: pd.DataFrame) -> str:
+    """Count intervals of what is there and of what is not, for each case."""
+    said = []
+    for case, each in rows.groupby("case", sort=False):
+        some, held = each["true"] > 0.0, _held(each)
+        said.append(
+            f"{case}: of {each['seed'].nunique()} seeds (from {each['seed'].min()} to {each['seed'].max()}) "
+            f"{held[some].mean():.1%} of the {some.sum()} intervals of noise that is there hold it, "
+            f"{held[~some].mean():.1%} of the {(~some).sum()} of noise that is not begin at 0"
+        )
+    return "; ".join(said) + "."
+
+
+def _held(rows: pd.DataFrame) -> "pd.Series[bool]":
+    return (rows["low"] <= rows["true"]) & (rows["true"] <= rows["high"])
+
+
+def main() -> None:
+    """Go through all seeds and write the section."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=100)
+    parser.add_argument("--rows", type=Path, default=Path("results/studies/tune.csv"))
+    arguments = parser.parse_args()
+    file: Path = arguments.rows
+    file.parent.mkdir(parents=True, exist_ok=True)
+    done = set[tuple[str, int]]()
+    if file.exists():
+        done.update(pd.read_csv(file)[["case", "seed"]].itertuples(index=False, name=None))
+    for name, case in CASES.items():
+        for seed in range(1, arguments.seeds + 1):
+            if (name, seed) not in done:
+                found(case, seed).assign(case=name).to_csv(file, mode="a", header=not file.exists(), index=False)
+                print(f"{name}: {seed} of {arguments.seeds} seeds", flush=True)
+    rows = pd.read_csv(file)
+    replace_section("tune", "\n".join([summary(rows), "", *table(rows)]), "studies")
+
+
+if __name__ == "__main__":
+    main()
