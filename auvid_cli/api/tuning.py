@@ -5,6 +5,7 @@ from collections.abc import Callable
 from auvid_cli.api.argument_types import typed
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.tuning import Tuning
+from auvid_cli.identification.delays import settle_delays
 from auvid_cli.identification.noise_tuning import tune_noise
 from auvid_cli.identification.prepared_data import prepare
 
@@ -42,4 +43,4 @@ def tune(dataset: Dataset, sensors: bool = False, on_pass: Callable[[], None] | 
     >>> [noise.setting.rpartition(".")[2] for noise in tuning.noises]
     ['velocity', 'rate', 'attitude']
     """
-    return tune_noise(prepare(dataset), sensors, on_pass or (lambda: None))
+    return tune_noise(settle_delays(prepare(dataset)), sensors, on_pass or (lambda: None))

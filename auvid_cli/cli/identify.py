@@ -60,7 +60,7 @@ def identify(
         pipeline.say_doubts(dataset.experiment.vehicle, terminal)
         with terminal.compiling():
             from auvid_cli.api.preparation import prepare
-        prepared = pipeline.settle_noise(prepare(dataset), terminal)
+        prepared = pipeline.settle(prepare(dataset), terminal)
         estimates = pipeline.identify_to(folder, prepared, chosen, terminal, overwrite)
         with terminal.compiling():
             from auvid_cli.api.judgement import judge

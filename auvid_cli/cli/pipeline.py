@@ -107,14 +107,23 @@ def say_doubts(vehicle: VehicleSettings, terminal: Terminal) -> None:
         terminal.say(f"note: vehicle {vehicle.name}: {doubt}")
 
 
-def settle_noise(prepared: "PreparedData", terminal: Terminal) -> "PreparedData":
-    """Find the noise that makes the data most likely, where that is asked for, and say in a line what it is."""
-    if prepared.experiment.identification.noise == "stated":
+def settle(prepared: "PreparedData", terminal: Terminal) -> "PreparedData":
+    """Find the delays and the noise that make the data most likely, where that is asked for, and say what they are."""
+    settings = prepared.experiment.identification
+    asked = ("delays", settings.seeks_delays), ("noise", settings.noise != "stated")
+    sought = [name for name, is_asked in asked if is_asked]
+    if not sought:
         return prepared
     with terminal.compiling():
         from auvid_cli.api.identification import with_noise_settled
-    with terminal.stage("tune the noise"):
+    with terminal.stage(f"find the {' and the '.join(sought)}"):
         settled = with_noise_settled(prepared)
+    if settled.delays is not None:
+        found = zip(settled.delays.symbols, settled.delays.value, settled.delays.deviation, strict=True)
+        told = (f"{symbol} {1e3 * value:.1f} ± {1e3 * deviation:.1f} ms" for symbol, value, deviation in found)
+        terminal.say(f"delays that make the data most likely: {', '.join(told)}")
+    if settings.noise == "stated":
+        return settled
     stated, tuned = (data.experiment.identification.process_noise.model_dump() for data in (prepared, settled))
     densities = ", ".join(f"{name} {density:.3g}" for name, density in tuned.items() if density != stated[name])
     terminal.say(f"process noise that makes the data most likely, SI: {densities}")

@@ -64,7 +64,7 @@ def run(
             with terminal.compiling():
                 from auvid_cli.api.evaluation import Evaluator
                 from auvid_cli.api.preparation import prepare
-            prepared = pipeline.settle_noise(prepare(dataset), terminal)
+            prepared = pipeline.settle(prepare(dataset), terminal)
             evaluator = Evaluator(prepared)
 
             def on_estimate(estimate: "Estimate") -> None:

@@ -32,6 +32,11 @@ FIN_TRIMS = (
     Quantity("elevator_trim", "rad", "elevator beyond its stated deflection", "tau_control"),
 )
 EXCESS_BUOYANCY = Quantity("excess_buoyancy", "N", "buoyancy less weight, beyond the stated", "g(eta), eq. (13)")
+# Of inputs how much later than stated they act, of a sensor how much later than they were taken samples are stamped.
+DELAYS = {
+    name: Quantity(f"delay_{name}", "s", f"delay of the {name} beyond the stated", "measurement")
+    for name in ("inputs", "dvl", "gyroscope", "attitude", "magnetometer", "depth")
+}
 TRIM_MOMENT = Quantity("trim_moment", "N*m", "moment of a level vehicle, bow up, beyond the stated", "g(eta), eq. (13)")
 THRUST_SCALE = Quantity("thrust_scale", "1", "scale error of the stated surge force", "tau_propulsion")
 
@@ -51,6 +56,7 @@ class BiasName(StrEnum):
     THRUST = "thrust"
     FIN_TRIM = "fin_trim"
     BALLAST = "ballast"
+    DELAY = "delay"
     DISTURBANCE = "disturbance"
 
 
@@ -72,6 +78,9 @@ class ErrorBlock(NamedTuple):
         of `auvid_cli.identification` names each of its symbols.
     time_constant : float
         After which 1/e of it is left, s; infinite for what does not fade.
+    shifts : bool
+        Whether it moves times, and not what is measured or acts: no state of a filter, but found beside it, see
+        `auvid_cli.identification.delays`.
     """
 
     name: str
@@ -81,11 +90,12 @@ class ErrorBlock(NamedTuple):
     sensor: str | None
     additive: bool = False
     time_constant: float = inf
+    shifts: bool = False
 
     @property
     def is_named(self) -> bool:
         """Say whether compiled code names each of its symbols: not those of axes that are all alike."""
-        return not self.additive and self.time_constant == inf
+        return not self.additive and not self.shifts and self.time_constant == inf
 
 
 class _Bias(Settings):
@@ -275,6 +285,24 @@ class BallastError(Settings):
         )
 
 
+class DelayError(Settings):
+    """How much later than stated inputs act, or than they were taken samples of a sensor are stamped; constant."""
+
+    of: Annotated[
+        tuple[Literal["inputs", "dvl", "gyroscope", "attitude", "magnetometer", "depth"], ...],
+        Field(min_length=1, description="whose delays are sought, beyond those that `identification.delays` states"),
+    ] = ("inputs",)
+    spread: Annotated[float, Amount("s"), Field(gt=0, le=10, description="standard deviation before any data")] = 0.1
+
+    def blocks(self) -> tuple[ErrorBlock, ...]:
+        """Return what stands for them."""
+        return tuple(
+            ErrorBlock(delay.symbol, (delay,), self.spread, 0.0, None, shifts=True)
+            for name, delay in DELAYS.items()
+            if name in self.of
+        )
+
+
 class EstimatedDisturbance(Disturbance):
     """Gauss-Markov force and moment beside those of the model, a state for each axis with a standard deviation."""
 
@@ -306,6 +334,7 @@ class AugmentedStates(Settings):
     thrust: ThrustScale = ThrustScale()
     fin_trim: FinTrims = FinTrims()
     ballast: BallastError = BallastError()
+    delay: DelayError = DelayError()
     disturbance: EstimatedDisturbance = EstimatedDisturbance()
 
     def blocks(self) -> tuple[ErrorBlock, ...]:
@@ -321,7 +350,10 @@ _ON_ALL_AXES = EstimatedDisturbance(
     force=DisturbingForce(standard_deviation=(1.0,)), moment=DisturbingMoment(standard_deviation=(1.0,))
 )
 ERROR_BLOCKS = AugmentedStates(
-    biases=tuple(BiasName), disturbance=_ON_ALL_AXES, dvl_arm=DvlArm(axes=("x", "y", "z"))
+    biases=tuple(BiasName),
+    delay=DelayError(of=("inputs", "dvl", "gyroscope", "attitude", "magnetometer", "depth")),
+    disturbance=_ON_ALL_AXES,
+    dvl_arm=DvlArm(axes=("x", "y", "z")),
 ).blocks()
 ERROR_STATES = tuple(quantity for block in ERROR_BLOCKS for quantity in block.quantities)
 if len({quantity.symbol for quantity in ERROR_STATES}) < len(ERROR_STATES):

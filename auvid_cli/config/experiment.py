@@ -187,6 +187,11 @@ class Identification(Settings):
     output_error: OutputErrorSettings = OutputErrorSettings()
 
     @property
+    def seeks_delays(self) -> bool:
+        """Say whether delays are found before all else."""
+        return BiasName.DELAY in self.estimate.biases
+
+    @property
     def is_marginal(self) -> bool:
         """Say whether the smoother's coefficients are the most probable whatever the trajectory was."""
         if self.smoother.answer == "automatic":

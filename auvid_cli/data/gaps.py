@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.data.noise import quantisation_step
 
 Array = NDArray[np.float64]
 
@@ -11,6 +12,8 @@ Array = NDArray[np.float64]
 _LONGEST, _INTERVALS = 1.0, 10.0
 # s; a sensor with noise does not repeat itself to the last bit, and some quantised ones do for a while.
 LONGEST_REPEAT = 2.0
+# Steps by which a rounded measurement changes that hardly does.
+_NEIGHBOURS = 1.5
 
 
 def gap_limit(intervals: Array) -> float:
@@ -26,17 +29,50 @@ def gap_limit(intervals: Array) -> float:
 
 def repeats(record: SensorRecord) -> Array:
     """Find first and last time, s, of every run of the same measurement, shape (n, 2); one alone is a run, too."""
-    present = np.isfinite(record.values).any(axis=1)
-    time, values = record.time[present], record.values[present]
-    moved = np.flatnonzero(np.any((values[1:] != values[:-1]) & np.isfinite(values[1:]), axis=1)) + 1
-    edges = np.concatenate([[0], moved, [len(values)]])
+    time, _, edges = _runs(record)
     return np.stack([time[edges[:-1]], time[edges[1:] - 1]], axis=1)
 
 
 def stuck_times(record: SensorRecord) -> Array:
-    """Return those of the `repeats` that last too long."""
+    """Return those of the `repeats` that last too long, and not because measurements are rounded."""
     runs = repeats(record)
-    return runs[runs[:, 1] - runs[:, 0] > LONGEST_REPEAT]
+    return runs[(runs[:, 1] - runs[:, 0] > LONGEST_REPEAT) & ~rounded_repeats(record)]
+
+
+def rounded_repeats(record: SensorRecord) -> NDArray[np.bool_]:
+    """Say of each of the `repeats` whether it is one of a rounded measurement that changed by less than a step.
+
+    It then comes from a neighbouring step and goes on to one. What a record begins or ends with has but one side, and
+    is no longer than those that have both.
+    """
+    time, values, edges = _runs(record)
+    steps = rounding_steps(record)
+    runs = values[edges[:-1]]
+    if not steps.any():
+        return np.zeros(len(runs), np.bool_)
+    # A component that is missing says nothing.
+    jumps = np.abs(np.diff(runs, axis=0))
+    near = (np.isnan(jumps) | (jumps <= _NEIGHBOURS * steps)).all(axis=1)
+    lasted = time[edges[1:] - 1] - time[edges[:-1]]
+    rounded = np.append(True, near) & np.append(near, True)
+    longest = float(lasted[1:-1][rounded[1:-1]].max(initial=0.0))
+    rounded[[0, -1]] &= lasted[[0, -1]] <= longest
+    return rounded
+
+
+def rounding_steps(record: SensorRecord) -> Array:
+    """Return the step in which each component is recorded, shape (c,); 0 where it is in none that shows."""
+    levels = (np.unique(column[np.isfinite(column)]) for column in record.values.T)
+    # Two levels alone are no grid.
+    return np.array([quantisation_step(level) if level.size > 2 else 0.0 for level in levels])
+
+
+def _runs(record: SensorRecord) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Return times and values that are there, and where each run of the same measurement begins and the last ends."""
+    present = np.isfinite(record.values).any(axis=1)
+    time, values = record.time[present], record.values[present]
+    moved = np.flatnonzero(np.any((values[1:] != values[:-1]) & np.isfinite(values[1:]), axis=1)) + 1
+    return time, values, np.concatenate([[0], moved, [len(values)]])
 
 
 def gaps(record: SensorRecord) -> Array:

@@ -6,14 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
+from scipy.linalg import block_diag, solve_triangular
 
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.filters.linear_smoothing import LinearSmoothing
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoother import follow
-from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
+from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.identification.delays import delays_about
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.vehicle.coefficients import SYMBOLS
@@ -113,7 +114,7 @@ class DataInformation(NamedTuple):
     Attributes
     ----------
     symbols : tuple of str
-        The coefficients, then the constant errors of sensors and actuators.
+        The coefficients, then the constant errors of sensors and actuators, and delays that are sought.
     matrix : ndarray, shape (n, n)
         In units of the prior's standard deviations.
     prior_std : ndarray, shape (n,)
@@ -150,7 +151,9 @@ def bounds_with_process_noise(prepared: PreparedData, reference: Estimate) -> di
         Of the iterated smoother.
     """
     problem = augmented_problem(prepared.with_settings(reference.experiment))
-    bound = _beyond_prior(problem, reference.covariance).bound()
+    n = problem.layout.n_parameters
+    known = problem.layout.symbols[:n], problem.layout.scale[:n, None] * problem.prior.factor[:n, :n]
+    bound = _beyond_prior(*known, reference.covariance[:n, :n]).bound()
     return {symbol: size for symbol, size in bound.items() if symbol in SYMBOLS}
 
 
@@ -183,20 +186,23 @@ def information_with_process_noise(prepared: PreparedData, values: Mapping[str, 
         return None
     n = layout.n_parameters
     covariance = filtered.final.covariance()[:n, :n] * np.outer(layout.scale[:n], layout.scale[:n])
-    return _beyond_prior(augmented, covariance)
+    symbols, factor = layout.symbols[:n], layout.scale[:n, None] * augmented.prior.factor[:n, :n]
+    if delays := delays_about(prepared, augmented, smoothing, filtered):
+        spread = prepared.experiment.identification.estimate.delay.spread
+        factor = np.asarray(block_diag(factor, spread * np.eye(len(delays.symbols))), dtype=np.float64)
+        symbols, covariance = (*symbols, *delays.symbols), delays.joint(covariance)
+    return _beyond_prior(symbols, factor, covariance)
 
 
-def _beyond_prior(problem: AugmentedProblem, covariance: Array) -> DataInformation:
-    """Take the prior's information off that of a posterior covariance, SI."""
-    n = problem.layout.n_parameters
-    factor = problem.layout.scale[:n, None] * problem.prior.factor[:n, :n]
-    whitened = solve_triangular(factor, solve_triangular(factor, covariance[:n, :n], lower=True).T, lower=True)
+def _beyond_prior(symbols: tuple[str, ...], factor: Array, covariance: Array) -> DataInformation:
+    """Take the prior's information, by a factor of its covariance, off that of a posterior covariance, SI."""
+    whitened = solve_triangular(factor, solve_triangular(factor, covariance, lower=True).T, lower=True)
     left, directions = np.linalg.eigh(0.5 * (whitened + whitened.T))
     # What is left of the prior's variance in each direction; with all of it left the data say nothing there.
     known = np.where(left < 1.0 - _ROUNDING, 1.0 - left, 0.0)
     prior_std = np.linalg.norm(factor, axis=1)
     rows = solve_triangular(factor, np.diag(prior_std), lower=True).T @ directions
-    return DataInformation(problem.layout.symbols[:n], (rows * (known / left)) @ rows.T, prior_std)
+    return DataInformation(symbols, (rows * (known / left)) @ rows.T, prior_std)
 
 
 def true_initial_motions(prepared: PreparedData) -> list[Array] | None:

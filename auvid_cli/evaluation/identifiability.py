@@ -76,13 +76,21 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
         for c in COEFFICIENTS
         if c.symbol in information.state
     }
+    blocks = dataset.experiment.identification.estimate.blocks()
     prior_stds = {
         quantity.symbol: (information.state.index(quantity.symbol), block.prior_std)
-        for block in dataset.experiment.identification.estimate.blocks()
+        for block in blocks
+        if not block.shifts
         for quantity in block.quantities
     }
     noisy = {} if with_noise is None else with_noise.bound()
     identifiability = assess(information.by_sensor, information.growing, values, information.scale, prior_stds, noisy)
+    for delay in (block for block in blocks if block.shifts):
+        # Of which only the way with process noise knows.
+        bound = noisy.get(delay.name, np.inf)
+        left = 1.0 / np.hypot(1.0 / bound, 1.0 / delay.prior_std)
+        error = SensorErrorBound(bound, delay.prior_std, is_observed(float(left), delay.prior_std))
+        identifiability.sensor_errors[delay.name] = error
     lost, remarks = information.lost_after, [] if dataset.truth is not None else _presumed(prepared)
     if lost is not None:
         remarks.append(f"{UNSTABLE.format(lost)}: only what comes before is judged")
@@ -102,8 +110,11 @@ def _presumed(prepared: PreparedData) -> list[str]:
         )
     if left_out := [name.value for name in _USUAL_ERRORS if name not in settings.estimate.biases]:
         presumed.append(f"bounds presume that there is no {' and no '.join(left_out)} (identification.estimate.biases)")
-    if not settings.delays:
-        presumed.append("bounds presume inputs and sensors without delay (identification.delays)")
+    if not settings.delays and BiasName.DELAY not in settings.estimate.biases:
+        presumed.append(
+            "bounds presume inputs and sensors without delay (identification.delays, or "
+            "identification.estimate.biases: [delay])"
+        )
     return presumed
 
 

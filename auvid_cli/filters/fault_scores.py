@@ -173,9 +173,10 @@ def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults)
     faults : Faults
     """
     n_faults, n_parameters = len(faults.names), filtered.trajectory.parameters.size
-    score, information, effect = np.zeros(n_faults), np.zeros(n_faults), np.zeros((n_parameters, n_faults))
+    score, information = np.zeros(n_faults), np.zeros((n_faults, n_faults))
+    effect = np.zeros((n_parameters, n_faults))
     for shown, innovation, error in shown_faults(smoothing, filtered, n_faults, faults.effects):
         score += innovation @ shown
-        information += np.einsum("kf,kf->f", shown, shown)
+        information += shown.T @ shown
         effect = error[:n_parameters]
     return FaultScores(faults.names, faults.units, score, information, effect)

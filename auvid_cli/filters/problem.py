@@ -4,7 +4,7 @@ The state is split in two blocks: constant parameters first, then the moving sta
 advances. Measurements are linear in the state, or what a compiled function makes of it; their noise is independent.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -241,8 +241,10 @@ class FaultScores(NamedTuple):
     ----------
     names, units : tuple of str
         Of each fault and of its size, SI.
-    score, information : ndarray, shape (n_faults,)
-        The data say that a fault is as large as ``score / information``, with variance ``1 / information``.
+    score : ndarray, shape (n_faults,)
+    information : ndarray, shape (n_faults, n_faults)
+        The data say that a fault by itself is as large as ``score / information``, by the diagonal, with variance
+        ``1 / information``; and all together as large as ``information^-1 score``.
     effect : ndarray, shape (n_parameters, n_faults)
         True parameters less those found, per unit of each.
     """
@@ -252,6 +254,28 @@ class FaultScores(NamedTuple):
     score: Array
     information: Array
     effect: Array
+
+    def besides(self, found: Mapping[str, float]) -> "FaultScores":
+        """Return those of the other faults where some have been found, which take up what they can explain.
+
+        Parameters
+        ----------
+        found : mapping of float
+            By name, the standard deviation of each before any data; at what was found nothing more speaks for it.
+        """
+        along = np.array([name in found for name in self.names])
+        if not along.any():
+            return self
+        known = np.diag([found[name] ** -2 for name in self.names if name in found])
+        taken = np.linalg.solve(self.information[np.ix_(along, along)] + known, self.information[np.ix_(along, ~along)])
+        kept = np.flatnonzero(~along).tolist()
+        return FaultScores(
+            tuple(self.names[place] for place in kept),
+            tuple(self.units[place] for place in kept),
+            self.score[~along],
+            self.information[np.ix_(~along, ~along)] - self.information[np.ix_(~along, along)] @ taken,
+            self.effect[:, ~along] - self.effect[:, along] @ taken,
+        )
 
 
 ANOTHER_MINIMUM, SEGMENT = "another minimum", "the segment from"

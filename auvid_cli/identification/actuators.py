@@ -9,7 +9,7 @@ from auvid_cli.data.dataset import InputRecord
 Array = NDArray[np.float64]
 
 # Rudder and elevator are the first of the inputs.
-_FINS = 2
+FINS = 2
 # Substeps in which a fin is held, per time constant: the mean over each is exact, its shape within is left out.
 _SUBSTEPS = 4
 
@@ -81,7 +81,7 @@ def lagged(commands: InputRecord, time_constant: float, step: float) -> InputRec
     values = commands.values[row]
     decay = np.exp(-duration / time_constant)
     kept = -np.expm1(-duration / time_constant) * time_constant / duration
-    for fin in range(_FINS):
+    for fin in range(FINS):
         command = values[:, fin].copy()
         at_begin = _response(command, decay)
         values[:, fin] = command + (at_begin - command) * kept

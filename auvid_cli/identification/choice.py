@@ -48,7 +48,8 @@ def chosen_estimator(name: FilterName, augmented: AugmentedProblem, settings: Id
             # What it is compiled from serves no other estimator.
             from auvid_cli.identification.fault_effects import VehicleFaults
 
-            own = settings.smoother.max_passes, VehicleFaults(augmented), settings.is_marginal
+            sought = [block.name for block in settings.estimate.blocks() if block.shifts]
+            own = settings.smoother.max_passes, VehicleFaults(augmented, sought), settings.is_marginal
             return IteratedSmoother(name.value, *problem, *own)
         case FilterName.OUTPUT_ERROR:
             method = settings.output_error

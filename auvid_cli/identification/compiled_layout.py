@@ -29,7 +29,12 @@ _vector = types.float64[::1]
 # the number of parameters.
 _SYMBOLS = (
     *(state.quantity.symbol for state in FURTHER_STATES),
-    *(quantity.symbol for block in ERROR_BLOCKS if not block.additive for quantity in block.quantities),
+    *(
+        quantity.symbol
+        for block in ERROR_BLOCKS
+        if not (block.additive or block.shifts)
+        for quantity in block.quantities
+    ),
 )
 _Rows = namedtuple("_Rows", _SYMBOLS)
 ROW = _Rows(*range(len(_SYMBOLS)))

@@ -1,5 +1,7 @@
 """What the faults of a vehicle do to the data of an augmented problem, chunk by chunk along a trajectory."""
 
+from collections.abc import Collection, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,7 +10,7 @@ from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import AugmentedProblem
-from auvid_cli.identification.faults import FAULTS, FaultedVehicle, Motion
+from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, Fault, FaultedVehicle, Motion
 from auvid_cli.vehicle.dynamics import factors
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, INPUTS
 
@@ -26,13 +28,20 @@ class VehicleFaults:
     Parameters
     ----------
     problem : AugmentedProblem
+    sought : collection of str
+        Symbols of delays that are estimated beside the filter: they come last.
+    tested : sequence of Fault
+        Those to test for, as far as no state stands for them.
     """
 
-    def __init__(self, problem: AugmentedProblem) -> None:
+    def __init__(
+        self, problem: AugmentedProblem, sought: Collection[str] = (), tested: Sequence[Fault] = FAULTS
+    ) -> None:
         self._problem = problem
-        present, modelled = ("", *problem.measuring), problem.layout.symbols
+        present, modelled = ("", *problem.measuring), (*problem.layout.symbols, *sought)
         self._motion_rows = problem.layout.moving_rows_of("motion")
-        self._faults = tuple(f for f in FAULTS if f.sensor in present and f.state not in modelled)
+        others = (fault for fault in tested if fault.sensor in present and fault.state not in modelled)
+        self._faults = *others, *(DELAY_FAULTS[symbol] for symbol in sought)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -32,12 +32,17 @@ def fault_tests(outcome: FilterOutcome, header: EstimateHeader, scale: Array) ->
 def _of_scores(
     faults: FaultScores, header: EstimateHeader, coefficients: list[int], deviation: Array
 ) -> list[FaultTest]:
+    # What it is compiled from serves estimators that test for faults.
+    from auvid_cli.identification.faults import DELAY_FAULTS
+
+    spread = header.experiment.identification.estimate.delay.spread
+    faults = faults.besides({fault.name: spread for symbol, fault in DELAY_FAULTS.items() if symbol in header.state})
+    tests, information = [], np.diagonal(faults.information)
     moved = np.abs(faults.effect[coefficients]) / deviation[coefficients, None]
-    tests = []
     for f, (name, unit) in enumerate(zip(faults.names, faults.units, strict=True)):
         # A fault that leaves no trace is not tested: there is nothing to say of it.
-        if faults.information[f] > 0.0:
-            sigma, worst = float(faults.information[f] ** -0.5), int(moved[:, f].argmax())
+        if information[f] > 0.0:
+            sigma, worst = float(information[f] ** -0.5), int(moved[:, f].argmax())
             symbol = header.state[coefficients[worst]]
             size = float(faults.score[f]) * sigma**2
             tests.append(FaultTest(name, unit, size, sigma, symbol, float(moved[worst, f]) * sigma))

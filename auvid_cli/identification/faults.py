@@ -12,11 +12,12 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
+from auvid_cli.config.augmented_states import DELAYS
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.ballast import Ballast
 from auvid_cli.vehicle.dynamics import N_BLOCK, N_FACTORS, motion_derivative, vehicle_constants
-from auvid_cli.vehicle.kinematics import current_in_body_axes
+from auvid_cli.vehicle.kinematics import body_to_earth, current_in_body_axes
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION, SENSORS
 
@@ -118,7 +119,7 @@ class Fault(NamedTuple):
     remedy : str
         What to do about it.
     state : str
-        Symbol of the state that stands for it where it is estimated; empty if none does.
+        Symbol of the state, or of the delay, that stands for it where it is estimated; empty if none does.
     sensor : str
         Whose measurements it changes; empty if it acts on the motion.
     effect : callable
@@ -202,13 +203,17 @@ FAULTS: tuple[Fault, ...] = (
     ),
     Fault(
         "delay of the gyroscope",
-        *("s", _LATE.format("gyroscope", "gyroscope"), "", "gyroscope"),
+        *("s", _LATE.format("gyroscope", "gyroscope"), DELAYS["gyroscope"].symbol, "gyroscope"),
         lambda model, at: -at.rates[:, 3:6],
     ),
-    Fault("delay of the DVL", "s", _LATE.format("DVL", "dvl"), "", "dvl", lambda model, at: -at.over_ground_rate),
+    Fault(
+        "delay of the DVL",
+        *("s", _LATE.format("DVL", "dvl"), DELAYS["dvl"].symbol, "dvl"),
+        lambda model, at: -at.over_ground_rate,
+    ),
     Fault(
         "delay of the inputs",
-        *("s", _EARLY, "", ""),
+        *("s", _EARLY, DELAYS["inputs"].symbol, ""),
         lambda model, at: -model.by_inputs(at, at.input_rate),
     ),
     Fault("scale of the DVL", "1", _DVL, "dvl_scale", "dvl", lambda model, at: at.over_ground),
@@ -242,6 +247,19 @@ FAULTS: tuple[Fault, ...] = (
     Fault("Y_|v|r", "N*s^2/(m*rad)", _TERM, "", "", _cross_flow(1)),
     Fault("N_|v|r", "N*s^2/rad", _TERM, "", "", _cross_flow(5)),
 )
+
+# Delays that are looked for where settings ask for it; those of an angle or a depth are not tested for unasked, since
+# errors of an AHRS, which last, look like them.
+DELAY_FAULTS: dict[str, Fault] = {fault.state: fault for fault in FAULTS if fault.unit == "s"} | {
+    DELAYS[sensor].symbol: Fault(f"delay of the {sensor}", "s", "", DELAYS[sensor].symbol, sensor, effect)
+    for sensor, effect in (
+        ("attitude", lambda model, at: -at.rates[:, 6:9]),
+        ("magnetometer", lambda model, at: -at.rates[:, 8:9]),
+        ("depth", lambda model, at: -body_to_earth(at.motion[:, 6:9], at.motion[:, :3])[:, 2:]),
+    )
+}
+if DELAY_FAULTS.keys() != {delay.symbol for delay in DELAYS.values()}:
+    raise TypeError("each delay that may be estimated is a fault")
 
 _REMEDIES = {fault.name: fault.remedy for fault in FAULTS}
 

@@ -15,6 +15,7 @@ from auvid_cli.filters.estimators import Estimator
 from auvid_cli.filters.problem import FilterOutcome, Gaussian, Records, Timeline
 from auvid_cli.filters.segments import of_segment
 from auvid_cli.identification.fault_tests import fault_tests
+from auvid_cli.identification.found_delays import FoundDelays
 from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
@@ -43,6 +44,8 @@ class FilterRun:
         SI value of one unit of each component of the state.
     measuring : dict of SensorRecord
         By name, in the order of the estimator's sensors.
+    delays : FoundDelays or None
+        Found beside the estimator, which knows nothing of how unsure they are.
     """
 
     header: EstimateHeader
@@ -52,6 +55,7 @@ class FilterRun:
     prior: Gaussian
     scale: Array
     measuring: dict[str, SensorRecord]
+    delays: FoundDelays | None = None
 
     def run(self, on_chunk: Callable[[EstimateChunk], None]) -> Outcome:
         """Estimate from the dataset.
@@ -73,8 +77,11 @@ class FilterRun:
         course.clocks += _clocks()
         course.hand_over_the_last()
         covariance = outcome.covariance * np.outer(self.scale, self.scale)
-        ended = self._status(outcome, course), covariance, course.n_good, *course.clocks.tolist()
         corrected = outcome.corrected * self.scale[: outcome.corrected.size]
+        if self.delays is not None:
+            covariance = self.delays.joint(covariance)
+            corrected = self.delays.widened(corrected)
+        ended = self._status(outcome, course), covariance, course.n_good, *course.clocks.tolist()
         return Outcome(
             *ended,
             faults=fault_tests(outcome, self.header, self.scale),
@@ -86,7 +93,8 @@ class FilterRun:
     ) -> EstimateChunk:
         """Convert a chunk to SI from time, mean and standard deviation in scaled units, with its innovations."""
         time, mean, deviation = (row[kept] for row in rows)
-        return EstimateChunk(time, mean * self.scale, deviation * self.scale, innovations)
+        states = mean * self.scale, deviation * self.scale
+        return EstimateChunk(time, *(states if self.delays is None else self.delays.along(*states)), innovations)
 
     def by_sensor(self, timeline: Timeline, records: Records) -> dict[str, Innovations]:
         """Return the innovations of each sensor, of a chunk of the data."""

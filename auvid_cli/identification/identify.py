@@ -42,19 +42,20 @@ def set_up_filters(
     ConfigError, DataError
         As `augmented_problem`.
     """
-    experiment = prepared.experiment
+    experiment, delays = prepared.experiment, prepared.delays
     settings = experiment.identification
     settings.check_filters(filter_names)
     augmented = augmented_problem(prepared)
     layout = augmented.layout
+    beside = () if delays is None else delays.symbols
     segments = [_Watched(segment.timelines, before_each) for segment in augmented.segments]
     return [
         FilterRun(
             EstimateHeader(
                 filter=name.value,
                 experiment=experiment,
-                state=layout.symbols,
-                unit=layout.units,
+                state=(*layout.symbols, *beside),
+                unit=(*layout.units, *("s" for _ in beside)),
                 held=augmented.held,
                 dataset_sha256=prepared.dataset.sha256,
             ),
@@ -64,19 +65,33 @@ def set_up_filters(
             augmented.prior,
             layout.scale,
             augmented.measuring,
+            delays,
         )
         for name in filter_names
     ]
 
 
 def with_noise_settled(prepared: PreparedData) -> PreparedData:
-    """Return data with settings that state their noise: where it is to be estimated, as the data make it most likely.
+    """Return data with settings that state what is found before all else.
+
+    That are the noise, where it is to be estimated, as the data make it most likely, and delays that are sought; these
+    first, for what comes at the wrong time passes for noise, and then once more.
 
     Raises
     ------
     ConfigError, DataError
-        As `auvid_cli.identification.noise_tuning.tune_noise`.
+        As `auvid_cli.identification.noise_tuning.tune_noise` and `auvid_cli.identification.delays.settle_delays`.
     """
+    settings = prepared.experiment.identification
+    if settings.seeks_delays:
+        from auvid_cli.identification.delays import settle_delays
+
+        prepared = settle_delays(prepared)
+        return settle_delays(_with_noise_found(prepared)) if settings.noise == "estimate" else prepared
+    return _with_noise_found(prepared)
+
+
+def _with_noise_found(prepared: PreparedData) -> PreparedData:
     if prepared.experiment.identification.noise == "stated":
         return prepared
     # It has compiled code that nothing else needs.

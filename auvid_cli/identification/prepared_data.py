@@ -10,6 +10,7 @@ from auvid_cli.config.experiment import Identification, RunSettings
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.identification.actuators import as_acting
+from auvid_cli.identification.found_delays import FoundDelays
 from auvid_cli.identification.segmentation import used_segments
 from auvid_cli.identification.timeline import Timelines, first_measured, initial_motion, measuring_sensors
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
@@ -51,11 +52,14 @@ class PreparedData:
         The sensors that estimators listen to, by name, with all of their samples.
     segments : tuple of Segment
         At least one, in time order.
+    delays : FoundDelays or None
+        Those that were found, where settings ask for some; they state them then.
     """
 
     dataset: Dataset
     measuring: dict[str, SensorRecord]
     segments: tuple[Segment, ...]
+    delays: FoundDelays | None = None
 
     @property
     def experiment(self) -> RunSettings:

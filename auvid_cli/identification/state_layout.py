@@ -166,6 +166,8 @@ def state_layout(settings: Identification, vehicle: VehicleSettings, measuring: 
             start, density = getattr(initial, name), getattr(noise, name)
             blocks.append(StateBlock(name, (quantity,), (start,), (density,), starts_as_measured=True))
     for error in settings.estimate.blocks():
+        if error.shifts:
+            continue
         n = len(error.quantities)
         walk = (error.walk,) * n if error.walk > 0.0 else ()
         blocks.append(StateBlock(error.name, error.quantities, (error.prior_std,) * n, walk, error=error))

@@ -6,7 +6,8 @@ import numpy as np
 
 from auvid_cli.data.check import Check
 from auvid_cli.data.dataset import Dataset, SensorRecord
-from auvid_cli.data.gaps import LONGEST_REPEAT, gap_limit, repeats
+from auvid_cli.data.gaps import LONGEST_REPEAT, gap_limit, repeats, rounded_repeats, rounding_steps
+from auvid_cli.vehicle.parameters import SENSORS
 
 
 def data_checks(segments: Sequence[Dataset], filter_name: str, sensors: Sequence[str]) -> list[Check]:
@@ -24,8 +25,12 @@ def data_checks(segments: Sequence[Dataset], filter_name: str, sensors: Sequence
 
 def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Check]:
     """Return the longest time over which a measurement is repeated exactly, s, and the verdict on it."""
-    runs = repeats(record)
-    start, end = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
+    runs, rounded = repeats(record), rounded_repeats(record)
+    lasted = runs[:, 1] - runs[:, 0]
+    if not (lasted[~rounded] > LONGEST_REPEAT).any() and (lasted > LONGEST_REPEAT).any():
+        return _rounded(filter_name, name, record, float(lasted.max()))
+    lasted[rounded] = 0.0
+    start, end = runs[int(np.argmax(lasted))]
     return float(end - start), Check.of(
         filter_name,
         name,
@@ -35,6 +40,27 @@ def _stuck(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Ch
         passed=bool(end - start <= LONGEST_REPEAT),
         advice=f"{name} repeats one measurement from t = {start:.6g} s to {end:.6g} s: it has failed or was logged "
         "twice. Mark that time as not valid.",
+    )
+
+
+def _rounded(filter_name: str, name: str, record: SensorRecord, longest: float) -> tuple[float, Check]:
+    """Say that measurements repeat themselves because they are rounded, and what noise that is at least."""
+    steps = {
+        quantity.symbol: (f"{step:.3g} {quantity.unit}", f"{step / np.sqrt(12.0):.2g} {quantity.unit}")
+        for quantity, step in zip(SENSORS[name], rounding_steps(record), strict=True)
+        if step > 0.0
+    }
+    each = ", ".join(f"{symbol} by {step}" for symbol, (step, _) in steps.items())
+    noise = ", ".join(f"{least} of {symbol}" for symbol, (_, least) in steps.items())
+    return longest, Check.of(
+        filter_name,
+        name,
+        "stuck",
+        statistic=f"quantised: {each}; the same for up to {longest:.4g} s",
+        threshold=f"<= {LONGEST_REPEAT:g} s of the same measurement, if it is not rounded",
+        passed=None,
+        advice=f"{name} is recorded in steps and changes by less for a while. That is no failure, but noise of "
+        f"step / sqrt(12), which lasts: state no less than {noise}, or log more digits.",
     )
 
 

@@ -59,8 +59,9 @@ def spike_sizes(time: Array, values: Array, noise: float) -> Array:
     """Measure how far each measurement is from its neighbours, in robust standard deviations of that distance.
 
     The lesser of the distances to the median of five and to the cubic through the two on either side: the former does
-    not see the ends of a step, the latter no smooth extreme. Of five in a row only the farthest counts, for it draws
-    the cubics beside it away, and none beside a gap.
+    not see the ends of a step, the latter no smooth extreme. It counts where it is more than these neighbours change
+    from one to the next, as they do about the sharp extreme of a slow record. Of five in a row only the farthest
+    counts, for it draws the cubics beside it away, and none beside a gap.
 
     Parameters
     ----------
@@ -80,7 +81,9 @@ def spike_sizes(time: Array, values: Array, noise: float) -> Array:
     # A constant without noise has no scale of its own.
     floor = max(scale, level_distance(values), _LEAST_OF_STATED * noise) or 1.0
     from_median = np.abs(x - median_filter(values, 5, mode="nearest")[2:-2])
-    distance[2:-2] = np.where(whole, np.minimum(from_cubic, from_median), 0.0) / floor
+    nearest = np.minimum(from_cubic, from_median)
+    stands_out = nearest > np.maximum(np.abs(b - a), np.abs(e - d))
+    distance[2:-2] = np.where(whole & stands_out, nearest, 0.0) / floor
     # The cubic of its neighbours is two thirds as far off as a spike, and may be all there is to tell them apart.
     farthest = np.zeros(values.size)
     farthest[2:-2] = from_cubic

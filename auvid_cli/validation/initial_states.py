@@ -28,7 +28,7 @@ LARGEST_NIS = 1.5
 # By which the process noise is tried then.
 _NOISE_FACTORS = (10.0, 100.0, 1000.0)
 # What is found once for all is part of the model, and not of what a filter finds ahead of a prediction.
-_OF_THE_MODEL = BiasName.THRUST, BiasName.FIN_TRIM, BiasName.BALLAST
+_OF_THE_MODEL = BiasName.THRUST, BiasName.FIN_TRIM, BiasName.BALLAST, BiasName.DELAY
 
 
 @dataclass(frozen=True)

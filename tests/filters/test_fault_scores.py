@@ -81,7 +81,7 @@ def dense(request, linear_problem, events_of):
         problem=p,
         faults=faults,
         score=weighted.T @ new,
-        information=np.sum(weighted * fault, axis=0),
+        information=weighted.T @ fault,
         effect=-(prior @ known.T @ weighted)[:n_parameters],
         deviation=np.sqrt(np.diagonal(prior))[:n_parameters],
     )
@@ -97,8 +97,8 @@ def scores_of(dense, faults):
 def test_scores_are_those_of_generalised_least_squares(dense):
     found = scores_of(dense, dense.faults)
     assert (found.names, found.units) == (NAMES, UNITS)
-    assert_allclose(found.information, dense.information, rtol=1e-8)
-    sigma = dense.information**-0.5
+    assert_allclose(found.information, dense.information, rtol=1e-8, atol=1e-8 * np.abs(dense.information).max())
+    sigma = np.diagonal(dense.information) ** -0.5
     assert_allclose(found.score * sigma, dense.score * sigma, atol=1e-8)
     one = sigma / dense.deviation[:, None]
     assert_allclose(found.effect * one, dense.effect * one, atol=1e-8)
@@ -110,11 +110,24 @@ def test_a_fault_in_the_data_moves_its_size_by_itself_and_leaves_its_uncertainty
     before, measured = scores_of(dense, dense.faults), dense.problem.timeline.measurement
     measured += 0.7 * dense.faults.added[..., 1]
     after = scores_of(dense, dense.faults)
-    assert_allclose(after.information, before.information, rtol=1e-10)
-    size = [scores.score[1] / scores.information[1] for scores in (before, after)]
+    assert_allclose(after.information, before.information, rtol=1e-10, atol=1e-10 * before.information.max())
+    size = [scores.score[1] / scores.information[1, 1] for scores in (before, after)]
     assert size[1] - size[0] == pytest.approx(0.7, rel=1e-7)
 
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
 def test_without_faults_to_test_for_nothing_is_said(dense):
     assert scores_of(dense, None) is None
+
+
+@pytest.mark.parametrize("linear_problem", [2], indirect=True)
+def test_what_is_found_along_takes_up_what_it_can_explain_of_others(dense):
+    """Against the same least squares, of which the fault that was found is one unknown more with a prior of its own."""
+    spread, found = 0.3, scores_of(dense, dense.faults)
+    besides = found.besides({NAMES[0]: spread})
+    assert besides.names == NAMES[1:]
+    known = dense.information + np.diag([spread**-2, *np.zeros(len(NAMES) - 1)])
+    assert_allclose(np.linalg.inv(besides.information), np.linalg.inv(known)[1:, 1:], rtol=1e-6)
+    one = np.linalg.solve(known[:1, :1], known[:1, 1:])
+    assert_allclose(besides.effect, dense.effect[:, 1:] - dense.effect[:, :1] @ one, rtol=1e-6, atol=1e-9)
+    assert found.besides({}) is found

@@ -142,7 +142,7 @@ def test_it_is_the_maximum_of_the_likelihood_with_the_motion_integrated_out(cut,
         for fault in (-0.005, 0.005)
     ]
     score = (gained[0] - gained[1]) / 0.02
-    assert abs(scores.score[0] - score) < 0.2 * np.sqrt(scores.information[0])
+    assert abs(scores.score[0] - score) < 0.2 * np.sqrt(scores.information[0, 0])
 
 
 def test_it_says_how_far_it_is_from_its_end_where_the_steps_are_too_few(rng):

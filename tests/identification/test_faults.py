@@ -15,7 +15,7 @@ from auvid_cli.filters.problem import SEGMENT
 from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.fault_effects import VehicleFaults
-from auvid_cli.identification.faults import FAULTS, FaultedVehicle, Motion, remedy_of_fault
+from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, FaultedVehicle, Motion, remedy_of_fault
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.process import vehicle_process
@@ -69,6 +69,17 @@ def by_step(function, step):
 def test_a_late_sensor_measures_what_was(name, measured, model, at):
     expected = by_step(lambda delay: measured(at.motion - delay * at.rates), 1e-4)
     assert_allclose(effect(f"delay of the {name}", model, at), expected, atol=1e-8)
+
+
+@pytest.mark.parametrize(("sensor", "rows"), [("attitude", slice(6, 9)), ("magnetometer", slice(8, 9))])
+def test_a_late_angle_is_what_was(sensor, rows, model, at):
+    expected = by_step(lambda delay: (at.motion - delay * at.rates)[:, rows], 1e-4)
+    assert_allclose(DELAY_FAULTS[f"delay_{sensor}"].effect(model, at), expected, atol=1e-8)
+
+
+def test_a_late_depth_is_less_by_what_the_vehicle_has_sunk(model, at):
+    down = [(rotation_matrix(motion[6:9]) @ motion[:3])[2] for motion in at.motion]
+    assert_allclose(DELAY_FAULTS["delay_depth"].effect(model, at), -np.array(down)[:, None], atol=1e-12)
 
 
 def test_late_inputs_act_as_they_were(model, at):

@@ -1,0 +1,120 @@
+"""Delays are found in data at 10 Hz, with what they leave unsure of all else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from auvid_cli.config.filter_name import FilterName
+from auvid_cli.data.dataset import InputRecord
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.errors import DataError
+from auvid_cli.evaluation.bounds import information_with_process_noise
+from auvid_cli.evaluation.judgement import judge
+from auvid_cli.evaluation.sensor_errors import sensor_error_results
+from auvid_cli.identification.delays import settle_delays, unrecorded_time
+from auvid_cli.identification.found_delays import FoundDelays
+from auvid_cli.identification.identify import identify, set_up_filters, with_noise_settled
+from auvid_cli.identification.prepared_data import prepare
+
+LATE, STAMPED = 0.05, 0.03
+SOUGHT = "identification.estimate={biases: [delay], delay: {of: [inputs, dvl]}}"
+
+
+@pytest.fixture(scope="module")
+def late(simulated_with):
+    """Everything at 10 Hz or less; fins are stamped 50 ms and the DVL 30 ms after they were."""
+    dataset = simulated_with(
+        "manoeuvre.duration=30 s",
+        "manoeuvre.input_rate=10 Hz",
+        "sensors.attitude={source: direct, rate: 10 Hz, noise: 0.1 deg}",
+        "sensors.gyroscope.rate=10 Hz",
+        "sensors.dvl.rate=5 Hz",
+        "identification.integration_step=0.05 s",
+    )
+    dvl = dataset.sensors["dvl"]
+    kept = dvl.time < dataset.inputs.time[-1] - 0.1
+    later = replace(dvl, time=dvl.time[kept] + STAMPED, values=dvl.values[kept])
+    inputs = replace(dataset.inputs, time=dataset.inputs.time + LATE)
+    return replace(dataset, inputs=inputs, sensors=dataset.sensors | {"dvl": later})
+
+
+@pytest.fixture(scope="module")
+def prepared(late, with_settings):
+    return settle_delays(prepare(with_settings(late, SOUGHT)))
+
+
+def off(estimate, truth):
+    """Each coefficient's distance from the truth in standard deviations."""
+    deviations = estimate.final_deviations()
+    found = estimate.final_coefficients()
+    return {symbol: abs(found[symbol] - true) / deviations[symbol] for symbol, true in truth.coefficients.items()}
+
+
+def test_delays_are_found_to_ten_milliseconds_and_coefficients_with_them(late, prepared):
+    assert_allclose(prepared.delays.value, [-LATE, STAMPED], atol=0.01)
+    assert (np.abs(prepared.delays.value - [-LATE, STAMPED]) < 3.0 * prepared.delays.deviation).all()
+    assert prepared.experiment.identification.delays == pytest.approx(
+        dict(zip(("inputs", "dvl"), prepared.delays.value.tolist(), strict=True)), abs=1e-7
+    )
+    (run,), chunks = set_up_filters(prepared, [FilterName.CKF]), []
+    outcome = run.run(chunks.append)
+    assert run.header.state[-2:] == ("delay_inputs", "delay_dvl")
+    assert outcome.covariance.shape == (len(run.header.state),) * 2
+    assert chunks[-1].mean[-1, -2:] == pytest.approx(prepared.delays.value)
+
+
+def test_without_them_the_estimate_is_wrong_and_says_so(late, prepared):
+    blind = identify(late, FilterName.SMOOTHER)
+    (run,), chunks = set_up_filters(prepared, [FilterName.SMOOTHER]), []
+    outcome = run.run(chunks.append)
+    seeing = Estimate.of(run.header, chunks, outcome)
+    assert max(off(blind, late.truth).values()) > 4.0
+    assert max(off(seeing, late.truth).values()) < 3.5
+    assert [judge([estimate])["smoother"].grade for estimate in (blind, seeing)] == ["inconsistent", "sound"]
+    rows = {row.state: row for row in sensor_error_results(seeing)}
+    assert rows["delay_inputs"].observed
+    assert rows["delay_dvl"].estimate == pytest.approx(STAMPED, abs=0.01)
+    # It is no fault any more that there may be one.
+    assert {"delay of the inputs", "delay of the DVL"}.isdisjoint(test.fault for test in seeing.faults)
+
+
+def test_an_unknown_delay_makes_coefficients_unsure(late, prepared, with_settings):
+    stated = with_settings(late, f"identification.delays={{inputs: {-LATE}, dvl: {STAMPED}}}")
+    known, sought = (
+        information_with_process_noise(data, late.truth.coefficients).bound() for data in (prepare(stated), prepared)
+    )
+    assert sought["delay_inputs"] < 0.01
+    assert all(sought[symbol] >= known[symbol] * (1.0 - 1e-6) for symbol in known)
+    assert max(sought[symbol] / known[symbol] for symbol in known) > 1.1
+
+
+def test_what_is_unsure_of_a_delay_is_carried_over_as_to_any_unknown():
+    """Against the covariance of a linear function of independent errors."""
+    rng = np.random.default_rng(1)
+    effect, own, root = rng.standard_normal((3, 2)), rng.standard_normal((5, 5)), rng.standard_normal((2, 2))
+    delays = FoundDelays(("a", "b"), np.array([0.1, 0.2]), root @ root.T, effect)
+    by_delay = np.vstack([effect, np.zeros((2, 2))])
+    whole = np.block([[own, by_delay @ root], [np.zeros((2, 5)), root]])
+    covariance, deviation = own @ own.T, np.linalg.norm(own, axis=1)
+    assert_allclose(delays.joint(covariance), whole @ whole.T, atol=1e-12)
+    mean, wider = delays.along(np.zeros((1, 5)), deviation[None])
+    assert_allclose(wider[0], np.linalg.norm(whole, axis=1))
+    assert_allclose(mean[0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.1, 0.2])
+
+
+def test_of_few_changes_between_samples_the_time_is_less_known():
+    """A uniform error of an interval, of as many steps as there are."""
+    time = 0.1 * np.arange(101)
+    steps = np.where(np.arange(101) % 10 < 5, 0.1, -0.1)
+    values = np.column_stack([steps, *np.zeros((3, 101))])
+    changes = np.count_nonzero(np.diff(steps))
+    assert unrecorded_time(InputRecord(time, values)) == pytest.approx(0.1 / np.sqrt(12.0 * changes))
+    assert unrecorded_time(InputRecord(time, 0.0 * values)) == 0.0
+
+
+def test_the_delay_of_a_sensor_that_is_not_there_is_refused(late, with_settings):
+    asked = with_settings(late, "identification.estimate={biases: [delay], delay: {of: [depth]}}")
+    with pytest.raises(DataError, match=r"estimate\.delay\.of has depth, of which estimators hear nothing"):
+        with_noise_settled(prepare(asked))
