@@ -17,6 +17,7 @@ from auvid_cli.evaluation.geometry_check import near_its_geometry
 from auvid_cli.evaluation.innovation_checks import innovation_checks
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
+from auvid_cli.evaluation.signs import pushing_drag, reversed_fins
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.prior import coefficient_priors, natural_magnitude
 from auvid_cli.inspection.data_checks import data_checks
@@ -32,9 +33,6 @@ _AT_LIMIT = 0.01
 # Times the natural magnitude of a plain body of that size.
 _LARGEST_SIZE = 30.0
 _SIGMAS = 3.0
-# Drag along each axis takes energy. Positive rudder pushes the stern to starboard, a positive stern plane pushes it up.
-_SIGNS = {"X_u|u|": -1, "Y_v|v|": -1, "Z_w|w|": -1, "K_p|p|": -1, "M_q|q|": -1, "N_r|r|": -1}
-_FIN_SIGNS = {"Y_uudr": 1, "N_uudr": -1, "Z_uude": -1, "M_uude": -1}
 _CONFIDENCE = 0.99
 
 
@@ -225,12 +223,6 @@ def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) 
 def _plausibility(estimate: Estimate) -> list[Check]:
     """Judge signs by physics and the convention of fin angles, and sizes by what a body of that size can have."""
     final = {s: v for s, v in estimate.final_coefficients().items() if s in estimate.state}
-    significant = {
-        symbol: abs(final[symbol]) > _SIGMAS * estimate.standard_deviation[-1, estimate.state.index(symbol)]
-        for symbol in final
-    }
-    gaining = [s for s, sign in _SIGNS.items() if s in final and significant[s] and final[s] * sign < 0.0]
-    reversed_fins = [s for s, sign in _FIN_SIGNS.items() if s in final and significant[s] and final[s] * sign < 0.0]
     size = estimate.experiment.vehicle.size
     magnitudes = {
         c.symbol: abs(final[c.symbol]) / natural_magnitude(c, size) for c in COEFFICIENTS if c.symbol in final
@@ -239,7 +231,7 @@ def _plausibility(estimate: Estimate) -> list[Check]:
         Check.of_names(
             estimate.filter,
             "sign of drag",
-            gaining,
+            pushing_drag(estimate, _SIGMAS),
             threshold="negative",
             advice="Drag that pushes: a sign is turned in the data or the model lacks something that these make up "
             "for.",
@@ -247,7 +239,7 @@ def _plausibility(estimate: Estimate) -> list[Check]:
         Check.of_names(
             estimate.filter,
             "sign of fins",
-            reversed_fins,
+            reversed_fins(estimate, _SIGMAS),
             threshold="Y_uudr > 0 > N_uudr, Z_uude < 0, M_uude < 0",
             advice="The fin angles are counted the other way round than in the shipped vehicles (positive rudder: "
             "force to starboard at the stern): turn the sign of rudder or elevator, or keep it so wherever these are "

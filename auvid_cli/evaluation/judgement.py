@@ -25,6 +25,7 @@ from auvid_cli.evaluation.causes import (
 )
 from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.evaluation.remedies import remedy_of_divergence, remedy_of_nonlinearity
+from auvid_cli.evaluation.signs import pushing_drag, unlike_the_vehicle_file
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
 from auvid_cli.identification.faults import remedy_of_fault
 from auvid_cli.vehicle.coefficients import SYMBOLS
@@ -37,6 +38,8 @@ Array = NDArray[np.float64]
 LARGEST_NIS, LARGEST_PORTMANTEAU, FARTHEST = 4.0, 10.0, 2.25
 # And of the coefficient that another minimum, or one of several segments, puts farthest from the answer.
 FARTHEST_MINIMUM, FARTHEST_SEGMENT = 2.5, 4.0
+# Of a coefficient, from 0, for its sign to be no chance.
+_NO_CHANCE = 5.0
 # So many measurements say enough of correlations.
 _FEWEST = 200
 # Errors of an AHRS are no noise, and what a smoother makes of them may look like anything.
@@ -124,7 +127,7 @@ def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | No
         return Judgement(Grade.UNJUDGED, "nobody has judged it, for there is no estimate of the smoother", remedy)
     if not reference.completed:
         return Judgement(Grade.UNJUDGED, f"the iterated smoother, which would judge it, {reference.status}")
-    return doubt or _doubt_of_distance(estimate, reference) or Judgement(Grade.SOUND)
+    return doubt or _doubt_of_distance(estimate, reference) or _doubt_of_signs(estimate) or Judgement(Grade.SOUND)
 
 
 def _doubt_of_data(reference: Estimate) -> Judgement | None:
@@ -187,6 +190,18 @@ def _doubt_of_distance(estimate: Estimate, reference: Estimate) -> Judgement | N
         return None
     reason = f"{farthest} is {distances[farthest]:.1f} of its standard deviations from what the iterated smoother finds"
     return Judgement(Grade.DOUBTFUL, reason, "use the smoother's estimate")
+
+
+def _doubt_of_signs(estimate: Estimate) -> Judgement | None:
+    """Say what no noise explains: data whose signs are turned are as consistent as those that are right."""
+    if pushing := pushing_drag(estimate, _NO_CHANCE):
+        reason = f"drag that pushes ({', '.join(pushing)})"
+        return Judgement(Grade.DOUBTFUL, reason, "a sign is turned in the data, or the model lacks a term")
+    if turned := unlike_the_vehicle_file(estimate, _NO_CHANCE):
+        reason = f"{', '.join(turned)} have another sign than the vehicle file states"
+        remedy = "turn the sign of that fin in the map (sign: -1), or in the vehicle file if its fins count so"
+        return Judgement(Grade.DOUBTFUL, reason, remedy)
+    return None
 
 
 def distances_to(estimate: Estimate, reference: Estimate) -> Mapping[str, float]:

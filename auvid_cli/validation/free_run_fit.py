@@ -18,6 +18,8 @@ from auvid_cli.validation.model_bundle import Models
 from auvid_cli.validation.motion_prediction import unchanged_motion
 from auvid_cli.validation.results import FREE_RUN, Prediction
 from auvid_cli.validation.signals import SAME, MeasuredSignal, SignalSize, is_angle
+from auvid_cli.vehicle.actuators import ActuatorErrors
+from auvid_cli.vehicle.ballast import Ballast
 from auvid_cli.vehicle.parameters import DEPTH, MOTION_AND_DEPTH, MOTION_AND_DEPTH_SYMBOLS, N_MOTION
 
 Array = NDArray[np.float64]
@@ -63,16 +65,18 @@ def fit_free_runs(
         Of its measuring sensors.
     models : Models
     starts : InitialStates
-        At least one. The first measurements alone would be a poor start: their noise, and an attitude reference that
+        At least one. What of the vehicle is this run's own is as known at the end, too. The first measurements alone
+        would be a poor start: their noise, and an attitude reference that
         has not settled, would stay in all that follows. Measurements are predicted with the sensors' errors and the
         current that the filter knows at the end; where these walk, how they were before is left out.
     """
     start, motion = float(starts.time[0]), starts.motion[0]
     whole = prepared.segments[0].timelines
     timelines = whole.between(start, whole.span[1])
-    parameters = prepared.experiment.vehicle.known_parameters()
+    actuators, ballast = ActuatorErrors(*starts.final_vehicle[:3]), Ballast(*starts.final_vehicle[3:])
+    parameters = ballast.added_to(prepared.experiment.vehicle.known_parameters())
     motions = {
-        name: free_motion(timelines, motion, parameters, coefficients)
+        name: free_motion(timelines, motion, parameters, coefficients, actuators)
         for name, coefficients in models._asdict().items()
         if coefficients
     }

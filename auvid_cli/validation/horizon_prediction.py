@@ -143,9 +143,12 @@ def predict_ahead(
         wanted = np.unique([target.time for target in targets])
         motion = np.tile(starts.motion[k], (len(bundle.coefficients), 1))
         motion[named:] += starts.deviation[k] * rng.standard_normal((drawn, len(MOTION_AND_DEPTH)))
+        vehicle = np.tile(starts.vehicle[k], (len(motion), 1))
+        vehicle[named:] += starts.vehicle_deviation[k] * rng.standard_normal((drawn, vehicle.shape[1]))
         timelines = prepared.segments[0].timelines.between(float(start), float(wanted[-1]))
         disturbed = _disturbed(prepared, starts, k, slice(named, named + drawn), rng)
-        predicted = move_side_by_side(timelines, motion, bundle.coefficients, parameters, wanted, shaken, disturbed)
+        moved = timelines, motion, bundle.coefficients, parameters, wanted
+        predicted = move_side_by_side(*moved, shaken, disturbed, vehicle)
         collected.blown_up[:] |= ~np.isfinite(predicted[:, named:]).all(axis=(0, 2))
         errors = starts.errors[k]
         unchanged = measured_motion(unchanged_motion(wanted - start, starts.motion[k]), errors)

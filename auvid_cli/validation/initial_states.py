@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.augmented_states import BiasName
-from auvid_cli.config.experiment import InputSettings, Use
+from auvid_cli.config.augmented_states import EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT, BiasName
+from auvid_cli.config.experiment import Identification, InputSettings, Use
 from auvid_cli.config.prior import Prior
 from auvid_cli.config.vehicle import VehicleEntry
 from auvid_cli.data.dataset import Dataset
@@ -19,6 +19,9 @@ from auvid_cli.filters.square_root import run_square_root_filter
 from auvid_cli.identification.actuators import as_acting
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.prepared_data import PreparedData, on_time
+from auvid_cli.vehicle.actuators import AS_STATED
+from auvid_cli.vehicle.ballast import NO_BALLAST
+from auvid_cli.vehicle.dynamics import NO_ERRORS
 from auvid_cli.vehicle.parameters import DISTURBANCE, MOTION_AND_DEPTH, Quantity
 
 Array = NDArray[np.float64]
@@ -27,8 +30,11 @@ Array = NDArray[np.float64]
 LARGEST_NIS = 1.5
 # By which the process noise is tried then.
 _NOISE_FACTORS = (10.0, 100.0, 1000.0)
-# What is found once for all is part of the model, and not of what a filter finds ahead of a prediction.
+# What is found once for all is part of the model, and not of what a filter finds ahead of a prediction; what walks is
+# another in each run.
 _OF_THE_MODEL = BiasName.THRUST, BiasName.FIN_TRIM, BiasName.BALLAST, BiasName.DELAY
+# By the order of `NO_ERRORS`, to which they add.
+_VEHICLE = THRUST_SCALE, *FIN_TRIMS, EXCESS_BUOYANCY, TRIM_MOMENT
 
 
 @dataclass(frozen=True)
@@ -44,10 +50,15 @@ class InitialStates:
         The velocity is that through the water where the filter looks for a current.
     force, force_deviation : ndarray, shape (k, 6)
         Mean and standard deviation of what disturbs the motion, N and N m; zero where the filter does not look for it.
+    vehicle, vehicle_deviation : ndarray, shape (k, 5)
+        Mean and standard deviation of `NO_ERRORS`: what the thrust, the fins and the ballast are of this run, where the
+        filter looks for it.
     errors, errors_deviation : list of MeasurementErrors
         Mean and standard deviation of what the filter finds of the sensors' errors and of the current by then.
     final_errors : MeasurementErrors
         The mean at the end.
+    final_vehicle : ndarray, shape (5,)
+        That of `vehicle`.
     nis : dict of float
         Normalised innovation squared of each sensor, per component: 1 if measurements are predicted as well from one to
         the next as the model says.
@@ -64,9 +75,12 @@ class InitialStates:
     deviation: Array
     force: Array
     force_deviation: Array
+    vehicle: Array
+    vehicle_deviation: Array
     errors: list[MeasurementErrors]
     errors_deviation: list[MeasurementErrors]
     final_errors: MeasurementErrors
+    final_vehicle: Array
     nis: dict[str, float]
     status: str
     process_noise: Array
@@ -74,15 +88,25 @@ class InitialStates:
 
 
 def with_model(dataset: Dataset, estimate: Estimate) -> Dataset:
-    """Return the data as the model sees them: its vehicle, coefficients, ballast, fins, thrust, settings; no truth."""
+    """Return the data as the model sees them: its vehicle, coefficients, ballast, fins, thrust, settings; no truth.
+
+    Of ballast, fins and thrust those that walk are left to the filter that finds where predictions start.
+    """
     earlier, identification = estimate.experiment, estimate.experiment.identification
+    walking = walks_from_run_to_run(identification)
     table = earlier.vehicle.coefficients.model_validate(estimate.final_coefficients())
     inputs = as_acting(dataset.inputs, identification)
-    values = estimate.final_actuators().acting(inputs.values)
-    ballasted = estimate.final_ballast().added_to(earlier.vehicle.known_parameters())
+    actuators = estimate.final_actuators()
+    if BiasName.THRUST in walking:
+        actuators = actuators._replace(thrust=AS_STATED.thrust)
+    if BiasName.FIN_TRIM in walking:
+        actuators = AS_STATED._replace(thrust=actuators.thrust)
+    values = actuators.acting(inputs.values)
+    ballast = NO_BALLAST if BiasName.BALLAST in walking else estimate.final_ballast()
+    ballasted = ballast.added_to(earlier.vehicle.known_parameters())
     entries = {symbol: VehicleEntry(value=value) for symbol, value in ballasted.items()}
     parameters = earlier.vehicle.parameters.model_copy(update=entries)
-    kept = tuple(block for block in identification.estimate.biases if block not in _OF_THE_MODEL)
+    kept = tuple(block for block in identification.estimate.biases if block not in _OF_THE_MODEL or block in walking)
     changes = {
         "coefficients": (),
         "prior": Prior(),
@@ -99,6 +123,12 @@ def with_model(dataset: Dataset, estimate: Estimate) -> Dataset:
     experiment = dataset.experiment.model_copy(update=settings)
     sensors = on_time(dataset.sensors, identification)
     return replace(dataset, truth=None, experiment=experiment, inputs=replace(inputs, values=values), sensors=sensors)
+
+
+def walks_from_run_to_run(settings: Identification) -> tuple[BiasName, ...]:
+    """Name what of the vehicle settings take to walk, and so to begin anew in each run."""
+    blocks = {name: getattr(settings.estimate, name.value).blocks() for name in settings.estimate.biases}
+    return tuple(name for name in _OF_THE_MODEL if any(block.walk > 0.0 for block in blocks.get(name, ())))
 
 
 def filtered_initial_states(prepared: PreparedData, wanted: Array) -> InitialStates:
@@ -161,7 +191,8 @@ def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
             squares[sensor] += records.nis[counted].sum()
             components[sensor] += np.isfinite(records.innovation_variance[counted]).sum()
 
-    def of(quantities: Sequence[Quantity], states: Array) -> Array:
+    def picked(quantities: Sequence[Quantity], states: Array) -> Array:
+        """Return states, shape (n, quantities); zero where there are none."""
         columns = [problem.layout.row(quantity.symbol) for quantity in quantities]
         none = np.zeros(len(states))
         return np.column_stack([none if column is None else states[:, column] for column in columns])
@@ -174,14 +205,17 @@ def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
     mean, deviation = mean.reshape(shape), deviation.reshape(shape)
     return InitialStates(
         time,
-        of(MOTION_AND_DEPTH, mean),
-        of(MOTION_AND_DEPTH, deviation),
-        of(DISTURBANCE, mean),
-        of(DISTURBANCE, deviation),
+        picked(MOTION_AND_DEPTH, mean),
+        picked(MOTION_AND_DEPTH, deviation),
+        picked(DISTURBANCE, mean),
+        picked(DISTURBANCE, deviation),
+        NO_ERRORS + picked(_VEHICLE, mean),
+        picked(_VEHICLE, deviation),
         [estimated_errors(problem.layout.symbols, row) for row in mean],
         [estimated_errors(problem.layout.symbols, row) for row in deviation],
         estimated_errors(problem.layout.symbols, last),
+        (NO_ERRORS + picked(_VEHICLE, last[None]))[0],
         {name: float(s / max(n, 1.0)) for name, s, n in zip(problem.measuring, squares, components, strict=True)},
         "completed" if outcome.failure == OK else f"diverged at t = {reached:.3f} s",
-        of(MOTION_AND_DEPTH, density[None])[0],
+        picked(MOTION_AND_DEPTH, density[None])[0],
     )

@@ -17,6 +17,7 @@ from auvid_cli.vehicle.kinematics import euler_angles, rotation_matrix
 Array = NDArray[np.float64]
 
 
+AS_STATED = np.array(NO_ERRORS)
 # s; process noise and what disturbs push at least so long apart, which is short beside how fast a vehicle answers.
 _BETWEEN_PUSHES, _BETWEEN_DISTURBANCES = 0.1, 0.05
 
@@ -85,6 +86,7 @@ def move_side_by_side(
     wanted: Array,
     shaken: Shaken | None = None,
     disturbed: Disturbed | None = None,
+    errors: Array = AS_STATED,
 ) -> Array:
     """Move up to `LANES` models by the same inputs.
 
@@ -102,6 +104,8 @@ def move_side_by_side(
         Times of events, s, increasing.
     shaken : Shaken, optional
     disturbed : Disturbed, optional
+    errors : ndarray, shape (5,) or (n, 5)
+        What the thrust, the fins and the ballast are beyond the stated, see `NO_ERRORS`.
 
     Returns
     -------
@@ -110,7 +114,9 @@ def move_side_by_side(
     """
     n = len(motion)
     constants, work = vehicle_constants(parameters), np.zeros(N_WORK)
-    block, rows = (_in_lanes(each) for each in (motion, np.hstack([coefficients, np.tile(NO_ERRORS, (n, 1))])))
+    block, rows = (
+        _in_lanes(each) for each in (motion, np.hstack([coefficients, np.broadcast_to(errors, (n, AS_STATED.size))]))
+    )
     states, moved = block.reshape(N_PREDICTED, LANES), np.empty((wanted.size, n, N_PREDICTED))
     # What acts at random does so at the end of each stride; without it there is nothing to stop for.
     longest = _BETWEEN_DISTURBANCES if disturbed is not None else inf if shaken is None else _BETWEEN_PUSHES

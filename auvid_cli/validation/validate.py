@@ -20,7 +20,12 @@ from auvid_cli.validation.data_leakage import other_vehicle
 from auvid_cli.validation.error_growth import ErrorGrowth, error_growth
 from auvid_cli.validation.free_run_fit import fit_free_runs, free_run_rows
 from auvid_cli.validation.horizon_prediction import Bundle, Collected, evenly_spaced, predict_ahead, rows_ahead
-from auvid_cli.validation.initial_states import InitialStates, filtered_initial_states, with_model
+from auvid_cli.validation.initial_states import (
+    InitialStates,
+    filtered_initial_states,
+    walks_from_run_to_run,
+    with_model,
+)
 from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
 from auvid_cli.validation.model_bundle import Models, drawn_coefficients, models_of
 from auvid_cli.validation.results import ManoeuvreNumber, Validation
@@ -190,6 +195,11 @@ def _remarks(
         yield (
             f"the dataset states another vehicle ({', '.join(other)} differ); the model is the estimate's, of "
             f"{estimate.experiment.vehicle.name}"
+        )
+    if walking := walks_from_run_to_run(estimate.experiment.identification):
+        yield (
+            f"{', '.join(walking)}: of each run its own, as the filter that finds the starts has it by then (free run: "
+            "by the end), for it walks"
         )
     if (noise_factor := max(found.noise_factor for found in states)) > 1.0:
         yield (

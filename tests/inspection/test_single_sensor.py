@@ -54,3 +54,14 @@ def test_beside_a_gap_nothing_is_a_spike(rng):
     time = TIME + np.where(TIME > 100.0, 20.0, 0.0)
     values = 5.0 * np.sin(0.3 * time) + 0.001 * rng.standard_normal(time.size)
     assert spike_sizes(time, values, 0.001).max() < 7.0
+
+
+def test_the_sharp_extreme_of_a_slow_record_is_no_spike(rng):
+    """A heading that a zigzag turns back, measured once a second: beside it the heading changes as much."""
+    time = np.arange(120.0)
+    heading = np.abs((0.3 * time) % 4.0 - 2.0) + 1e-3 * rng.standard_normal(time.size)
+    assert spike_sizes(time, heading, 1e-3).max() < 15.0
+    heading[60] += 1.0
+    sizes = spike_sizes(time, heading, 1e-3)
+    assert sizes.argmax() == 60
+    assert sizes[60] > 15.0

@@ -10,6 +10,9 @@ from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.validation.initial_states import filtered_initial_states, with_model
 from auvid_cli.vehicle.ballast import Ballast
 
+WHITE = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
+ZIGZAG = "manoeuvre={type: zigzag, duration: 40 s, speed: 3.9 m/s, rudder: 20 deg, heading: 20 deg, approach: 5 s}"
+
 
 def with_readings(dataset, name, change):
     record = dataset.sensors[name]
@@ -86,3 +89,27 @@ def test_ballast_that_was_found_is_part_of_the_model(zigzag, with_coefficients, 
         model = with_model(zigzag, estimate).experiment
         assert model.vehicle.known_parameters() == pytest.approx(expected)
         assert model.identification.estimate.biases == ("gyro",)
+
+
+def test_a_trim_that_walks_is_found_in_the_run_that_is_predicted(simulated_with, with_coefficients, experiment_with):
+    """Of the estimate's own run it was -2 deg; of this one it is 1.5 deg, and its ballast 4 N more."""
+    blocks = "{biases: [fin_trim, ballast], fin_trim: {walk: 1e-5}, ballast: {buoyancy_walk: 1e-3}}"
+    trimmed = simulated_with(ZIGZAG, WHITE, "manoeuvre.fin_trim={rudder: 1.5 deg}")
+    estimate = with_coefficients(trimmed.truth.coefficients)
+    mean = np.hstack([estimate.mean, np.tile([np.deg2rad(-2.0), 0.0, 5.0, -1.0], (len(estimate.mean), 1))])
+    state = (*estimate.state, "rudder_trim", "elevator_trim", *Ballast._fields)
+    constant, walking = (
+        replace(estimate, state=state, mean=mean, experiment=experiment_with(f"identification.estimate={asked}"))
+        for asked in ("{biases: [fin_trim, ballast]}", blocks)
+    )
+    assert_allclose(with_model(trimmed, constant).inputs.values[:, 0], trimmed.inputs.values[:, 0] - np.deg2rad(2.0))
+    own = with_model(trimmed, walking)
+    assert_allclose(own.inputs.values, trimmed.inputs.values)
+    assert own.experiment.vehicle.known_parameters() == trimmed.experiment.vehicle.known_parameters()
+    states = filtered_initial_states(prepare(own), np.array([5.0, 35.0]))
+    late = states.vehicle[-1] - [1.0, np.deg2rad(1.5), 0.0, 0.0, 0.0]
+    assert np.abs(late / np.maximum(states.vehicle_deviation[-1], 1e-9)).max() < 4.0
+    assert states.vehicle_deviation[-1, 1] < np.deg2rad(0.1)
+    assert states.final_vehicle[1] == pytest.approx(np.deg2rad(1.5), abs=np.deg2rad(0.3))
+    blind = filtered_initial_states(prepare(with_model(trimmed, constant)), np.array([5.0, 35.0]))
+    assert_allclose(blind.vehicle, np.tile([1.0, 0.0, 0.0, 0.0, 0.0], (2, 1)))

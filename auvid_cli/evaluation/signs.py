@@ -1,0 +1,34 @@
+"""Signs that an identified coefficient cannot have, or that contradict the vehicle file: one is turned in the data."""
+
+from collections.abc import Mapping
+
+from auvid_cli.data.estimate import Estimate
+
+# Drag along each axis takes energy. Positive rudder pushes the stern to starboard, a positive stern plane pushes it up.
+DRAG = {"X_u|u|": -1, "Y_v|v|": -1, "Z_w|w|": -1, "K_p|p|": -1, "M_q|q|": -1, "N_r|r|": -1}
+FINS = {"Y_uudr": 1, "N_uudr": -1, "Z_uude": -1, "M_uude": -1}
+
+
+def pushing_drag(estimate: Estimate, sigmas: float) -> list[str]:
+    """Return the symbols of drag that pushes, by more than so many of its standard deviations."""
+    return _contradicting(estimate, DRAG, sigmas)
+
+
+def reversed_fins(estimate: Estimate, sigmas: float) -> list[str]:
+    """Return those of fins that count the other way round than in the shipped vehicles."""
+    return _contradicting(estimate, FINS, sigmas)
+
+
+def unlike_the_vehicle_file(estimate: Estimate, sigmas: float) -> list[str]:
+    """Return those of fins that have another sign than the vehicle file states."""
+    stated = estimate.experiment.vehicle.coefficients.by_symbol()
+    return _contradicting(estimate, {symbol: stated[symbol] for symbol in FINS if symbol in stated}, sigmas)
+
+
+def _contradicting(estimate: Estimate, signs: Mapping[str, float], sigmas: float) -> list[str]:
+    values, deviations = estimate.final_coefficients(), estimate.final_deviations()
+    return [
+        symbol
+        for symbol, sign in signs.items()
+        if symbol in deviations and values[symbol] * sign < 0.0 and abs(values[symbol]) > sigmas * deviations[symbol]
+    ]

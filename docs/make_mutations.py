@@ -1,0 +1,302 @@
+"""One good log written otherwise in many ways, into docs/studies.md: `python -m docs.make_mutations`, half an hour.
+
+Of each: whether `import --suggest` restores it; and, by the map of the good log, what `inspect` fails and whether
+`identify` calls wrong coefficients sound.
+"""
+
+import argparse
+import re
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import auvid_cli as auvid
+from auvid_cli.angles import wrap
+from auvid_cli.api.judgement import judge
+from auvid_cli.api.logs import suggest_map
+from auvid_cli.config.load import dump_experiment, parse_run, shipped_configs
+from auvid_cli.data.csv_text import csv_text
+from auvid_cli.data.dataset import Dataset
+from auvid_cli.errors import AuvidError
+from auvid_cli.vehicle.kinematics import GRAVITY, body_to_earth
+from auvid_cli.vehicle.parameters import SENSORS
+from docs.section import replace_section
+
+Columns = dict[str, NDArray[np.float64]]
+Mutation = Callable[[Columns], Columns]
+
+# Standard deviations beyond which a coefficient is wrong; share of its own spread within which a signal is restored.
+_WRONG, _RESTORED = 5.0, 0.3
+_LOGGED = ("gyroscope", "accelerometer", "dvl", "attitude", "depth")
+_RUN = (
+    "manoeuvre={type: multisine, duration: 60 s, speed: 2 m/s, autopilot: {bandwidth: 0.5}, input_rate: 10 Hz, "
+    "excitation: {rudder: {amplitude: 20 deg, lowest: 0.05 Hz, highest: 0.5 Hz, lines: 9}, "
+    "elevator: {amplitude: 15 deg, lowest: 0.1 Hz, highest: 0.6 Hz, lines: 9, phase: 60 deg}, "
+    "surge_force: {amplitude: 15 N, lowest: 0.02 Hz, highest: 0.2 Hz, lines: 5, phase: 120 deg}}}",
+    "sensors.gyroscope.rate=10 Hz",
+    "sensors.accelerometer.rate=10 Hz",
+    "sensors.dvl={rate: 10 Hz, noise: 5 mm/s}",
+    "sensors.attitude={source: direct, rate: 10 Hz, noise: 0.1 deg}",
+    "sensors.depth={rate: 10 Hz, noise: 1 cm}",
+    "identification.integration_step=0.05 s",
+)
+
+
+def _turned(*names: str, factor: float = -1.0, offset: float = 0.0) -> Mutation:
+    return lambda log: log | {name: factor * log[name] + offset for name in names}
+
+
+def _late(*names: str, seconds: float) -> Mutation:
+    return lambda log: log | {name: np.interp(log["t"] - seconds, log["t"], log[name]) for name in names}
+
+
+def _over_ground(log: Columns) -> Columns:
+    angles, velocity = (np.column_stack([log[name] for name in names]) for names in (("phi", "theta", "psi"), "uvw"))
+    return log | dict(zip("uvw", body_to_earth(angles, velocity).T, strict=True))
+
+
+_ANGLES, _RATES, _FORCE, _VELOCITY = ("phi", "theta", "psi"), ("p", "q", "r"), ("fx", "fy", "fz"), ("u", "v", "w")
+_DEGREE, _KNOT, _FOOT = 180.0 / np.pi, 1852.0 / 3600.0, 0.3048
+SINGLE: dict[str, Mutation] = {
+    "rudder reversed": _turned("rudder"),
+    "elevator reversed": _turned("elevator"),
+    "fins exchanged": lambda log: log | {"rudder": log["elevator"], "elevator": log["rudder"]},
+    "fins in degrees": _turned("rudder", "elevator", factor=_DEGREE),
+    "fins half as large": _turned("rudder", "elevator", factor=0.5),
+    "inputs 0.1 s late": _late("rudder", "elevator", "surge_force", seconds=0.1),
+    "inputs 0.3 s late": _late("rudder", "elevator", "surge_force", seconds=0.3),
+    "inputs 1 s late": _late("rudder", "elevator", "surge_force", seconds=1.0),
+    "rudder trim of 2 deg": _turned("rudder", factor=1.0, offset=2.0 / _DEGREE),
+    "gyroscope FLU": _turned("q", "r"),
+    "p reversed": _turned("p"),
+    "q reversed": _turned("q"),
+    "r reversed": _turned("r"),
+    "gyroscope in degrees": _turned(*_RATES, factor=_DEGREE),
+    "gyroscope 0.2 s late": _late(*_RATES, seconds=0.2),
+    "gyroscope biased by 1 deg/s": _turned("r", factor=1.0, offset=1.0 / _DEGREE),
+    "attitude in degrees": _turned(*_ANGLES, factor=_DEGREE),
+    "attitude FLU from ENU": lambda log: _turned("psi", offset=np.pi / 2)(_turned("theta")(log)),
+    "heading ENU": _turned("psi", offset=np.pi / 2),
+    "heading reversed": _turned("psi"),
+    "theta reversed": _turned("theta"),
+    "phi reversed": _turned("phi"),
+    "attitude 0.3 s late": _late(*_ANGLES, seconds=0.3),
+    "upside down": lambda log: log | {"phi": np.mod(log["phi"], 2 * np.pi) - np.pi},
+    "depth as height": _turned("down"),
+    "depth in mm": _turned("down", factor=1000.0),
+    "depth in feet": _turned("down", factor=1 / _FOOT),
+    "depth 0.5 s late": _late("down", seconds=0.5),
+    "knots": _turned(*_VELOCITY, factor=1 / _KNOT),
+    "mm/s": _turned(*_VELOCITY, factor=1000.0),
+    "DVL FLU": _turned("v", "w"),
+    "u reversed": _turned("u"),
+    "v reversed": _turned("v"),
+    "w reversed": _turned("w"),
+    "DVL NED": _over_ground,
+    "DVL 0.3 s late": _late(*_VELOCITY, seconds=0.3),
+    "DVL 2 % too fast": _turned(*_VELOCITY, factor=1.02),
+    "accelerometer FLU": _turned("fy", "fz"),
+    "fx reversed": _turned("fx"),
+    "g": _turned(*_FORCE, factor=1 / GRAVITY),
+    "all mirrored": _turned("v", "p", "r", "phi", "psi", "fy", "rudder"),
+    "all but the fins mirrored": _turned("v", "p", "r", "phi", "psi", "fy"),
+}
+PAIRS = (
+    ("rudder reversed", "r reversed"),
+    ("rudder reversed", "elevator reversed"),
+    ("rudder reversed", "heading reversed"),
+    ("fins exchanged", "rudder reversed"),
+    ("fins exchanged", "inputs 1 s late"),
+    ("fins in degrees", "gyroscope in degrees"),
+    ("gyroscope FLU", "gyroscope in degrees"),
+    ("gyroscope FLU", "DVL FLU"),
+    ("r reversed", "heading reversed"),
+    ("q reversed", "theta reversed"),
+    ("attitude in degrees", "q reversed"),
+    ("attitude FLU from ENU", "DVL NED"),
+    ("heading ENU", "DVL FLU"),
+    ("heading ENU", "rudder reversed"),
+    ("heading reversed", "v reversed"),
+    ("theta reversed", "w reversed"),
+    ("heading ENU", "accelerometer FLU"),
+    ("depth in mm", "knots"),
+    ("depth in feet", "knots"),
+    ("depth as height", "theta reversed"),
+    ("upside down", "gyroscope FLU"),
+    ("inputs 0.3 s late", "DVL 0.3 s late"),
+    ("attitude 0.3 s late", "gyroscope 0.2 s late"),
+    ("DVL 2 % too fast", "inputs 0.1 s late"),
+    ("gyroscope 0.2 s late", "rudder trim of 2 deg"),
+)
+
+
+class Outcome(NamedTuple):
+    """What comes of a log: whether a suggested map restores it; by the map of the good log the rest.
+
+    Attributes
+    ----------
+    restored : bool
+    named : str
+        What an import or an inspection fails; empty if nothing.
+    grade : str
+    sigmas : float or None
+        Of the coefficient that is farthest off; None where nothing was estimated.
+    """
+
+    restored: bool
+    named: str
+    grade: str
+    sigmas: float | None
+
+    @property
+    def deceives(self) -> bool:
+        """Say whether a wrong estimate is called sound."""
+        return self.grade == "sound" and self.sigmas is not None and self.sigmas > _WRONG
+
+
+class GoodLog:
+    """A simulated run, its columns in SI, and what is known of it."""
+
+    def __init__(self, seed: int, folder: Path) -> None:
+        experiment = auvid.load_experiment("spiral", f"seed={seed}", *_RUN)
+        self._dataset, self._folder = auvid.simulate(experiment), folder
+        self.true = experiment.vehicle.all_coefficients()
+        sensors = self._dataset.sensors
+        time = sensors["dvl"].time[1:-1]
+        self.columns: Columns = {"t": time}
+        for name in _LOGGED:
+            record = sensors[name]
+            for quantity, values in zip(SENSORS[name], record.values.T, strict=True):
+                self.columns[quantity.symbol] = values[np.searchsorted(record.time, time - 1e-3)]
+        inputs = self._dataset.inputs
+        held = np.searchsorted(inputs.time, time + 1e-3, side="right") - 1
+        for name, values in zip(("rudder", "elevator", "surge_force"), inputs.values.T, strict=False):
+            self.columns[name] = values[held]
+        self._map = self.suggested(self.columns)
+
+    def suggested(self, columns: Columns) -> str:
+        """Write a log, and fill in what only its owner knows of the suggested map."""
+        log = self._folder / "dive.csv"
+        log.write_text(csv_text([*columns], np.column_stack([*columns.values()]).tolist()), encoding="utf-8")
+        text = suggest_map([log], self._folder)
+        vehicle = shipped_configs() / "vehicles" / "vt690.yaml"
+        text = re.sub(r"(?s)vehicle: ?#?.*?\nlogs:", f"vehicle: {vehicle}\nlogs:", text)
+        for name in _LOGGED:
+            deviation = self._dataset.sensors[name].standard_deviation.tolist()
+            pattern = rf"(?s)(\n  {name}:.*?standard_deviation: )null[^\n]*"
+            text = re.sub(pattern, lambda found, d=deviation: f"{found[1]}{d}", text, count=1)
+        return text
+
+    def imported(self, text: str) -> Dataset:
+        """Import the log that was written last."""
+        path = self._folder / "map.yaml"
+        path.write_text(text, encoding="utf-8")
+        dataset = auvid.import_logs(path)
+        settings = dump_experiment(dataset.experiment)
+        return replace(dataset, experiment=parse_run(settings, "dive", ["identification.integration_step=0.05 s"]))
+
+    def is_restored(self, dataset: Dataset) -> bool:
+        """Say whether a dataset has the signals of the good log."""
+        time = self.columns["t"] - self.columns["t"][0]
+        found = {
+            quantity.symbol: np.interp(time, record.time, np.unwrap(values) if quantity.unit == "rad" else values)
+            for name, record in dataset.sensors.items()
+            for quantity, values in zip(SENSORS[name], record.values.T, strict=True)
+        }
+        inputs = dataset.inputs
+        found |= {
+            name: values[np.maximum(np.searchsorted(inputs.time, time + 1e-3, side="right") - 1, 0)]
+            for name, values in zip(("rudder", "elevator"), inputs.values.T, strict=False)
+        }
+        inside = slice(20, -20)
+        for symbol in self.columns.keys() - {"t", "surge_force"}:
+            if symbol not in found:
+                return False
+            error = (found[symbol] - self.columns[symbol])[inside]
+            if symbol in ("phi", "psi"):
+                error = wrap(error)
+            if not np.sqrt(np.mean(np.square(error))) < _RESTORED * np.std(self.columns[symbol]):
+                return False
+        return True
+
+    def outcome(self, names: tuple[str, ...]) -> Outcome:
+        """Write the log otherwise, and go through it."""
+        columns = self.columns
+        for name in names:
+            columns = SINGLE[name](columns)
+        text = self.suggested(columns)
+        try:
+            restored = self.is_restored(self.imported(text))
+        except AuvidError:
+            restored = False
+        try:
+            dataset = self.imported(self._map)
+            failed = (check for check in auvid.inspect(dataset).checks if check.passed is False)
+            named = ", ".join(f"{check.subject}: {check.check}" for check in failed)
+            return Outcome(restored, named, *self._judged(dataset))
+        except AuvidError as error:
+            # Without the place where it stands, which is another on each machine.
+            return Outcome(restored, "refused: " + str(error).splitlines()[0].partition("map.yaml:")[2], "-", None)
+
+    def _judged(self, dataset: Dataset) -> tuple[str, float | None]:
+        estimate = auvid.identify(dataset, "smoother")
+        grade = judge(estimate)["smoother"].grade.value
+        if not estimate.completed:
+            return grade, None
+        found, deviations = estimate.final_coefficients(), estimate.final_deviations()
+        return grade, max(abs(found[symbol] - self.true[symbol]) / deviations[symbol] for symbol in self.true)
+
+
+def _row(names: tuple[str, ...], of: Outcome) -> str:
+    off, named = "" if of.sigmas is None else f"{of.sigmas:.3g}", of.named.replace("|", r"\|")
+    short = named if len(named) <= 100 else f"{named[:97]}..."
+    return f"| {' and '.join(names) or 'as it is'} | {'yes' if of.restored else 'no'} | {short} | {of.grade} | {off} |"
+
+
+def _summary(found: Mapping[tuple[str, ...], Outcome]) -> str:
+    outcomes = [outcome for names, outcome in found.items() if names]
+    wrong = [of for of in outcomes if of.sigmas is None or of.sigmas > _WRONG]
+    restored, named, sound = (
+        sum(values)
+        for values in (
+            (of.restored for of in outcomes),
+            (bool(of.named) for of in wrong),
+            (of.deceives for of in wrong),
+        )
+    )
+    unseen = sum(not (of.restored or of.named) for of in wrong)
+    return (
+        f"Of {len(outcomes)} ways to write it otherwise `--suggest` restores {restored}. By the map of the good log "
+        f"{len(wrong)} give no estimate or a wrong one, of which the import refuses or `inspect` names {named}, and "
+        f"`identify` calls {sound} sound; neither restored nor named: {unseen}."
+    )
+
+
+def main() -> None:
+    """Go through all of them and write the section."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, default=1)
+    seed = parser.parse_args().seed
+    found: dict[tuple[str, ...], Outcome] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        good = GoodLog(seed, Path(folder))
+        for names in ((), *((name,) for name in SINGLE), *PAIRS):
+            found[names] = good.outcome(names)
+            print(_row(names, found[names]), flush=True)
+    lines = [
+        f"Seed {seed}. {_summary(found)}",
+        "",
+        "| written otherwise | restored | named by the map of the good log | identified | largest error / sd |",
+        "| --- | --- | --- | --- | ---: |",
+        *(_row(names, outcome) for names, outcome in found.items()),
+    ]
+    replace_section("mutations", "\n".join(lines), "studies")
+
+
+if __name__ == "__main__":
+    main()

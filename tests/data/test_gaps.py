@@ -1,0 +1,66 @@
+"""A rounded measurement that hardly changes is not one that has failed."""
+
+import numpy as np
+import pytest
+
+from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.data.gaps import repeats, rounded_repeats, rounding_steps, stuck_times
+from auvid_cli.inspection.data_checks import data_checks
+
+TIME = 0.1 * np.arange(1200)
+# Down to 30 m and held there, as a vehicle does, for 40 s and more within a centimetre.
+DEPTH = 30.0 - 3.0 * np.exp(-TIME / 8.0)
+
+
+def record(values):
+    return SensorRecord(TIME, np.asarray(values, dtype=float)[:, None], np.array([0.01]))
+
+
+def judged(values, segment):
+    (check,) = [check for check in data_checks([segment(record(values))], "", ["depth"]) if check.check == "stuck"]
+    return check
+
+
+@pytest.fixture
+def segment():
+    class Data:
+        def __init__(self, own):
+            self.sensors = {"depth": own}
+
+    return Data
+
+
+def test_a_depth_in_centimetres_is_quantised_and_not_stuck(segment):
+    rounded = record(np.round(DEPTH, 2))
+    lasted = np.diff(repeats(rounded))
+    assert lasted.max() > 2.0
+    assert rounding_steps(rounded) == pytest.approx([0.01])
+    assert not stuck_times(rounded)[:-1].size
+    check = judged(np.round(DEPTH + 0.02 * np.sin(0.3 * TIME), 2), segment)
+    assert check.passed is None
+    assert check.statistic.startswith("quantised: down by 0.01 m; ")
+    assert "state no less than 0.0029 m of down" in check.advice
+
+
+def test_a_sensor_that_fails_while_the_vehicle_goes_on_is_stuck(segment):
+    values = np.round(np.sin(0.3 * TIME), 2)
+    values[300:340] = values[300]
+    (stuck,) = stuck_times(record(values))
+    assert stuck == pytest.approx([TIME[300], TIME[339]], abs=0.11)
+    check = judged(values, segment)
+    assert check.passed is False
+    assert "from t = 30 s" in check.advice
+
+
+def test_one_that_dies_is_stuck_to_the_end():
+    values = np.round(np.sin(0.3 * TIME), 2)
+    values[800:] = values[799]
+    assert stuck_times(record(values))[-1][1] == TIME[-1]
+    assert not rounded_repeats(record(values))[-1]
+
+
+def test_without_steps_whatever_repeats_is_stuck(rng):
+    values = rng.standard_normal(TIME.size)
+    values[500:540] = values[500]
+    assert len(stuck_times(record(values))) == 1
+    assert not rounded_repeats(record(values)).any()
