@@ -11,7 +11,7 @@ from auvid_cli.cli.app import app
 from docs.make_field import TUTORIAL, fill_in, settings
 
 # What the page promises of each command's exit code, and how much less of the data is used here.
-JUDGED = {"inspect": 1, "identify": 1, "validate": 1}
+JUDGED = {"identify": 1, "validate": 1}
 SHORTER = {"simulate field": "simulate field --set 'manoeuvre.duration=115 s'", "321:": "71:"}
 
 

@@ -15,9 +15,9 @@ from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
 
-# s: a lag that noise and held inputs may seem to have; those that spoil every estimate, behind the motion, which no
-# vehicle makes, and ahead of it, as slow fins do; the longest that is looked for.
-_USUAL, _LATEST, _EARLIEST, _LONGEST = 0.2, 0.3, 0.6, 3.0
+# s: a lag that there seems to be where there is none, by a gyroscope and by how an angle changes, besides half of the
+# time for which inputs are held; what slow fins may be behind; the longest that is looked for.
+_BY_RATE, _BY_ANGLE, _EARLIEST, _LONGEST = 0.1, 0.2, 0.6, 3.0
 # Share of a fin's deflection by which it changes within a lag that matters.
 _MATTERS = 0.1
 # Partial correlation of an answer that tells a lag, and how much likelier, as a logarithm, another lag must be.
@@ -38,6 +38,10 @@ class Alignment(NamedTuple):
         Whether what is called rudder turns the vehicle as an elevator does, and the other way round.
     share : float
         By how much the faster of the fins changes within the delay, of its RMS about its mean.
+    usual : float
+        Delay, s, that there seems to be where there is none.
+    is_clear : bool
+        Whether no delay beyond the usual is likelier than this one, by however little.
     gain : float
         In log-likelihood, over no delay.
     """
@@ -45,20 +49,22 @@ class Alignment(NamedTuple):
     delay: float | None
     exchanged: bool | None
     share: float = 0.0
+    usual: float = _BY_ANGLE
+    is_clear: bool = True
     gain: float = 0.0
 
     @property
     def is_delayed(self) -> bool:
         """Say whether inputs come later or earlier than what is left of a lag in sound data."""
-        return self.delay is not None and abs(self.delay) > _USUAL
+        return self.delay is not None and abs(self.delay) > self.usual
 
     @property
     def spoils(self) -> bool:
         """Say whether that makes coefficients of the fins wrong."""
-        return self.delay is not None and self.share > _MATTERS and not -_EARLIEST <= self.delay <= _LATEST
+        return self.delay is not None and self.share > _MATTERS and not -_EARLIEST <= self.delay <= self.usual
 
 
-def input_alignment(signals: Signals, time_constant: float | None) -> Alignment:
+def input_alignment(signals: Signals, time_constant: float | None, held: float = 0.0) -> Alignment:
     """Find the assignment of the fins and the one delay of all inputs that explain the turning best.
 
     Whatever is regressed here, signs do not count: they are judged when the inputs are where they belong.
@@ -68,7 +74,11 @@ def input_alignment(signals: Signals, time_constant: float | None) -> Alignment:
     signals : Signals
     time_constant : float or None
         s, of the vehicle, if it is known.
+    held : float
+        s, from an input to the next.
     """
+    by_rate = any(signals.has(axis.rate) for axis in AXES)
+    most = (_BY_RATE if by_rate else _BY_ANGLE) + 0.5 * min(held, _BY_ANGLE)
     roll, *fins = AXES
     crossed_fins = [axis._replace(given=_OTHER_FIN[axis.given]) for axis in fins]
     by_roll, as_named, crossed = (_likelihood(signals, axes, time_constant) for axes in ([roll], fins, crossed_fins))
@@ -77,13 +87,17 @@ def input_alignment(signals: Signals, time_constant: float | None) -> Alignment:
         return Alignment(None, None)
     exchanged = bool(crossed.max() > as_named.max() + _LIKELIER)
     likelihood, delays = crossed if exchanged else as_named, _lags(signals)
-    usual = np.abs(delays) * signals.grid.step <= _USUAL + 0.5 * signals.grid.step
+    usual = np.abs(delays) * signals.grid.step <= most + 0.5 * signals.grid.step
     likeliest = int(likelihood.argmax())
-    if not likelihood[likeliest] > likelihood[usual].max() + _LIKELIER:
+    is_clear = bool(usual[likeliest])
+    if not is_clear and likelihood[likeliest] > likelihood[usual].max() + _LIKELIER:
+        is_clear = True
+    elif not is_clear:
         likeliest = int(np.where(usual, likelihood, -np.inf).argmax())
     cells = float(delays[likeliest]) + _peak(likelihood, likeliest)
     gain = float(likelihood[likeliest] - likelihood[delays.size // 2])
-    return Alignment(cells * signals.grid.step, exchanged, _share(signals, round(cells)), gain)
+    share = _share(signals, round(cells))
+    return Alignment(cells * signals.grid.step, exchanged, share, most, is_clear, gain)
 
 
 def _share(signals: Signals, cells: int) -> float:
@@ -120,7 +134,9 @@ def aligned(signals: Signals, alignment: Alignment) -> Signals:
 def alignment_checks(alignment: Alignment) -> list[Check]:
     """Judge the delay of the inputs and which fin is which."""
     assignment = "r answers rudder, q elevator"
-    delay_limit = f"<= {_USUAL:g} s; fails {_LATEST:g} s late or {_EARLIEST:g} s early if a fin changes much in it"
+    delay_limit = (
+        f"<= {alignment.usual:.2g} s; fails beyond, or {_EARLIEST:g} s early, if a fin changes by {_MATTERS:.0%} in it"
+    )
     if alignment.delay is None or alignment.exchanged is None:
         reason = "no turning answers an input"
         return [
@@ -133,13 +149,14 @@ def alignment_checks(alignment: Alignment) -> list[Check]:
     else:
         late = f"are {-delay:.2f} s ahead of the motion"
         why = "Fins follow late (`identification.fin_time_constant`), or the clock of their commands is ahead"
+    unclear = "" if alignment.is_clear else "cannot tell from a longer lag: "
     return [
         judged(
             "inputs",
             "delay",
-            statistic=f"inputs {late}, in which a fin changes by {alignment.share:.0%}",
+            statistic=f"{unclear}inputs {late}, in which a fin changes by {alignment.share:.0%}",
             threshold=delay_limit,
-            passed=True if not alignment.is_delayed else False if alignment.spoils else None,
+            passed=_verdict(alignment),
             advice=f"{why}: state it (`identification.delays={{inputs: {-delay:.2g} s}}`), or shift the times. Signs "
             "were judged as if they were shifted.",
         ),
@@ -153,6 +170,12 @@ def alignment_checks(alignment: Alignment) -> list[Check]:
             "judged as if they were.",
         ),
     ]
+
+
+def _verdict(alignment: Alignment) -> bool | None:
+    if not alignment.is_clear or (alignment.is_delayed and not alignment.spoils):
+        return None
+    return not alignment.is_delayed
 
 
 def _likelihood(signals: Signals, axes: Sequence[RotationAxis], time_constant: float | None) -> Array:

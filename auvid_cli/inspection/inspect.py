@@ -74,7 +74,8 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     time_constant = length / speed if speed is not None else None
     found = drift(signals)
     in_water = through_water(signals, found)
-    alignment = input_alignment(in_water, time_constant)
+    held = float(np.median(np.diff(dataset.inputs.time))) if dataset.inputs.time.size > 1 else 0.0
+    alignment = input_alignment(in_water, time_constant, held)
     checks += [*input_timing_checks(dataset.inputs, time_constant), *alignment_checks(alignment)]
     checks += force_checks(signals, dataset.experiment.vehicle)
     rotations = rotation_checks(aligned(in_water, alignment), time_constant)

@@ -149,3 +149,22 @@ def test_a_lateral_run_is_named_with_the_coefficients_to_hold(simulated_with, wi
     less = {bound.coefficient: bound.percent_with_noise for bound in assess_dataset(unknown).bounds}
     assert all(less[bound.coefficient] > 0.99 * bound.percent_with_noise for bound in again.bounds)
     assert less["X_u|u|"] > 1.2 * next(b.percent_with_noise for b in again.bounds if b.coefficient == "X_u|u|")
+
+
+LEVEL = (
+    "manoeuvre={type: lawnmower, duration: 60 s, speed: 1.5 m/s, leg: 20 s, turn_rate: 6 deg/s}",
+    "sensors.attitude={source: direct, rate: 10 Hz, noise: 0.1 deg}",
+    "sensors.gyroscope.rate=10 Hz",
+    "identification.coefficients=[X_u|u|, N_r|r|, N_uudr]",
+)
+
+
+def test_at_one_speed_a_moment_of_trim_cannot_be_told_from_an_elevator_that_is_off(simulated_with, with_settings):
+    """Level at a held speed both are one constant moment; the bound of each is then the prior's, and that is said."""
+    level = simulated_with(*LEVEL).without_truth()
+    alone, beside = (
+        assess_dataset(with_settings(level, f"identification.estimate.biases=[{blocks}]")).sensor_errors
+        for blocks in ("ballast", "ballast, fin_trim")
+    )
+    assert alone["trim_moment"].observed
+    assert not beside["trim_moment"].observed or beside["trim_moment"].bound > 10.0 * alone["trim_moment"].bound

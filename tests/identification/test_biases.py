@@ -142,13 +142,14 @@ def test_fin_trims_and_the_arm_of_a_dvl_are_found(off_centre, with_settings, fil
 BALLAST = Ballast(excess_buoyancy=5.0, trim_moment=-1.5)
 
 
+def buoyancy(parameters):
+    return [f"vehicle.parameters.{symbol}={parameters[symbol]!r}" for symbol in ("B", "xB", "yB", "zB")]
+
+
 @pytest.fixture(scope="module")
 def ballasted(simulated_with, with_settings, experiment_with):
     """A vehicle whose file states another buoyancy, at another place, than it has."""
     stated = experiment_with().vehicle.known_parameters()
-
-    def buoyancy(parameters):
-        return [f"vehicle.parameters.{symbol}={parameters[symbol]!r}" for symbol in ("B", "xB", "yB", "zB")]
 
     direct = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
     dataset = simulated_with("manoeuvre.duration=60 s", direct, *buoyancy(BALLAST.added_to(stated)))
@@ -197,3 +198,41 @@ def test_a_trim_that_walks_and_one_axis_of_an_arm_are_states_of_their_own(off_ce
     estimate = identify(with_settings(off_centre, f"identification.estimate={asked}"), FilterName.CKF)
     assert set(by_state(estimate)) == {"dvl_x", "rudder_trim"}
     assert estimate.state[-1] == "rudder_trim"
+
+
+def test_ballast_that_walks_is_another_in_each_segment(simulated_with, with_settings, experiment_with):
+    """Two dives one after the other, with 6 N and a moment of 2 N m between them."""
+    stated = experiment_with().vehicle.known_parameters()
+    slow = "manoeuvre.duration=25 s", "sensors.gyroscope.rate=10 Hz", "identification.coefficients=[Z_uwl, M_uwl]"
+    direct = "sensors.attitude={source: direct, rate: 10 Hz, noise: 0.1 deg}", *slow
+    each = [Ballast(4.0, -1.5), Ballast(-2.0, 0.5)]
+    first, second = (simulated_with(*direct, f"seed={k}", *buoyancy(b.added_to(stated))) for k, b in enumerate(each))
+    later, names = 40.0, ("dvl", "gyroscope", "attitude")
+    inputs = replace(
+        first.inputs,
+        time=np.append(first.inputs.time, second.inputs.time + later),
+        values=np.vstack([first.inputs.values, second.inputs.values]),
+    )
+    sensors = {
+        name: replace(
+            first.sensors[name],
+            time=np.append(first.sensors[name].time, second.sensors[name].time + later),
+            values=np.vstack([first.sensors[name].values, second.sensors[name].values]),
+        )
+        for name in names
+    }
+    asked = "{biases: [ballast], ballast: {buoyancy_walk: 1e-4, moment_walk: 1e-4}}"
+    joined = with_settings(
+        replace(first, inputs=inputs, sensors=sensors, truth=None),
+        *buoyancy(stated),
+        f"identification.estimate={asked}",
+        "identification.use.longest_gap=5 s",
+    )
+    estimate = identify(joined, FilterName.SMOOTHER)
+    assert estimate.completed
+    rows = [estimate.state.index(symbol) for symbol in Ballast._fields]
+    for at, true in zip((12.0, 52.0), each, strict=True):
+        event = int(np.abs(estimate.time - at).argmin())
+        error = (estimate.mean[event, rows] - true) / estimate.standard_deviation[event, rows]
+        assert np.abs(error).max() < 4.0
+        assert estimate.standard_deviation[event, rows[0]] < 0.5
