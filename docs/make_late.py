@@ -1,4 +1,4 @@
-"""Inputs at 10 Hz, held and 50 ms late, over seeds, into docs/studies.md: `python -m docs.make_late`, five minutes.
+"""Inputs at 10 Hz, held and 50 ms late, over seeds, into docs/studies.md: `python -m docs.make_late`, some minutes.
 
 The vehicle moves with inputs at 100 Hz; ten a second are recorded, and stamped 50 ms after they were given.
 """
@@ -22,7 +22,7 @@ from docs.section import replace_section
 _LATE, _HELD = 0.05, 0.005
 # Standard deviations beyond which a coefficient is wrong.
 _WRONG = 5.0
-_MANOEUVRES = ("zigzag_20_20", "multisine")
+_MANOEUVRES = ("zigzag_20_20",)
 _RUN = (
     "manoeuvre.duration=60 s",
     "manoeuvre.recorded_rate=10 Hz",

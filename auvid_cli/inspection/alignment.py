@@ -16,8 +16,9 @@ from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 Array = NDArray[np.float64]
 
 # s: a lag that there seems to be where there is none, by a gyroscope and by how an angle changes, besides half of the
-# time for which inputs are held; what slow fins may be behind; the longest that is looked for.
-_BY_RATE, _BY_ANGLE, _EARLIEST, _LONGEST = 0.1, 0.2, 0.6, 3.0
+# time for which inputs are held, and by how much more of some vehicles; what slow fins may be behind; the longest that
+# is looked for.
+_BY_RATE, _BY_ANGLE, _OF_SOME, _EARLIEST, _LONGEST = 0.1, 0.2, 0.1, 0.6, 3.0
 # Share of a fin's deflection by which it changes within a lag that matters.
 _MATTERS = 0.1
 # Partial correlation of an answer that tells a lag, and how much likelier, as a logarithm, another lag must be.
@@ -54,6 +55,11 @@ class Alignment(NamedTuple):
     gain: float = 0.0
 
     @property
+    def latest(self) -> float:
+        """Return the delay, s, beyond which no vehicle is."""
+        return self.usual + _OF_SOME
+
+    @property
     def is_delayed(self) -> bool:
         """Say whether inputs come later or earlier than what is left of a lag in sound data."""
         return self.delay is not None and abs(self.delay) > self.usual
@@ -61,7 +67,7 @@ class Alignment(NamedTuple):
     @property
     def spoils(self) -> bool:
         """Say whether that makes coefficients of the fins wrong."""
-        return self.delay is not None and self.share > _MATTERS and not -_EARLIEST <= self.delay <= self.usual
+        return self.delay is not None and self.share > _MATTERS and not -_EARLIEST <= self.delay <= self.latest
 
 
 def input_alignment(signals: Signals, time_constant: float | None, held: float = 0.0) -> Alignment:
@@ -135,7 +141,8 @@ def alignment_checks(alignment: Alignment) -> list[Check]:
     """Judge the delay of the inputs and which fin is which."""
     assignment = "r answers rudder, q elevator"
     delay_limit = (
-        f"<= {alignment.usual:.2g} s; fails beyond, or {_EARLIEST:g} s early, if a fin changes by {_MATTERS:.0%} in it"
+        f"<= {alignment.usual:.2g} s; fails {alignment.latest:.2g} s late or {_EARLIEST:g} s early if a fin changes "
+        f"by {_MATTERS:.0%} in it"
     )
     if alignment.delay is None or alignment.exchanged is None:
         reason = "no turning answers an input"
