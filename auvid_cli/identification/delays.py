@@ -210,17 +210,18 @@ def _with_delays(prepared: PreparedData, names: Sequence[str], delays: Array) ->
 def _fit(prepared: PreparedData, symbols: Sequence[str]) -> _Fit | None:
     """Fit all but the delays; None where nothing follows the data with these."""
     settings = prepared.experiment.identification
-    augmented = augmented_problem(prepared)
+    max_passes, augmented = settings.smoother.max_passes, augmented_problem(prepared)
     segments = [segment.timelines for segment in augmented.segments]
     problem = JointProblem(augmented.process, augmented.sensors, segments, augmented.prior)
     smoothing, faults = LinearSmoothing(problem), VehicleFaults(augmented, symbols, tested=())
-    answers = most_probable(problem, smoothing, settings.smoother.max_passes)
+    answers = most_probable(problem, smoothing, max_passes)
     if not answers:
         return None
     joint, _ = answers[0]
-    answer = without_motion(problem, smoothing, joint) if settings.is_marginal else joint
-    if answer is None:
+    found = without_motion(problem, smoothing, joint, max_passes) if settings.is_marginal else (joint, None)
+    if found is None:
         return None
+    answer, _ = found
     scores = score_faults(smoothing, answer, faults)
     if settings.is_marginal:
         scores = marginal_scores(problem, smoothing, answer, faults, scores)
