@@ -193,7 +193,7 @@ class GoodLog:
         return text
 
     def imported(self, text: str) -> Dataset:
-        """Import the log that was written last."""
+        """Read the log that was written last by a map, and the settings to identify with."""
         path = self._folder / "map.yaml"
         path.write_text(text, encoding="utf-8")
         dataset = auvid.import_logs(path)
