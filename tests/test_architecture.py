@@ -37,7 +37,7 @@ Add Advance Answer Append Attack Average Begin Break Bring Bundle Call Carry Cha
 Command Comment Compare Compile Compose Compute Condition Connect Convert Copy Correct Correlate Count Cut
 Decompose Decorate Describe Differentiate Divide Do Draw End Estimate Evaluate Fill Filter Find Fit Give Go
 Group Grow Guess Hand Hash Have Hold Identify Integrate Interpolate Invert Join Judge Keep Kill Lay Leave Let
-Limit Linearise List Load Look Make Mark Measure Merge Mix Move Multiply Name Note Open Parse Pass Pick Plant
+Limit Linearise List Load Look Make Mark Measure Merge Mix Move Multiply Name Note Open Parse Pass Pick Plant Plot
 Point Predict Prepare Print Put Quote Raise Reach Read Refuse Regress Render Repeat Replace Resolve Return
 Round Run Sample Say Set Shift Shorten Show Simulate Smooth Solve Split Stand Start State Step Subtract
 Suggest Sum Summarise Take Tell Time Treat Tune Turn Update Validate Wait Walk Widen Write Yield

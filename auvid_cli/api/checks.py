@@ -6,9 +6,7 @@ from auvid_cli.data.check import Checks
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.bounds import BoundsOf
-from auvid_cli.evaluation.causes import likely_causes
-from auvid_cli.evaluation.estimate_checks import check_estimate
-from auvid_cli.evaluation.judgement import judge, reference_among
+from auvid_cli.evaluation.estimate_checks import check_estimates
 
 
 @typed
@@ -38,17 +36,4 @@ def check(dataset: Dataset, *estimates: Estimate) -> Checks:
     []
     """
     prepared = prepare_checked(dataset, *estimates)
-    bounds_of = BoundsOf(prepared)
-    judgements, reference = judge(estimates), reference_among(estimates)
-    causes_of_all = None if reference is None else likely_causes(reference)
-    return Checks(
-        verdict
-        for estimate in estimates
-        for verdict in check_estimate(
-            prepared,
-            estimate,
-            bounds_of(estimate),
-            judgements[estimate.filter],
-            likely_causes(estimate) if causes_of_all is None else causes_of_all,
-        )
-    )
+    return check_estimates(prepared, estimates, BoundsOf(prepared))

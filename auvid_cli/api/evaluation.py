@@ -4,10 +4,12 @@ from collections.abc import Sequence
 
 from auvid_cli.api.argument_types import typed
 from auvid_cli.api.preparation import prepare_checked
+from auvid_cli.data.check import Checks
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation import evaluate as evaluation
 from auvid_cli.evaluation.bounds import BoundsOf
+from auvid_cli.evaluation.estimate_checks import check_estimates
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.identification.prepared_data import PreparedData
 
@@ -37,6 +39,10 @@ class Evaluator:
     def evaluate(self, estimates: Sequence[Estimate]) -> Evaluation:
         """Evaluate estimates together."""
         return evaluation.evaluate(self._prepared, list(estimates), self._bounds_of)
+
+    def check(self, estimates: Sequence[Estimate]) -> Checks:
+        """List all verdicts on estimates, see `auvid_cli.api.checks.check`."""
+        return check_estimates(self._prepared, estimates, self._bounds_of)
 
 
 @typed

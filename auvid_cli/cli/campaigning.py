@@ -12,15 +12,18 @@ from auvid_cli.campaign.findings import find, in_order
 from auvid_cli.campaign.perform import perform, shortened_group
 from auvid_cli.campaign.plan import CampaignPlan
 from auvid_cli.campaign.store import Store, locked
+from auvid_cli.cli.browser import open_page
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.config.campaign import load_campaign
 from auvid_cli.config.load import find_campaign
 from auvid_cli.data.estimate_file import write_estimate
-from auvid_cli.data.results_folder import dataset_in, folder_of_run
+from auvid_cli.data.results_folder import dataset_in, folder_of_run, page_in
 from auvid_cli.errors import FileError
 from auvid_cli.report.campaign_tables import print_findings, write_findings
 from auvid_cli.report.figures.draw import drawing
+from auvid_cli.report.page.campaign_page import campaign_page
+from auvid_cli.report.page.write_page import write_page
 
 # A dry run takes the time of some groups on so many seconds of data, until it has taken so many seconds itself.
 _PROBES, _PROBED, _PATIENCE = 6, 5.0, 2.0
@@ -34,11 +37,12 @@ class Where(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """Choice of runs that are done although they have been, and of whole estimates that are written."""
+    """Choice of runs that are done although they have been, of whole estimates to be written, and to see the page."""
 
     retry: bool
     again: bool
     keep_estimates: bool
+    show: bool
 
 
 def set_up(name: str, overrides: Sequence[str], output: Path | None) -> tuple[CampaignPlan, Path]:
@@ -139,7 +143,7 @@ def _conduct(plan: CampaignPlan, folder: Path, where: Where, choice: Choice, ter
         store.conform(labels)
         if standing := n_failed - len(store.failures):
             terminal.say(f"{standing} runs failed when they were done again: what they came to before stands")
-    return _report(plan, folder, store, labels, terminal)
+    return _report(plan, folder, store, labels, choice.show, terminal)
 
 
 def _done_and_failed(store: Store, labels: Mapping[str, Mapping[str, Label]]) -> tuple[set[str], set[str]]:
@@ -183,7 +187,12 @@ def _work(
 
 
 def _report(
-    plan: CampaignPlan, folder: Path, store: Store, labels: Mapping[str, Mapping[str, Label]], terminal: Terminal
+    plan: CampaignPlan,
+    folder: Path,
+    store: Store,
+    labels: Mapping[str, Mapping[str, Label]],
+    show: bool,
+    terminal: Terminal,
 ) -> int:
     with terminal.stage("evaluate"):
         failures = [failure for failure in store.failures if failure.run in labels]
@@ -192,10 +201,16 @@ def _report(
         with terminal.stage("statistics"):
             findings = find(in_order(rows, labels), plan.fixed_columns)
         paths = write_findings(findings, folder / "tables")
+        filters = {variant.name: variant.filter.value for variant in plan.filters}
         with drawing(folder) as figures, terminal.progress("figures") as (progress,):
-            figures.add_campaign(findings, {variant.name: variant.filter.value for variant in plan.filters})
+            figures.add_campaign(findings, filters)
+            reasons = list(dict.fromkeys(failure.reason for failure in failures))
+            page = campaign_page(plan.campaign.name, findings, filters, reasons)
+            paths.append(write_page(page, page_in(folder)))
             paths += figures.finish(progress)
         print_findings(terminal.out, findings, paths)
+        if show:
+            open_page(page_in(folder), terminal)
     n_runs = int((rows["kind"] == "run").sum()) - len(failures)
     terminal.say(f"{folder / 'results'}: {n_runs} of {len(labels)} runs")
     if apart := len(store.finished() - labels.keys()):

@@ -7,6 +7,7 @@ import typer
 
 from auvid_cli.cli.options import (
     DataArgument,
+    OpenOption,
     OutputOption,
     OverwriteOption,
     QuietOption,
@@ -39,6 +40,7 @@ def identifiability(
     ] = None,
     output: OutputOption = None,
     overwrite: OverwriteOption = False,
+    show: OpenOption = False,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
 ) -> None:
@@ -70,14 +72,22 @@ def identifiability(
         coefficients, where = _at(dataset, at)
         with terminal.compiling():
             from auvid_cli.api.identifiability import identifiability as assess
+            from auvid_cli.cli.browser import open_page
             from auvid_cli.cli.tables import write_and_draw
+            from auvid_cli.report.page.identifiability_page import identifiability_page
             from auvid_cli.report.screen import print_identifiability
         with terminal.stage("sensitivities"):
             bounds = assess(dataset, coefficients)
-        paths = write_and_draw(folder, bounds.tables(), lambda figures: figures.add_identifiability(bounds), terminal)
+        page = folder / "identifiability.html"
+        laid_out = page, lambda: identifiability_page(dataset, bounds, where)
+        paths = write_and_draw(
+            folder, bounds.tables(), lambda figures: figures.add_identifiability(bounds), laid_out, terminal
+        )
         terminal.say(f"{dataset.experiment.vehicle.name}, at {where}:")
         print_identifiability(terminal.out, bounds)
         terminal.say_all(paths)
+        if show:
+            open_page(page, terminal)
 
 
 def _at(dataset: "Dataset", estimate: Path | None) -> tuple[dict[str, float] | None, str]:

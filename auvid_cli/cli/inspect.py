@@ -7,6 +7,7 @@ import typer
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.options import (
     DatasetArgument,
+    OpenOption,
     OutputOption,
     OverwriteOption,
     QuietOption,
@@ -33,22 +34,26 @@ def inspect(
     ] = None,
     output: OutputOption = None,
     overwrite: OverwriteOption = False,
+    show: OpenOption = False,
     quiet: QuietOption = False,
     verbose: VerboseVerdictsOption = False,
 ) -> None:
     """Judge recorded data before anybody identifies from them: signs, units, axes, clocks, gaps, spikes, excitation.
 
     Prints what did not pass, each with what to do about it: FAIL is to be mended first (exit code 1), note is worth
-    knowing. The results folder gets all verdicts (tables/inspection.csv) and what was recorded when (figures/timeline).
+    knowing. The results folder gets all verdicts (tables/inspection.csv), what was recorded when (figures/timeline),
+    and both on a page (inspection.html).
     """
     with reporting_errors():
         from auvid_cli.api import inspection as api
         from auvid_cli.api.files import read_dataset
+        from auvid_cli.cli.browser import open_page
         from auvid_cli.cli.tables import write_and_draw
         from auvid_cli.data.files import keep_apart
         from auvid_cli.data.replacement import put_copy
         from auvid_cli.data.results_folder import folder_of_dataset, tables_and_figures
         from auvid_cli.data.time_window import within
+        from auvid_cli.report.page.inspection_page import inspection_page
         from auvid_cli.report.screen import print_checks
 
         terminal = Terminal(quiet, verbose)
@@ -65,7 +70,9 @@ def inspect(
         with terminal.stage("inspect"):
             inspection = api.inspect(read)
         tables = {"inspection": inspection.rows()}
-        paths = write_and_draw(folder, tables, lambda figures: figures.add_timeline(inspection), terminal)
+        page = folder / "inspection.html"
+        laid_out = page, lambda: inspection_page(read, inspection)
+        paths = write_and_draw(folder, tables, lambda figures: figures.add_timeline(inspection), laid_out, terminal)
         print_checks(terminal.out, inspection.checks, passed=verbose)
         terminal.say_all(paths)
         part = "".join(f" --use {span}" for span in use or ())
@@ -78,6 +85,8 @@ def inspect(
             )
         else:
             terminal.say(f"nothing fails. Next: {_next(read, f'{dataset}{part}')}")
+        if show:
+            open_page(page, terminal)
         raise typer.Exit(VERDICT_FAILED if fails else DONE)
 
 

@@ -86,6 +86,7 @@ OverwriteOption = Annotated[
     bool,
     typer.Option("--overwrite", help="Replace what stands in the way, with all that was made from it."),
 ]
+OpenOption = Annotated[bool, typer.Option("--open", help="Open the page in a browser when all is done.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Also say how long each part took.")]
 VerboseVerdictsOption = Annotated[

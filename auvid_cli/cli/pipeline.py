@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from auvid_cli.cli.browser import open_page
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.config.experiment import Experiment
@@ -17,7 +18,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.files import keep_apart, write_text
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.replacement import other_estimates, other_run, put_dataset, refuse_unless
-from auvid_cli.data.results_folder import dataset_in, estimates_in, products, remove, remove_former
+from auvid_cli.data.results_folder import dataset_in, estimates_in, page_in, products, remove, remove_former
 from auvid_cli.data.screening import begin
 
 if TYPE_CHECKING:
@@ -166,10 +167,17 @@ def identify_to(
 
 
 def report_to(
-    folder: Path, evaluator: "Evaluator", estimates: list[Estimate], terminal: Terminal, figures: "FigureQueue"
+    folder: Path,
+    evaluator: "Evaluator",
+    estimates: list[Estimate],
+    terminal: Terminal,
+    figures: "FigureQueue",
+    show: bool,
 ) -> int:
-    """Write tables and figures, print the summary; the exit code says whether a judgement is against an estimate."""
+    """Write tables, page and figures, print the summary; the exit code says whether an estimate is judged against."""
     with terminal.compiling():
+        from auvid_cli.report.page.run_page import run_page
+        from auvid_cli.report.page.write_page import write_page
         from auvid_cli.report.screen import print_files, print_summary
         from auvid_cli.report.write import write_tables
     with terminal.stage("evaluate"):
@@ -177,10 +185,16 @@ def report_to(
     figures.add_others(evaluator.dataset, estimates, evaluation)
     paths = write_tables(evaluation, folder / "tables")
     print_summary(terminal.out, evaluation)
+    with terminal.stage("page"):
+        # While others draw.
+        page = run_page(evaluator.dataset, estimates, evaluation, evaluator.check(estimates))
+        paths.append(write_page(page, page_in(folder)))
     with terminal.progress("figures") as (progress,):
         paths += figures.finish(progress)
     remove_former(folder, paths, [estimate.filter for estimate in estimates])
     print_files(terminal.out, paths)
+    if show:
+        open_page(page_in(folder), terminal)
     return exit_code(evaluation.judgements())
 
 

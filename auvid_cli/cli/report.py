@@ -4,14 +4,17 @@ from pathlib import Path
 
 import typer
 
-from auvid_cli.cli.options import QuietOption, ResultsArgument, VerboseOption
+from auvid_cli.cli.options import OpenOption, QuietOption, ResultsArgument, VerboseOption
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 
 
 def report(
-    results: ResultsArgument = Path("results/spiral"), quiet: QuietOption = False, verbose: VerboseOption = False
+    results: ResultsArgument = Path("results/spiral"),
+    show: OpenOption = False,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
-    """Write tables and figures of a results folder, and print a summary."""
+    """Write the page (report.html), tables and figures of a results folder, and print a summary."""
     with reporting_errors():
         from auvid_cli.report.figures.workers import load_ahead
 
@@ -29,4 +32,4 @@ def report(
         with drawing(results) as figures:
             for estimate in estimates:
                 figures.add_innovations(estimate)
-            raise typer.Exit(pipeline.report_to(results, evaluator, estimates, terminal, figures))
+            raise typer.Exit(pipeline.report_to(results, evaluator, estimates, terminal, figures, show))

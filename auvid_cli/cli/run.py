@@ -8,6 +8,7 @@ from auvid_cli.cli.options import (
     DryRunOption,
     ExperimentArgument,
     FilterOption,
+    OpenOption,
     OutputOption,
     OverwriteOption,
     QuietOption,
@@ -29,11 +30,12 @@ def run(
     seed: SeedOption = None,
     output: OutputOption = None,
     overwrite: OverwriteOption = False,
+    show: OpenOption = False,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
     dry_run: DryRunOption = False,
 ) -> None:
-    """Simulate an experiment, identify with every filter named there, report."""
+    """Simulate an experiment, identify with every filter named there, report: report.html, tables, figures."""
     with reporting_errors():
         if not dry_run:
             from auvid_cli.report.figures.workers import load_ahead
@@ -73,4 +75,4 @@ def run(
                 evaluator.find_bounds(estimate)
 
             estimates = pipeline.identify_to(folder, prepared, chosen, terminal, overwrite, on_estimate)
-            raise typer.Exit(pipeline.report_to(folder, evaluator, estimates, terminal, figures))
+            raise typer.Exit(pipeline.report_to(folder, evaluator, estimates, terminal, figures, show))

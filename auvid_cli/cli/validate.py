@@ -7,6 +7,7 @@ import typer
 
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.options import (
+    OpenOption,
     OutputOption,
     OverwriteOption,
     QuietOption,
@@ -32,6 +33,7 @@ def validate(
     use: UseOption = None,
     output: OutputOption = None,
     overwrite: OverwriteOption = False,
+    show: OpenOption = False,
     quiet: QuietOption = False,
     verbose: VerboseVerdictsOption = False,
 ) -> None:
@@ -55,7 +57,9 @@ def validate(
         datasets = [read_dataset(path, *overrides(None, use=use)) for path in dataset_files]
         with terminal.compiling():
             from auvid_cli.api.validation import predict, unseen_segments
+            from auvid_cli.cli.browser import open_page
             from auvid_cli.cli.tables import write_and_draw
+            from auvid_cli.report.page.validation_page import validation_page
             from auvid_cli.report.validation_screen import print_validation
         with terminal.stage("compare with the estimate's own data"):
             training = _dataset_behind(estimate_file, estimate)
@@ -66,9 +70,13 @@ def validate(
         with terminal.stage("predict"):
             validation = predict(segments, estimate, training)
         tables = validation.tables()
-        paths = write_and_draw(folder, tables, lambda figures: figures.add_validation(validation), terminal)
+        page = folder / "validation.html"
+        laid_out = page, lambda: validation_page(validation)
+        paths = write_and_draw(folder, tables, lambda figures: figures.add_validation(validation), laid_out, terminal)
         print_validation(terminal.out, validation, passed=verbose)
         terminal.say_all(paths)
+        if show:
+            open_page(page, terminal)
         raise typer.Exit(VERDICT_FAILED if validation.checks.failed() else DONE)
 
 

@@ -21,6 +21,10 @@ _TABLES = (
     *("coefficients", "summary", "velocity_error", "consistency", "sensor_errors", "faults", "checks", "inspection"),
     *("identifiability", "collinear", "validation", "manoeuvres", "validation_checks", "tuning"),
 )
+# Beside the dataset, where users keep files of their own as well.
+_PAGES = ("report", "identifiability", "inspection", "validation")
+# As it stands in the head of a page, so many bytes from its beginning at most.
+_GENERATOR, _HEAD = b'<meta name="generator" content="auvid ', 2000
 _EXPORTS = (".yaml", ".json", ".py", ".m", ".sdf")
 # Characters; no exported model comes near.
 _LONGEST_EXPORT = 10_000_000
@@ -43,6 +47,11 @@ def dataset_in(folder: Path) -> Path:
     return folder / "dataset.h5"
 
 
+def page_in(folder: Path) -> Path:
+    """Return the path of a folder's page."""
+    return folder / "report.html"
+
+
 def estimates_in(folder: Path) -> dict[FilterName, Path]:
     """Return the estimates that are there, in the order of `FilterName`."""
     paths = {name: folder / "estimates" / f"{name.value}.h5" for name in FilterName}
@@ -50,10 +59,19 @@ def estimates_in(folder: Path) -> dict[FilterName, Path]:
 
 
 def tables_and_figures(folder: Path) -> list[Path]:
-    """Find those that auvid wrote into a folder."""
+    """Find those that auvid wrote into a folder, and its pages."""
     tables = [f"{name}.csv" for name in _TABLES] + ["tables.md", "tables.tex"]
     figures = _figures(folder, (*_REPORT_FIGURES, *_OTHER_FIGURES))
-    return [path for path in (folder / "tables" / name for name in tables) if path.exists()] + figures
+    pages = [path for path in (folder / f"{name}.html" for name in _PAGES) if is_page(path)]
+    return [*(path for path in (folder / "tables" / name for name in tables) if path.exists()), *figures, *pages]
+
+
+def is_page(path: Path) -> bool:
+    """Say whether a file is a page that auvid made."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return _GENERATOR in file.read(_HEAD)
 
 
 def products(folder: Path) -> list[Path]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.identification.prior import natural_magnitude
+from auvid_cli.identification.prior import coefficient_priors, natural_magnitude
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
 # The part of the run that counts as steady state.
@@ -125,6 +125,21 @@ def shares_of_value(estimate: Estimate, truth: TruthRecord | None, bounds: Mappi
         uncertainty = max(float(estimate.standard_deviation[-1, i]), bounds.get(symbol, 0.0))
         shares[symbol] = uncertainty / value if value else np.inf
     return shares
+
+
+def shares_of_prior(estimate: Estimate) -> dict[str, float]:
+    """Say which share of the prior's standard deviation is left of each coefficient, by symbol."""
+    settings = estimate.experiment.identification
+    priors = coefficient_priors(estimate.experiment.vehicle, settings.prior)
+    left = {}
+    for i, symbol in enumerate(estimate.state):
+        if symbol in SYMBOLS:
+            before = priors[symbol].standard_deviation
+            if settings.prior.from_estimate is not None:
+                # What an earlier estimate knew is what the filter begins with.
+                before = estimate.standard_deviation[0, i]
+            left[symbol] = float(estimate.standard_deviation[-1, i] / before)
+    return left
 
 
 def normalised_estimation_error(estimate: Estimate, truth: TruthRecord) -> float:

@@ -1,25 +1,28 @@
 """The list of verdicts on an estimate: each a number, what it may be, and what to do where it is not."""
 
-import numpy as np
-from scipy.stats import chi2
+from collections.abc import Callable, Sequence
 
-from auvid_cli.data.check import Check
+import numpy as np
+from scipy.special import chdtri
+
+from auvid_cli.data.check import Check, Checks
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import (
     LARGEST_SHARE_OF_VALUE,
     normalised_estimation_error,
+    shares_of_prior,
     shares_of_value,
 )
 from auvid_cli.evaluation.bounds import Bounds
-from auvid_cli.evaluation.causes import Cause, causes_text
+from auvid_cli.evaluation.causes import Cause, causes_text, likely_causes
 from auvid_cli.evaluation.geometry_check import near_its_geometry
 from auvid_cli.evaluation.innovation_checks import innovation_checks
-from auvid_cli.evaluation.judgement import Grade, Judgement
+from auvid_cli.evaluation.judgement import Grade, Judgement, judge, reference_among
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
 from auvid_cli.evaluation.signs import pushing_drag, reversed_fins
 from auvid_cli.identification.prepared_data import PreparedData
-from auvid_cli.identification.prior import coefficient_priors, natural_magnitude
+from auvid_cli.identification.prior import natural_magnitude
 from auvid_cli.inspection.data_checks import data_checks
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
@@ -34,6 +37,25 @@ _AT_LIMIT = 0.01
 _LARGEST_SIZE = 30.0
 _SIGMAS = 3.0
 _CONFIDENCE = 0.99
+
+
+def check_estimates(
+    prepared: PreparedData, estimates: Sequence[Estimate], bounds_of: Callable[[Estimate], Bounds]
+) -> Checks:
+    """Return all verdicts on estimates of the same data, judged together."""
+    judgements, reference = judge(estimates), reference_among(estimates)
+    causes_of_all = None if reference is None else likely_causes(reference)
+    return Checks(
+        verdict
+        for estimate in estimates
+        for verdict in check_estimate(
+            prepared,
+            estimate,
+            bounds_of(estimate),
+            judgements[estimate.filter],
+            likely_causes(estimate) if causes_of_all is None else causes_of_all,
+        )
+    )
 
 
 def check_estimate(
@@ -187,22 +209,12 @@ def _at_limits(estimate: Estimate) -> list[Check]:
 
 def _information(estimate: Estimate, truth: TruthRecord | None, bounds: Bounds) -> list[Check]:
     """Judge what the data added to the prior, and how much of each value is known."""
-    settings = estimate.experiment.identification
-    priors = coefficient_priors(estimate.experiment.vehicle, settings.prior)
-    left = {}
-    for i, symbol in enumerate(estimate.state):
-        if symbol in SYMBOLS:
-            before = priors[symbol].standard_deviation
-            if settings.prior.from_estimate is not None:
-                # What an earlier estimate knew is what the filter begins with.
-                before = estimate.standard_deviation[0, i]
-            left[symbol] = float(estimate.standard_deviation[-1, i] / before)
     return [
         Check.of_values(
             estimate.filter,
             "coefficients",
             "information",
-            left,
+            shares_of_prior(estimate),
             limit=_LARGEST_SHARE,
             meaning="of the prior's standard deviation is left",
             advice="The data hardly moved these: excite them, hold them at known values "
@@ -281,7 +293,7 @@ def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
     error, deviation = estimate.mean[-1, rows] - true, estimate.standard_deviation[-1, rows]
     sigmas = {estimate.state[i]: e for i, e in zip(rows, np.abs(error) / deviation, strict=True)}
     nees = normalised_estimation_error(estimate, truth)
-    limit = float(chi2.ppf(_CONFIDENCE, len(rows)))
+    limit = float(chdtri(len(rows), 1.0 - _CONFIDENCE))
     return [
         Check.of_values(
             estimate.filter,

@@ -2,7 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from auvid_cli.data.check import Check
 from auvid_cli.data.dataset import Dataset
@@ -41,7 +41,8 @@ def _nis(filter_name: str, sensor: str, innovations: Innovations) -> Check:
     tally = innovations.tally()
     components = int(tally.components.sum())
     nis = tally.mean_nis
-    low, high = (float(chi2.ppf(p, components)) / components for p in (0.5 - _CONFIDENCE / 2, 0.5 + _CONFIDENCE / 2))
+    tails = 0.5 + _CONFIDENCE / 2, 0.5 - _CONFIDENCE / 2
+    low, high = (float(chdtri(components, tail)) / components for tail in tails)
     passed = None if nis < low - _TOLERANCE else nis <= high + _TOLERANCE
     too_large = (
         f"The data contradict the model or the stated noise of {sensor}: look at what `explained by noise` names, for "

@@ -42,14 +42,14 @@ def write_findings(findings: Findings, folder: Path) -> list[Path]:
     for path, table in zip(paths, tables.values(), strict=True):
         write_text(path, table.map(csv_cell).rename(columns=csv_cell).to_csv(index=False))
     markdown = folder / "campaign.md"
-    write_text(markdown, render_markdown([_filters_table(findings), *_comparison_table(findings)]))
+    write_text(markdown, render_markdown([filters_table(findings), *comparison_table(findings)]))
     return [*paths, markdown]
 
 
 def print_findings(console: Console, findings: Findings, files: Sequence[Path]) -> None:
     """Print a row for each combination of settings and filter, who is better in how many, and where the files are."""
     if len(findings.filters) <= _MOST_ON_SCREEN:
-        table = _filters_table(findings)
+        table = filters_table(findings)
         if not any(findings.filters["failed"]):
             table = table.without("failed %")
         console.print(narrowed(console, table, _LEAST_OF_COLUMNS, _SCREEN_DIGITS))
@@ -72,7 +72,8 @@ def comparison_sentences(findings: Findings) -> list[str]:
     return sentences
 
 
-def _filters_table(findings: Findings) -> Table:
+def filters_table(findings: Findings) -> Table:
+    """Lay out the statistics of each combination of settings and filter."""
     columns = [Column(_heading(column), numeric=False) for column in [*findings.columns, "filter"]]
     headers = (
         "runs",
@@ -118,7 +119,7 @@ def _filters_table(findings: Findings) -> Table:
     return Table("campaign", "Filters", tuple(columns), rows, notes=notes)
 
 
-def _comparison_table(findings: Findings) -> list[Table]:
+def comparison_table(findings: Findings) -> list[Table]:
     """Compare the filters in a table; in none if there is but one filter."""
     if not len(findings.comparisons):
         return []

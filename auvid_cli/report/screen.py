@@ -5,14 +5,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table as ScreenTable
 from rich.text import Text
 
 from auvid_cli.data.check import Check
-from auvid_cli.evaluation.assessment import CLASSES, Holding, Identifiability
+from auvid_cli.evaluation.assessment import Identifiability
 from auvid_cli.evaluation.evaluate import Evaluation
+from auvid_cli.report.bounds import assessment_sentences, bounds_table, holding_sentence
 from auvid_cli.report.judgements import judgement_sentences
 from auvid_cli.report.layout import (
     consistency,
@@ -23,9 +23,8 @@ from auvid_cli.report.layout import (
     unobserved,
 )
 from auvid_cli.report.notation import filter_label
-from auvid_cli.report.screen_table import encodable, fits, narrowed, printed, screen_table
-from auvid_cli.report.sentence import sentence
-from auvid_cli.report.table import ERROR_DIGITS, Cell, Column, Symbol, Table, UnitCell
+from auvid_cli.report.screen_table import encodable, fits, narrowed, screen_table
+from auvid_cli.report.table import ERROR_DIGITS, Cell, Column, Table
 
 # What gives way where the terminal is narrow, first to last.
 _LEAST_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
@@ -108,61 +107,11 @@ def _checks(checks: Sequence[Check]) -> Table:
 
 def print_identifiability(console: Console, identifiability: Identifiability) -> None:
     """Print bounds by class, what contributes and goes together, how bounds fall, and what cannot be observed."""
-    console.print(narrowed(console, _bounds(identifiability), _LEAST_OF_BOUNDS))
-    if identifiability.remark:
-        console.print(Text(sentence(identifiability.remark)))
-    for group in identifiability.groups:
-        console.print(
-            Text(
-                f"{', '.join(group.members)} go together: {group.combination} is known to {group.percent:.2g} %, "
-                f"the worst of them alone to {group.worst_percent:.2g} %"
-            )
-        )
-    for symbol, error in identifiability.sensor_errors.items():
-        unobserved = "" if error.observed else ": cannot be observed on this manoeuvre"
-        console.print(Text(f"{symbol}: bound {printed(error.bound, 2)}, prior {printed(error.prior, 2)}{unobserved}"))
-    half = min(identifiability.growth, key=lambda entry: abs(entry[0] - 0.5 * identifiability.growth[-1][0]))
-    whole = identifiability.growth[-1]
-    medians = [f"{np.median(percent):.2g} % after {time:.4g} s" for time, percent in dict([half, whole]).items()]
-    console.print(Text(f"median bound {', '.join(medians)}"))
+    console.print(narrowed(console, bounds_table(identifiability), _LEAST_OF_BOUNDS))
+    for text in assessment_sentences(identifiability):
+        console.print(Text(text))
     if identifiability.holding is not None:
-        console.print(Text(_holding(identifiability.holding)), soft_wrap=True)
-
-
-def _holding(holding: Holding) -> str:
-    """Say what data tell of, and the setting that holds the rest."""
-    missing = f", of which it must first state {', '.join(holding.unstated)}" if holding.unstated else ""
-    only = f"These data tell of {', '.join(holding.motions)} alone. " if len(holding.motions) < 6 else ""
-    return (
-        f"{only}Hold {', '.join(holding.held)} at the values of the vehicle file{missing}; then the rest is known to "
-        f"{holding.worst_percent:.2g} % or better:\n"
-        f"  --set 'identification.coefficients=[{', '.join(holding.kept)}]'"
-    )
-
-
-def _bounds(identifiability: Identifiability) -> Table:
-    ranks = {label: rank for rank, (_, label) in enumerate(CLASSES)}
-    columns = (
-        *(Column(header, numeric=False) for header in ("symbol", "unit")),
-        *(Column(header) for header in ("value", "bound", "bound %", "with noise %")),
-        *(Column(header, numeric=False) for header in ("class", "mostly from", "goes with")),
-    )
-    rows: list[list[Cell]] = [
-        [
-            Symbol(bound.coefficient),
-            UnitCell(bound.unit),
-            bound.value,
-            printed(bound.cramer_rao_bound, 2),
-            printed(bound.percent, 2),
-            printed(bound.percent_with_noise, 2),
-            bound.label,
-            f"{bound.best_sensor} {bound.best_share:.0%}",
-            bound.group,
-        ]
-        for bound in sorted(identifiability.bounds, key=lambda bound: ranks[bound.label])
-    ]
-    table = Table("bounds", "Least standard deviations that the data allow", columns, rows)
-    return table if identifiability.groups else table.without("goes with")
+        console.print(Text(holding_sentence(identifiability.holding)), soft_wrap=True)
 
 
 class _Choice(NamedTuple):

@@ -1,0 +1,92 @@
+"""The page of a campaign: many runs, filter by filter."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from auvid_cli.campaign.findings import Findings
+from auvid_cli.campaign.status import ended
+from auvid_cli.report.campaign_tables import comparison_sentences, comparison_table, filters_table
+from auvid_cli.report.notation import setting_text
+from auvid_cli.report.page.drawing import Axis, Dot, Drawing, Rule, Shape, TextLabel
+from auvid_cli.report.page.parts import Page, Part, Section, TablePart, Words
+from auvid_cli.report.sentence import sentence
+
+_ROW, _LEFT, _WIDTH, _TOP = 22.0, 170.0, 560.0, 12.0
+# Combinations that are drawn, and percent beyond which errors stand at the edge.
+_MOST_DRAWN, _LARGEST = 24, 1e3
+
+
+def campaign_page(name: str, findings: Findings, filters: Mapping[str, str], failures: Sequence[str]) -> Page:
+    """Lay out the statistics of a campaign.
+
+    Parameters
+    ----------
+    name : str
+    findings : Findings
+    filters : mapping of str
+        Of each variant, by name, its filter.
+    failures : sequence of str
+        Why runs failed, each once.
+    """
+    sentences = [sentence(text) for text in comparison_sentences(findings)]
+    failed = [Words([f"Failed: {failure}" for failure in failures], listed=True)] if failures else []
+    sections = (
+        Section("filters", "Filters", [TablePart(filters_table(findings), sortable=True), *failed]),
+        Section("spread", "Spread of the errors", _spread(findings, filters)),
+        Section("comparisons", "Filters against each other", _comparisons(findings, sentences)),
+    )
+    n_seeds = findings.runs["seed"].nunique()
+    return Page(f"Campaign: {name}", f"{len(findings.runs)} runs, {n_seeds} seeds", sections)
+
+
+def _comparisons(findings: Findings, sentences: list[str]) -> list[Part]:
+    grids = [TablePart(table, sortable=True) for table in comparison_table(findings)]
+    return [Words(sentences, listed=True), *grids] if grids else []
+
+
+def _spread(findings: Findings, filters: Mapping[str, str]) -> list[Part]:
+    """Draw the error of every run that ended, a row for each combination of settings and filter."""
+    keys = [*findings.columns, "filter"]
+    cells = [(key, runs) for key, runs in findings.runs.groupby(keys, sort=False)]
+    errors = findings.runs["steady_state_error_percent"].to_numpy(np.float64)
+    known = errors[np.isfinite(errors) & (errors > 0.0)]
+    if not known.size:
+        return []
+    low = float(np.floor(np.log10(known.min())))
+    high = max(float(np.ceil(np.log10(min(known.max(), _LARGEST)))), low + 1.0)
+    across = Axis(low, high, _LEFT, _WIDTH - 60.0)
+    drawn = cells[:_MOST_DRAWN]
+    bottom = _TOP + _ROW * len(drawn)
+    shapes: list[Shape] = []
+    for power in range(int(low), int(high) + 1):
+        shapes.append(Rule(across.at(power), _TOP, across.at(power), bottom, "grid"))
+        shapes.append(TextLabel(across.at(power), bottom + 16.0, f"{10.0**power:g}", "middle"))
+    for place, (key, runs) in enumerate(drawn):
+        values = key if isinstance(key, tuple) else (key,)
+        shapes += _row(_TOP + _ROW * (place + 0.5), [setting_text(value) for value in values], runs, across, filters)
+    shapes.append(TextLabel(0.5 * (across.begin + across.end), bottom + 36.0, "mean steady-state error (%)", "middle"))
+    says = "A mark for each run that ended, a long stroke at their median; at the right the share of those lost."
+    if len(cells) > len(drawn):
+        says += f" {len(cells) - len(drawn)} more combinations: see the table."
+    return [Drawing("Errors", says, _WIDTH, bottom + 46.0, shapes)]
+
+
+def _row(y: float, words: list[str], runs: pd.DataFrame, across: Axis, filters: Mapping[str, str]) -> list[Shape]:
+    name = words[-1]
+    look = filters.get(name, "measured")
+    shapes: list[Shape] = [TextLabel(_LEFT - 8.0, y + 4.0, ", ".join(words)[-28:], "end")]
+    errors = runs["steady_state_error_percent"].dropna().to_numpy(np.float64)
+    decades = np.clip(np.log10(np.maximum(errors, 1e-12)), across.low, across.high)
+    shapes += [
+        Dot(across.at(float(decade)), y, look, f"{name}: {error:.3g} %")
+        for decade, error in zip(decades, errors, strict=True)
+    ]
+    if decades.size:
+        x = across.at(float(np.median(decades)))
+        shapes.append(Rule(x, y - 9.0, x, y + 9.0, "axis"))
+    lost = 1.0 - float(ended(runs).mean()) if len(runs) else 0.0
+    if lost:
+        shapes.append(TextLabel(across.end + 8.0, y + 4.0, f"{lost:.0%} lost"))
+    return shapes

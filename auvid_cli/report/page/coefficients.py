@@ -1,0 +1,118 @@
+"""What was found of each coefficient: the list, how far it is from the truth or from each other, how it settled."""
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.data.estimate import Estimate
+from auvid_cli.evaluation.accuracy import CoefficientResult
+from auvid_cli.evaluation.evaluate import Evaluation
+from auvid_cli.report.layout import mark_explained, marked, results_by_coefficient
+from auvid_cli.report.notation import filter_label
+from auvid_cli.report.page.forest import deviations_from
+from auvid_cli.report.page.parts import Plot, PlotLine, Plots
+from auvid_cli.report.table import (
+    DEVIATION_DIGITS,
+    ERROR_DIGITS,
+    Cell,
+    Column,
+    PlusMinus,
+    Symbol,
+    Table,
+    UnitCell,
+    number,
+)
+from auvid_cli.vehicle.coefficients import SYMBOLS
+
+Array = NDArray[np.float64]
+
+# Parts of a run of which the greatest distance of a settling coefficient is drawn: the least is where it crosses zero.
+_SPANS = 300
+
+
+def coefficient_list(evaluation: Evaluation, shares_of_prior: Mapping[str, Mapping[str, float]]) -> Table:
+    """Lay out a row for each coefficient and filter.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+    shares_of_prior : mapping of mapping
+        By filter and symbol, which share of the prior's standard deviation is left.
+    """
+    has_truth = any(row.true is not None for row in evaluation.coefficients)
+    truth = ("true", "error %", "error / sd") if has_truth else ()
+    headers = (*truth, "bound", "times bound", "% of prior")
+    columns = (
+        *(Column(header, numeric=False) for header in ("coefficient", "estimator")),
+        *(Column("estimate ± sd"), Column("unit", numeric=False)),
+        *(Column(header) for header in headers),
+        Column("identified", numeric=False),
+    )
+    rows: list[list[Cell]] = []
+    for by_filter in results_by_coefficient(evaluation).values():
+        for name, row in by_filter.items():
+            left = shares_of_prior[name][row.coefficient]
+            rows.append(
+                [
+                    *(Symbol(row.coefficient), filter_label(name)),
+                    *(marked(row, PlusMinus(row.estimate, row.standard_deviation)), UnitCell(row.unit)),
+                    *(_against_truth(row) if has_truth else ()),
+                    _rounded(row.cramer_rao_bound, DEVIATION_DIGITS),
+                    _rounded(row.times_bound, DEVIATION_DIGITS + 1),
+                    _rounded(100.0 * left, DEVIATION_DIGITS),
+                    "yes" if row.identified else "† no",
+                ]
+            )
+    notes = (
+        *mark_explained(evaluation),
+        "Bound: least standard deviation that the data allow (Cramér-Rao). % of prior: how much of the standard "
+        "deviation before the data is left after them.",
+    )
+    return Table("list", "Estimates", columns, rows, notes=notes)
+
+
+def _against_truth(row: CoefficientResult) -> list[Cell]:
+    error, sigmas = row.steady_state_error_percent, deviations_from(row.true, row, row.standard_deviation)
+    return [row.true, _rounded(error, ERROR_DIGITS), _rounded(sigmas, ERROR_DIGITS)]
+
+
+def _rounded(value: float | None, digits: int) -> Cell:
+    """Round a number to what is shown, so that it is also sorted by it."""
+    return None if value is None else number(value, digits)
+
+
+def convergence(estimates: Sequence[Estimate], true: Mapping[str, float]) -> Plots:
+    """Plot how far each coefficient is over time from the truth, or from where it ends, in percent of that."""
+    plots = []
+    for symbol in dict.fromkeys(symbol for estimate in estimates for symbol in estimate.state if symbol in SYMBOLS):
+        lines, ends = [], []
+        for estimate in estimates:
+            if symbol not in estimate.state or not estimate.time.size:
+                continue
+            column = estimate.state.index(symbol)
+            final = float(estimate.mean[-1, column])
+            origin = true.get(symbol) or final
+            if not isfinite(origin) or origin == 0.0:
+                continue
+            percent = 100.0 * np.abs(estimate.mean[:, column] / origin - 1.0)
+            # A batch estimate is constant, and where it ends it is always.
+            percent[percent == 0.0] = np.nan
+            time, values = _greatest(estimate.time, percent)
+            label = filter_label(estimate.filter)
+            if np.isfinite(values).any():
+                lines.append(PlotLine(label, estimate.filter, time, values))
+                ends.append(f"{label} {number(float(percent[np.isfinite(percent)][-1]), 2)} %")
+        if lines:
+            origin_words = "the truth" if true.get(symbol) else "its final value"
+            says = f"Distance of {symbol} from {origin_words}; at the end {', '.join(ends)}."
+            plots.append(Plot(symbol, says, "%", lines, log_y=True))
+    return Plots(plots, linked="convergence")
+
+
+def _greatest(time: Array, values: Array) -> tuple[Array, Array]:
+    """Return the greatest value of each of equal parts of a series, at its beginning; of few samples all."""
+    length = -(-values.size // _SPANS)
+    begin = np.arange(0, values.size, length)
+    return time[begin], np.fmax.reduceat(values, begin)

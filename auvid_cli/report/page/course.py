@@ -1,0 +1,106 @@
+"""Inputs, sensors, and what the model left to itself makes of them, over the same time."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.angles import wrap
+from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
+from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.report.notation import filter_label
+from auvid_cli.report.page.envelope import envelope
+from auvid_cli.report.page.parts import Part, Plot, PlotLine, Plots, Words
+from auvid_cli.report.page.scales import scale_of
+from auvid_cli.report.sentence import sentence
+from auvid_cli.vehicle.parameters import INPUTS, MOTION_SYMBOLS, SENSORS, Quantity, state_of
+
+Array = NDArray[np.float64]
+
+# Parts of a run of which the extremes are drawn.
+_SPANS = 700
+HOW_TO_LOOK = (
+    "Drag over any of these to look closer at all of them; double-click, or press 0, for the whole run. Of long series "
+    "the least and the greatest value of each of many short spans are drawn."
+)
+
+
+def course_parts(dataset: Dataset, runs: Mapping[str, FreeRun]) -> list[Part]:
+    """Return plots that are zoomed together: inputs, then what each sensor read, and what free runs leave of that."""
+    plots = [*input_plots(dataset.inputs), *sensor_plots(dataset.sensors, runs)]
+    residuals = "Residuals are measurements minus the free run: the final model, moved by the inputs alone."
+    return [Words([f"{HOW_TO_LOOK} {residuals}"]), Plots(plots, linked="time", wide=True)]
+
+
+def input_plots(inputs: InputRecord) -> list[Plot]:
+    """Plot each input."""
+    plots = []
+    for column, quantity in enumerate(INPUTS):
+        scale = scale_of(quantity)
+        time, values = envelope(inputs.time, inputs.values[:, [column]] * scale.factor, _SPANS)
+        says = sentence(f"{quantity.meaning}, {_range(values, scale.unit)}")
+        line = PlotLine(quantity.symbol, "input", time, values[:, 0], "steps")
+        plots.append(Plot(f"input: {quantity.symbol.replace('_', ' ')}", says, scale.unit, [line]))
+    return plots
+
+
+def sensor_plots(
+    sensors: Mapping[str, SensorRecord],
+    runs: Mapping[str, FreeRun],
+    marks: Mapping[str, list[tuple[float, float]]] | None = None,
+) -> list[Plot]:
+    """Plot what each component of each sensor read, shaded at its marks, and its residuals."""
+    plots = []
+    for name, record in sensors.items():
+        for column, quantity in enumerate(SENSORS[name]):
+            if not np.isfinite(record.values[:, column]).any():
+                continue
+            scale = scale_of(quantity)
+            time, values = envelope(record.time, record.values[:, [column]] * scale.factor, _SPANS)
+            says = sentence(f"{quantity.meaning} by {name}, {_range(values, scale.unit)}")
+            line = PlotLine("measured", "measured", time, values[:, 0])
+            shaded = () if marks is None else marks.get(name, ())
+            plots.append(Plot(f"{name}: {quantity.symbol}", says, scale.unit, [line], marks=shaded))
+            plots += _residual(name, quantity, record.time, record.values[:, column], runs)
+    return plots
+
+
+def _residual(sensor: str, quantity: Quantity, time: Array, measured: Array, runs: Mapping[str, FreeRun]) -> list[Plot]:
+    """Plot measurements minus free runs, of motion states."""
+    state = state_of(quantity)
+    if state not in MOTION_SYMBOLS:
+        return []
+    column, scale = MOTION_SYMBOLS.index(state), scale_of(quantity)
+    lines, words = [], []
+    for name, run in runs.items():
+        if run.time.size < 2:
+            continue
+        left = measured - interpolated(time, run, column)
+        if quantity.unit == "rad":
+            left = wrap(left)
+        left *= scale.factor
+        known = left[np.isfinite(left)]
+        if known.size:
+            at, drawn = envelope(time, left[:, None], _SPANS)
+            lines.append(PlotLine(filter_label(name), name, at, drawn[:, 0]))
+            words.append(f"{filter_label(name)} {float(np.sqrt(np.mean(known**2))):.3g} {scale.unit}")
+    if not lines:
+        return []
+    says = f"Measured minus free run; root mean square {', '.join(words)}."
+    return [Plot(f"{sensor}: {quantity.symbol}, residual", says, scale.unit, lines)]
+
+
+def interpolated(time: Array, run: FreeRun, column: int) -> Array:
+    """Return a motion state of a free run at other times, s; NaN outside of it and where it is not finite."""
+    finite = np.isfinite(run.motion[:, column])
+    values = np.where(finite, run.motion[:, column], 0.0)
+    if MOTION_SYMBOLS[column] in ("phi", "theta", "psi"):
+        values = np.unwrap(values)
+    result = np.interp(time, run.time, values, left=np.nan, right=np.nan)
+    # Between two samples one of which is not finite nothing is known.
+    return np.where(np.interp(time, run.time, finite.astype(np.float64)) == 1.0, result, np.nan)
+
+
+def _range(values: Array, unit: str) -> str:
+    known = values[np.isfinite(values)]
+    return f"{known.min():.4g} to {known.max():.4g} {unit}" if known.size else "nothing finite"

@@ -1,0 +1,23 @@
+"""A page as a file."""
+
+from pathlib import Path
+
+from auvid_cli.data.files import write_text
+from auvid_cli.data.results_folder import is_page
+from auvid_cli.errors import FileError
+from auvid_cli.report.page.parts import Page
+from auvid_cli.report.page.render import render_page
+
+
+def write_page(page: Page, path: Path) -> Path:
+    """Write a page, whole or not at all, and return its path.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written, or another file than a page of auvid's has its name.
+    """
+    if path.is_file() and not is_page(path):
+        raise FileError(f"{path}: is not a page of auvid's, and would be written over; move it away")
+    write_text(path, render_page(page))
+    return path
