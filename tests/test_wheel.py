@@ -16,3 +16,7 @@ def test_the_wheel_contains_code_configs_and_published_figures(tmp_path):
     code = {path.relative_to(ROOT).as_posix() for path in (ROOT / "auvid_cli").rglob("*.py")}
     assert code | {"auvid_cli/py.typed"} <= names
     assert "auvid_cli/report/published/table_iv.csv" in names
+    page = ROOT / "auvid_cli/report/page"
+    brought = [path for folder in ("static", "templates") for path in (page / folder).iterdir()]
+    assert len(brought) > 5
+    assert {path.relative_to(ROOT).as_posix() for path in brought} <= names

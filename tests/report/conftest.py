@@ -34,6 +34,10 @@ def motion_at(time):
 
 @pytest.fixture
 def dataset() -> Dataset:
+    return make_dataset()
+
+
+def make_dataset() -> Dataset:
     rng = np.random.default_rng(0)
     motion = motion_at(TIME)
     columns = {"dvl": slice(0, 3), "gyroscope": slice(3, 6), "attitude": slice(6, 9)}

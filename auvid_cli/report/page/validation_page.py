@@ -85,8 +85,9 @@ def _horizon(filter_name: str, symbol: str, rows: Sequence[Prediction], scale: S
         errors = np.array([np.nan if value is None else scale.factor * value for value in values])
         return PlotLine(label, look, horizons, np.where(errors > 0.0, errors, np.nan))
 
-    lines = [line("rmse", filter_label(filter_name), filter_name)]
-    lines += [line(field, label, look) for field, (label, look) in _OTHERS.items()]
+    lines = [line(field, label, look) for field, (label, look) in _OTHERS.items()]
+    # The model's own is drawn above the others.
+    lines.append(line("rmse", filter_label(filter_name), filter_name))
     known = [one for one in lines if np.isfinite(one.values).any()]
     last = ", ".join(f"{one.label} {one.values[-1]:.3g}" for one in known if np.isfinite(one.values[-1]))
     says = f"Errors of {symbol} after {horizons[-1]:g} s, {scale.unit}: {last}."

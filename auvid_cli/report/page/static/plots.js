@@ -4,7 +4,7 @@
   const data = JSON.parse(document.getElementById("data").textContent);
   const dashes = {
     ckf: [7, 3], tukf: [2, 2], ukf: [9, 3, 2, 3], smoother: [4, 3], output_error: [10, 4],
-    component1: [7, 3], component2: [2, 2],
+    component1: [7, 3], component2: [2, 2], prior: [4, 4], file: [6, 4], still: [10, 4], expected: [2, 3],
   };
   const drawn = [];
   // Of each word that links plots: the whole range of them all, and what is shown of it.
@@ -165,10 +165,10 @@
     return {
       width: element.clientWidth,
       height: element.clientHeight,
-      padding: [8, 10, 0, 0],
+      padding: [8, 18, 0, 0],
       legend: { show: false },
       scales: {
-        x: { time: false, distr: plot.logX ? 3 : 1 },
+        x: { time: false, distr: plot.logX ? 3 : 1, range: (chart, low, high) => [low, high] },
         y: { distr: plot.logY ? 3 : 1, range: rangeOfValues(plot) },
       },
       axes: [

@@ -44,7 +44,7 @@
         row.hidden = !wanted.every((word) => text.includes(word));
         shown += !row.hidden;
       }
-      count.textContent = `${shown} of ${rows.length} rows`;
+      count.textContent = `${shown} of ${rows.length}`;
     });
   }
 })();

@@ -1,0 +1,199 @@
+"""Pages in a real browser: Debian's Chromium, or one that CHROMIUM names."""
+
+import os
+import shutil
+
+import pytest
+
+from auvid_cli.report.page.render import render_page
+from auvid_cli.report.page.write_page import write_page
+
+from .test_render import page_of
+
+sync_api = pytest.importorskip("playwright.sync_api")
+CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: apt-get install chromium, or name one by CHROMIUM"),
+]
+NARROW, WIDE = {"width": 400, "height": 900}, {"width": 1280, "height": 900}
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def complaints():
+    """What consoles say, and what is asked of anybody but the file itself; nothing, when all is done."""
+    complaints: list[str] = []
+    yield complaints
+    assert complaints == []
+
+
+@pytest.fixture(scope="module")
+def opened(browser, complaints, tmp_path_factory):
+    """Function: open a page offline, and draw all of it."""
+
+    def show(page, viewport=WIDE, scheme="light"):
+        path = write_page(page, tmp_path_factory.mktemp("page") / "page.html")
+        tab = browser.new_page(viewport=viewport, color_scheme=scheme, offline=True)
+        tab.on("console", lambda message: complaints.append(message.text))
+        tab.on("pageerror", lambda error: complaints.append(str(error)))
+        tab.on("request", lambda request: request.url == path.as_uri() or complaints.append(request.url))
+        tab.goto(path.as_uri())
+        tab.evaluate("dispatchEvent(new Event('beforeprint')); dispatchEvent(new Event('afterprint'))")
+        assert tab.evaluate("auvid.drawn.length") == tab.locator(".canvas").count() > 0
+        return tab
+
+    return show
+
+
+@pytest.fixture(scope="module")
+def tab(opened, page):
+    """The page of a run, of which each test looks at another place."""
+    return opened(page)
+
+
+def ranges(tab, link):
+    shown = "({ chart }) => [chart.scales.x.min, chart.scales.x.max]"
+    return tab.evaluate(f"link => auvid.drawn.filter(one => one.link === link).map({shown})", link)
+
+
+def inked(tab, selector):
+    """Count the points of a canvas that are not empty."""
+    return tab.evaluate(
+        """selector => {
+          const canvas = document.querySelector(selector);
+          const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+          return data.filter((value, k) => k % 4 === 3 && value > 0).length;
+        }""",
+        selector,
+    )
+
+
+@pytest.mark.parametrize("viewport", [NARROW, WIDE], ids=["narrow", "wide"])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_page_is_drawn_and_fits_its_window(page, opened, viewport, scheme):
+    tab = opened(page, viewport, scheme)
+    assert tab.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
+    assert tab.locator(".uplot canvas").count() == tab.locator(".canvas").count() > 30
+    for selector in (".uplot canvas", "canvas[data-space]"):
+        assert inked(tab, selector) > 500
+    paper, ink = tab.evaluate(
+        "[getComputedStyle(document.body).backgroundColor, getComputedStyle(document.body).color]"
+    )
+    darker = min(paper, ink, key=lambda colour: sum(map(int, colour.strip("rgb()").split(","))))
+    assert darker == (paper if scheme == "dark" else ink)
+
+
+def test_a_zoom_is_one_of_all_over_the_same_time(tab):
+    whole = ranges(tab, "time")
+    assert len(whole) > 20
+    assert {tuple(span) for span in whole} == {(0.0, 80.0)}
+    plot = tab.locator("#course .canvas").first
+    plot.scroll_into_view_if_needed()
+    box = plot.locator(".u-over").bounding_box()
+    tab.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 20)
+    tab.mouse.down()
+    tab.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20, steps=3)
+    tab.mouse.up()
+    for low, high in ranges(tab, "time"):
+        assert (low, high) == pytest.approx((20.0, 40.0), abs=0.5)
+    # What is not over time stays as it is.
+    others = tab.evaluate("auvid.drawn.filter(one => one.plot.x !== 'time (s)').map(one => one.chart.scales.x.max)")
+    assert set(others) == {20}
+    plot.focus()
+    tab.keyboard.press("ArrowRight")
+    assert ranges(tab, "time")[0] == pytest.approx([24.0, 44.0], abs=0.6)
+    tab.keyboard.press("0")
+    assert {tuple(span) for span in ranges(tab, "time")} == {(0.0, 80.0)}
+
+
+def test_a_table_is_sorted_and_filtered_by_the_keyboard(tab):
+    table = tab.locator("#coefficients table")
+    heading = table.locator("th[aria-sort]", has_text="Bound").first
+    heading.locator("button").focus()
+    tab.keyboard.press("Enter")
+    assert heading.get_attribute("aria-sort") == "ascending"
+    column = heading.evaluate("heading => heading.cellIndex")
+
+    def bounds():
+        return table.locator("tbody tr").evaluate_all(
+            "(rows, column) => rows.filter(row => !row.hidden).map(row => row.cells[column].textContent)", column
+        )
+
+    # What is not known comes last, both ways.
+    assert bounds()[-3:] == ["—"] * 3
+    tab.keyboard.press("Enter")
+    assert heading.get_attribute("aria-sort") == "descending"
+    assert bounds()[-3:] == ["—"] * 3
+    assert table.locator("th[aria-sort=none]").count() == table.locator("thead th").count() - 1
+    tab.locator("#coefficients input").fill("ckf y_uudr")
+    assert len(bounds()) == 1
+    assert tab.locator("#coefficients [role=status]").inner_text() == "1 of 12"
+    tab.locator("#coefficients input").fill("")
+    assert len(bounds()) == 12
+
+
+def test_numbers_are_sorted_as_numbers(tab):
+    table = tab.locator("#coefficients table")
+    heading = table.locator("th[aria-sort]", has_text="True").first
+    heading.locator("button").click()
+    column = heading.evaluate("heading => heading.cellIndex")
+    texts = table.locator("tbody tr").evaluate_all("(rows, k) => rows.map(row => row.cells[k].textContent)", column)
+    values = [float(text) for text in texts]
+    assert values == sorted(values)
+    assert len(set(values)) == 4
+
+
+def test_the_choice_of_an_estimator_shows_its_innovations(tab):
+    shown = """auvid.drawn.filter(one => one.key.startsWith('innovations')).flatMap(({ chart, plot }) =>
+      plot.lines.filter((line, k) => line.of && chart.series[k + 1].show).map(line => line.of))"""
+    assert set(tab.evaluate(shown)) == {"ekf"}
+    tab.locator("#innovations select").select_option("tukf")
+    assert set(tab.evaluate(shown)) == {"tukf"}
+
+
+def test_a_line_is_taken_away_by_its_legend(tab):
+    button = tab.locator("#convergence button.entry", has_text="EKF").first
+    button.click()
+    assert button.get_attribute("aria-pressed") == "false"
+    shown = "auvid.drawn.filter(one => one.key.startsWith('convergence')).map(one => one.chart.series[1].show)"
+    assert set(tab.evaluate(shown)) == {False}
+
+
+def test_the_path_is_turned_by_pointer_and_keys(tab):
+    canvas = tab.locator("canvas[data-space]")
+    canvas.scroll_into_view_if_needed()
+    picture = "canvas => canvas.toDataURL()"
+    first = canvas.evaluate(picture)
+    canvas.focus()
+    tab.keyboard.press("ArrowLeft")
+    turned = canvas.evaluate(picture)
+    assert turned != first
+    tab.keyboard.press("0")
+    assert canvas.evaluate(picture) == first
+    box = canvas.bounding_box()
+    tab.mouse.move(box["x"] + 100, box["y"] + 100)
+    tab.mouse.down()
+    tab.mouse.move(box["x"] + 160, box["y"] + 130)
+    tab.mouse.up()
+    assert canvas.evaluate(picture) != first
+
+
+@pytest.mark.parametrize("text", ["<script>document.title = 'owned'</script>", "</script><img src=x onerror=alert(1)>"])
+def test_hostile_names_stay_text(opened, text):
+    tab = opened(page_of(text))
+    assert tab.locator("h1").inner_text() == text
+    assert tab.title() == f"{text} - auvid"
+    assert tab.locator("script, img").count() == render_page(page_of("plain")).count("<script")
+    assert tab.locator("#all-6-0-title").inner_text().startswith(text)
+
+
+def test_a_page_is_printed_whole(tab):
+    assert tab.pdf().count(b"/Type /Page\n") > 3
