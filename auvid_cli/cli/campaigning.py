@@ -18,6 +18,7 @@ from auvid_cli.cli.terminal import Terminal
 from auvid_cli.config.campaign import load_campaign
 from auvid_cli.config.load import find_campaign
 from auvid_cli.data.estimate_file import write_estimate
+from auvid_cli.data.replacement import refuse_other_page
 from auvid_cli.data.results_folder import dataset_in, folder_of_run, page_in
 from auvid_cli.errors import FileError
 from auvid_cli.report.campaign_tables import print_findings, write_findings
@@ -115,6 +116,7 @@ def conduct(plan: CampaignPlan, folder: Path, where: Where, choice: Choice, term
     """
     if dataset_in(folder).exists():
         raise FileError(f"{dataset_in(folder)}: results of a run stand here; name another folder with --output")
+    refuse_other_page(page_in(folder))
     with locked(folder):
         return _conduct(plan, folder, where, choice, terminal)
 

@@ -62,11 +62,13 @@ def identifiability(
         earlier = [] if at is None else [at]
         if path:
             dataset, folder = read_dataset(path, *changes), output or folder_of_dataset(path)
+            page = _page_in(folder)
             files = [path, *dataset.experiment.data_files(), *earlier]
             put_copy(path, dataset, folder, files, overwrite)
         else:
             experiment, files = load_with_files(find_experiment(data), changes)
             folder, files = output or folder_of_run(experiment.name), [*files, *earlier]
+            page = _page_in(folder)
             dataset = pipeline.simulate_to(folder, experiment, terminal, files, overwrite)
         keep_apart(tables_and_figures(folder), files)
         coefficients, where = _at(dataset, at)
@@ -78,7 +80,6 @@ def identifiability(
             from auvid_cli.report.screen import print_identifiability
         with terminal.stage("sensitivities"):
             bounds = assess(dataset, coefficients)
-        page = folder / "identifiability.html"
         laid_out = page, lambda: identifiability_page(dataset, bounds, where)
         paths = write_and_draw(
             folder, bounds.tables(), lambda figures: figures.add_identifiability(bounds), laid_out, terminal
@@ -88,6 +89,15 @@ def identifiability(
         terminal.say_all(paths)
         if show:
             open_page(page, terminal)
+
+
+def _page_in(folder: Path) -> Path:
+    """Return where the page goes, before anything else is written there."""
+    from auvid_cli.data.replacement import refuse_other_page
+
+    page = folder / "identifiability.html"
+    refuse_other_page(page)
+    return page
 
 
 def _at(dataset: "Dataset", estimate: Path | None) -> tuple[dict[str, float] | None, str]:

@@ -50,7 +50,7 @@ def inspect(
         from auvid_cli.cli.browser import open_page
         from auvid_cli.cli.tables import write_and_draw
         from auvid_cli.data.files import keep_apart
-        from auvid_cli.data.replacement import put_copy
+        from auvid_cli.data.replacement import put_copy, refuse_other_page
         from auvid_cli.data.results_folder import folder_of_dataset, tables_and_figures
         from auvid_cli.data.time_window import within
         from auvid_cli.report.page.inspection_page import inspection_page
@@ -65,12 +65,13 @@ def inspect(
                 raise ConfigError(f"--use: one part is inspected at a time, and there are {len(use)}")
             read = within(read, *read.experiment.identification.use.spans[0])
         files = [dataset, *read.experiment.data_files()]
+        page = folder / "inspection.html"
+        refuse_other_page(page)
         put_copy(dataset, read, folder, files, overwrite)
         keep_apart(tables_and_figures(folder), files)
         with terminal.stage("inspect"):
             inspection = api.inspect(read)
         tables = {"inspection": inspection.rows()}
-        page = folder / "inspection.html"
         laid_out = page, lambda: inspection_page(read, inspection)
         paths = write_and_draw(folder, tables, lambda figures: figures.add_timeline(inspection), laid_out, terminal)
         print_checks(terminal.out, inspection.checks, passed=verbose)

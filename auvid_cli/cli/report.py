@@ -20,10 +20,13 @@ def report(
 
         load_ahead()
         from auvid_cli.cli import pipeline
+        from auvid_cli.data.replacement import refuse_other_page
         from auvid_cli.data.results import read_results
+        from auvid_cli.data.results_folder import page_in
         from auvid_cli.report.figures.draw import drawing
 
         terminal = Terminal(quiet, verbose)
+        refuse_other_page(page_in(results))
         dataset, estimates = read_results(results)
         with terminal.compiling():
             from auvid_cli.api.evaluation import Evaluator

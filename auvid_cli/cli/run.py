@@ -45,7 +45,8 @@ def run(
         from auvid_cli.cli import pipeline
         from auvid_cli.config.load import dump_experiment, find_experiment, load_with_files
         from auvid_cli.data.files import keep_apart
-        from auvid_cli.data.results_folder import folder_of_run, products
+        from auvid_cli.data.replacement import refuse_other_page
+        from auvid_cli.data.results_folder import folder_of_run, page_in, products
         from auvid_cli.report.figures.draw import drawing
 
         loaded, files = load_with_files(find_experiment(experiment), overrides(settings, seed))
@@ -56,6 +57,7 @@ def run(
         loaded.identification.check_filters(chosen)
         terminal = Terminal(quiet, verbose)
         folder = output or folder_of_run(loaded.name)
+        refuse_other_page(page_in(folder))
         keep_apart(products(folder), files)
         with drawing(folder) as figures:
             with terminal.compiling_beside(*core.FILTERS):

@@ -47,7 +47,7 @@ def validate(
     with reporting_errors():
         from auvid_cli.api.files import read_dataset, read_estimate
         from auvid_cli.data.files import keep_apart
-        from auvid_cli.data.replacement import put_copy
+        from auvid_cli.data.replacement import put_copy, refuse_other_page
         from auvid_cli.data.results_folder import folder_of_dataset, tables_and_figures
         from auvid_cli.data.screening import screen
 
@@ -65,12 +65,13 @@ def validate(
             training = _dataset_behind(estimate_file, estimate)
             segments = [part for dataset in datasets for part in unseen_segments(dataset, estimate, training)]
         folder, inputs = output or folder_of_dataset(dataset_files[0]), [estimate_file, *dataset_files]
+        page = folder / "validation.html"
+        refuse_other_page(page)
         put_copy(dataset_files[0], datasets[0], folder, inputs, overwrite)
         keep_apart(tables_and_figures(folder), inputs)
         with terminal.stage("predict"):
             validation = predict(segments, estimate, training)
         tables = validation.tables()
-        page = folder / "validation.html"
         laid_out = page, lambda: validation_page(validation)
         paths = write_and_draw(folder, tables, lambda figures: figures.add_validation(validation), laid_out, terminal)
         print_validation(terminal.out, validation, passed=verbose)

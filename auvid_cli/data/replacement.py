@@ -18,7 +18,7 @@ from auvid_cli.data.dataset_file import holds_data, write_dataset
 from auvid_cli.data.files import keep_apart, replacing
 from auvid_cli.data.netcdf import digest
 from auvid_cli.data.netcdf_reading import FileAttributes, open_file, read_attributes
-from auvid_cli.data.results_folder import dataset_in, estimates_in, products, remove, tables_and_figures
+from auvid_cli.data.results_folder import dataset_in, estimates_in, is_page, products, remove, tables_and_figures
 from auvid_cli.data.screening import begin
 from auvid_cli.errors import AuvidError, FileError
 from auvid_cli.printable import one_line
@@ -108,6 +108,18 @@ def _replace(path: Path, inputs: Iterable[Path], write: Callable[[], object]) ->
     keep_apart([path, *made_from_it], inputs)
     write()
     remove(made_from_it)
+
+
+def refuse_other_page(path: Path) -> None:
+    """Refuse to write a page over another file than a page of auvid's.
+
+    Raises
+    ------
+    FileError
+        If such a file stands there.
+    """
+    if path.exists() and not is_page(path):
+        raise FileError(f"{path}: is not a page of auvid's, and would be written over; move it away")
 
 
 def other_run(path: Path, experiment: RunSettings) -> str:

@@ -74,6 +74,7 @@ def test_a_campaign_leaves_results_tables_and_figures(finished):
     for name in ("filters.csv", "coefficients.csv", "comparisons.csv", "campaign.md"):
         assert (home / "tables" / name).stat().st_size > 100
     assert (home / "figures/spread.png").stat().st_size > 1000
+    assert "ckf and tukf, steady-state error" in (home / "report.html").read_text(encoding="utf-8")
     filters = pd.read_csv(home / "tables/filters.csv")
     assert list(filters["runs"]) == [6, 6, 6, 6]
     table = rows(folder)

@@ -46,6 +46,17 @@ def test_sound_data_pass_and_leave_a_table_and_a_figure(short_run, tmp_path, run
     assert "fast enough" in run(tmp_path / "dataset.h5", "--verbose").output
 
 
+@pytest.mark.parametrize("opens", [True, False])
+def test_the_page_is_opened_in_a_browser_or_it_is_said_that_there_is_none(short_run, tmp_path, run, monkeypatch, opens):
+    asked = []
+    monkeypatch.setattr("webbrowser.open", lambda address: asked.append(address) or opens)
+    write_dataset(tmp_path / "dataset.h5", short_run)
+    result = run(tmp_path / "dataset.h5", "--open")
+    assert asked == [(tmp_path / "inspection.html").as_uri()]
+    assert ("no browser could be started here" in result.output) is not opens
+    assert "Nothing fails" in (tmp_path / "inspection.html").read_text(encoding="utf-8")
+
+
 def test_a_failed_verdict_is_exit_code_1_with_what_to_do(short_run, tmp_path, run):
     record = short_run.sensors["gyroscope"]
     turned = replace(record, values=record.values * np.array([1.0, 1.0, -1.0]))

@@ -11,7 +11,7 @@ from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.data.results_folder import dataset_in, products
 from auvid_cli.errors import SimulationError
 
-from .conftest import auvid
+from .conftest import assert_one_clear_complaint, auvid
 
 SHORT = ("--set", "manoeuvre.duration=6 s", "--set", "identification.judge=false")
 HOME = Path("results/spiral")
@@ -93,6 +93,24 @@ def test_all_that_auvid_writes_into_a_folder_is_known(here):
 def test_other_data_or_settings_are_refused_and_nothing_is_touched(here, command, words):
     Path("notes.json").write_text("{}")
     assert_refused(*command, words=words)
+
+
+@pytest.mark.parametrize(
+    ("command", "page"),
+    [
+        (("run", *SHORT), HOME / "report.html"),
+        (("report", HOME), HOME / "report.html"),
+        (("inspect", dataset_in(HOME)), HOME / "inspection.html"),
+        (("identifiability", dataset_in(HOME)), HOME / "identifiability.html"),
+        (("identifiability", *SHORT), HOME / "identifiability.html"),
+        (("validate", HOME / "estimates/ckf.h5", "results/other/dataset.h5"), Path("results/other/validation.html")),
+    ],
+)
+def test_a_page_of_somebody_else_is_not_written_over(here, command, page):
+    page.write_text("<h1>Mine</h1>")
+    before = state()
+    assert_one_clear_complaint(auvid(*command), f"{page}: is not a page of auvid's")
+    assert state() == before
 
 
 @pytest.mark.parametrize("text", [b"not a dataset", b""])

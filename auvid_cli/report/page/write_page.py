@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from auvid_cli.data.files import write_text
-from auvid_cli.data.results_folder import is_page
-from auvid_cli.errors import FileError
+from auvid_cli.data.replacement import refuse_other_page
 from auvid_cli.report.page.parts import Page
 from auvid_cli.report.page.render import render_page
 
@@ -17,7 +16,6 @@ def write_page(page: Page, path: Path) -> Path:
     FileError
         If it cannot be written, or another file than a page of auvid's has its name.
     """
-    if path.is_file() and not is_page(path):
-        raise FileError(f"{path}: is not a page of auvid's, and would be written over; move it away")
+    refuse_other_page(path)
     write_text(path, render_page(page))
     return path

@@ -1,0 +1,161 @@
+"""Pages of commands other than `auvid run`."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from auvid_cli.campaign.findings import Findings
+from auvid_cli.data.check import Checks
+from auvid_cli.data.named_rows import NamedRows
+from auvid_cli.evaluation.assessment import CoefficientBound, Identifiability
+from auvid_cli.evaluation.judgement import Grade, Judgement
+from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.inspection.inspection import Inspection, Mark
+from auvid_cli.report.page import campaign_page as campaign
+from auvid_cli.report.page.drawing import Box, Dot, Drawing, TextLabel
+from auvid_cli.report.page.identifiability_page import identifiability_page
+from auvid_cli.report.page.inspection_page import inspection_page
+from auvid_cli.report.page.parts import Plots
+from auvid_cli.report.page.path import path_parts
+from auvid_cli.report.page.render import render_page
+from auvid_cli.report.page.rows import table_of_rows
+from auvid_cli.report.page.run_page import run_page
+from auvid_cli.report.page.validation_page import validation_page
+from auvid_cli.report.table import Symbol, UnitCell
+from auvid_cli.validation.results import AHEAD, Prediction, Validation
+from auvid_cli.vehicle.parameters import MOTION
+
+from ..conftest import TIME, evaluation_of, make_dataset, make_estimate, motion_at
+from .conftest import FEW, check_of
+from .test_render import Elements
+
+
+@pytest.fixture
+def known(experiment_with):
+    """A dataset made by hand, with the settings of a whole experiment."""
+    return replace(make_dataset(), experiment=experiment_with())
+
+
+def parts_of(page, kind):
+    return [part for section in page.sections for part in section.parts if isinstance(part, kind)]
+
+
+def test_recorded_data_have_a_page_without_a_truth(known):
+    recorded = replace(known, truth=None)
+    estimates = [
+        replace(make_estimate(name, FEW, by), experiment=known.experiment)
+        for name, by in (("smoother", 0.0), ("ckf", 0.02))
+    ]
+    page = run_page(recorded, estimates, evaluation_of(recorded, estimates), [check_of("ckf", True)])
+    elements = Elements(render_page(page))
+    assert "Distance from IEKS" in elements.texts("h3")
+    assert not any("Table IV" in heading for heading in elements.texts("h3"))
+    assert "truth not known" in page.subtitle
+
+
+def test_the_page_of_data_shades_where_something_is_the_matter(known):
+    checks = Checks([check_of("", False), check_of("", True)])
+    marks = [Mark("dvl", "spike", 10.0, 10.0), Mark("dvl", "gap", 20.0, 25.0)]
+    page = inspection_page(known, Inspection(checks, marks, known.inputs, {"dvl": np.ones(3)}, (0.0, 80.0)))
+    (plots,) = parts_of(page, Plots)
+    assert {plot.title: plot.marks for plot in plots.plots}["dvl: u"] == [(10.0, 10.0), (20.0, 25.0)]
+    assert {plot.title: plot.marks for plot in plots.plots}["gyroscope: p"] == ()
+    text = render_page(page)
+    assert "Mend these first, or leave bad times out with --use BEGIN:END: NIS of dvl." in text
+    Elements(text)
+
+
+def test_the_page_of_bounds_draws_them_by_class_and_names_what_is_lost(known):
+    values = {"X_u|u|": 0.5, "Y_v|v|": 10.0, "N_uudr": np.inf}
+    labels = dict(zip(values, ("within 1 %", "within 20 %", "not identified"), strict=True))
+    bounds = [
+        CoefficientBound(name, "kg/m", 1.0, 0.01 * value, value, np.nan, labels[name], "dvl", 0.75, "")
+        for name, value in values.items()
+    ]
+    growth = [(duration, np.array([4.0, 80.0, np.inf]) / duration) for duration in (1.0, 8.0)]
+    found = Identifiability(bounds, [], {}, np.eye(3), growth, {})
+    page = identifiability_page(known, found, "the true coefficients")
+    text = render_page(page)
+    assert "These data do not tell N<sub>uuδr</sub>: hold these at known values" in text
+    (drawing,) = parts_of(page, Drawing)
+    bars = [shape for shape in drawing.shapes if isinstance(shape, Box)]
+    assert [bar.look for bar in bars] == ["sure", "rough", "lost"]
+    # On a logarithmic scale from half a percent to ten is as far as from one to twenty.
+    ticks = {s.text: s.x for s in drawing.shapes if isinstance(s, TextLabel) and s.text in ("1 %", "20 %")}
+    assert bars[1].width - bars[0].width == pytest.approx(ticks["20 %"] - ticks["1 %"])
+    assert "none" in {s.text for s in drawing.shapes if isinstance(s, TextLabel)}
+    (plots,) = parts_of(page, Plots)
+    assert np.isnan(plots.plots[0].lines[2].values).all()
+    Elements(text)
+
+
+def test_the_page_of_a_validation_draws_each_signal_over_the_horizon(known):
+    rows = [
+        Prediction(q.symbol, q.unit, AHEAD, horizon, 60, 0.01, 97.25, 0.02 * horizon, None, 3.0, 0.4, 0.025, 0.9, 50, 1)
+        for q in MOTION
+        for horizon in (1.0, 10.0)
+    ]
+    found = Validation(
+        "ckf",
+        Judgement(Grade.SOUND),
+        rows,
+        [],
+        Checks([check_of("ckf", False)]),
+        known,
+        FreeRun(TIME, motion_at(TIME)),
+        ["Something is missing."],
+    )
+    page = validation_page(found)
+    horizons, _ = parts_of(page, Plots)
+    assert [plot.title for plot in horizons.plots] == [q.symbol for q in MOTION]
+    own = horizons.plots[3].lines[-1]
+    # The roll rate, in degrees per second.
+    assert (own.label, horizons.plots[3].unit) == ("CKF", "°/s")
+    np.testing.assert_allclose(own.values, np.rad2deg([0.02, 0.2]))
+    assert "prior" not in {line.label for line in horizons.plots[0].lines}
+    text = render_page(page)
+    assert "Something is missing." in text
+    assert "Look at the DVL." in text
+    Elements(text)
+
+
+def test_the_page_of_a_campaign_draws_every_run_that_ended(monkeypatch):
+    runs = pd.DataFrame(
+        {
+            "filter": ["ckf"] * 3 + ["<b>"] * 2,
+            "seed": [1, 2, 3, 1, 2],
+            "status": ["completed", "inconsistent: why", "diverged at t = 1 s: why", "completed", "completed"],
+            "steady_state_error_percent": [1.0, 10.0, None, 1.0, 1e6],
+        }
+    )
+    nothing = pd.DataFrame()
+    monkeypatch.setattr(campaign, "filters_table", lambda _: table_of_rows("k", "t", NamedRows(("a",), [(1.0,)])))
+    page = campaign.campaign_page("<i>", Findings([], runs, nothing, nothing, nothing), {"ckf": "ckf"}, ["why <u>"])
+    (drawing,) = parts_of(page, Drawing)
+    dots = [shape for shape in drawing.shapes if isinstance(shape, Dot)]
+    assert [dot.says for dot in dots] == ["ckf: 1 %", "ckf: 10 %", "<b>: 1 %", "<b>: 1e+06 %"]
+    assert dots[0].x < dots[1].x < dots[3].x
+    assert "33% lost" in {shape.text for shape in drawing.shapes if isinstance(shape, TextLabel)}
+    elements = Elements(render_page(page))
+    assert elements.texts("b") == elements.texts("u") == elements.texts("i") == []
+    assert page.subtitle == "5 runs, 3 seeds"
+
+
+def test_rows_are_a_table_with_symbols_and_units_and_without_empty_columns():
+    rows = NamedRows(("signal", "unit", "rmse", "prior_rmse", "whole"), [("p", "rad/s", 0.5, None, True)])
+    table = table_of_rows("key", "Title", rows)
+    assert [column.header for column in table.columns] == ["signal", "unit", "rmse", "whole"]
+    assert [column.numeric for column in table.columns] == [False, False, True, False]
+    assert table.rows == [[Symbol("p"), UnitCell("rad/s"), 0.5, "yes"]]
+
+
+def test_the_path_of_an_estimate_begins_at_the_true_start(known):
+    estimate = make_estimate("ckf")
+    words, *_, space = path_parts(known.truth, [estimate])
+    true, own = space.tracks
+    np.testing.assert_allclose(own.position[0], true.position[0])
+    # It moves at 1.5 m/s and more; the truth made by hand goes another way.
+    assert f"CKF {np.linalg.norm(own.position[-1] - true.position[-1]):.3g} m" in words.sentences[0]
+    assert [track.label for track in path_parts(None, [estimate])[-1].tracks] == ["CKF"]
