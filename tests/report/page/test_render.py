@@ -12,6 +12,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from auvid_cli.config.filter_name import FilterName
 from auvid_cli.errors import FileError
 from auvid_cli.printable import one_line
 from auvid_cli.report.page.drawing import Dot, Drawing, TextLabel
@@ -30,7 +31,7 @@ from auvid_cli.report.page.parts import (
     TablePart,
     Words,
 )
-from auvid_cli.report.page.render import render_page
+from auvid_cli.report.page.render import _asset, render_page
 from auvid_cli.report.page.write_page import write_page
 from auvid_cli.report.table import Column, Table
 
@@ -190,3 +191,9 @@ def test_the_licence_of_what_is_brought_along_is_on_the_page(page):
     text = re.sub(r"\s+", " ", render_page(page))
     assert "Copyright (c) 2022 Leon Sorokin" in text
     assert "Permission is hereby granted, free of charge" in text
+
+
+@pytest.mark.parametrize("name", [name.value for name in FilterName])
+def test_every_filter_has_its_colour_in_light_and_dark(name):
+    assert _asset("page.css").count(f"--{name}: #") == 2
+    assert f".{name} {{ color: var(--{name}); }}" in _asset("page.css")
