@@ -6,6 +6,9 @@
   // Of the width of the box, its height.
   const TALL = 0.66;
 
+  // Without a minus before a zero.
+  const tenths = (value) => (Math.round(10 * value) / 10 + 0).toFixed(1);
+
   function boundsOf(tracks) {
     const extreme = (k, pick) => pick(...tracks.map((track) => track[k].reduce((a, b) => pick(a, b))));
     const low = [0, 1, 2].map((k) => extreme(k, Math.min));
@@ -69,17 +72,17 @@
         const [x, y] = project(point, width, height);
         context.fillText(text, Math.min(Math.max(x, 40), width - 40), Math.min(Math.max(y, 14), height - 6));
       };
-      label("north", [n + 1.12 * half, e, floor]);
+      label("north", [n + 1.25 * half, e, floor]);
       label("east", [n, e + 1.12 * half, floor]);
-      label(`${roof.toFixed(1)} m`, [n - half, e - 1.12 * half, roof]);
-      label(`depth ${floor.toFixed(1)} m`, [n - half, e - 1.12 * half, floor]);
+      label(`${tenths(roof)} m`, [n - half, e - 1.12 * half, roof]);
+      label(`depth ${tenths(floor)} m`, [n - half, e - 1.12 * half, floor]);
       label(`${bounds.wide.toPrecision(3)} m wide`, [n - 1.2 * half, e, floor]);
       // The shadow on the floor tells near from far; the truth lies below, wide.
       const whole = tracks.map((track) => track[0].map((_, k) => [track[0][k], track[1][k], track[2][k]]));
       path(whole[0].map(([north, east]) => [north, east, floor]), "shadow", 1);
       whole.forEach((points, k) => {
         const isTrue = entries[k].look === "true";
-        path(points, entries[k].look, isTrue ? 4 : 1.6, k > 1 ? [4 + 2 * k, 3] : []);
+        path(points, entries[k].look, isTrue ? 6 : 1.6, k > 1 ? [4 + 2 * k, 3] : []);
       });
       const ends = [[whole[0][0], "start"], [whole[0][whole[0].length - 1], "end"]];
       for (const [point, word] of ends) {
