@@ -9,8 +9,8 @@ from auvid_cli.campaign.findings import Findings
 from auvid_cli.campaign.status import ended
 from auvid_cli.report.campaign_tables import comparison_sentences, comparison_table, filters_table
 from auvid_cli.report.notation import setting_text
-from auvid_cli.report.page.drawing import Axis, Dot, Drawing, Rule, Shape, TextLabel
 from auvid_cli.report.page.parts import Page, Part, Section, TablePart, Words
+from auvid_cli.report.page.picture import Axis, Dot, Picture, Rule, Shape, TextLabel
 from auvid_cli.report.sentence import sentence
 
 _ROW, _LEFT, _WIDTH, _TOP = 22.0, 170.0, 560.0, 12.0
@@ -70,7 +70,7 @@ def _spread(findings: Findings, filters: Mapping[str, str]) -> list[Part]:
     says = "A mark for each run that ended, a long stroke at their median; at the right the share of those lost."
     if len(cells) > len(drawn):
         says += f" {len(cells) - len(drawn)} more combinations: see the table."
-    return [Drawing("Errors", says, _WIDTH, bottom + 46.0, shapes)]
+    return [Picture("Errors", says, _WIDTH, bottom + 46.0, shapes)]
 
 
 def _row(y: float, words: list[str], runs: pd.DataFrame, across: Axis, filters: Mapping[str, str]) -> list[Shape]:

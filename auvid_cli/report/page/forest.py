@@ -10,7 +10,7 @@ from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.layout import results_by_coefficient
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.page.cells import symbol_parts
-from auvid_cli.report.page.drawing import Axis, Box, Dot, Drawing, Rule, Shape, TextLabel
+from auvid_cli.report.page.picture import Axis, Box, Dot, Picture, Rule, Shape, TextLabel
 
 # Half the width, in standard deviations; a mark at the edge, with an arrow, stands for all beyond.
 _WIDEST = 5.0
@@ -32,7 +32,7 @@ def deviations_from(origin: float | None, row: CoefficientResult, deviation: flo
     return (row.estimate - origin) / deviation
 
 
-def forest(evaluation: Evaluation) -> list[Drawing]:
+def forest(evaluation: Evaluation) -> list[Picture]:
     """Draw how far all estimates are from the truth or, without one, from those of the first filter; none if alone."""
     filters = [row.filter for row in evaluation.summary]
     has_truth = any(row.true is not None for row in evaluation.coefficients)
@@ -53,7 +53,7 @@ def forest(evaluation: Evaluation) -> list[Drawing]:
         shapes += _mark(distance, across, _TOP + _ROW * (symbols.index(distance.symbol) + 0.5 + offset))
     legend = [(name, filter_label(name)) for name in shown]
     says = _in_words(distances, against)
-    return [Drawing(f"Distance from {against}", says, _WIDTH, bottom + 46.0, shapes, legend)]
+    return [Picture(f"Distance from {against}", says, _WIDTH, bottom + 46.0, shapes, legend)]
 
 
 def _from_truth(evaluation: Evaluation) -> list[_Distance]:

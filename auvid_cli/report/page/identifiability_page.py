@@ -7,8 +7,8 @@ from auvid_cli.evaluation.assessment import CLASSES, Identifiability
 from auvid_cli.report.bounds import assessment_sentences, bounds_table, holding_sentence
 from auvid_cli.report.page.cells import symbol_parts
 from auvid_cli.report.page.correlation import correlation_parts
-from auvid_cli.report.page.drawing import Axis, Box, Drawing, Rule, Shape, TextLabel
 from auvid_cli.report.page.parts import Card, Cards, Page, Part, Plot, PlotLine, Plots, Section, TablePart, Words
+from auvid_cli.report.page.picture import Axis, Box, Picture, Rule, Shape, TextLabel
 from auvid_cli.report.page.provenance import provenance_parts
 from auvid_cli.report.table import number
 
@@ -71,7 +71,7 @@ def _correlation(symbols: list[str], identifiability: Identifiability) -> list[P
     return correlation_parts("Correlations of the errors at the bound", symbols, identifiability.correlation)
 
 
-def _bars(identifiability: Identifiability) -> Drawing:
+def _bars(identifiability: Identifiability) -> Picture:
     """Draw bounds in percent of the value, by class, on a logarithmic scale."""
     percents = [min(bound.percent, _LARGEST) for bound in identifiability.bounds]
     low = np.floor(np.log10(max(min(percents), 1e-4)))
@@ -97,7 +97,7 @@ def _bars(identifiability: Identifiability) -> Drawing:
     worst = max(identifiability.bounds, key=lambda bound: bound.percent)
     says = f"Least standard deviation that the data allow, in percent of the value. Worst: {worst.coefficient}."
     legend = [(look, label) for label, look in _LOOKS.items() if any(b.label == label for b in identifiability.bounds)]
-    return Drawing("Bounds", says, _WIDTH, bottom + 46.0, shapes, legend)
+    return Picture("Bounds", says, _WIDTH, bottom + 46.0, shapes, legend)
 
 
 def _growth(identifiability: Identifiability) -> list[Part]:

@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.report.page.drawing import Drawing
+from auvid_cli.report.page.picture import Picture
 from auvid_cli.report.table import Table
 
 Array = NDArray[np.float64]
@@ -163,7 +163,7 @@ class Listing(NamedTuple):
     text: str
 
 
-Part: TypeAlias = Plots | Space | TablePart | Matrix | Cards | Words | Listing | Drawing
+Part: TypeAlias = Plots | Space | TablePart | Matrix | Cards | Words | Listing | Picture
 
 
 class Section(NamedTuple):

@@ -9,8 +9,8 @@ from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.report.figures.dead_reckoning import dead_reckoned
 from auvid_cli.report.notation import filter_label
-from auvid_cli.report.page.drawing import Axis, Drawing, Shape, frame, stroke
 from auvid_cli.report.page.parts import Part, PathTrack, Space, Words
+from auvid_cli.report.page.picture import Axis, Picture, Shape, frame, stroke
 from auvid_cli.vehicle.parameters import N_MOTION
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ def _legend(tracks: Sequence[PathTrack]) -> list[tuple[str, str]]:
     return [(track.look, track.label) for track in tracks]
 
 
-def _plan(tracks: Sequence[PathTrack]) -> Drawing:
+def _plan(tracks: Sequence[PathTrack]) -> Picture:
     """Draw north over east, both to one scale."""
     every = np.concatenate([track.position for track in tracks])
     (north, east), ranges = every[:, :2].max(axis=0), np.ptp(every[:, :2], axis=0)
@@ -73,10 +73,10 @@ def _plan(tracks: Sequence[PathTrack]) -> Drawing:
     shapes = frame(across, up, "east (m)", "north (m)")
     shapes += [stroke(t.position[:, 1], t.position[:, 0], across, up, t.look) for t in tracks]
     says = f"The paths reach over {ranges[0]:.3g} m north and {ranges[1]:.3g} m east."
-    return Drawing("Plan", says, _WIDTH, _HEIGHT, shapes, _legend(tracks))
+    return Picture("Plan", says, _WIDTH, _HEIGHT, shapes, _legend(tracks))
 
 
-def _profile(tracks: Sequence[PathTrack]) -> Drawing:
+def _profile(tracks: Sequence[PathTrack]) -> Picture:
     """Draw depth, growing downwards, over the distance along the track."""
     along = [_travelled(track.position) for track in tracks]
     depths = np.concatenate([track.position[:, 2] for track in tracks])
@@ -88,7 +88,7 @@ def _profile(tracks: Sequence[PathTrack]) -> Drawing:
         stroke(x, track.position[:, 2], across, down, track.look) for x, track in zip(along, tracks, strict=True)
     ]
     says = f"Depth from {depths.min():.3g} to {depths.max():.3g} m along {across.high:.4g} m of track."
-    return Drawing("Profile", says, _WIDTH, _HEIGHT, shapes, _legend(tracks))
+    return Picture("Profile", says, _WIDTH, _HEIGHT, shapes, _legend(tracks))
 
 
 def _travelled(position: Array) -> Array:

@@ -62,7 +62,7 @@ def _blocks(section: Section) -> list[_Block]:
 
 
 def _policy(styles: Sequence[str], scripts: Sequence[str]) -> str:
-    """Allow what the page brings along, by its hash, and nothing else: no network, no other script, no form."""
+    """Return the policy that allows what the page brings along, by its hash, and no network, other script or form."""
     scripted, styled = (" ".join(map(_hash, texts)) for texts in (scripts, styles))
     return f"default-src 'none'; script-src {scripted}; style-src {styled}; base-uri 'none'; form-action 'none'"
 

@@ -14,11 +14,11 @@ from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.inspection.inspection import Inspection, Mark
 from auvid_cli.report.page import campaign_page as campaign
-from auvid_cli.report.page.drawing import Box, Dot, Drawing, TextLabel
 from auvid_cli.report.page.identifiability_page import identifiability_page
 from auvid_cli.report.page.inspection_page import inspection_page
 from auvid_cli.report.page.parts import Plots
 from auvid_cli.report.page.path import path_parts
+from auvid_cli.report.page.picture import Box, Dot, Picture, TextLabel
 from auvid_cli.report.page.render import render_page
 from auvid_cli.report.page.rows import table_of_rows
 from auvid_cli.report.page.run_page import run_page
@@ -79,7 +79,7 @@ def test_the_page_of_bounds_draws_them_by_class_and_names_what_is_lost(known):
     page = identifiability_page(known, found, "the true coefficients")
     text = render_page(page)
     assert "These data do not tell N<sub>uuδr</sub>: hold these at known values" in text
-    (drawing,) = parts_of(page, Drawing)
+    (drawing,) = parts_of(page, Picture)
     bars = [shape for shape in drawing.shapes if isinstance(shape, Box)]
     assert [bar.look for bar in bars] == ["sure", "rough", "lost"]
     # On a logarithmic scale from half a percent to ten is as far as from one to twenty.
@@ -133,7 +133,7 @@ def test_the_page_of_a_campaign_draws_every_run_that_ended(monkeypatch):
     nothing = pd.DataFrame()
     monkeypatch.setattr(campaign, "filters_table", lambda _: table_of_rows("k", "t", NamedRows(("a",), [(1.0,)])))
     page = campaign.campaign_page("<i>", Findings([], runs, nothing, nothing, nothing), {"ckf": "ckf"}, ["why <u>"])
-    (drawing,) = parts_of(page, Drawing)
+    (drawing,) = parts_of(page, Picture)
     dots = [shape for shape in drawing.shapes if isinstance(shape, Dot)]
     assert [dot.says for dot in dots] == ["ckf: 1 %", "ckf: 10 %", "<b>: 1 %", "<b>: 1e+06 %"]
     assert dots[0].x < dots[1].x < dots[3].x

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.errors import FileError
 from auvid_cli.printable import one_line
-from auvid_cli.report.page.drawing import Dot, Drawing, TextLabel
 from auvid_cli.report.page.parts import (
     Card,
     Cards,
@@ -31,6 +30,7 @@ from auvid_cli.report.page.parts import (
     TablePart,
     Words,
 )
+from auvid_cli.report.page.picture import Dot, Picture, TextLabel
 from auvid_cli.report.page.render import _asset, render_page
 from auvid_cli.report.page.write_page import write_page
 from auvid_cli.report.table import Column, Table
@@ -88,7 +88,7 @@ def page_of(text: str) -> Page:
         TablePart(table, sortable=True),
         Matrix(text, ["X_u|u|"], np.eye(1)),
         Listing(text, text),
-        Drawing(
+        Picture(
             text, text, 10.0, 10.0, [TextLabel(0.0, 0.0, text, below=text), Dot(0.0, 0.0, "ekf", text)], [("ekf", text)]
         ),
         Plots([Plot(text, text, text, [PlotLine(text, "ekf", time, time)], x_label=text)], choice={"ekf": text}),

@@ -1,4 +1,4 @@
-"""Drawings of a few shapes, which need no script: the typed form of an SVG, and axes with readable ticks."""
+"""Pictures of a few shapes, which need no script: the typed form of an SVG, and axes with readable ticks."""
 
 from collections.abc import Sequence
 from math import ceil, floor, log10
@@ -63,7 +63,7 @@ class TextLabel(NamedTuple):
 Shape: TypeAlias = Stroke | Rule | Box | Dot | TextLabel
 
 
-class Drawing(NamedTuple):
+class Picture(NamedTuple):
     """A picture.
 
     Attributes
