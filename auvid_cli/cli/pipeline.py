@@ -188,13 +188,14 @@ def report_to(
     with terminal.stage("page"):
         # While others draw.
         page = run_page(evaluator.dataset, estimates, evaluation, evaluator.check(estimates))
-        paths.append(write_page(page, page_in(folder)))
+        shown = write_page(page, page_in(folder))
     with terminal.progress("figures") as (progress,):
         paths += figures.finish(progress)
     remove_former(folder, paths, [estimate.filter for estimate in estimates])
     print_files(terminal.out, paths)
+    terminal.say(f"all on one page: {shown}")
     if show:
-        open_page(page_in(folder), terminal)
+        open_page(shown, terminal)
     return exit_code(evaluation.judgements())
 
 

@@ -70,7 +70,8 @@ def test_a_fault_is_named_with_what_to_do_and_the_exit_code_says_so(tmp_path):
 def test_run_writes_dataset_estimates_tables_and_figures(results):
     folder, _ = results
     made = {str(path.relative_to(folder / "results/spiral")) for path in folder.rglob("*") if path.is_file()}
-    assert {"dataset.h5", "report.html", "estimates/ckf.h5", "estimates/tukf.h5"} <= made
+    assert {"dataset.h5", "estimates/ckf.h5", "estimates/tukf.h5"} <= made
+    assert 100_000 < (folder / "results/spiral/report.html").stat().st_size < 3_000_000
     assert {"tables/coefficients.csv", "tables/summary.csv", "tables/velocity_error.csv"} <= made
     assert {"tables/tables.md", "tables/tables.tex", "figures/path.png", "figures/path.svg"} <= made
     assert all(3_000 < path.stat().st_size < 1_000_000 for path in (folder / "results/spiral/figures").iterdir())

@@ -17,8 +17,8 @@ from auvid_cli.vehicle.parameters import INPUTS, MOTION_SYMBOLS, SENSORS, Quanti
 
 Array = NDArray[np.float64]
 
-# Parts of a run of which the extremes are drawn.
-_SPANS = 700
+# Parts of a run of which the extremes are drawn; and about as many samples as a free run keeps, so many residuals.
+_SPANS, _MOST_RESIDUALS = 700, 100_000
 HOW_TO_LOOK = (
     "Drag over any of these to look closer at all of them; double-click, or press 0, for the whole run. Of long series "
     "the least and the greatest value of each of many short spans are drawn."
@@ -71,7 +71,12 @@ def _residual(sensor: str, quantity: Quantity, time: Array, measured: Array, run
     if state not in MOTION_SYMBOLS:
         return []
     column, scale = MOTION_SYMBOLS.index(state), scale_of(quantity)
+    some = slice(None, None, 1 + time.size // _MOST_RESIDUALS)
+    time, measured = time[some], measured[some]
     lines, words = [], []
+    # Of a model that blew up no more is shown than of what was measured; the rest would hide the others.
+    height = scale.factor * float(np.ptp(measured[np.isfinite(measured)]))
+    beyond = False
     for name, run in runs.items():
         if run.time.size < 2:
             continue
@@ -82,12 +87,16 @@ def _residual(sensor: str, quantity: Quantity, time: Array, measured: Array, run
         known = left[np.isfinite(left)]
         if known.size:
             at, drawn = envelope(time, left[:, None], _SPANS)
+            beyond |= height > 0.0 and bool((np.abs(known) > height).any())
             lines.append(PlotLine(filter_label(name), name, at, drawn[:, 0]))
-            words.append(f"{filter_label(name)} {float(np.sqrt(np.mean(known**2))):.3g} {scale.unit}")
+            words.append(f"{filter_label(name)} {_root_mean_square(known):.3g} {scale.unit}")
     if not lines:
         return []
     says = f"Measured minus free run; root mean square {', '.join(words)}."
-    return [Plot(f"{sensor}: {quantity.symbol}, residual", says, scale.unit, lines)]
+    if beyond:
+        says += " Not all of it is within the axis."
+    limits = (-height, height) if height > 0.0 else None
+    return [Plot(f"{sensor}: {quantity.symbol}, residual", says, scale.unit, lines, limits=limits)]
 
 
 def interpolated(time: Array, run: FreeRun, column: int) -> Array:
@@ -99,6 +108,12 @@ def interpolated(time: Array, run: FreeRun, column: int) -> Array:
     result = np.interp(time, run.time, values, left=np.nan, right=np.nan)
     # Between two samples one of which is not finite nothing is known.
     return np.where(np.interp(time, run.time, finite.astype(np.float64)) == 1.0, result, np.nan)
+
+
+def _root_mean_square(values: Array) -> float:
+    """Return it also of values whose squares are too large for a number."""
+    largest = float(np.abs(values).max())
+    return largest * float(np.sqrt(np.mean((values / largest) ** 2))) if largest else 0.0
 
 
 def _range(values: Array, unit: str) -> str:

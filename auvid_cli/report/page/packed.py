@@ -7,12 +7,14 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_LARGEST = float(np.finfo(np.float32).max)
+
 
 class PackedArrays:
     """Arrays as base64 of little-endian float32, each that occurs more than once kept once.
 
-    Seven digits are more than a screen shows. Times are told from their first, so that those of a long record keep
-    their fractions.
+    Seven digits are more than a screen shows; times are to be told from near their first, so that those of a long
+    record keep their fractions. What is too large, and so what is not finite, is a gap.
 
     Attributes
     ----------
@@ -25,7 +27,8 @@ class PackedArrays:
 
     def add(self, values: Array) -> int:
         """Return the place of an array in `texts`, and put it there if it is new."""
-        content = np.asarray(values, dtype="<f4").tobytes()
+        fits = np.abs(values) <= _LARGEST
+        content = np.where(fits, values, np.nan).astype("<f4").tobytes()
         place = self._places.setdefault(content, len(self.texts))
         if place == len(self.texts):
             self.texts.append(base64.b64encode(content).decode("ascii"))

@@ -27,7 +27,7 @@ from auvid_cli.report.table import Symbol, UnitCell
 from auvid_cli.validation.results import AHEAD, Prediction, Validation
 from auvid_cli.vehicle.parameters import MOTION
 
-from ..conftest import TIME, evaluation_of, make_dataset, make_estimate, motion_at
+from ..conftest import TIME, diverged, evaluation_of, make_dataset, make_estimate, motion_at
 from .conftest import FEW, check_of
 from .test_render import Elements
 
@@ -159,3 +159,13 @@ def test_the_path_of_an_estimate_begins_at_the_true_start(known):
     # It moves at 1.5 m/s and more; the truth made by hand goes another way.
     assert f"CKF {np.linalg.norm(own.position[-1] - true.position[-1]):.3g} m" in words.sentences[0]
     assert [track.label for track in path_parts(None, [estimate])[-1].tracks] == ["CKF"]
+
+
+def test_a_filter_that_diverged_has_its_verdict_and_no_numbers_that_it_has_not(known):
+    good, bad = (replace(make_estimate(name, FEW), experiment=known.experiment) for name in ("smoother", "ekf"))
+    estimates = [good, diverged(bad, 2)]
+    page = run_page(known, estimates, evaluation_of(known, estimates, blown_up=("ekf",)), [])
+    elements = Elements(render_page(page))
+    assert elements.texts("article")[1].split()[:2] == ["EKF", "diverged"]
+    assert "the state was not finite after a measurement of dvl" in elements.texts("article")[1]
+    assert "Checks" not in elements.texts("h2")
