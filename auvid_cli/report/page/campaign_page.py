@@ -7,11 +7,10 @@ import pandas as pd
 
 from auvid_cli.campaign.findings import Findings
 from auvid_cli.campaign.status import ended
-from auvid_cli.report.campaign_tables import comparison_sentences, comparison_table, filters_table
+from auvid_cli.report.campaign_tables import comparison_table, filters_table
 from auvid_cli.report.notation import setting_text
 from auvid_cli.report.page.parts import Page, Part, Section, TablePart, Words
 from auvid_cli.report.page.picture import Axis, Dot, Picture, Rule, Shape, TextLabel
-from auvid_cli.report.sentence import sentence
 
 _ROW, _LEFT, _WIDTH, _TOP = 22.0, 170.0, 560.0, 12.0
 # Combinations that are drawn, and percent beyond which errors stand at the edge.
@@ -30,20 +29,18 @@ def campaign_page(name: str, findings: Findings, filters: Mapping[str, str], fai
     failures : sequence of str
         Why runs failed, each once.
     """
-    sentences = [sentence(text) for text in comparison_sentences(findings)]
     failed = [Words([f"Failed: {failure}" for failure in failures], listed=True)] if failures else []
     sections = (
         Section("filters", "Filters", [TablePart(filters_table(findings), sortable=True), *failed]),
         Section("spread", "Spread of the errors", _spread(findings, filters)),
-        Section("comparisons", "Filters against each other", _comparisons(findings, sentences)),
+        Section(
+            "comparisons",
+            "Filters against each other",
+            [TablePart(table, sortable=True) for table in comparison_table(findings)],
+        ),
     )
     n_seeds = findings.runs["seed"].nunique()
     return Page(f"Campaign: {name}", f"{len(findings.runs)} runs, {n_seeds} seeds", sections)
-
-
-def _comparisons(findings: Findings, sentences: list[str]) -> list[Part]:
-    grids = [TablePart(table, sortable=True) for table in comparison_table(findings)]
-    return [Words(sentences, listed=True), *grids] if grids else []
 
 
 def _spread(findings: Findings, filters: Mapping[str, str]) -> list[Part]:
