@@ -16,6 +16,7 @@ from auvid_cli.campaign.plan import CampaignRun, RunGroup
 from auvid_cli.config.experiment import Experiment, Identification, Use
 from auvid_cli.config.filter_name import JUDGE
 from auvid_cli.config.load import given_settings
+from auvid_cli.config.terms import Term
 from auvid_cli.data.dataset import Dataset, TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import AuvidError, ConfigError, DataError
@@ -92,7 +93,10 @@ def _perform(simulated: str, run: CampaignRun, given: str, with_estimates: bool)
             estimate = reference
         else:
             estimate = identify(_as_assumed(dataset, assumed), name)
-        bounds = _bounds(simulated, assumed.identification.model_dump_json(include=_OF_THE_DATA, exclude_none=True))
+        estimated = assumed.identification.estimated(assumed.vehicle)
+        settings = assumed.identification.model_copy(update={"coefficients": estimated})
+        of_data = settings.model_dump_json(include=_OF_THE_DATA, exclude_none=True)
+        bounds = _bounds(simulated, of_data, assumed.vehicle.model_dump_json(include={"terms"}, exclude_none=True))
         judgement = judge_one(estimate, reference)
         rows = measures(run.identity, run.filter, run.seed, estimate, _truth(dataset), bounds, judgement)
     except AuvidError as error:
@@ -143,7 +147,7 @@ def _truth(dataset: Dataset) -> TruthRecord:
 
 
 @lru_cache(maxsize=8)
-def _bounds(simulated: str, identification: str) -> Mapping[str, float]:
+def _bounds(simulated: str, identification: str, assumed: str) -> Mapping[str, float]:
     """Return Cramer-Rao bounds at the truth, by symbol; empty where there are none.
 
     Parameters
@@ -152,8 +156,15 @@ def _bounds(simulated: str, identification: str) -> Mapping[str, float]:
         Experiment that makes the data.
     identification : str
         What is estimated from which part of them.
+    assumed : str
+        Terms that may be among it, and of which those that the simulation does not have are truly zero.
     """
     dataset = _data(simulated)
-    settings = Identification.model_validate_json(identification)
-    data = replace(dataset, experiment=dataset.experiment.model_copy(update={"identification": settings}))
-    return bounds_at(prepare(data), _truth(dataset).coefficients).of_data
+    vehicle = dataset.experiment.vehicle
+    of_filter = (Term.model_validate(term) for term in json.loads(assumed)["terms"])
+    beyond = tuple(term for term in of_filter if term.name not in vehicle.coefficient_set.symbols)
+    vehicle = vehicle.model_copy(update={"terms": (*vehicle.terms, *beyond)})
+    settings = Identification.model_validate_json(identification, context=vehicle.coefficient_set)
+    changes = {"identification": settings, "vehicle": vehicle}
+    data = replace(dataset, experiment=dataset.experiment.model_copy(update=changes))
+    return bounds_at(prepare(data), data.known_coefficients()).of_data

@@ -95,13 +95,13 @@ def _next(dataset: "Dataset", named: str) -> str:
     """Name the commands that work with what is known of the vehicle."""
     settings = dataset.experiment.identification
     known = dataset.known_coefficients()
-    stated = dataset.experiment.vehicle.coefficients.by_symbol()
-    if unheld := [symbol for symbol in settings.held() if symbol not in stated]:
+    stated = dataset.experiment.vehicle.stated_coefficients()
+    if unheld := [symbol for symbol in settings.held(dataset.experiment.vehicle) if symbol not in stated]:
         return (
             f"state values of {', '.join(unheld)} in the vehicle file, or estimate them (identification.coefficients "
             "leaves them out)"
         )
-    if all(symbol in known for symbol in settings.estimated()):
+    if all(symbol in known for symbol in settings.estimated(dataset.experiment.vehicle)):
         return f"`auvid identifiability {named}`, then `auvid identify` alike"
     filters = settings.with_judge(settings.by_default())
     return (

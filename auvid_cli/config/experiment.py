@@ -4,21 +4,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from auvid_cli.config.augmented_states import AugmentedStates, BiasName, ErrorBlock
 from auvid_cli.config.filter_name import JUDGE, FilterName
 from auvid_cli.config.magnitudes import check_size
 from auvid_cli.config.manoeuvre import AnyManoeuvre, Recorded
 from auvid_cli.config.moving_states import InitialMotion, ProcessNoise
-from auvid_cli.config.prior import Prior, check_symbol
+from auvid_cli.config.prior import Prior, check_symbol, of_vehicle
 from auvid_cli.config.quantity import Amount, Unit, parse_quantity
 from auvid_cli.config.sensors import SensorSuite
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.spans import SeparateSpans
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, FileError
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import INERTIAL, SENSORS
 
 
@@ -79,13 +78,13 @@ class OutputErrorSettings(Settings):
 
     @field_validator("bounds", mode="before")
     @classmethod
-    def _known_coefficients_with_units(cls, value: Any) -> Any:
+    def _known_coefficients_with_units(cls, value: Any, info: ValidationInfo) -> Any:
         if not isinstance(value, dict):
             return value
-        units = {c.symbol: c.unit for c in COEFFICIENTS}
+        units = of_vehicle(info).units
         parsed = {}
         for symbol, interval in value.items():
-            check_symbol(symbol)
+            check_symbol(symbol, of_vehicle(info))
             if not isinstance(interval, list | tuple) or len(interval) != 2:
                 raise ValueError(f"the bounds of {symbol}: expected [lowest, highest]")
             low, high = (check_size(parse_quantity(bound, units[symbol]), units[symbol]) for bound in interval)
@@ -132,7 +131,10 @@ class Identification(Settings):
     )
     coefficients: Annotated[
         Literal["all"] | tuple[str, ...],
-        Field(description="'all', or a list; the others are held at the vehicle file's values"),
+        Field(
+            description="'all', or a list; the others, and of all those with `estimate: false`, are held at the "
+            "vehicle file's values"
+        ),
     ] = "all"
     attitude_from: Annotated[
         Literal["ahrs", "inertial"],
@@ -208,21 +210,14 @@ class Identification(Settings):
 
     @field_validator("coefficients", mode="after")
     @classmethod
-    def _known_coefficients(cls, value: Any) -> Any:
+    def _known_coefficients(cls, value: Any, info: ValidationInfo) -> Any:
         if value == "all":
             return value
         if not value:
             raise ValueError("at least one coefficient, or 'all'")
         for symbol in value:
-            check_symbol(symbol)
-        return tuple(symbol for symbol in SYMBOLS if symbol in value)
-
-    @model_validator(mode="after")
-    def _bounds_of_what_is_estimated(self) -> "Identification":
-        for symbol in self.output_error.bounds:
-            if symbol not in self.estimated():
-                raise ValueError(f"output_error.bounds names {symbol}, which is not among the coefficients to estimate")
-        return self
+            check_symbol(symbol, of_vehicle(info))
+        return tuple(symbol for symbol in of_vehicle(info).symbols if symbol in value)
 
     @model_validator(mode="after")
     def _biases_of_sensors_in_use(self) -> "Identification":
@@ -265,13 +260,16 @@ class Identification(Settings):
         asked = BiasName.DISTURBANCE in self.estimate.biases
         return self.estimate.disturbance.blocks() if asked else ()
 
-    def estimated(self) -> tuple[str, ...]:
-        """Return the symbols of the coefficients to estimate, in the order of the table."""
-        return SYMBOLS if self.coefficients == "all" else tuple(self.coefficients)
+    def estimated(self, vehicle: VehicleSettings) -> tuple[str, ...]:
+        """Return the symbols of a vehicle's coefficients to estimate, in the order of its table."""
+        if self.coefficients != "all":
+            return tuple(self.coefficients)
+        return tuple(symbol for symbol in vehicle.coefficient_set.symbols if symbol not in vehicle.left_out())
 
-    def held(self) -> tuple[str, ...]:
+    def held(self, vehicle: VehicleSettings) -> tuple[str, ...]:
         """Return the symbols of the others, which are held at the vehicle file's values."""
-        return tuple(symbol for symbol in SYMBOLS if symbol not in self.estimated())
+        estimated = self.estimated(vehicle)
+        return tuple(symbol for symbol in vehicle.coefficient_set.symbols if symbol not in estimated)
 
     def by_default(self) -> tuple[FilterName, ...]:
         """Return the filters that run where none is named: with a gate none of those that cannot have one."""
@@ -306,15 +304,29 @@ class Identification(Settings):
             raise FileError(f"identification.prior.from_estimate: {earlier}: no such estimate file")
 
 
-def with_its_geometry(identification: Identification, info: ValidationInfo) -> Identification:
-    """Return settings behind those of their vehicle; ValueError if they ask for a geometry that it does not state."""
-    vehicle: VehicleSettings | None = info.data.get("vehicle")
-    if identification.prior.mean == "geometry" and vehicle is not None and vehicle.geometry is None:
+def _of_its_vehicle(value: Any, info: ValidationInfo) -> Any:
+    """Validate how to identify beside the vehicle, whose own terms it may name."""
+    vehicle = info.data.get("vehicle")
+    if vehicle is None:
+        # That is wrong itself, and what would be said of its coefficients might be as well.
+        return Identification()
+    settings = Identification.model_validate(value, context=vehicle.coefficient_set)
+    if settings.prior.mean == "geometry" and vehicle.geometry is None:
         raise ValueError(
             f"prior.mean is geometry, and the vehicle {vehicle.name!r} states none: describe hull and fins in "
             "vehicle.geometry, or take mean: zero or vehicle"
         )
-    return identification
+    estimated = settings.estimated(vehicle)
+    if not estimated:
+        raise ValueError("no coefficient is left to estimate: all of the vehicle's have `estimate: false`")
+    for symbol in settings.output_error.bounds:
+        if symbol not in estimated:
+            raise ValueError(f"output_error.bounds names {symbol}, which is not among the coefficients to estimate")
+    return settings
+
+
+# Stands behind the vehicle.
+IdentificationOfVehicle = Annotated[Identification, BeforeValidator(_of_its_vehicle)]
 
 
 class RecordedFile(Settings):
@@ -341,7 +353,7 @@ class RunSettings(Settings):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/")]
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True, description="of every random stream")] = 1
     vehicle: VehicleSettings
-    identification: Annotated[Identification, AfterValidator(with_its_geometry)] = Identification()
+    identification: IdentificationOfVehicle = Identification()
 
     def data_files(self) -> list[Path]:
         """Return the files with numbers that the settings name."""

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from auvid_cli.config.assemble import assemble
-from auvid_cli.config.experiment import Identification, with_its_geometry
+from auvid_cli.config.experiment import Identification, IdentificationOfVehicle
 from auvid_cli.config.load import open_source, validated
 from auvid_cli.config.log_columns import TimeSource
 from auvid_cli.config.log_inputs import InputsMap
@@ -45,7 +45,7 @@ class LogMap(Settings):
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/")]
     vehicle: VehicleSettings
-    identification: Annotated[Identification, AfterValidator(with_its_geometry)] = Identification()
+    identification: IdentificationOfVehicle = Identification()
     logs: Annotated[dict[str, LogFile], Field(min_length=1, description="files by a name of your choice")]
     time: Annotated[
         TimeSource | None, Field(description="where a sensor states none; else header stamp or log time")

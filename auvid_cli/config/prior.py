@@ -1,34 +1,39 @@
 """Settings of the prior: what is known of the coefficients before any data."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from auvid_cli.config.magnitudes import check_amount
 from auvid_cli.config.quantity import parse_quantity
 from auvid_cli.config.settings import Settings
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, CoefficientGroup, CoefficientSet
 
 
-def check_symbol(symbol: str, *groups: str) -> None:
-    """Raise ValueError, with the nearest known symbols, if `symbol` is not one of the 22, nor one of some groups."""
+def of_vehicle(info: ValidationInfo) -> CoefficientSet:
+    """Return the coefficients of the vehicle whose settings are validated; where nobody said which, the 22."""
+    return info.context if isinstance(info.context, CoefficientSet) else COEFFICIENTS
+
+
+def check_symbol(symbol: str, coefficients: CoefficientSet, *groups: str) -> None:
+    """Raise ValueError, with the nearest known symbols, if `symbol` is no coefficient, nor one of some groups."""
     from difflib import get_close_matches
 
-    known = (*SYMBOLS, *groups)
+    known = (*coefficients.symbols, *groups)
     if symbol not in known:
         near = get_close_matches(symbol, known, n=1, cutoff=0.5)
         hint = f"; did you mean {near[0]!r}?" if near else f"; one of {', '.join(known)}"
         raise ValueError(f"{symbol!r} is not a coefficient{' or a group of them' if groups else ''}{hint}")
 
 
-def _shares(value: Any) -> Any:
+def _shares(value: Any, info: ValidationInfo) -> Any:
     """Parse a share, or one for each coefficient or group of them."""
     if not isinstance(value, dict):
         return value if value is None else check_amount(parse_quantity(value, "1"), "1")
-    groups = dict.fromkeys(c.group for c in COEFFICIENTS)
+    groups = get_args(CoefficientGroup)
     for name in value:
         if name not in groups:
-            check_symbol(name, *groups)
+            check_symbol(name, of_vehicle(info), *groups)
     return {name: check_amount(parse_quantity(share, "1"), "1") for name, share in value.items()}
 
 
@@ -47,7 +52,7 @@ class Prior(Settings):
         BeforeValidator(_shares),
         Field(
             description="standard deviation as a share of that mean, or by coefficient and group (damping, lift, "
-            "control); else that of the geometry, or of the vehicle file's entry, else 50 %"
+            "control, term); else that of the geometry, or of the vehicle file's entry, else 50 %"
         ),
     ] = None
     factor: Annotated[float, Field(ge=1e-6, le=1e6, description="times the natural magnitude")] = 3.0
@@ -66,12 +71,12 @@ class Prior(Settings):
 
     @field_validator("standard_deviation", mode="before")
     @classmethod
-    def _known_coefficients_with_units(cls, value: Any) -> Any:
+    def _known_coefficients_with_units(cls, value: Any, info: ValidationInfo) -> Any:
         if not isinstance(value, dict):
             return value
-        units = {c.symbol: c.unit for c in COEFFICIENTS}
+        units = of_vehicle(info).units
         for symbol in value:
-            check_symbol(symbol)
+            check_symbol(symbol, of_vehicle(info))
         parsed = {
             symbol: check_amount(parse_quantity(amount, units[symbol]), units[symbol])
             for symbol, amount in value.items()

@@ -1,6 +1,6 @@
 """Settings of a vehicle: its size, the known parameters and the coefficients, each with its source."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
@@ -8,8 +8,9 @@ from pydantic import Field, ValidationInfo, create_model, field_validator, model
 from auvid_cli.config.geometry import GeometrySettings
 from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.config.settings import Settings
+from auvid_cli.config.terms import Guess, Term, check_own_terms
 from auvid_cli.errors import ConfigError
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, CoefficientSet
 from auvid_cli.vehicle.geometry import DerivedValue, coefficients_from_geometry
 from auvid_cli.vehicle.parameters import PARAMETERS
 from auvid_cli.vehicle.shape import Geometry
@@ -29,15 +30,23 @@ class VehicleEntry(Settings):
         return data if isinstance(data, dict | VehicleEntry) else {"value": data}
 
 
+class CoefficientEntry(VehicleEntry):
+    """A coefficient, and whether it is known well enough, or too small, to be left out of what is estimated."""
+
+    estimate: Annotated[
+        bool | None, Field(strict=True, description="false: `identification.coefficients: all` does not mean it")
+    ] = None
+
+
 # Added mass may hide an impossible mass from the mass matrix, so each is looked at by itself.
 _POSITIVE = ("m", "W", "B", "Ixx", "Iyy", "Izz")
 
 
-def _entry(unit: str, positive: bool = False) -> type[VehicleEntry]:
+def _entry(unit: str, base: type[VehicleEntry] = VehicleEntry, positive: bool = False) -> type[VehicleEntry]:
     limits = (Amount(unit), Field(gt=0)) if positive else (Unit(unit),)
     return create_model(
-        "VehicleEntry",
-        __base__=VehicleEntry,
+        base.__name__,
+        __base__=base,
         value=(Annotated[float, *limits], ...),
         standard_deviation=(Annotated[float | None, Amount(unit), Field(gt=0)], None),
     )
@@ -58,6 +67,10 @@ class _Table(Settings):
         """Return the standard deviations of the entries that state one, SI, by the paper's symbol."""
         return {symbol: entry.standard_deviation for symbol, entry in self._entries() if entry.standard_deviation}
 
+    def left_out(self) -> list[str]:
+        """Return the symbols of those that are not to be estimated where all are, by the paper's symbol."""
+        return [s for s, entry in self._entries() if isinstance(entry, CoefficientEntry) and entry.estimate is False]
+
     def _entries(self) -> Iterator[tuple[str, VehicleEntry]]:
         for name, field in type(self).model_fields.items():
             if (entry := getattr(self, name)) is not None:
@@ -70,13 +83,18 @@ else:
     ParameterTable = create_model(
         "ParameterTable",
         __base__=_Table,
-        **{q.symbol: (_entry(q.unit, q.symbol in _POSITIVE), Field(description=q.meaning)) for q in PARAMETERS},
+        **{
+            q.symbol: (_entry(q.unit, positive=q.symbol in _POSITIVE), Field(description=q.meaning)) for q in PARAMETERS
+        },
     )
     CoefficientTable = create_model(
         "CoefficientTable",
         __base__=_Table,
         **{
-            _identifier(c.symbol): (_entry(c.unit) | None, Field(None, alias=c.symbol, description=c.meaning))
+            _identifier(c.symbol): (
+                _entry(c.unit, CoefficientEntry) | None,
+                Field(None, alias=c.symbol, description=c.meaning),
+            )
             for c in COEFFICIENTS
         },
     )
@@ -128,6 +146,8 @@ class VehicleSettings(Settings):
         Field(description="needed by a simulation, and for those that are held while others are estimated"),
     ] = CoefficientTable()
 
+    terms: Annotated[tuple[Term, ...], Field(description="of the equations of motion beyond the 22")] = ()
+
     @field_validator("geometry", mode="after")
     @classmethod
     def _parts_that_fit(cls, value: GeometrySettings | None, info: ValidationInfo) -> GeometrySettings | None:
@@ -146,23 +166,56 @@ class VehicleSettings(Settings):
             return ()
         return coefficients_from_geometry(shape, self.known_parameters()["m"], self.geometry.speed)
 
+    @field_validator("terms")
+    @classmethod
+    def _terms_of_their_own(cls, terms: tuple[Term, ...]) -> tuple[Term, ...]:
+        check_own_terms(terms)
+        return terms
+
+    @property
+    def coefficient_set(self) -> CoefficientSet:
+        """Return the 22 and the vehicle's own terms."""
+        return CoefficientSet((*COEFFICIENTS, *(term.coefficient for term in self.terms)))
+
     def known_parameters(self) -> dict[str, float]:
         """Return the known parameters by symbol, SI."""
         return self.parameters.by_symbol()
 
+    def stated_coefficients(self) -> dict[str, float]:
+        """Return the coefficients, of the 22 and of own terms, that have a value, SI, by symbol."""
+        return self.coefficients.by_symbol() | {t.name: t.value for t in self.terms if t.value is not None}
+
+    def stated_deviations(self) -> dict[str, float]:
+        """Return the standard deviations of those that state one, SI, by symbol."""
+        of_terms = {t.name: t.standard_deviation for t in self.terms if t.standard_deviation is not None}
+        return self.coefficients.deviations() | of_terms
+
+    def with_coefficients(self, values: Mapping[str, float]) -> "VehicleSettings":
+        """Return the same with these values, SI, of all coefficients."""
+        terms = tuple(term.model_copy(update={"value": values[term.name]}) for term in self.terms)
+        table = self.coefficients.model_validate({c.symbol: values[c.symbol] for c in COEFFICIENTS})
+        return self.model_copy(update={"coefficients": table, "terms": terms})
+
+    def guess_of_term(self, symbol: str) -> Guess:
+        """Return what a term states of itself before any data; nothing for one of the 22."""
+        return next((term.prior for term in self.terms if term.name == symbol), Guess())
+
+    def left_out(self) -> tuple[str, ...]:
+        """Return the symbols of coefficients that are not to be estimated where all are."""
+        return (*self.coefficients.left_out(), *(term.name for term in self.terms if not term.estimate))
+
     def all_coefficients(self) -> dict[str, float]:
-        """Return the 22 coefficients by symbol, SI, for a simulation.
+        """Return the 22 coefficients and those of own terms by symbol, SI, for a simulation.
 
         Raises
         ------
         ConfigError
             If one of them is not given.
         """
-        given = self.coefficients.by_symbol()
-        missing = [c.symbol for c in COEFFICIENTS if c.symbol not in given]
-        if missing:
+        given = self.stated_coefficients()
+        if missing := [symbol for symbol in self.coefficient_set.symbols if symbol not in given]:
             raise ConfigError(
-                f"vehicle {self.name!r} states no value for {', '.join(missing)}: "
-                f"a simulation needs all {len(COEFFICIENTS)} coefficients"
+                f"vehicle {self.name!r} states no value for {', '.join(missing)}: a simulation needs all "
+                f"{len(COEFFICIENTS)} coefficients, and those of the vehicle's own terms"
             )
-        return given
+        return {symbol: given[symbol] for symbol in self.coefficient_set.symbols}

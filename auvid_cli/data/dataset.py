@@ -1,6 +1,6 @@
 """What was commanded and what was measured: the value object between simulation and identification."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -96,7 +96,7 @@ class TruthRecord:
     position : ndarray, shape (n, 3)
         North, east, down, m.
     coefficients : dict
-        True coefficients by symbol, SI.
+        True coefficients by symbol, SI: the 22, then those of own terms.
     disturbance : ndarray, shape (n, 6), or None
         Force, N, and moment, N m, from each time to the next, that the model does not explain, see `DISTURBANCE`; None
         if there is none.
@@ -107,6 +107,10 @@ class TruthRecord:
     position: Array
     coefficients: dict[str, float]
     disturbance: Array | None = None
+
+    def coefficients_of(self, symbols: Iterable[str]) -> dict[str, float]:
+        """Return some true coefficients by symbol, SI; that of a term which the simulation did not have is 0."""
+        return {symbol: self.coefficients.get(symbol, 0.0) for symbol in symbols}
 
     @property
     def tables(self) -> tuple[tuple[tuple[Quantity, ...], Array], ...]:
@@ -151,7 +155,15 @@ class Dataset:
 
     def known_coefficients(self) -> dict[str, float]:
         """Return the true coefficients of a simulation, else those that the vehicle states, SI, by symbol."""
-        return self.experiment.vehicle.coefficients.by_symbol() if self.truth is None else self.truth.coefficients
+        vehicle = self.experiment.vehicle
+        if self.truth is None:
+            return vehicle.stated_coefficients()
+        return self.truth.coefficients_of(vehicle.coefficient_set.symbols)
+
+    def units_of_truth(self) -> list[str]:
+        """Return the SI units of the true coefficients; empty of a term that the vehicle of the settings lacks."""
+        units = self.experiment.vehicle.coefficient_set.units
+        return [] if self.truth is None else [units.get(symbol, "") for symbol in self.truth.coefficients]
 
     def without_truth(self) -> "Dataset":
         """Return the same as a vehicle would have logged it."""

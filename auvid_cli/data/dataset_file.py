@@ -25,7 +25,6 @@ from auvid_cli.data.netcdf_reading import (
     subgroups,
 )
 from auvid_cli.data.soundness import check_dataset
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import DISTURBANCE, INPUTS, MOTION, POSITION, SENSORS
 
 # Of more than so many samples of the true motion, every so many are read: enough to compare and to draw.
@@ -50,7 +49,7 @@ def write_dataset(path: Path, dataset: Dataset) -> None:
         for name, record in dataset.sensors.items():
             _write_sensor(file.create_group(f"sensors/{name}"), name, record)
         if dataset.truth is not None:
-            _write_truth(file.create_group("truth"), dataset.truth)
+            _write_truth(file.create_group("truth"), dataset.truth, dataset.units_of_truth())
 
 
 def _write_sensor(group: h5py.Group, name: str, record: SensorRecord) -> None:
@@ -70,18 +69,15 @@ def _write_sensor(group: h5py.Group, name: str, record: SensorRecord) -> None:
     write_variable(group, "valid", valid, ("time", "component"), "1 where the component was measured")
 
 
-def _write_truth(group: h5py.Group, truth: TruthRecord) -> None:
+def _write_truth(group: h5py.Group, truth: TruthRecord, units: list[str]) -> None:
     write_dimension(group, "time", truth.time, "time", "s")
     for table, values in truth.tables:
         for column, quantity in enumerate(table):
             write_variable(group, quantity.symbol, values[:, column], ("time",), quantity.meaning, quantity.unit)
-    symbols = [c.symbol for c in COEFFICIENTS]
-    write_dimension(group, "coefficient", np.array(symbols), "hydrodynamic coefficient")
-    true = np.array([truth.coefficients[symbol] for symbol in symbols])
+    write_dimension(group, "coefficient", np.array([*truth.coefficients]), "hydrodynamic coefficient")
+    true = np.array([*truth.coefficients.values()])
     write_variable(group, "true_coefficient", true, ("coefficient",), "true value, SI; units in `unit`")
-    write_variable(
-        group, "unit", np.array([c.unit for c in COEFFICIENTS]), ("coefficient",), "unit of each coefficient"
-    )
+    write_variable(group, "unit", np.array(units), ("coefficient",), "unit of each coefficient")
 
 
 class _Attributes(FileAttributes):
@@ -162,7 +158,7 @@ def _variables(dataset: Dataset) -> Iterator[tuple[str, NDArray[np.float64]]]:
         yield f"sensors/{name}/standard_deviation", record.standard_deviation
     if truth is not None:
         tables += [("truth", truth.time, table, values) for table, values in truth.tables]
-        yield "truth/true_coefficient", np.array([truth.coefficients[c.symbol] for c in COEFFICIENTS])
+        yield "truth/true_coefficient", np.array([*truth.coefficients.values()])
     for group, time, quantities, values in tables:
         yield f"{group}/time", time
         for column, quantity in enumerate(quantities):

@@ -14,7 +14,7 @@ from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.ballast import Ballast
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.parameters import MOTION, Quantity
 
 if TYPE_CHECKING:
@@ -23,9 +23,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Unit of everything that an augmented state may be made of: coefficients, motion, depth, errors of sensors and thrust.
+# Unit of everything that an augmented state may be made of beside coefficients: motion, depth, errors of sensors and
+# actuators.
 _MOVING = *MOTION, *(state.quantity for state in FURTHER_STATES)
-STATES = {quantity.symbol: quantity.unit for quantity in (*COEFFICIENTS, *_MOVING, *ERROR_STATES)}
+STATES = {quantity.symbol: quantity.unit for quantity in (*_MOVING, *ERROR_STATES)}
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,11 @@ class EstimateHeader:
     unit: tuple[str, ...]
     held: dict[str, float]
     dataset_sha256: str
+
+    @property
+    def coefficient_set(self) -> CoefficientSet:
+        """Return the coefficients of the vehicle, estimated or held."""
+        return self.experiment.vehicle.coefficient_set
 
     @property
     def in_one_batch(self) -> bool:
@@ -247,8 +253,9 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         return float(self.mean[-1, self.state.index(error.symbol)]) if error.symbol in self.state else 0.0
 
     def final_coefficients(self) -> dict[str, float]:
-        """Return the 22 coefficients at the last time, estimated or held, SI."""
-        return self.held | {symbol: float(self.mean[-1, i]) for i, symbol in enumerate(self.state) if symbol in SYMBOLS}
+        """Return the coefficients at the last time, the 22 and those of own terms, estimated or held, SI."""
+        known = self.coefficient_set.symbols
+        return self.held | {symbol: float(self.mean[-1, i]) for i, symbol in enumerate(self.state) if symbol in known}
 
     def final_deviations(self) -> dict[str, float]:
         """Return the standard deviation of each state at the last time, SI: corrected where it is, else nominal."""
@@ -269,11 +276,10 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
         Returns
         -------
         dict of pandas.DataFrame
-            ``coefficients``: the 22 at the last time, SI, with a row for each symbol and the columns ``value``,
-            ``standard_deviation`` (NaN of one that was held), ``corrected_standard_deviation`` (NaN where there is
-            none), ``unit`` and ``estimated``. ``mean`` and
-            ``standard_deviation``: the state over time, s, with a column for each symbol; ``attrs["units"]`` has
-            their units.
+            ``coefficients``: all of the vehicle at the last time, SI, with a row for each symbol and the columns
+            ``value``, ``standard_deviation`` (NaN of one that was held), ``corrected_standard_deviation`` (NaN where
+            there is none), ``unit`` and ``estimated``. ``mean`` and ``standard_deviation``: the state over time, s,
+            with a column for each symbol; ``attrs["units"]`` has their units.
         """
         from auvid_cli.data.labelled import estimate_frames
 

@@ -15,7 +15,6 @@ from auvid_cli.data.dataset import VECTORS, Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.parameters import INPUTS, SENSORS, Quantity
 
 if TYPE_CHECKING:
@@ -103,8 +102,8 @@ def dataset_tree(dataset: Dataset) -> "xr.DataTree":
                 group = groups[f"sensors/{name}"].assign_coords(axes)
                 groups[f"sensors/{name}"] = group.assign({vector.name: named})
     if dataset.truth is not None:
-        true, units = [dataset.truth.coefficients[symbol] for symbol in SYMBOLS], [c.unit for c in COEFFICIENTS]
-        named = "coefficient", list(SYMBOLS), {"long_name": "hydrodynamic coefficient"}
+        true, units = [*dataset.truth.coefficients.values()], dataset.units_of_truth()
+        named = "coefficient", [*dataset.truth.coefficients], {"long_name": "hydrodynamic coefficient"}
         groups["truth"] = (
             groups["truth"]
             .assign_coords(coefficient=named, unit=("coefficient", units, {"long_name": "unit of each coefficient"}))
@@ -118,24 +117,25 @@ def estimate_frames(estimate: Estimate) -> "dict[str, pd.DataFrame]":
     import pandas as pd
 
     values, place = estimate.final_coefficients(), {symbol: i for i, symbol in enumerate(estimate.state)}
+    symbols, units = estimate.coefficient_set.symbols, estimate.coefficient_set.units
     deviations = [
-        float(estimate.standard_deviation[-1, place[symbol]]) if symbol in place else np.nan for symbol in SYMBOLS
+        float(estimate.standard_deviation[-1, place[symbol]]) if symbol in place else np.nan for symbol in symbols
     ]
     coefficients = pd.DataFrame(
         {
-            "value": [values[symbol] for symbol in SYMBOLS],
+            "value": [values[symbol] for symbol in symbols],
             "standard_deviation": deviations,
-            "corrected_standard_deviation": [estimate.corrected.get(symbol, np.nan) for symbol in SYMBOLS],
-            "unit": [c.unit for c in COEFFICIENTS],
-            "estimated": [symbol in place for symbol in SYMBOLS],
+            "corrected_standard_deviation": [estimate.corrected.get(symbol, np.nan) for symbol in symbols],
+            "unit": [*units.values()],
+            "estimated": [symbol in place for symbol in symbols],
         },
-        index=pd.Index(SYMBOLS, name="coefficient"),
+        index=pd.Index(symbols, name="coefficient"),
     )
-    units = dict(zip(estimate.state, estimate.unit, strict=True))
+    of_states = dict(zip(estimate.state, estimate.unit, strict=True))
     return {
         "coefficients": coefficients,
-        "mean": _over_time(estimate.time, estimate.state, estimate.mean, units),
-        "standard_deviation": _over_time(estimate.time, estimate.state, estimate.standard_deviation, units),
+        "mean": _over_time(estimate.time, estimate.state, estimate.mean, of_states),
+        "standard_deviation": _over_time(estimate.time, estimate.state, estimate.standard_deviation, of_states),
     }
 
 

@@ -4,13 +4,14 @@ import csv
 import re
 from collections.abc import Collection, Iterable
 from pathlib import Path
+from typing import get_args
 
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.coefficients import CoefficientGroup
 
 _REPORT_FIGURES = (
     *("path", "velocities", "attitude"),
-    *dict.fromkeys(f"coefficients_{coefficient.group}" for coefficient in COEFFICIENTS),
+    *(f"coefficients_{group}" for group in get_args(CoefficientGroup)),
     *(f"innovations_{name.value}" for name in FilterName),
 )
 _OTHER_FIGURES = (

@@ -9,7 +9,7 @@ from auvid_cli.config.magnitudes import magnitude_of
 from auvid_cli.data.dataset import VECTORS, Array, Dataset, SensorRecord, TruthRecord
 from auvid_cli.data.estimate import STATES, Estimate, FaultTest
 from auvid_cli.data.innovations import Innovations
-from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.coefficients import SYMBOLS, is_name_of_term
 from auvid_cli.vehicle.parameters import INPUTS, MOTION_SYMBOLS, SENSORS
 
 # s, from the beginning of the data: three years.
@@ -75,8 +75,8 @@ def _check_truth(truth: TruthRecord) -> None:
         raise ValueError("/truth needs a motion")
     if missing := [symbol for symbol in SYMBOLS if symbol not in truth.coefficients]:
         raise ValueError(f"/truth needs each coefficient of the model: there is no {', '.join(missing)}")
-    if unknown := sorted({*truth.coefficients} - {*SYMBOLS}):
-        raise ValueError(f"/truth has coefficients that the model does not know: {', '.join(unknown)}")
+    if unknown := [symbol for symbol in truth.coefficients if symbol not in SYMBOLS and not is_name_of_term(symbol)]:
+        raise ValueError(f"/truth has coefficients that no model knows: {', '.join(unknown)}")
 
 
 def check_estimated_states(estimate: Estimate) -> None:
@@ -88,7 +88,7 @@ def check_estimated_states(estimate: Estimate) -> None:
         Where something cannot be.
     """
     n, k = estimate.time.size, len(estimate.state)
-    _check_state(estimate.state, estimate.unit, estimate.held)
+    _check_state(estimate)
     _check_times("/time", estimate.time)
     if not n:
         raise ValueError("/time is empty")
@@ -102,7 +102,7 @@ def check_estimated_states(estimate: Estimate) -> None:
     _check_covariance(estimate.covariance, blind)
     _check_corrected(estimate)
     for test in estimate.faults:
-        _check_fault(test)
+        _check_fault(test, estimate.coefficient_set.symbols)
 
 
 def check_innovations(sensor: str, innovations: Innovations, filter_name: str) -> None:
@@ -146,16 +146,19 @@ def _may_be_infinite(filter_name: str) -> bool:
     return FilterName(filter_name).is_free_run_fit
 
 
-def _check_state(state: Sequence[str], unit: Sequence[str], held: dict[str, float]) -> None:
-    for symbol, unit_of_state in zip(state, unit, strict=True):
-        if symbol not in STATES:
+def _check_state(estimate: Estimate) -> None:
+    state, coefficients = estimate.state, estimate.coefficient_set
+    units = STATES | coefficients.units
+    for symbol, unit_of_state in zip(state, estimate.unit, strict=True):
+        if symbol not in units:
             raise ValueError(f"unknown component {symbol!r} of the state")
-        if unit_of_state != STATES[symbol]:
-            raise ValueError(f"{symbol} is in {unit_of_state!r} and should be in {STATES[symbol]}")
+        if unit_of_state != units[symbol]:
+            raise ValueError(f"{symbol} is in {unit_of_state!r} and should be in {units[symbol]}")
     if len(set(state)) < len(state) or not set(MOTION_SYMBOLS) <= set(state):
         raise ValueError("the state does not have each component once")
-    if sorted([*held, *(symbol for symbol in state if symbol in SYMBOLS)]) != sorted(SYMBOLS):
-        raise ValueError(f"each of the {N_COEFFICIENTS} coefficients must be either estimated or held")
+    symbols = coefficients.symbols
+    if sorted([*estimate.held, *(symbol for symbol in state if symbol in symbols)]) != sorted(symbols):
+        raise ValueError(f"each of the {len(symbols)} coefficients must be either estimated or held")
 
 
 def _check_corrected(estimate: Estimate) -> None:
@@ -167,12 +170,12 @@ def _check_corrected(estimate: Estimate) -> None:
             raise ValueError(f"/corrected has {deviation:g} for {symbol}, of which the nominal is {nominal[symbol]:g}")
 
 
-def _check_fault(test: FaultTest) -> None:
+def _check_fault(test: FaultTest, coefficients: Sequence[str]) -> None:
     where = f"/faults, {test.fault},"
     _check_finite(where, np.array([test.size, test.standard_deviation, test.susceptibility]))
     if test.standard_deviation <= 0.0 or test.susceptibility < 0.0:
         raise ValueError(f"{where} has a standard deviation that is not positive, or a negative susceptibility")
-    if test.coefficient not in SYMBOLS:
+    if test.coefficient not in coefficients:
         raise ValueError(f"{where} moves {test.coefficient!r}, which is no coefficient")
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.identification.prior import coefficient_priors, natural_magnitude
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
 # The part of the run that counts as steady state.
 STEADY_SHARE = 0.1
@@ -76,12 +75,12 @@ def coefficient_results(
         As `auvid_cli.evaluation.judgement.judge` says.
     """
     steady, shares = steady_part(estimate), shares_of_value(estimate, truth, bounds)
+    of_truth = {} if truth is None else truth.coefficients_of(shares)
     results = []
     for i, symbol in enumerate(estimate.state):
-        if symbol not in SYMBOLS:
+        if symbol not in shares:
             continue
-        series = estimate.mean[:, i]
-        true = truth.coefficients[symbol] if truth is not None else None
+        series, true = estimate.mean[:, i], of_truth.get(symbol)
         rmse = error = None
         if true is not None and estimate.completed:
             rmse = float(np.sqrt(np.mean((series - true) ** 2)))
@@ -116,12 +115,14 @@ def shares_of_value(estimate: Estimate, truth: TruthRecord | None, bounds: Mappi
     the estimate. Where the truth is zero: over the natural magnitude of a body of this size.
     """
     shares = {}
-    for i, symbol in enumerate(estimate.state):
-        if symbol not in SYMBOLS:
+    for coefficient in estimate.coefficient_set:
+        symbol = coefficient.symbol
+        if symbol not in estimate.state:
             continue
-        value = abs(truth.coefficients[symbol] if truth is not None else float(estimate.mean[-1, i]))
+        i = estimate.state.index(symbol)
+        value = abs(float(estimate.mean[-1, i]) if truth is None else truth.coefficients_of([symbol])[symbol])
         if truth is not None and value == 0.0:
-            value = natural_magnitude(COEFFICIENTS[SYMBOLS.index(symbol)], estimate.experiment.vehicle.size)
+            value = natural_magnitude(coefficient, estimate.experiment.vehicle.size)
         uncertainty = max(float(estimate.standard_deviation[-1, i]), bounds.get(symbol, 0.0))
         shares[symbol] = uncertainty / value if value else np.inf
     return shares
@@ -133,7 +134,7 @@ def shares_of_prior(estimate: Estimate) -> dict[str, float]:
     priors = coefficient_priors(estimate.experiment.vehicle, settings.prior)
     left = {}
     for i, symbol in enumerate(estimate.state):
-        if symbol in SYMBOLS:
+        if symbol in priors:
             before = priors[symbol].standard_deviation
             if settings.prior.from_estimate is not None:
                 # What an earlier estimate knew is what the filter begins with.
@@ -148,8 +149,9 @@ def normalised_estimation_error(estimate: Estimate, truth: TruthRecord) -> float
     Chi-squared with as many degrees of freedom as there are coefficients, if the covariance is honest; infinite if it
     claims to know a combination of them exactly.
     """
-    rows = [i for i, symbol in enumerate(estimate.state) if symbol in SYMBOLS]
-    error = estimate.mean[-1, rows] - np.array([truth.coefficients[estimate.state[i]] for i in rows])
+    rows = [i for i, symbol in enumerate(estimate.state) if symbol in estimate.coefficient_set.symbols]
+    true = truth.coefficients_of(estimate.state[i] for i in rows)
+    error = estimate.mean[-1, rows] - np.array([*true.values()])
     deviation = estimate.standard_deviation[-1, rows]
     correlation = estimate.covariance[np.ix_(rows, rows)] / np.outer(deviation, deviation)
     try:

@@ -17,7 +17,6 @@ from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.delays import delays_about
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.prepared_data import PreparedData
-from auvid_cli.vehicle.coefficients import SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -85,7 +84,8 @@ def _bounds(prepared: PreparedData, estimate: Estimate) -> Bounds:
     identification = settings.model_copy(update={"prior": prior})
     experiment = estimate.experiment.model_copy(update={"identification": identification})
     truth = prepared.dataset.truth
-    values = truth.coefficients if truth is not None else estimate.final_coefficients()
+    known = estimate.coefficient_set.symbols
+    values = estimate.final_coefficients() if truth is None else truth.coefficients_of(known)
     bounds = bounds_at(prepared.with_settings(experiment), values)
     return bounds._replace(with_prior={}) if settings.prior.from_estimate else bounds
 
@@ -154,7 +154,7 @@ def bounds_with_process_noise(prepared: PreparedData, reference: Estimate) -> di
     n = problem.layout.n_parameters
     known = problem.layout.symbols[:n], problem.layout.scale[:n, None] * problem.prior.factor[:n, :n]
     bound = _beyond_prior(*known, reference.covariance[:n, :n]).bound()
-    return {symbol: size for symbol, size in bound.items() if symbol in SYMBOLS}
+    return {symbol: size for symbol, size in bound.items() if symbol in reference.coefficient_set.symbols}
 
 
 def information_with_process_noise(prepared: PreparedData, values: Mapping[str, float]) -> DataInformation | None:

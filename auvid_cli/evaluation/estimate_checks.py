@@ -24,7 +24,6 @@ from auvid_cli.evaluation.signs import pushing_drag, reversed_fins
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.prior import natural_magnitude
 from auvid_cli.inspection.data_checks import data_checks
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 
 # Share of the prior's standard deviation that may be left.
 _LARGEST_SHARE = 0.5
@@ -150,7 +149,7 @@ def _against_bounds(estimate: Estimate, bounds: Bounds, causes: list[Cause]) -> 
         ]
     ratio = {}
     for symbol, least in bounds.with_prior.items():
-        if symbol in SYMBOLS:
+        if symbol in estimate.coefficient_set.symbols:
             deviation = float(estimate.standard_deviation[-1, estimate.state.index(symbol)])
             ratio[symbol] = 1.0 if deviation == least == np.inf else deviation / least
     if not ratio:
@@ -237,7 +236,9 @@ def _plausibility(estimate: Estimate) -> list[Check]:
     final = {s: v for s, v in estimate.final_coefficients().items() if s in estimate.state}
     size = estimate.experiment.vehicle.size
     magnitudes = {
-        c.symbol: abs(final[c.symbol]) / natural_magnitude(c, size) for c in COEFFICIENTS if c.symbol in final
+        c.symbol: abs(final[c.symbol]) / natural_magnitude(c, size)
+        for c in estimate.coefficient_set
+        if c.symbol in final
     }
     return [
         Check.of_names(
@@ -288,8 +289,8 @@ def _sensor_errors(estimate: Estimate) -> list[Check]:
 
 def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
     """Judge whether the standard deviations are honest; simulated data only."""
-    rows = [i for i, symbol in enumerate(estimate.state) if symbol in SYMBOLS]
-    true = np.array([truth.coefficients[estimate.state[i]] for i in rows])
+    rows = [i for i, symbol in enumerate(estimate.state) if symbol in estimate.coefficient_set.symbols]
+    true = np.array([*truth.coefficients_of(estimate.state[i] for i in rows).values()])
     error, deviation = estimate.mean[-1, rows] - true, estimate.standard_deviation[-1, rows]
     sigmas = {estimate.state[i]: e for i, e in zip(rows, np.abs(error) / deviation, strict=True)}
     nees = normalised_estimation_error(estimate, truth)

@@ -16,6 +16,7 @@ from auvid_cli.identification.free_motion import N_PREDICTED, move_freely
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, CoefficientSet
 from auvid_cli.vehicle.dynamics import N_WORK, factors, vehicle_constants
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, N_MOTION, SENSORS
 
@@ -70,6 +71,7 @@ def free_motion(
     parameters: Mapping[str, float],
     coefficients: Mapping[str, float],
     actuators: ActuatorErrors = AS_STATED,
+    of_vehicle: CoefficientSet = COEFFICIENTS,
 ) -> Iterator[tuple[Timeline, Array]]:
     """Move a model by the inputs alone.
 
@@ -82,6 +84,8 @@ def free_motion(
     parameters, coefficients : mapping
         Of the model, SI, by symbol.
     actuators : ActuatorErrors
+    of_vehicle : CoefficientSet
+        Of which the coefficients are.
 
     Yields
     ------
@@ -89,10 +93,10 @@ def free_motion(
     motion : ndarray, shape (events, 9) or (events, 10)
         At its events; not finite from where the model blew up.
     """
-    constants = vehicle_constants(parameters)
+    constants = vehicle_constants(parameters, of_vehicle.terms)
     start = np.zeros(N_PREDICTED)
     start[: motion.size] = motion
-    block, row = (np.repeat(each, LANES) for each in (start, factors(coefficients, actuators)))
+    block, row = (np.repeat(each, LANES) for each in (start, factors(coefficients, actuators, of_vehicle)))
     work = np.zeros(N_WORK)
     for timeline in timelines:
         predicted = np.empty((timeline.time.size, N_PREDICTED))
@@ -115,7 +119,7 @@ def free_run(prepared: PreparedData, estimate: Estimate) -> tuple[FreeRun, list[
     """
     measuring = prepared.measuring
     parameters = estimate.final_ballast().added_to(prepared.experiment.vehicle.known_parameters())
-    model = parameters, estimate.final_coefficients(), estimate.final_actuators()
+    model = parameters, estimate.final_coefficients(), estimate.final_actuators(), estimate.coefficient_set
     sensor_errors = estimated_errors(estimate.state, estimate.mean[-1])
     sums, counts = np.zeros(N_MOTION), np.zeros(N_MOTION)
     keeper = Keeper(measuring)

@@ -27,7 +27,7 @@ from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.identify import with_noise_settled
 from auvid_cli.identification.prepared_data import PreparedData, prepare
 from auvid_cli.identification.prior import natural_magnitude
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.coefficients import CoefficientSet
 
 Array = NDArray[np.float64]
 
@@ -56,10 +56,12 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     DataError
         If a coefficient to be estimated has no value, or the model blows up with these values.
     """
+    vehicle, settings = dataset.experiment.vehicle, dataset.experiment.identification
+    of_vehicle = vehicle.coefficient_set
     coefficients = at if at is not None else dataset.known_coefficients()
-    if unknown := [str(symbol) for symbol in coefficients if symbol not in SYMBOLS]:
-        raise DataError(f"not coefficients: {', '.join(unknown)}; there are {', '.join(SYMBOLS)}")
-    missing = [symbol for symbol in dataset.experiment.identification.estimated() if symbol not in coefficients]
+    if at is not None and (unknown := [str(symbol) for symbol in at if symbol not in of_vehicle.symbols]):
+        raise DataError(f"not coefficients: {', '.join(unknown)}; there are {', '.join(of_vehicle.symbols)}")
+    missing = [symbol for symbol in settings.estimated(vehicle) if symbol not in coefficients]
     if missing:
         raise DataError(
             f"no value is known of {', '.join(missing)}: sensitivities need one of each coefficient; name an estimate "
@@ -68,15 +70,14 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     prepared = with_noise_settled(prepare(dataset))
     information = information_at(prepared, coefficients, true_initial_motions(prepared))
     with_noise = information_with_process_noise(prepared, coefficients)
-    vehicle = dataset.experiment.vehicle
     values = {
         c.symbol: Assessed(
             coefficients[c.symbol], c.unit, abs(coefficients[c.symbol]) or natural_magnitude(c, vehicle.size)
         )
-        for c in COEFFICIENTS
+        for c in of_vehicle
         if c.symbol in information.state
     }
-    blocks = dataset.experiment.identification.estimate.blocks()
+    blocks = settings.estimate.blocks()
     prior_stds = {
         quantity.symbol: (information.state.index(quantity.symbol), block.prior_std)
         for block in blocks
@@ -94,7 +95,8 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     lost, remarks = information.lost_after, [] if dataset.truth is not None else _presumed(prepared)
     if lost is not None:
         remarks.append(f"{UNSTABLE.format(lost)}: only what comes before is judged")
-    holding = None if with_noise is None else what_to_hold(with_noise, values, vehicle.coefficients.by_symbol())
+    stated = vehicle.stated_coefficients()
+    holding = None if with_noise is None else what_to_hold(with_noise, values, stated, of_vehicle)
     return identifiability._replace(
         remark=". ".join(sentence[0].upper() + sentence[1:] for sentence in remarks), holding=holding
     )
@@ -119,7 +121,7 @@ def _presumed(prepared: PreparedData) -> list[str]:
 
 
 def what_to_hold(
-    information: DataInformation, values: Mapping[str, Assessed], stated: Collection[str]
+    information: DataInformation, values: Mapping[str, Assessed], stated: Collection[str], of_vehicle: CoefficientSet
 ) -> Holding | None:
     """Choose the coefficients to hold, the least known first, until all that are left are known to 20 %.
 
@@ -129,6 +131,7 @@ def what_to_hold(
     values : mapping of Assessed
     stated : collection of str
         Those of which the vehicle file has a value.
+    of_vehicle : CoefficientSet
     """
     held: list[str] = []
     percents = _percents(information, values, held)
@@ -138,7 +141,7 @@ def what_to_hold(
     if not held or not percents:
         return None
     kept = tuple(name for name in values if name not in held)
-    rows = {coefficient.row for coefficient in COEFFICIENTS if coefficient.symbol in kept}
+    rows = {coefficient.row for coefficient in of_vehicle if coefficient.symbol in kept}
     return Holding(
         tuple(name for name in values if name in held),
         kept,

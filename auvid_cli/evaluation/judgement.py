@@ -28,7 +28,6 @@ from auvid_cli.evaluation.remedies import remedy_of_divergence, remedy_of_nonlin
 from auvid_cli.evaluation.signs import pushing_drag, unlike_the_vehicle_file
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
 from auvid_cli.identification.faults import remedy_of_fault
-from auvid_cli.vehicle.coefficients import SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -208,7 +207,7 @@ def distances_to(estimate: Estimate, reference: Estimate) -> Mapping[str, float]
     """Say how far coefficients are from those of another estimate, by the larger of their standard deviations."""
     distances = {}
     for i, symbol in enumerate(estimate.state):
-        if symbol in SYMBOLS and symbol in reference.state:
+        if symbol in estimate.coefficient_set.symbols and symbol in reference.state:
             j = reference.state.index(symbol)
             deviation = max(estimate.standard_deviation[-1, i], reference.standard_deviation[-1, j])
             distances[symbol] = float(abs(estimate.mean[-1, i] - reference.mean[-1, j]) / deviation)

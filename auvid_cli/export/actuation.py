@@ -10,7 +10,6 @@ from auvid_cli.data.dataset import InputRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.export.terms import held_inputs, term_histories
 from auvid_cli.identification.actuators import as_acting
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
@@ -53,21 +52,18 @@ def actuation(estimate: Estimate, inputs: InputRecord, coefficients: Mapping[str
     inputs : InputRecord
         As stated.
     coefficients : mapping
-        The 22 by symbol, SI.
+        All by symbol, SI.
     motion : ndarray, shape (n, 9)
         At the times of the estimate.
     """
     commanded = held_inputs(estimate.time, inputs.time, inputs.values)
-    by_command, by_fin = (
-        term_histories(coefficients, motion, each) for each in (commanded, acting_inputs(estimate, inputs))
-    )
+    of_vehicle, acting = estimate.coefficient_set, acting_inputs(estimate, inputs)
+    by_command, by_fin = (term_histories(of_vehicle, coefficients, motion, each) for each in (commanded, acting))
     changes = np.sqrt(np.mean((by_fin - by_command) ** 2, axis=0))
     thrust, force = estimate.final_actuators().thrust, commanded[:, INPUT_SYMBOLS.index("surge_force")]
     return Actuation(
         thrust=thrust,
         thrust_rms=float(abs(thrust - 1.0) * np.sqrt(np.mean(force**2))),
         fin_time_constant=estimate.experiment.identification.fin_time_constant,
-        lag_rms={
-            c.symbol: float(change) for c, change in zip(COEFFICIENTS, changes, strict=True) if c.group == "control"
-        },
+        lag_rms={c.symbol: float(change) for c, change in zip(of_vehicle, changes, strict=True) if c.is_of_fins},
     )

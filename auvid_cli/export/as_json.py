@@ -8,7 +8,6 @@ from auvid_cli.config.load import dump_experiment
 from auvid_cli.export.heading import reservations
 from auvid_cli.export.losses import NOTHING, Losses
 from auvid_cli.export.model import IdentifiedModel
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 SCHEMA_VERSION = 1
@@ -46,7 +45,7 @@ def json_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
                 "meaning": coefficient.meaning,
                 "equation": coefficient.equation,
             }
-            for estimated, coefficient in zip(model.coefficients, COEFFICIENTS, strict=True)
+            for estimated, coefficient in zip(model.coefficients, model.coefficient_set, strict=True)
         },
         "states": {
             state.symbol: {"value": state.value, "unit": state.unit, "standard_deviation": state.standard_deviation}

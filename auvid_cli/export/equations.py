@@ -5,7 +5,7 @@ from typing import NamedTuple
 from auvid_cli.export.heading import certainty
 from auvid_cli.export.model import IdentifiedModel
 from auvid_cli.export.terms import EQUATION_ROWS
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, Coefficient
+from auvid_cli.vehicle.coefficients import Coefficient, CoefficientSet
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import PARAMETERS
 
@@ -36,7 +36,7 @@ def constants(model: IdentifiedModel) -> list[Constant]:
     restoring = [Constant(symbol, parameters[symbol], remarks[symbol]) for symbol in _RESTORING]
     return restoring + [
         Constant(identifier(c.symbol), identified.value, f"{c.unit}, {c.meaning}; {certainty(identified)}")
-        for c, identified in zip(COEFFICIENTS, model.coefficients, strict=True)
+        for c, identified in zip(model.coefficient_set, model.coefficients, strict=True)
     ]
 
 
@@ -46,7 +46,7 @@ def mass_rows(model: IdentifiedModel) -> list[list[float]]:
     return (mass_matrix(model.experiment.vehicle.known_parameters()) + 0.0).tolist()
 
 
-def statements() -> list[str]:
+def statements(of_vehicle: CoefficientSet) -> list[str]:
     """Write assignments of the forces X to N and of the attitude rates.
 
     They need the constants, the motion u to theta, the inputs, and the momentum of the mass matrix, linear a1 to a3 and
@@ -57,7 +57,7 @@ def statements() -> list[str]:
         *(f"lever_{axis} = {axis}G * W - {axis}B * B" for axis in "xyz"),
         "down_y = cos(theta) * sin(phi)",
         "down_z = cos(theta) * cos(phi)",
-        *(statement for row in EQUATION_ROWS for statement in _force(row)),
+        *(statement for row in EQUATION_ROWS for statement in _force(row, of_vehicle)),
         "turning = q * sin(phi) + r * cos(phi)",
         "phi_rate = p + sin(theta) / cos(theta) * turning",
         "theta_rate = q * cos(phi) - r * sin(phi)",
@@ -70,8 +70,8 @@ def identifier(symbol: str) -> str:
     return symbol.replace("|", "")
 
 
-def _force(row: str) -> list[str]:
-    in_row = [c for c in COEFFICIENTS if EQUATION_ROWS[c.row] == row]
+def _force(row: str, of_vehicle: CoefficientSet) -> list[str]:
+    in_row = [c for c in of_vehicle if EQUATION_ROWS[c.row] == row]
     sums = [
         " + ".join(_term(c) for c in in_row if c.group == group) for group in dict.fromkeys(c.group for c in in_row)
     ]
@@ -79,8 +79,6 @@ def _force(row: str) -> list[str]:
 
 
 def _term(coefficient: Coefficient) -> str:
-    factors = (
-        f"abs({signal})" if modulus else signal
-        for signal, modulus in zip(coefficient.signals, coefficient.moduli, strict=True)
-    )
+    names = ("surge_force" if signal == "thrust" else signal for signal in coefficient.signals)
+    factors = (f"abs({name})" if modulus else name for name, modulus in zip(names, coefficient.moduli, strict=True))
     return " * ".join([identifier(coefficient.symbol), *factors])

@@ -19,10 +19,9 @@ from auvid_cli.export.losses import Losses, losses_of
 from auvid_cli.export.model import IdentifiedModel
 from auvid_cli.export.terms import EQUATION_ROWS
 from auvid_cli.printable import printable
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, Coefficient
+from auvid_cli.vehicle.coefficients import Coefficient
 
 _LINK = "base_link"
-_FIN_TERMS = tuple(c.symbol for c in COEFFICIENTS if c.group == "control")
 _NOTES = (
     "Fins: give them joints and LiftDrag systems, or apply their forces from outside.",
     "Thrust and roll moment: give the model a Thruster system, or apply them with ApplyLinkWrench.",
@@ -31,16 +30,17 @@ _NOTES = (
 
 
 def gazebo_losses(model: IdentifiedModel) -> Losses:
-    """Name fin forces, for which Hydrodynamics has no place, and an inertia that Gazebo would not accept."""
+    """Name terms for which Hydrodynamics has no place, as of fins, and an inertia that Gazebo would not accept."""
+    lost = [c.symbol for c in model.coefficient_set if not _has_element(c)]
     smallest, middle, largest = np.linalg.eigvalsh(_central_inertia(model.experiment.vehicle.known_parameters()))
     physical = smallest > 0.0 and smallest + middle >= largest
     if physical:
-        return losses_of(model, _FIN_TERMS, _NOTES)
+        return losses_of(model, lost, _NOTES)
     refused = (
         f"Gazebo refuses the inertia: no body has principal moments {smallest:.4g}, {middle:.4g}, {largest:.4g} kg m^2 "
         "about its centre of gravity."
     )
-    return losses_of(model, _FIN_TERMS, (*_NOTES, refused))
+    return losses_of(model, lost, (*_NOTES, refused))
 
 
 def gazebo_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
@@ -62,12 +62,12 @@ def gazebo_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
     _child(system, "default_current", "0 0 0")
     _child(system, "disable_added_mass", "true")
     _child(system, "disable_coriolis", "true")
-    # Gazebo's axes are a half turn about x away, but no coefficient changes its sign: where the force turns, so does
-    # one signal, and else none or two.
-    for coefficient, identified in zip(COEFFICIENTS, model.coefficients, strict=True):
-        if coefficient.symbol not in _FIN_TERMS:
+    # Gazebo's axes are a half turn about x away, but none of the 22 changes its sign: where the force turns, so does
+    # one signal, and else none or two. A term that no vehicle with a plane of symmetry has does.
+    for coefficient, identified in zip(model.coefficient_set, model.coefficients, strict=True):
+        if _has_element(coefficient):
             system.append(ElementTree.Comment(f" {xml_comment([f'{identified.symbol}: {certainty(identified)}'])} "))
-            _child(system, _element(coefficient), _numbers(identified.value))
+            _child(system, _element(coefficient), _numbers(_sign_after_turn(coefficient) * identified.value))
     ElementTree.indent(root)
     heading = indent(xml_comment([*heading_lines(model, losses), *_advice(gravity, size.density)]), "  ")
     return f'<?xml version="1.0"?>\n<!--\n{heading}\n-->\n{ElementTree.tostring(root, encoding="unicode")}\n'
@@ -118,6 +118,18 @@ def _central_inertia(parameters: dict[str, float]) -> NDArray[np.float64]:
 
 def _turned(parameters: dict[str, float], centre: str) -> tuple[float, float, float]:
     return parameters[f"x{centre}"], -parameters[f"y{centre}"], -parameters[f"z{centre}"]
+
+
+def _has_element(coefficient: Coefficient) -> bool:
+    """Say whether it is a ``<xU>``, ``<xUV>`` or ``<xUabsV>``, which Hydrodynamics reads."""
+    moving = {*coefficient.signals} <= {*"uvwpqr"}
+    return moving and len(coefficient.factors) <= 2 and sum(coefficient.moduli) < len(coefficient.factors)
+
+
+def _sign_after_turn(coefficient: Coefficient) -> float:
+    bare = (s for s, modulus in zip(coefficient.signals, coefficient.moduli, strict=True) if not modulus)
+    turns = (EQUATION_ROWS[coefficient.row] in "YZMN") + sum(signal in "vwqr" for signal in bare)
+    return -1.0 if turns % 2 else 1.0
 
 
 def _element(coefficient: Coefficient) -> str:

@@ -24,7 +24,7 @@ def matlab_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
         *signals,
         "momentum = MASS * [u; v; w; p; q; r]",
         *momentum,
-        *statements(),
+        *statements(model.coefficient_set),
         "acceleration = MASS \\ [X; Y; Z; K; M; N]",
         "derivative = [acceleration; phi_rate; theta_rate; psi_rate]",
     ]

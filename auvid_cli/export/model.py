@@ -20,7 +20,7 @@ from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
 from auvid_cli.export.actuation import Actuation, acting_inputs, actuation
 from auvid_cli.export.terms import TermSize, term_histories, term_sizes
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
@@ -102,14 +102,14 @@ class IdentifiedModel:
     filter : str
     judgement : Judgement
     coefficients : tuple of IdentifiedCoefficient
-        All 22, in the order of the table.
+        All, in the order of the table.
     states : tuple of EstimatedState
         In the order of the estimate.
     covariance : ndarray, shape (k, k)
         Of the coefficients that were estimated, in that order, and of `states`, SI.
     actuation : Actuation
     term_sizes : tuple of TermSize
-        Of all 22 along the estimated motion.
+        Of all along the estimated motion.
     origin : Origin
     """
 
@@ -122,6 +122,11 @@ class IdentifiedModel:
     actuation: Actuation
     term_sizes: tuple[TermSize, ...]
     origin: Origin
+
+    @property
+    def coefficient_set(self) -> CoefficientSet:
+        """Return the coefficients of the vehicle, without values."""
+        return self.experiment.vehicle.coefficient_set
 
     def estimated(self) -> tuple[str, ...]:
         """Return the symbols of the coefficients that were not held."""
@@ -195,8 +200,8 @@ def identified_model(
     judgement = judge_one(estimate, reference)
     is_sound = judgement.grade is Grade.SOUND
     results = {row.coefficient: row for row in coefficient_results(estimate, dataset.truth, bounds, is_sound)}
-    coefficients = []
-    for coefficient in COEFFICIENTS:
+    of_vehicle, coefficients = estimate.coefficient_set, []
+    for coefficient in of_vehicle:
         result = results.get(coefficient.symbol)
         certainty = (None, None) if result is None else (deviations[coefficient.symbol], result.identified)
         coefficients.append(
@@ -204,9 +209,12 @@ def identified_model(
         )
     errors = {quantity.symbol for quantity in ERROR_STATES}
     others = [i for i, symbol in enumerate(estimate.state) if symbol in errors]
-    kept = [*(estimate.state.index(symbol) for symbol in SYMBOLS if symbol in results), *others]
+    kept = [
+        *(estimate.state.index(symbol) for symbol in of_vehicle.symbols if symbol in results),
+        *others,
+    ]
     motion = estimate.mean[:, [estimate.state.index(symbol) for symbol in MOTION_SYMBOLS]]
-    terms = term_histories(values, motion, acting_inputs(estimate, dataset.inputs))
+    terms = term_histories(of_vehicle, values, motion, acting_inputs(estimate, dataset.inputs))
     return IdentifiedModel(
         experiment=estimate.experiment,
         filter=estimate.filter,
@@ -223,6 +231,6 @@ def identified_model(
         ),
         covariance=estimate.final_covariance()[np.ix_(kept, kept)],
         actuation=actuation(estimate, dataset.inputs, values, motion),
-        term_sizes=tuple(term_sizes(terms)),
+        term_sizes=tuple(term_sizes(of_vehicle, terms)),
         origin=origin,
     )

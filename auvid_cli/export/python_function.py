@@ -48,7 +48,7 @@ def python_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
         f"    {', '.join(MOTION_SYMBOLS)} = motion\n",
         f"    {', '.join(INPUT_SYMBOLS)} = inputs\n",
         "    a1, a2, a3, b1, b2, b3 = MASS @ np.array([u, v, w, p, q, r])\n",
-        *(f"    {statement}\n" for statement in statements()),
+        *(f"    {statement}\n" for statement in statements(model.coefficient_set)),
         "    acceleration = np.linalg.solve(MASS, np.array([X, Y, Z, K, M, N]))\n",
         "    return np.array([*acceleration, phi_rate, theta_rate, psi_rate])\n",
     ]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
@@ -38,13 +38,16 @@ class TermSize(NamedTuple):
     percent: float
 
 
-def term_histories(coefficients: Mapping[str, float], motion: Array, inputs: Array) -> Array:
+def term_histories(
+    of_vehicle: CoefficientSet, coefficients: Mapping[str, float], motion: Array, inputs: Array
+) -> Array:
     """Return the force or moment of every coefficient, Sabet et al. 2018, eq. (13).
 
     Parameters
     ----------
+    of_vehicle : CoefficientSet
     coefficients : mapping
-        The 22 by symbol, SI.
+        All of them by symbol, SI.
     motion : ndarray, shape (n, 9)
         u, v, w, p, q, r, phi, theta, psi; m/s, rad/s, rad.
     inputs : ndarray, shape (n, 4)
@@ -52,12 +55,13 @@ def term_histories(coefficients: Mapping[str, float], motion: Array, inputs: Arr
 
     Returns
     -------
-    ndarray, shape (n, 22)
-        N or N m, in the order of `COEFFICIENTS`.
+    ndarray, shape (n, len(of_vehicle))
+        N or N m, in that order.
     """
     signals = dict(zip(MOTION_SYMBOLS, motion.T, strict=True)) | dict(zip(INPUT_SYMBOLS, inputs.T, strict=True))
-    terms = np.empty((len(motion), len(COEFFICIENTS)))
-    for column, coefficient in enumerate(COEFFICIENTS):
+    signals["thrust"] = signals["surge_force"]
+    terms = np.empty((len(motion), len(of_vehicle)))
+    for column, coefficient in enumerate(of_vehicle):
         factors = [
             np.abs(signals[name]) if modulus else signals[name]
             for name, modulus in zip(coefficient.signals, coefficient.moduli, strict=True)
@@ -66,13 +70,13 @@ def term_histories(coefficients: Mapping[str, float], motion: Array, inputs: Arr
     return terms
 
 
-def term_sizes(terms: Array) -> list[TermSize]:
+def term_sizes(of_vehicle: CoefficientSet, terms: Array) -> list[TermSize]:
     """Return the size of every term from its history; `terms` as of `term_histories`."""
     squares = np.mean(terms**2, axis=0)
-    rows = np.array([coefficient.row for coefficient in COEFFICIENTS])
+    rows = np.array([coefficient.row for coefficient in of_vehicle])
     of_rows = np.sqrt(np.bincount(rows, squares, minlength=len(EQUATION_ROWS)))
     sizes = []
-    for coefficient, square in zip(COEFFICIENTS, squares, strict=True):
+    for coefficient, square in zip(of_vehicle, squares, strict=True):
         rms, whole = float(np.sqrt(square)), float(of_rows[coefficient.row])
         unit = "N" if coefficient.row < 3 else "N*m"
         percent = 100.0 * rms / whole if whole else 0.0

@@ -8,6 +8,7 @@ from auvid_cli.export.comment import line_comments
 from auvid_cli.export.heading import heading_lines
 from auvid_cli.export.losses import Losses
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
+from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import PARAMETERS
 
 
@@ -16,14 +17,19 @@ def yaml_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
     before = model.experiment.vehicle.model_dump(mode="json", by_alias=True, exclude_none=True)
     units = {quantity.symbol: quantity.unit for quantity in PARAMETERS}
     parameters = {symbol: _with_unit(entry, units[symbol]) for symbol, entry in before["parameters"].items()}
-    coefficients = {
-        coefficient.symbol: _with_unit(before["coefficients"][coefficient.symbol], coefficient.unit)
+    stated = before["coefficients"] | {term["name"]: term for term in before["terms"]}
+    entries = {
+        coefficient.symbol: _with_unit(stated[coefficient.symbol], coefficient.unit)
         if coefficient.standard_deviation is None
         else _estimated(coefficient, model)
         for coefficient in model.coefficients
     }
     notes = [*before["notes"], _provenance(model)]
+    coefficients = {symbol: entry for symbol, entry in entries.items() if symbol in SYMBOLS}
     vehicle = before | {"notes": notes, "parameters": parameters, "coefficients": coefficients}
+    terms = [_without_prior(term) | entries[term["name"]] for term in vehicle.pop("terms")]
+    if terms:
+        vehicle["terms"] = terms
     text = yaml.safe_dump(vehicle, sort_keys=False, width=160, default_flow_style=None, allow_unicode=True)
     return line_comments("#", heading_lines(model, losses)) + text
 
@@ -36,6 +42,11 @@ def _estimated(coefficient: IdentifiedCoefficient, model: IdentifiedModel) -> di
         "status": f"estimated by {model.filter}{doubt}",
         "source": f"estimate {model.origin.estimate_sha256[:12] or 'in memory'}",
     }
+
+
+def _without_prior(term: dict[str, Any]) -> dict[str, Any]:
+    """Return an entry without what was guessed before there were data."""
+    return {key: value for key, value in term.items() if key != "prior"}
 
 
 def _provenance(model: IdentifiedModel) -> str:

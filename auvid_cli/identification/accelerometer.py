@@ -5,7 +5,6 @@ with the lever arm l. The accelerations are those of the model, so that the forc
 them the coefficients.
 """
 
-from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -28,9 +27,10 @@ from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
     N_COEFFICIENT_BLOCK,
-    N_CONSTANTS,
     N_FACTORS,
+    N_SLOPE,
     motion_derivative,
+    n_terms,
     sine_cosine,
 )
 from auvid_cli.vehicle.kinematics import GRAVITY
@@ -49,13 +49,13 @@ class _Workspace(NamedTuple):
 
     Attributes
     ----------
-    slope : ndarray, shape (N_BLOCK,)
+    slope : ndarray, shape (N_SLOPE,)
         Time derivative of the motion.
-    coefficient_block : ndarray, shape (N_COEFFICIENT_BLOCK,)
+    coefficient_block : ndarray, shape (N_COEFFICIENT_BLOCK + terms * LANES,)
     block : ndarray, shape (N_BLOCK,)
         One state in the first lane.
-    coefficients : ndarray, shape (N_FACTORS,)
-    jacobian : ndarray, shape (9, N_COLUMNS)
+    coefficients : ndarray, shape (N_FACTORS + terms,)
+    jacobian : ndarray, shape (9, N_COLUMNS + terms)
         See `motion_jacobian`.
     for_jacobian : ndarray, shape (N_JACOBIAN_WORK,)
     force : ndarray, shape (3 * LANES,)
@@ -71,22 +71,32 @@ class _Workspace(NamedTuple):
     force: Array
 
 
-# Where each of them ends in the scratch that a filter hands over.
-_SLOPE, _COEFFICIENT_BLOCK, _BLOCK, _COEFFICIENTS, _JACOBIAN, _FOR_JACOBIAN, N_ACCELEROMETER_WORK = accumulate(
-    (N_BLOCK, N_COEFFICIENT_BLOCK, N_BLOCK, N_FACTORS, N_MOTION * N_COLUMNS, N_JACOBIAN_WORK, 3 * LANES)
+# Where those of them end that are as long whatever terms a vehicle has.
+_SLOPE, _BLOCK, _FOR_JACOBIAN, _FORCE = (
+    N_SLOPE,
+    N_SLOPE + N_BLOCK,
+    N_SLOPE + N_BLOCK + N_JACOBIAN_WORK,
+    N_SLOPE + N_BLOCK + N_JACOBIAN_WORK + 3 * LANES,
 )
 
 
-@compiled(types.NamedTuple((*[_vector] * 4, _matrix, *[_vector] * 2), _Workspace)(_vector), inline=True)
-def _workspace(scratch):
+def accelerometer_work(terms: int) -> int:
+    """Return the length of the scratch that is handed over."""
+    return _FORCE + N_COEFFICIENT_BLOCK + terms * LANES + N_FACTORS + terms + N_MOTION * (N_COLUMNS + terms)
+
+
+@compiled(types.NamedTuple((*[_vector] * 4, _matrix, *[_vector] * 2), _Workspace)(_vector, types.int64), inline=True)
+def _workspace(scratch, terms):
+    lanes = _FORCE + N_COEFFICIENT_BLOCK + terms * LANES
+    single = lanes + N_FACTORS + terms
     return _Workspace(
         slope=scratch[:_SLOPE],
-        coefficient_block=scratch[_SLOPE:_COEFFICIENT_BLOCK],
-        block=scratch[_COEFFICIENT_BLOCK:_BLOCK],
-        coefficients=scratch[_BLOCK:_COEFFICIENTS],
-        jacobian=scratch[_COEFFICIENTS:_JACOBIAN].reshape(N_MOTION, N_COLUMNS),
-        for_jacobian=scratch[_JACOBIAN:_FOR_JACOBIAN],
-        force=scratch[_FOR_JACOBIAN:N_ACCELEROMETER_WORK],
+        coefficient_block=scratch[_FORCE:lanes],
+        block=scratch[_SLOPE:_BLOCK],
+        coefficients=scratch[lanes:single],
+        jacobian=scratch[single : single + N_MOTION * (N_COLUMNS + terms)].reshape(N_MOTION, N_COLUMNS + terms),
+        for_jacobian=scratch[_BLOCK:_FOR_JACOBIAN],
+        force=scratch[_FOR_JACOBIAN:_FORCE],
     )
 
 
@@ -111,10 +121,10 @@ def _specific_force(motion, slope, constants, n_lanes, force):
 
 @compiled(types.void(*[_vector] * 4, _indices, types.uint64, _vector, _vector), internal=True)
 def measure_forces(moving, parameters, inputs, constants, selection, n_lanes, predicted, scratch):
-    """Predict what it says of a block of states under inputs; `scratch` has `N_ACCELEROMETER_WORK`."""
-    work = _workspace(scratch)
+    """Predict what it says of a block of states under inputs; `scratch` has `accelerometer_work`."""
+    work = _workspace(scratch, n_terms(constants))
     fill_in_lanes(moving, parameters, constants, selection, n_lanes, work.coefficient_block)
-    motion_derivative(moving, work.coefficient_block, inputs, constants[:N_CONSTANTS], n_lanes, work.slope)
+    motion_derivative(moving, work.coefficient_block, inputs, constants, n_lanes, work.slope)
     if is_disturbed(constants):
         push(moving, LANES, constants, n_lanes, 1.0, work.slope, LANES)
     _specific_force(moving, work.slope, constants, n_lanes, predicted)
@@ -129,18 +139,19 @@ def measure_forces(moving, parameters, inputs, constants, selection, n_lanes, pr
 @compiled(types.void(_vector, _vector, _vector, _indices, _vector, _matrix, _vector), internal=True)
 def linearise_force(mean, inputs, constants, selection, predicted, matrix, scratch):
     """Predict what it says of one state, shape (3,), and the derivative by the state, whose other columns stay."""
-    work, first, vehicle = _workspace(scratch), first_moving_row(constants), constants[:N_CONSTANTS]
+    work, first = _workspace(scratch, n_terms(constants)), first_moving_row(constants)
+    n_columns = N_COLUMNS + n_terms(constants)
     motion, jacobian = mean[first : first + N_MOTION], work.jacobian
     fill_in_all(mean, constants, selection, work.coefficients)
-    for m in range(N_FACTORS):
+    for m in range(n_columns - N_MOTION):
         work.coefficient_block[m * LANES] = work.coefficients[m]
     for i in range(N_MOTION):
         work.block[i * LANES] = motion[i]
-    motion_derivative(work.block, work.coefficient_block, inputs, vehicle, 1, work.slope)
+    motion_derivative(work.block, work.coefficient_block, inputs, constants, 1, work.slope)
     if is_disturbed(constants):
         push(mean[first:], 1, constants, 1, 1.0, work.slope, LANES)
     _specific_force(work.block, work.slope, constants, 1, work.force)
-    motion_jacobian(motion, work.coefficients, inputs, vehicle, jacobian, work.for_jacobian)
+    motion_jacobian(motion, work.coefficients, inputs, constants, jacobian, work.for_jacobian)
 
     scales, biases = (ROW.scale_fx, ROW.scale_fy, ROW.scale_fz), (ROW.bias_fx, ROW.bias_fy, ROW.bias_fz)
     arm = known_vector(constants, ACCELEROMETER)
@@ -153,7 +164,7 @@ def linearise_force(mean, inputs, constants, selection, predicted, matrix, scrat
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         row = jacobian[i]
-        for column in range(N_COLUMNS):
+        for column in range(n_columns):
             row[column] += jacobian[3 + j, column] * arm[k] - jacobian[3 + k, column] * arm[j]
         # The products omega x nu1 and omega (omega . l) - l omega^2.
         row[k] += motion[3 + j]
@@ -167,7 +178,7 @@ def linearise_force(mean, inputs, constants, selection, predicted, matrix, scrat
         row[7] += GRAVITY * by_pitch[i]
         scale, bias = row_of(constants, scales[i]), row_of(constants, biases[i])
         gain = 1.0 + mean[scale] if scale >= 0 else 1.0
-        for column in range(N_COLUMNS):
+        for column in range(n_columns):
             row[column] *= gain
         fill_in_row(row, constants, selection, matrix[i])
         if is_disturbed(constants):

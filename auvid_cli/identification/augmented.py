@@ -18,6 +18,7 @@ from auvid_cli.identification.prior import coefficient_priors, earlier_gaussian,
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.state_layout import StateLayout, state_layout
 from auvid_cli.identification.timeline import measurement_model
+from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.dynamics import vehicle_constants
 
 
@@ -32,6 +33,8 @@ class AugmentedProblem:
         Known parameters of the vehicle, SI.
     held : dict
         Coefficients that are not estimated, SI.
+    coefficients : CoefficientSet
+        Of the vehicle.
     process : Process
         With the exact transition.
     sensors : Sensors
@@ -46,6 +49,7 @@ class AugmentedProblem:
     layout: StateLayout
     known: dict[str, float]
     held: dict[str, float]
+    coefficients: CoefficientSet
     process: Process
     sensors: Sensors
     measuring: dict[str, SensorRecord]
@@ -85,14 +89,16 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     held = held_coefficients(experiment)
     layout = state_layout(settings, experiment.vehicle, measuring)
     _check_time_constants(layout, measuring)
-    known = experiment.vehicle.known_parameters()
-    process = vehicle_process(vehicle_constants(known), held, layout, _known_sensors(measuring))
+    known, coefficients = experiment.vehicle.known_parameters(), experiment.vehicle.coefficient_set
+    constants = vehicle_constants(known, coefficients.terms)
+    process = vehicle_process(constants, held, layout, _known_sensors(measuring), coefficients)
     parameters = _prior_of_parameters(layout, prepared.dataset)
     gaussians = [initial_gaussian(layout, parameters, segment.measured) for segment in prepared.segments]
     return AugmentedProblem(
         layout=layout,
         known=known,
         held=held,
+        coefficients=coefficients,
         process=process,
         sensors=measurement_model(
             measuring,
@@ -152,8 +158,8 @@ def held_coefficients(experiment: RunSettings) -> dict[str, float]:
     ConfigError
         If the vehicle states none for one of them.
     """
-    held = experiment.identification.held()
-    given = experiment.vehicle.coefficients.by_symbol()
+    held = experiment.identification.held(experiment.vehicle)
+    given = experiment.vehicle.stated_coefficients()
     if missing := [symbol for symbol in held if symbol not in given]:
         raise ConfigError(
             f"identification.coefficients leaves out {', '.join(missing)}, so the vehicle file must state "

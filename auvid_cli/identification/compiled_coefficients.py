@@ -6,7 +6,7 @@ from auvid_cli.compilation import compiled
 from auvid_cli.identification.compiled_layout import HELD, ROW, SCALE, first_moving_row, row_of, value_of
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
-from auvid_cli.vehicle.dynamics import NO_ERRORS
+from auvid_cli.vehicle.dynamics import N_FACTORS, NO_ERRORS, n_terms, term_place
 from auvid_cli.vehicle.parameters import N_MOTION
 
 N_ERRORS = len(NO_ERRORS)
@@ -25,7 +25,7 @@ def fill_in_lanes(moving, parameters, constants, selection, n_lanes, coefficient
     constants, selection : ndarray
         Of the process.
     n_lanes : int
-    coefficients : ndarray, shape (N_FACTORS * LANES,)
+    coefficients : ndarray, shape ((N_FACTORS + terms) * LANES,)
     """
     j = 0
     for m in range(N_COEFFICIENTS):
@@ -46,13 +46,25 @@ def fill_in_lanes(moving, parameters, constants, selection, n_lanes, coefficient
         if row_of(constants, which) >= 0:
             for k in range(n_lanes):
                 error[k] += value_of(constants, which, parameters, moving, k)
+    for t in range(n_terms(constants)):
+        row = coefficients[(N_FACTORS + t) * LANES : (N_FACTORS + t + 1) * LANES]
+        if j < selection.size and selection[j] == N_FACTORS + t:
+            scale, scaled = constants[SCALE + j], parameters[j * LANES : (j + 1) * LANES]
+            for k in range(LANES):
+                row[k] = scale * scaled[k]
+            j += 1
+        else:
+            for k in range(LANES):
+                row[k] = constants[term_place(constants, t)]
 
 
 @compiled(types.void(_vector, _vector, _indices, _vector), internal=True)
 def fill_in_all(mean, constants, selection, coefficients):
-    """Do the same of one state: `coefficients` has shape (N_FACTORS,)."""
+    """Do the same of one state: `coefficients` has shape (N_FACTORS + terms,)."""
     for m in range(N_COEFFICIENTS):
         coefficients[m] = constants[HELD + m]
+    for t in range(n_terms(constants)):
+        coefficients[N_FACTORS + t] = constants[term_place(constants, t)]
     for j in range(selection.size):
         coefficients[selection[j]] = constants[SCALE + j] * mean[j]
     for a in range(N_ERRORS):

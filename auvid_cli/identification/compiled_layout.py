@@ -16,7 +16,7 @@ from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.identification.state_layout import StateLayout
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
-from auvid_cli.vehicle.dynamics import N_CONSTANTS
+from auvid_cli.vehicle.dynamics import N_CONSTANTS, with_table_at_end
 from auvid_cli.vehicle.parameters import DISTURBANCE
 
 Array = NDArray[np.float64]
@@ -25,8 +25,8 @@ _vector = types.float64[::1]
 
 # States that compiled code looks for by name, with where their rows stand among themselves: moving states beside the
 # motion, and errors that do not just add to a sensor. They stand at the end of the constants, behind the vehicle, the
-# 22 held values, one scale for each estimated coefficient, how what disturbs fades, and the known sensors, and before
-# the number of parameters.
+# 22 held values, one scale for each estimated coefficient, the vehicle's own terms, how what disturbs fades, and the
+# known sensors, and before the number of parameters.
 _SYMBOLS = (
     *(state.quantity.symbol for state in FURTHER_STATES),
     *(
@@ -85,7 +85,17 @@ _OF_EVERY_MODEL = "coefficients", "motion"
 
 
 def model_constants(vehicle: Array, held: Array, layout: StateLayout, known: KnownSensors) -> Array:
-    """Lay out the constants of an augmented model; see `auvid_cli.identification.process.vehicle_process`."""
+    """Lay out the constants of an augmented model; see `auvid_cli.identification.process.vehicle_process`.
+
+    Parameters
+    ----------
+    vehicle : ndarray
+        From `vehicle_constants`.
+    held : ndarray
+        SI, of each coefficient of the vehicle; of those that are estimated any number.
+    layout : StateLayout
+    known : KnownSensors
+    """
     compiled_in = {
         quantity.symbol
         for block in layout.blocks
@@ -99,7 +109,9 @@ def model_constants(vehicle: Array, held: Array, layout: StateLayout, known: Kno
     time_constants = {block.name: block.error.time_constant for block in layout.blocks if block.error is not None}
     fading = [1.0 / time_constants.get(quantity.symbol, np.inf) for quantity in DISTURBANCE]
     sensors = [number for sensor in known for number in (sensor.sensor, *sensor.vector)]
-    return np.concatenate([vehicle, held, scale, [max(fading)], fading, sensors, rows, [layout.n_parameters]])
+    of_22, of_terms = held[:N_COEFFICIENTS], held[N_COEFFICIENTS:]
+    model = with_table_at_end(vehicle, of_terms, np.concatenate([of_22, scale]))
+    return np.concatenate([model, [max(fading)], fading, sensors, rows, [layout.n_parameters]])
 
 
 def check_named(symbols: Iterable[str], modules: Iterable[ModuleType], by: int) -> None:

@@ -4,7 +4,6 @@ For the first half of a substep the force at its beginning acts, for the second 
 falls with the square of the substep.
 """
 
-from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ from auvid_cli.identification.compiled_layout import (
     row_of,
 )
 from auvid_cli.identification.sinking import sink_rate
-from auvid_cli.vehicle.dynamics import N_CONSTANTS, named_constants
+from auvid_cli.vehicle.dynamics import n_terms, named_constants
 from auvid_cli.vehicle.parameters import DISTURBANCE, N_MOTION
 from auvid_cli.vehicle.sensitivity import N_COLUMNS, transition_step
 
@@ -37,10 +36,10 @@ class _Workspace(NamedTuple):
 
     Attributes
     ----------
-    by_force : ndarray, shape (9, N_COLUMNS)
+    by_force : ndarray, shape (9, N_COLUMNS + terms)
         Derivative of the motion by the force or moment of each axis where the way began; the other columns are moved
         along with them, and mean nothing.
-    sinking : ndarray, shape (N_COLUMNS + 1,)
+    sinking : ndarray, shape (N_COLUMNS + terms + 1,)
         The same of the depth.
     left : ndarray, shape (6,)
         How much is left of each.
@@ -54,17 +53,25 @@ class _Workspace(NamedTuple):
     motion: Array
 
 
-# Where each of them ends in the scratch that is handed over.
-_BY_FORCE, _SINKING, _LEFT, N_DISTURBANCE_WORK = accumulate((N_MOTION * N_COLUMNS, N_COLUMNS + 1, _N_AXES, N_MOTION))
+# Where the vectors end in the scratch that is handed over.
+_LEFT, _MOTION = _N_AXES, _N_AXES + N_MOTION
 
 
-@compiled(types.NamedTuple((_matrix, *[_vector] * 3), _Workspace)(_vector), inline=True)
-def _workspace(scratch):
+@compiled(types.int64(types.int64))
+def disturbance_work(terms):
+    """Return the length of that scratch."""
+    return _MOTION + (N_MOTION + 1) * (N_COLUMNS + terms) + 1
+
+
+@compiled(types.NamedTuple((_matrix, *[_vector] * 3), _Workspace)(_vector, types.int64), inline=True)
+def _workspace(scratch, terms):
+    columns = N_COLUMNS + terms
+    by_force = _MOTION + N_MOTION * columns
     return _Workspace(
-        by_force=scratch[:_BY_FORCE].reshape(N_MOTION, N_COLUMNS),
-        sinking=scratch[_BY_FORCE:_SINKING],
-        left=scratch[_SINKING:_LEFT],
-        motion=scratch[_LEFT:N_DISTURBANCE_WORK],
+        by_force=scratch[_MOTION:by_force].reshape(N_MOTION, columns),
+        sinking=scratch[by_force : by_force + columns + 1],
+        left=scratch[:_LEFT],
+        motion=scratch[_LEFT:_MOTION],
     )
 
 
@@ -127,12 +134,12 @@ def _fade_derivative(constants, duration, left):
         left[axis] *= np.exp(-duration * fading_rate(constants, axis))
 
 
-@compiled(types.void(_vector), internal=True)
-def undisturbed(scratch):
+@compiled(types.void(_vector, _vector), internal=True)
+def undisturbed(constants, scratch):
     """Begin the way of one state: all of the force is left, and nothing has come of it yet."""
-    work = _workspace(scratch)
+    work = _workspace(scratch, n_terms(constants))
     for i in range(N_MOTION):
-        for j in range(N_COLUMNS):
+        for j in range(work.by_force.shape[1]):
             work.by_force[i, j] = 0.0
     for j in range(work.sinking.size):
         work.sinking[j] = 0.0
@@ -149,30 +156,30 @@ def begin_step(mean, coefficients, inputs, constants, duration, scratch, for_ste
     Parameters
     ----------
     mean : ndarray, shape (n,)
-    coefficients : ndarray, shape (N_FACTORS,)
+    coefficients : ndarray, shape (N_FACTORS + terms,)
     inputs, constants : ndarray
         Of the process.
     duration : float
         Of the substep, s.
-    scratch : ndarray, shape (N_DISTURBANCE_WORK,)
-        From the step before, or `undisturbed`.
-    for_step : ndarray, shape (N_TRANSITION_WORK,)
-        Overwritten.
+    scratch : ndarray
+        Of `disturbance_work`; from the step before, or `undisturbed`.
+    for_step : ndarray
+        Of `transition_work`; overwritten.
     """
-    work, moving = _workspace(scratch), mean[first_moving_row(constants) :]
+    work, moving = _workspace(scratch, n_terms(constants)), mean[first_moving_row(constants) :]
     if depth_is_state(constants):
         sink_rate(moving[:N_MOTION], work.by_force, 0.5 * duration, work.sinking)
     push(moving, 1, constants, 1, 0.5 * duration, moving, 1)
     _push_derivative(constants, 0.5 * duration, work.left, work.by_force)
     for i in range(N_MOTION):
         work.motion[i] = moving[i]
-    transition_step(work.motion, coefficients, inputs, constants[:N_CONSTANTS], duration, work.by_force, for_step)
+    transition_step(work.motion, coefficients, inputs, constants, duration, work.by_force, for_step)
 
 
 @compiled(types.void(_vector, _vector, types.float64, _vector), internal=True)
 def end_step(mean, constants, duration, scratch):
     """Let the force fade, and push for the second half of the substep; arguments as of `begin_step`."""
-    work, moving = _workspace(scratch), mean[first_moving_row(constants) :]
+    work, moving = _workspace(scratch, n_terms(constants)), mean[first_moving_row(constants) :]
     fade(moving, 1, constants, 1, duration)
     _fade_derivative(constants, duration, work.left)
     push(moving, 1, constants, 1, 0.5 * duration, moving, 1)
@@ -184,8 +191,8 @@ def end_step(mean, constants, duration, scratch):
 @compiled(types.void(_vector, types.float64, _vector), internal=True)
 def derive_at_once(constants, duration, scratch):
     """Find what comes of the forces to first order in the interval."""
-    work = _workspace(scratch)
-    undisturbed(scratch)
+    work = _workspace(scratch, n_terms(constants))
+    undisturbed(constants, scratch)
     _push_derivative(constants, duration, work.left, work.by_force)
     _fade_derivative(constants, duration, work.left)
 
@@ -193,7 +200,7 @@ def derive_at_once(constants, duration, scratch):
 @compiled(types.void(_vector, _vector, _matrix), internal=True)
 def fill_in_forces(constants, scratch, matrix):
     """Copy the derivatives by the forces to a transition matrix."""
-    work, first = _workspace(scratch), first_moving_row(constants)
+    work, first = _workspace(scratch, n_terms(constants)), first_moving_row(constants)
     for axis in range(_N_AXES):
         row = row_of(constants, _ROWS[axis])
         if row >= 0:

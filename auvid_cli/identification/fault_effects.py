@@ -40,7 +40,12 @@ class VehicleFaults:
         self._problem = problem
         present, modelled = ("", *problem.measuring), (*problem.layout.symbols, *sought)
         self._motion_rows = problem.layout.moving_rows_of("motion")
-        others = (fault for fault in tested if fault.sensor in present and fault.state not in modelled)
+        modelled_terms = {c.regressor for c in problem.coefficients if c.symbol in modelled}
+        others = (
+            fault
+            for fault in tested
+            if fault.sensor in present and fault.state not in modelled and fault.regressor not in modelled_terms
+        )
         self._faults = *others, *(DELAY_FAULTS[symbol] for symbol in sought)
 
     @property
@@ -55,7 +60,8 @@ class VehicleFaults:
 
     def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
         """Say what they do to a chunk of a segment, along a trajectory."""
-        model = FaultedVehicle(self._problem.known, factors(self._problem.held | self._identified(about.parameters)))
+        vehicle, found = self._problem.coefficients, self._problem.held | self._identified(about.parameters)
+        model = FaultedVehicle(self._problem.known, factors(found, of_vehicle=vehicle), vehicle.terms)
         rate = self._problem.segments[segment].timelines.input_rate
         states = np.vstack([about.before, about.moving])
         motion = states[:, self._motion_rows]

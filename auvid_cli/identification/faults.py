@@ -4,7 +4,7 @@ A fault is no state of the model; see `auvid_cli.filters.fault_scores` for what 
 settings ask for it to be estimated, is not tested.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,8 @@ from auvid_cli.config.augmented_states import DELAYS
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.ballast import Ballast
-from auvid_cli.vehicle.dynamics import N_BLOCK, N_FACTORS, motion_derivative, vehicle_constants
+from auvid_cli.vehicle.coefficients import Coefficient, Regressor, unit_of
+from auvid_cli.vehicle.dynamics import N_BLOCK, N_FACTORS, N_SLOPE, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.kinematics import body_to_earth, current_in_body_axes
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION, SENSORS
@@ -74,13 +75,15 @@ class FaultedVehicle:
     ----------
     parameters : mapping
         Known ones by symbol, SI.
-    coefficients : ndarray, shape (N_FACTORS,)
+    coefficients : ndarray, shape (N_FACTORS + terms,)
         From `auvid_cli.vehicle.dynamics.factors`.
+    terms : sequence of Coefficient
+        Those of the vehicle's own.
     """
 
-    def __init__(self, parameters: Mapping[str, float], coefficients: Array) -> None:
-        self._parameters, self._coefficients = parameters, coefficients
-        self._constants = vehicle_constants(parameters)
+    def __init__(self, parameters: Mapping[str, float], coefficients: Array, terms: Sequence[Coefficient] = ()) -> None:
+        self._parameters, self._coefficients, self._terms = parameters, coefficients, terms
+        self._constants = vehicle_constants(parameters, terms)
 
     def rates(self, motion: Array, inputs: Array, ballast: Array) -> Array:
         """Return how fast motions change, shape (n, 9)."""
@@ -88,7 +91,8 @@ class FaultedVehicle:
 
     def by_parameter(self, at: Motion, **steps: float) -> Array:
         """Return by how much more they change if known parameters are so much greater."""
-        other = vehicle_constants({**self._parameters, **{s: self._parameters[s] + by for s, by in steps.items()}})
+        changed = {s: self._parameters[s] + by for s, by in steps.items()}
+        other = vehicle_constants({**self._parameters, **changed}, self._terms)
         return self._rates(at.motion, at.inputs, at.ballast, other) - at.rates
 
     def by_inputs(self, at: Motion, change: Array) -> Array:
@@ -105,7 +109,7 @@ class FaultedVehicle:
         rates = np.empty(motion.shape)
         lanes = np.repeat(self._coefficients, LANES)
         each = (np.ascontiguousarray(values) for values in (motion, inputs, ballast))
-        _fill_in_rates(*each, lanes, constants, rates, np.zeros(2 * N_BLOCK))
+        _fill_in_rates(*each, lanes, constants, rates, np.zeros(N_BLOCK + N_SLOPE))
         return rates
 
 
@@ -125,6 +129,8 @@ class Fault(NamedTuple):
     effect : callable
         ``effect(model, at)`` per unit: of a sensor's what is added, shape (n, c); of others by how much faster the
         motion changes, shape (n, 9).
+    regressor : Regressor or None
+        Of a term that the model lacks.
     """
 
     name: str
@@ -133,6 +139,7 @@ class Fault(NamedTuple):
     state: str
     sensor: str
     effect: Callable[[FaultedVehicle, Motion], Array]
+    regressor: Regressor | None = None
 
 
 def _constant(component: int) -> Callable[[FaultedVehicle, Motion], Array]:
@@ -160,8 +167,13 @@ def _offset(given: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: model.by_inputs(at, np.eye(4)[given])
 
 
-def _cross_flow(row: int) -> Callable[[FaultedVehicle, Motion], Array]:
-    return lambda model, at: model.by_force(at, row, np.abs(at.motion[:, 1]) * at.motion[:, 5])
+def _cross_flow(row: int) -> Fault:
+    term = Coefficient(f"{'XYZKMN'[row]}_|v|r", unit_of(row, ("|v|", "r")), "", row, ("|v|", "r"), "term")
+
+    def effect(model: FaultedVehicle, at: Motion) -> Array:
+        return model.by_force(at, row, np.abs(at.motion[:, 1]) * at.motion[:, 5])
+
+    return Fault(term.symbol, term.unit, _TERM, "", "", effect, term.regressor)
 
 
 _GYRO = "estimate it (identification.estimate.biases: [gyro])"
@@ -180,7 +192,7 @@ _EARLY = (
 _LEVER = "move what the DVL measured to the origin, or estimate its arm (identification.estimate.biases: [dvl_arm])"
 _TRIM = "add it to the recorded angle, or estimate it (identification.estimate.biases: [fin_trim])"
 _THRUST = "add it to the recorded thrust, or estimate its scale (identification.estimate.biases: [thrust])"
-_TERM = "the model lacks this term, and others make up for it"
+_TERM = "the model lacks this term, and others make up for it: add it (vehicle.terms)"
 _CHECK = "check vehicle.parameters.{}"
 _BALLAST = f"{_CHECK}, or estimate {{}} (identification.estimate.biases: [ballast])"
 
@@ -244,8 +256,7 @@ FAULTS: tuple[Fault, ...] = (
         *("m", _BALLAST.format("xG", "the moment of trim"), "", ""),
         lambda model, at: model.by_parameter(at, xG=1e-3) / 1e-3,
     ),
-    Fault("Y_|v|r", "N*s^2/(m*rad)", _TERM, "", "", _cross_flow(1)),
-    Fault("N_|v|r", "N*s^2/rad", _TERM, "", "", _cross_flow(5)),
+    *(_cross_flow(row) for row in (1, 5)),
 )
 
 # Delays that are looked for where settings ask for it; those of an angle or a depth are not tested for unasked, since

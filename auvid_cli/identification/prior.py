@@ -12,13 +12,15 @@ from auvid_cli.config.vehicle import Size, VehicleSettings
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.errors import DataError
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, Coefficient
+from auvid_cli.vehicle.coefficients import Coefficient
+from auvid_cli.vehicle.kinematics import GRAVITY
 
 Array = NDArray[np.float64]
 
 # Lift-curve slope of a short fin, per radian: about 3 at the aspect ratios of AUV fins (Hoerner,
 # Fluid-Dynamic Lift, 1985, ch. 3), on a fin area of about the hull diameter squared.
 _LIFT_SLOPE = 3.0
+_THRUST = ("thrust",)
 
 
 def natural_magnitude(coefficient: Coefficient, size: Size) -> float:
@@ -26,7 +28,9 @@ def natural_magnitude(coefficient: Coefficient, size: Size) -> float:
 
     Drag is ``rho/2 C A`` with C = 1 on the frontal area for surge and on the lateral area for the
     cross-flow terms; lift and control are ``rho/2 C_L d^2``. A moment, and every rate among the
-    signals, brings a lever: half the length, for roll the diameter.
+    signals, brings a lever: half the length, for roll the diameter. Where there are not two velocities or rates, it is
+    so large as to make such a force at half the Froude speed ``sqrt(g l)``; a thrust counts as the drag on the frontal
+    area at that.
 
     Parameters
     ----------
@@ -34,16 +38,26 @@ def natural_magnitude(coefficient: Coefficient, size: Size) -> float:
     size : Size
         Length, diameter, density of water. No coefficient of any vehicle enters.
     """
-    pressure = 0.5 * size.density
+    pressure, speed = 0.5 * size.density, 0.5 * np.sqrt(GRAVITY * size.length)
     half_length = 0.5 * size.length
-    if coefficient.group == "damping":
-        frontal = 0.25 * np.pi * size.diameter**2
+    frontal = 0.25 * np.pi * size.diameter**2
+    if _is_drag(coefficient):
         area = frontal if coefficient.row == 0 else size.length * size.diameter
     else:
         area = _LIFT_SLOPE * size.diameter**2
     lever = size.diameter if coefficient.row == 3 else half_length
-    turns = sum(signal in ("p", "q", "r") for signal in coefficient.signals)
-    return float(pressure * area * lever ** (turns + (coefficient.row >= 3)))
+    turns, thrusts = (sum(signal in names for signal in coefficient.signals) for names in (("p", "q", "r"), _THRUST))
+    speeds = turns + sum(signal in ("u", "v", "w") for signal in coefficient.signals)
+    at_speed = pressure * area * lever ** (turns + (coefficient.row >= 3)) * speed ** (2 - speeds)
+    return float(at_speed / (pressure * frontal * speed**2) ** thrusts)
+
+
+def _is_drag(coefficient: Coefficient) -> bool:
+    """Say whether a term is resistance, and not a lift of body or fins: one velocity alone, or with a modulus."""
+    if coefficient.group != "term":
+        return coefficient.group == "damping"
+    moving = [signal for signal in coefficient.signals if signal in "uvwpqr"]
+    return len(moving) == len(coefficient.signals) and (len(moving) == 1 or any(coefficient.moduli))
 
 
 class CoefficientPrior(NamedTuple):
@@ -68,17 +82,18 @@ def coefficient_priors(vehicle: VehicleSettings, prior: Prior) -> dict[str, Coef
     Parameters
     ----------
     vehicle : VehicleSettings
-        Its coefficients count only where `prior.mean` asks for them, and so does its geometry. What its file does not
-        state, or states as zero without a standard deviation, has zero mean and its natural magnitude times
-        `prior.factor`.
+        Its coefficients count only where `prior.mean` asks for them, and so does its geometry; the guess that a term of
+        its own states counts always. What its file does not state, or states as zero without a standard deviation, has
+        zero mean and its natural magnitude times `prior.factor`.
     prior : Prior
     """
     means, known = _expected(vehicle, prior)
     priors = {}
-    for coefficient in COEFFICIENTS:
-        symbol = coefficient.symbol
-        mean, share = means.get(symbol, 0.0), _share(prior, coefficient)
-        stated = known.get(symbol) if share is None else None
+    for coefficient in vehicle.coefficient_set:
+        symbol, guess = coefficient.symbol, vehicle.guess_of_term(coefficient.symbol)
+        mean = means.get(symbol, 0.0) if guess.mean is None else guess.mean
+        share = _share(prior, coefficient)
+        stated = guess.standard_deviation or (known.get(symbol) if share is None else None)
         relative = abs(mean) * (_RELATIVE if share is None else share)
         natural = prior.factor * natural_magnitude(coefficient, vehicle.size)
         deviation = prior.standard_deviation.get(symbol) or stated or relative or natural
@@ -92,7 +107,7 @@ def _expected(vehicle: VehicleSettings, prior: Prior) -> tuple[Mapping[str, floa
         case "zero":
             return {}, {}
         case "vehicle":
-            return vehicle.coefficients.by_symbol(), vehicle.coefficients.deviations()
+            return vehicle.stated_coefficients(), vehicle.stated_deviations()
         case "geometry":
             derived = vehicle.derived_values()
             return {d.name: d.mean for d in derived}, {d.name: d.standard_deviation for d in derived}

@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Mapping
-from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from auvid_cli.config.augmented_states import ERROR_BLOCKS
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Process
 from auvid_cli.identification import accelerometer, compiled_coefficients, dvl, magnetic_field
-from auvid_cli.identification.accelerometer import N_ACCELEROMETER_WORK
+from auvid_cli.identification.accelerometer import accelerometer_work
 from auvid_cli.identification.compiled_coefficients import fill_in_all, fill_in_lanes, fill_in_row
 from auvid_cli.identification.compiled_layout import (
     NONE_KNOWN,
@@ -28,9 +27,9 @@ from auvid_cli.identification.compiled_layout import (
     row_of,
 )
 from auvid_cli.identification.disturbance import (
-    N_DISTURBANCE_WORK,
     begin_step,
     derive_at_once,
+    disturbance_work,
     end_step,
     fade,
     fill_in_forces,
@@ -41,17 +40,18 @@ from auvid_cli.identification.observation import linearise, observe
 from auvid_cli.identification.sinking import before_moving, sink, sink_rate
 from auvid_cli.identification.state_layout import StateLayout
 from auvid_cli.lanes import LANES
-from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, CoefficientSet
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
     N_COEFFICIENT_BLOCK,
-    N_CONSTANTS,
     N_FACTORS,
     N_WORK,
+    NO_ERRORS,
+    n_terms,
     runge_kutta_step,
 )
 from auvid_cli.vehicle.parameters import N_MOTION
-from auvid_cli.vehicle.sensitivity import N_COLUMNS, N_TRANSITION_WORK, motion_jacobian, transition_step
+from auvid_cli.vehicle.sensitivity import N_COLUMNS, motion_jacobian, transition_step, transition_work
 
 Array = NDArray[np.float64]
 
@@ -65,17 +65,19 @@ class _Workspace(NamedTuple):
 
     Attributes
     ----------
-    coefficients : ndarray, shape (N_FACTORS,)
-        All of them, estimated or held, and the thrust's factor.
-    sensitivity : ndarray, shape (9, 9 + N_FACTORS)
+    coefficients : ndarray, shape (N_FACTORS + terms,)
+        All of them, estimated or held, and what lies between stated and acting inputs, weight and buoyancy.
+    sensitivity : ndarray, shape (9, N_COLUMNS + terms)
         Derivative of the motion by where it started and by the coefficients.
-    sinking : ndarray, shape (9 + N_FACTORS + 1,)
+    sinking : ndarray, shape (N_COLUMNS + terms + 1,)
         The same of the depth, then how much it has grown.
     block : ndarray, shape (N_BLOCK + LANES,)
         Motion and depth in the first lane of a block.
-    coefficient_block : ndarray, shape (N_COEFFICIENT_BLOCK,)
+    coefficient_block : ndarray, shape (N_COEFFICIENT_BLOCK + terms * LANES,)
     step : ndarray
         For a Runge-Kutta step, with or without the transition matrix.
+    disturbance : ndarray
+        Of `disturbance_work`.
     """
 
     coefficients: Array
@@ -84,40 +86,55 @@ class _Workspace(NamedTuple):
     block: Array
     coefficient_block: Array
     step: Array
+    disturbance: Array
 
 
-# Where each of them ends in the scratch that a filter hands over.
-_COEFFICIENTS, _SENSITIVITY, _SINKING, _BLOCK, _COEFFICIENT_BLOCK, _N_SCRATCH = accumulate(
-    (
-        *(N_FACTORS, N_MOTION * N_COLUMNS, N_COLUMNS + 1, N_BLOCK + LANES, N_COEFFICIENT_BLOCK),
-        max(N_TRANSITION_WORK, N_WORK, N_ACCELEROMETER_WORK),
-    )
-)
+# Where the block ends in the scratch that a filter hands over; all else is longer for each term.
+_BLOCK = N_BLOCK + LANES
 
 
-@compiled(types.NamedTuple((_vector, _matrix, *[_vector] * 4), _Workspace)(_vector), inline=True)
-def _workspace(scratch):
+def _scratch_size(terms: int) -> int:
+    step = max(transition_work(terms), N_WORK, accelerometer_work(terms))
+    return _ends(terms)[3] + step + disturbance_work(terms)
+
+
+@compiled(types.UniTuple(types.int64, 4)(types.int64))
+def _ends(terms):
+    """Return where coefficients, sensitivity, sinking and coefficient block end."""
+    columns = N_COLUMNS + terms
+    coefficients = _BLOCK + N_FACTORS + terms
+    sensitivity = coefficients + N_MOTION * columns
+    sinking = sensitivity + columns + 1
+    return coefficients, sensitivity, sinking, sinking + N_COEFFICIENT_BLOCK + terms * LANES
+
+
+@compiled(types.NamedTuple((_vector, _matrix, *[_vector] * 5), _Workspace)(_vector, types.int64), inline=True)
+def _workspace(scratch, terms):
+    coefficients, sensitivity, sinking, coefficient_block = _ends(terms)
+    disturbance = scratch.size - disturbance_work(terms)
     return _Workspace(
-        coefficients=scratch[:_COEFFICIENTS],
-        sensitivity=scratch[_COEFFICIENTS:_SENSITIVITY].reshape(N_MOTION, N_COLUMNS),
-        sinking=scratch[_SENSITIVITY:_SINKING],
-        block=scratch[_SINKING:_BLOCK],
-        coefficient_block=scratch[_BLOCK:_COEFFICIENT_BLOCK],
-        step=scratch[_COEFFICIENT_BLOCK:_N_SCRATCH],
+        coefficients=scratch[_BLOCK:coefficients],
+        sensitivity=scratch[coefficients:sensitivity].reshape(N_MOTION, N_COLUMNS + terms),
+        sinking=scratch[sensitivity:sinking],
+        block=scratch[:_BLOCK],
+        coefficient_block=scratch[sinking:coefficient_block],
+        step=scratch[coefficient_block:disturbance],
+        disturbance=scratch[disturbance:],
     )
 
 
 @compiled(PROCESS_SIGNATURE)
 def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration, scratch):
     # Not from `_workspace`: with slices that begin at an offset a step of the sigma-point filters is 2 to 4 % longer.
-    coefficients, work = scratch[:N_COEFFICIENT_BLOCK], scratch[N_COEFFICIENT_BLOCK:]
+    n = N_COEFFICIENT_BLOCK + n_terms(constants) * LANES
+    coefficients, work = scratch[:n], scratch[n:]
     fill_in_lanes(motion, parameters, constants, selection, n_lanes, coefficients)
     depth = row_of(constants, ROW.down) - first_moving_row(constants)
     if depth_is_state(constants):
         sink(motion, depth, n_lanes, 0.5 * duration)
     if is_disturbed(constants):
         push(motion, LANES, constants, n_lanes, 0.5 * duration, motion, LANES)
-    runge_kutta_step(motion, coefficients, inputs, constants[:N_CONSTANTS], n_lanes, duration, work)
+    runge_kutta_step(motion, coefficients, inputs, constants, n_lanes, duration, work)
     if is_disturbed(constants):
         fade(motion, LANES, constants, n_lanes, duration)
         push(motion, LANES, constants, n_lanes, 0.5 * duration, motion, LANES)
@@ -135,35 +152,35 @@ def _fill_in(sensitivity, constants, selection, matrix):
 @compiled(TRANSITION_SIGNATURE)
 def _exact_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     """Integrate the variational equation along the motion."""
-    work, vehicle = _workspace(scratch), constants[:N_CONSTANTS]
+    work, n_columns = _workspace(scratch, n_terms(constants)), N_COLUMNS + n_terms(constants)
     depth, motion = row_of(constants, ROW.down), mean[first_moving_row(constants) :][:N_MOTION]
     fill_in_all(mean, constants, selection, work.coefficients)
     before_moving(work.sensitivity, work.sinking)
     if is_disturbed(constants):
-        undisturbed(scratch[_N_SCRATCH:])
+        undisturbed(constants, work.disturbance)
     for substep in range(substep_duration.size):
         held, duration = inputs[substep_input[substep]], substep_duration[substep]
         if depth_is_state(constants):
             sink_rate(motion, work.sensitivity, 0.5 * duration, work.sinking)
         if is_disturbed(constants):
-            begin_step(mean, work.coefficients, held, constants, duration, scratch[_N_SCRATCH:], work.step)
-        transition_step(motion, work.coefficients, held, vehicle, duration, work.sensitivity, work.step)
+            begin_step(mean, work.coefficients, held, constants, duration, work.disturbance, work.step)
+        transition_step(motion, work.coefficients, held, constants, duration, work.sensitivity, work.step)
         if is_disturbed(constants):
-            end_step(mean, constants, duration, scratch[_N_SCRATCH:])
+            end_step(mean, constants, duration, work.disturbance)
         if depth_is_state(constants):
             sink_rate(motion, work.sensitivity, 0.5 * duration, work.sinking)
     _fill_in(work.sensitivity, constants, selection, matrix)
     if depth_is_state(constants):
-        mean[depth] += work.sinking[N_COLUMNS]
+        mean[depth] += work.sinking[n_columns]
         fill_in_row(work.sinking, constants, selection, matrix[depth])
     if is_disturbed(constants):
-        fill_in_forces(constants, scratch[_N_SCRATCH:], matrix)
+        fill_in_forces(constants, work.disturbance, matrix)
 
 
 @compiled(TRANSITION_SIGNATURE)
 def first_order_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     """Linearise once, where the interval begins: the paper's I + A dt, Table A1."""
-    work, vehicle = _workspace(scratch), constants[:N_CONSTANTS]
+    work, n_columns = _workspace(scratch, n_terms(constants)), N_COLUMNS + n_terms(constants)
     moving = mean[first_moving_row(constants) :]
     depth, motion = row_of(constants, ROW.down), moving[:N_MOTION]
     sensitivity, block, elapsed = work.sensitivity, work.block, 0.0
@@ -174,18 +191,18 @@ def first_order_transition(mean, inputs, substep_input, substep_duration, consta
         before_moving(sensitivity, work.sinking)
         sink_rate(motion, sensitivity, elapsed, work.sinking)
         fill_in_row(work.sinking, constants, selection, matrix[depth])
-    motion_jacobian(motion, work.coefficients, inputs[substep_input[0]], vehicle, sensitivity, work.step)
+    motion_jacobian(motion, work.coefficients, inputs[substep_input[0]], constants, sensitivity, work.step)
     for i in range(N_MOTION):
-        for j in range(N_COLUMNS):
+        for j in range(n_columns):
             sensitivity[i, j] = elapsed * sensitivity[i, j] + (1.0 if i == j else 0.0)
     _fill_in(sensitivity, constants, selection, matrix)
     if is_disturbed(constants):
-        derive_at_once(constants, elapsed, scratch[_N_SCRATCH:])
-        fill_in_forces(constants, scratch[_N_SCRATCH:], matrix)
+        derive_at_once(constants, elapsed, work.disturbance)
+        fill_in_forces(constants, work.disturbance, matrix)
     for i in range(N_MOTION):
         block[i * LANES] = motion[i]
     block[N_MOTION * LANES] = 0.0
-    for m in range(N_FACTORS):
+    for m in range(n_columns - N_MOTION):
         work.coefficient_block[m * LANES] = work.coefficients[m]
     for substep in range(substep_duration.size):
         held, duration = inputs[substep_input[substep]], substep_duration[substep]
@@ -193,7 +210,7 @@ def first_order_transition(mean, inputs, substep_input, substep_duration, consta
             sink(block, N_MOTION, 1, 0.5 * duration)
         if is_disturbed(constants):
             push(moving, 1, constants, 1, 0.5 * duration, block, LANES)
-        runge_kutta_step(block, work.coefficient_block, held, vehicle, 1, duration, work.step)
+        runge_kutta_step(block, work.coefficient_block, held, constants, 1, duration, work.step)
         if is_disturbed(constants):
             fade(moving, 1, constants, 1, duration)
             push(moving, 1, constants, 1, 0.5 * duration, block, LANES)
@@ -210,6 +227,7 @@ def vehicle_process(
     held: Mapping[str, float],
     layout: StateLayout,
     known: KnownSensors = NONE_KNOWN,
+    coefficients: CoefficientSet = COEFFICIENTS,
 ) -> Process:
     """Make the augmented model of Sabet et al. 2018, eq. (10), with coefficients in units of their scales, and errors.
 
@@ -222,20 +240,24 @@ def vehicle_process(
     layout : StateLayout
     known : KnownSensors
         By default none.
+    coefficients : CoefficientSet
+        Of the vehicle.
 
     Notes
     -----
     Its transition is exact; `first_order_transition` may take its place.
     """
-    of_symbols = np.array([held.get(symbol, 0.0) for symbol in SYMBOLS])
+    of_symbols = np.array([held.get(symbol, 0.0) for symbol in coefficients.symbols])
+    # Terms of the vehicle's own stand behind the errors of the actuators and the ballast.
+    place = {s: m if m < N_COEFFICIENTS else m + len(NO_ERRORS) for m, s in enumerate(coefficients.symbols)}
     estimated = layout.symbols[layout.rows_of("coefficients")]
     return Process(
         advance=_advance,
         transition=_exact_transition,
         constants=model_constants(vehicle, of_symbols, layout, known),
-        selection=np.array([SYMBOLS.index(symbol) for symbol in estimated], dtype=np.int64),
+        selection=np.array([place[symbol] for symbol in estimated], dtype=np.int64),
         noise_density=layout.noise_density,
-        scratch_size=_N_SCRATCH + N_DISTURBANCE_WORK,
+        scratch_size=_scratch_size(len(coefficients.terms)),
         observe=observe,
         linearise=linearise,
     )

@@ -6,7 +6,6 @@ from auvid_cli.compilation import compiled
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import sine_cosine
 from auvid_cli.vehicle.parameters import N_MOTION
-from auvid_cli.vehicle.sensitivity import N_COLUMNS
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
@@ -29,7 +28,7 @@ def sink(moving, place, n_lanes, duration):
 def before_moving(sensitivity, sinking):
     """Begin: the motion depends on itself alone, and the depth has not changed."""
     for i in range(N_MOTION):
-        for j in range(N_COLUMNS):
+        for j in range(sensitivity.shape[1]):
             sensitivity[i, j] = 1.0 if i == j else 0.0
     for j in range(sinking.size):
         sinking[j] = 0.0
@@ -42,8 +41,9 @@ def sink_rate(motion, sensitivity, duration, sinking):
     sin_phi, cos_phi = sine_cosine(motion[6])
     sin_theta, cos_theta = sine_cosine(motion[7])
     across, along = sin_phi * v + cos_phi * w, cos_phi * v - sin_phi * w
-    for j in range(N_COLUMNS):
+    n_columns = sensitivity.shape[1]
+    for j in range(n_columns):
         turning = cos_theta * along * sensitivity[6, j] - (sin_theta * across + cos_theta * u) * sensitivity[7, j]
         moving = cos_theta * (sin_phi * sensitivity[1, j] + cos_phi * sensitivity[2, j])
         sinking[j] += duration * (turning + moving - sin_theta * sensitivity[0, j])
-    sinking[N_COLUMNS] += duration * (cos_theta * across - sin_theta * u)
+    sinking[n_columns] += duration * (cos_theta * across - sin_theta * u)

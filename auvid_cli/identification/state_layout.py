@@ -16,7 +16,6 @@ from auvid_cli.config.experiment import Identification
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.identification.prior import coefficient_priors
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION, Quantity
 
 Array = NDArray[np.float64]
@@ -142,9 +141,9 @@ def state_layout(settings: Identification, vehicle: VehicleSettings, measuring: 
         Sensors; what only one of them measures, as the depth, is a state where it does.
     """
     noise, initial = settings.process_noise, settings.initial_motion
-    priors, estimated = coefficient_priors(vehicle, settings.prior), settings.estimated()
+    priors, estimated = coefficient_priors(vehicle, settings.prior), settings.estimated(vehicle)
     coefficients = tuple(
-        Quantity(c.symbol, c.unit, c.meaning, c.equation) for c in COEFFICIENTS if c.symbol in estimated
+        Quantity(c.symbol, c.unit, c.meaning, c.equation) for c in vehicle.coefficient_set if c.symbol in estimated
     )
     blocks = [
         StateBlock(

@@ -8,7 +8,7 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.inspection.grid import Signals
 from auvid_cli.inspection.inspection import judged
 from auvid_cli.inspection.timing import new_measurement_rate
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.coefficients import CoefficientSet
 from auvid_cli.vehicle.parameters import INPUTS, MOTION, SENSORS, Quantity
 
 Array = NDArray[np.float64]
@@ -24,31 +24,35 @@ _LEAST_PER_TIME_CONSTANT, _GOOD_PER_TIME_CONSTANT = 1.0, 2.0
 
 def excitation_checks(dataset: Dataset, signals: Signals) -> list[Check]:
     """Judge RMS and peak of each input, velocity and rate, about its mean; and the share of time under way."""
-    checks = [_input(quantity, signals.values[quantity.symbol]) for quantity in INPUTS]
+    of_vehicle = dataset.experiment.vehicle.coefficient_set
+    checks = [_input(quantity, signals.values[quantity.symbol], of_vehicle) for quantity in INPUTS]
     noise = {
         quantity.symbol: record.standard_deviation[component]
         for name, record in dataset.sensors.items()
         for component, quantity in enumerate(SENSORS[name])
     }
-    checks += [_motion(q, signals.values[q.symbol], noise[q.symbol]) for q in MOTION[:6] if signals.has(q.symbol)]
+    checks += [
+        _motion(q, signals.values[q.symbol], noise[q.symbol], of_vehicle) for q in MOTION[:6] if signals.has(q.symbol)
+    ]
     if signals.has("u"):
         checks.append(_under_way(signals.values["u"]))
     return checks
 
 
-def _input(quantity: Quantity, values: Array) -> Check:
+def _input(quantity: Quantity, values: Array, of_vehicle: CoefficientSet) -> Check:
     finite = values[np.isfinite(values)]
     least = _LEAST_FIN
     if quantity.symbol == "surge_force":
         least = max(_LEAST_SHARE * abs(float(finite.mean())), _LEAST_FORCE)
     elif quantity.symbol == "roll_moment":
         least = _LEAST_ROLL_MOMENT
-    return _channel(quantity, finite, least, f"{quantity.symbol} hardly moves: {_cannot_tell(quantity.symbol)}")
+    advice = f"{quantity.symbol} hardly moves: {_cannot_tell(quantity.symbol, of_vehicle)}"
+    return _channel(quantity, finite, least, advice)
 
 
-def _motion(quantity: Quantity, values: Array, noise: float) -> Check:
+def _motion(quantity: Quantity, values: Array, noise: float, of_vehicle: CoefficientSet) -> Check:
     finite = values[np.isfinite(values)]
-    advice = f"{quantity.symbol} hardly stands out of its noise: {_cannot_tell(quantity.symbol)}"
+    advice = f"{quantity.symbol} hardly stands out of its noise: {_cannot_tell(quantity.symbol, of_vehicle)}"
     return _channel(quantity, finite, _TIMES_NOISE * noise, advice)
 
 
@@ -68,10 +72,10 @@ def _channel(quantity: Quantity, values: Array, least: float, advice: str) -> Ch
     )
 
 
-def _cannot_tell(symbol: str) -> str:
-    undetermined = {"surge_force": ("X_u|u|",), "roll_moment": ("K_p|p|",)}.get(
-        symbol, tuple(c.symbol for c in COEFFICIENTS if symbol in c.signals)
-    )
+def _cannot_tell(symbol: str, of_vehicle: CoefficientSet) -> str:
+    balanced = {"surge_force": ("X_u|u|",), "roll_moment": ("K_p|p|",)}.get(symbol, ())
+    name = "thrust" if symbol == "surge_force" else symbol
+    undetermined = (*balanced, *(c.symbol for c in of_vehicle if name in c.signals))
     if symbol == "u":
         return "drag, lift and fin forces at one speed only; that is no obstacle, but they are known for this speed."
     return f"do not expect {', '.join(undetermined)} from these data; move it more, or hold them at known values."

@@ -2,7 +2,7 @@
 
 import re
 
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, is_name_of_term
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _FINS = {"rudder": r"\delta_r", "elevator": r"\delta_e"}
@@ -21,13 +21,16 @@ def symbol_math(symbol: str) -> str:
     if symbol in _GREEK:
         return rf"$\{symbol}$"
     if symbol in _COEFFICIENTS:
-        letter, subscript = symbol.split("_")
+        letter, subscript = symbol.split("_", 1)
         coefficient = _COEFFICIENTS[symbol]
         if coefficient.group == "control":
             subscript = "".join(_FINS.get(signal, signal) for signal in coefficient.signals)
         return f"${letter}_{{{subscript}}}$"
     if symbol in _DVL:
         return _DVL[symbol]
+    if is_name_of_term(symbol):
+        letter, subscript = symbol.split("_", 1)
+        return f"${letter}_{{{subscript.replace('_', ',')}}}$"
     if "_" in symbol:
         # Of an error: a bias of a quantity, a current towards somewhere.
         word, of = symbol.split("_", 1)

@@ -16,6 +16,7 @@ from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.csv_text import csv_text
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.simulation.random_processes import stream
+from auvid_cli.vehicle.coefficients import SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -77,7 +78,7 @@ def _log(units: dict[str, str], time: Array, columns: Any) -> str:
 
 def _believed(vehicle: VehicleSettings, seed: int) -> str:
     """Write a vehicle file that is off."""
-    wrong = dict(_wrong(vehicle.coefficients.by_symbol(), seed))
+    wrong = dict(_wrong(vehicle.stated_coefficients(), seed))
     parameters = vehicle.known_parameters()
     parameters |= dict(_wrong({"X_prop": parameters["X_prop"]}, seed))
     believed = {
@@ -85,8 +86,11 @@ def _believed(vehicle: VehicleSettings, seed: int) -> str:
         "source": f"a rough calculation: coefficients and X_prop are {_WRONG_BY:.0%} off; all numbers are SI",
         "size": vehicle.size.model_dump(mode="json"),
         "parameters": parameters,
-        "coefficients": wrong,
+        "coefficients": {symbol: value for symbol, value in wrong.items() if symbol in SYMBOLS},
     }
+    if vehicle.terms:
+        entries = (term.model_dump(mode="json", exclude_none=True, exclude_defaults=True) for term in vehicle.terms)
+        believed["terms"] = [entry | {"value": wrong.get(entry["name"])} for entry in entries]
     return yaml.safe_dump(believed, sort_keys=False)
 
 

@@ -15,6 +15,7 @@ from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, controls_of
 from auvid_cli.simulation.manoeuvre_plan import WANTED, ManoeuvrePlan
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
+    N_SLOPE,
     N_WORK,
     factors,
     motion_derivative,
@@ -123,12 +124,12 @@ def simulate_motion(
         If the vehicle has no positive-definite mass matrix or lacks coefficients.
     """
     known = vehicle.known_parameters()
-    constants = vehicle_constants(known)
+    constants = vehicle_constants(known, vehicle.coefficient_set.terms)
     push = np.zeros(disturbance.shape)
     # Of an undisturbed run of hours nothing is touched, and takes no memory.
     if disturbance.any():
         push[:] = np.linalg.solve(mass_matrix(known), disturbance.T).T
-    coefficients = factors(vehicle.all_coefficients())
+    coefficients = factors(vehicle.all_coefficients(), of_vehicle=vehicle.coefficient_set)
     controls = controls_of(vehicle, manoeuvre, plan)
     n = plan.time.size
     motion, position, inputs = np.zeros((n, N_MOTION)), np.zeros((n, 3)), np.zeros((n, 4))
@@ -261,6 +262,6 @@ def sample_motion(truth: Truth, times: Array) -> tuple[Array, Array]:
     """
     sampled, rate = np.zeros((times.size, N_MOTION)), np.zeros((times.size, N_MOTION))
     record, coefficients = (truth.inputs, truth.motion, truth.push, sampled, rate), np.repeat(truth.coefficients, LANES)
-    work = np.zeros(N_BLOCK), np.zeros(N_BLOCK), np.zeros(N_WORK)
+    work = np.zeros(N_BLOCK), np.zeros(N_SLOPE), np.zeros(N_WORK)
     _sample(truth.time, record, truth.constants, coefficients, times, *work)
     return sampled, rate

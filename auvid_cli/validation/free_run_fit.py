@@ -73,10 +73,11 @@ def fit_free_runs(
     start, motion = float(starts.time[0]), starts.motion[0]
     whole = prepared.segments[0].timelines
     timelines = whole.between(start, whole.span[1])
+    vehicle = prepared.experiment.vehicle
     actuators, ballast = ActuatorErrors(*starts.final_vehicle[:3]), Ballast(*starts.final_vehicle[3:])
-    parameters = ballast.added_to(prepared.experiment.vehicle.known_parameters())
+    parameters, of_vehicle = ballast.added_to(vehicle.known_parameters()), vehicle.coefficient_set
     motions = {
-        name: free_motion(timelines, motion, parameters, coefficients, actuators)
+        name: free_motion(timelines, motion, parameters, coefficients, actuators, of_vehicle)
         for name, coefficients in models._asdict().items()
         if coefficients
     }

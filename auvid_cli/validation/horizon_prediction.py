@@ -46,7 +46,7 @@ class Bundle(NamedTuple):
     ----------
     names : tuple of str
         Those of the first rows, the identified model first; the other rows are drawn from its uncertainty.
-    coefficients : ndarray, shape (n, 22)
+    coefficients : ndarray, shape (n, 22 + terms)
         SI.
     """
 
@@ -132,7 +132,8 @@ def predict_ahead(
     with_process_noise : bool
         Whether that moves drawn models.
     """
-    parameters, named = prepared.experiment.vehicle.known_parameters(), len(bundle.names)
+    vehicle, named = prepared.experiment.vehicle, len(bundle.names)
+    parameters, terms = vehicle.known_parameters(), vehicle.coefficient_set.terms
     drawn = len(bundle.coefficients) - named
     collected = Collected([], np.zeros(drawn, dtype=np.bool_))
     shaken = Shaken(slice(named, named + drawn), starts.process_noise, rng) if with_process_noise else None
@@ -143,12 +144,12 @@ def predict_ahead(
         wanted = np.unique([target.time for target in targets])
         motion = np.tile(starts.motion[k], (len(bundle.coefficients), 1))
         motion[named:] += starts.deviation[k] * rng.standard_normal((drawn, len(MOTION_AND_DEPTH)))
-        vehicle = np.tile(starts.vehicle[k], (len(motion), 1))
-        vehicle[named:] += starts.vehicle_deviation[k] * rng.standard_normal((drawn, vehicle.shape[1]))
+        beyond = np.tile(starts.vehicle[k], (len(motion), 1))
+        beyond[named:] += starts.vehicle_deviation[k] * rng.standard_normal((drawn, beyond.shape[1]))
         timelines = prepared.segments[0].timelines.between(float(start), float(wanted[-1]))
         disturbed = _disturbed(prepared, starts, k, slice(named, named + drawn), rng)
         moved = timelines, motion, bundle.coefficients, parameters, wanted
-        predicted = move_side_by_side(*moved, shaken, disturbed, vehicle)
+        predicted = move_side_by_side(*moved, shaken, disturbed, beyond, terms)
         collected.blown_up[:] |= ~np.isfinite(predicted[:, named:]).all(axis=(0, 2))
         errors = starts.errors[k]
         unchanged = measured_motion(unchanged_motion(wanted - start, starts.motion[k]), errors)

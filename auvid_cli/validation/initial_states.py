@@ -94,7 +94,7 @@ def with_model(dataset: Dataset, estimate: Estimate) -> Dataset:
     """
     earlier, identification = estimate.experiment, estimate.experiment.identification
     walking = walks_from_run_to_run(identification)
-    table = earlier.vehicle.coefficients.model_validate(estimate.final_coefficients())
+    vehicle = earlier.vehicle.with_coefficients(estimate.final_coefficients())
     inputs = as_acting(dataset.inputs, identification)
     actuators = estimate.final_actuators()
     if BiasName.THRUST in walking:
@@ -117,7 +117,7 @@ def with_model(dataset: Dataset, estimate: Estimate) -> Dataset:
         "estimate": identification.estimate.model_copy(update={"biases": kept}),
     }
     settings = {
-        "vehicle": earlier.vehicle.model_copy(update={"parameters": parameters, "coefficients": table}),
+        "vehicle": vehicle.model_copy(update={"parameters": parameters}),
         "identification": identification.model_copy(update=changes),
     }
     experiment = dataset.experiment.model_copy(update=settings)

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.identification.prior import coefficient_priors
-from auvid_cli.vehicle.coefficients import SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -22,7 +21,7 @@ class Models(NamedTuple):
     prior : dict or None
         Mean of the prior, None if it is not in the estimate.
     vehicle_file : dict or None
-        None if the vehicle file does not state all 22, or states the prior.
+        None if the vehicle file does not state all, or states the prior.
     """
 
     identified: Mapping[str, float]
@@ -36,7 +35,7 @@ def models_of(estimate: Estimate) -> Models:
 
 
 def _prior(estimate: Estimate) -> Mapping[str, float] | None:
-    estimated = [symbol for symbol in SYMBOLS if symbol in estimate.state]
+    estimated = [symbol for symbol in estimate.coefficient_set.symbols if symbol in estimate.state]
     settings = estimate.experiment
     if settings.identification.prior.from_estimate is None:
         priors = coefficient_priors(settings.vehicle, settings.identification.prior)
@@ -48,8 +47,8 @@ def _prior(estimate: Estimate) -> Mapping[str, float] | None:
 
 
 def _vehicle_file(estimate: Estimate) -> Mapping[str, float] | None:
-    given = estimate.experiment.vehicle.coefficients.by_symbol()
-    return given if set(given) == set(SYMBOLS) else None
+    given = estimate.experiment.vehicle.stated_coefficients()
+    return given if set(given) == set(estimate.coefficient_set.symbols) else None
 
 
 def drawn_coefficients(estimate: Estimate, count: int, rng: np.random.Generator) -> Array | None:
@@ -57,12 +56,12 @@ def drawn_coefficients(estimate: Estimate, count: int, rng: np.random.Generator)
 
     Returns
     -------
-    ndarray, shape (count, 22), or None
+    ndarray, shape (count, 22 + terms), or None
         None if the covariance is not finite and positive definite.
     """
-    rows = [i for i, symbol in enumerate(estimate.state) if symbol in SYMBOLS]
-    final = estimate.final_coefficients()
-    drawn = np.tile([final[symbol] for symbol in SYMBOLS], (count, 1))
+    symbols, final = estimate.coefficient_set.symbols, estimate.final_coefficients()
+    rows = [i for i, symbol in enumerate(estimate.state) if symbol in symbols]
+    drawn = np.tile([final[symbol] for symbol in symbols], (count, 1))
     covariance = estimate.covariance[np.ix_(rows, rows)]
     variance = np.diagonal(covariance)
     if not (np.isfinite(covariance).all() and (variance > 0.0).all()):
@@ -73,6 +72,6 @@ def drawn_coefficients(estimate: Estimate, count: int, rng: np.random.Generator)
         factor = np.linalg.cholesky(covariance / np.outer(deviation, deviation))
     except np.linalg.LinAlgError:
         return None
-    columns = [SYMBOLS.index(estimate.state[i]) for i in rows]
+    columns = [symbols.index(estimate.state[i]) for i in rows]
     drawn[:, columns] += deviation * (rng.standard_normal((count, len(rows))) @ factor.T)
     return drawn

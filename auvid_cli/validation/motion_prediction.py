@@ -1,6 +1,6 @@
 """Motion ahead of a start: of many models side by side, and as it would go on unchanged."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import inf
 from typing import NamedTuple
 
@@ -11,7 +11,8 @@ from auvid_cli.filters.problem import Timeline
 from auvid_cli.identification.free_motion import N_PREDICTED, move_through
 from auvid_cli.lanes import LANES
 from auvid_cli.validation.signals import SAME
-from auvid_cli.vehicle.dynamics import N_WORK, NO_ERRORS, vehicle_constants
+from auvid_cli.vehicle.coefficients import Coefficient
+from auvid_cli.vehicle.dynamics import N_WORK, vehicle_constants, with_errors
 from auvid_cli.vehicle.kinematics import euler_angles, rotation_matrix
 
 Array = NDArray[np.float64]
@@ -87,6 +88,7 @@ def move_side_by_side(
     shaken: Shaken | None = None,
     disturbed: Disturbed | None = None,
     errors: Array = AS_STATED,
+    terms: Sequence[Coefficient] = (),
 ) -> Array:
     """Move up to `LANES` models by the same inputs.
 
@@ -96,7 +98,7 @@ def move_side_by_side(
         Gone through as far as the last time wanted.
     motion : ndarray, shape (n, 10)
         At the start, of each model, the depth behind it.
-    coefficients : ndarray, shape (n, 22)
+    coefficients : ndarray, shape (n, 22 + terms)
         SI.
     parameters : mapping
         Known parameters of all of them.
@@ -106,6 +108,8 @@ def move_side_by_side(
     disturbed : Disturbed, optional
     errors : ndarray, shape (5,) or (n, 5)
         What the thrust, the fins and the ballast are beyond the stated, see `NO_ERRORS`.
+    terms : sequence of Coefficient
+        Of the vehicle's own.
 
     Returns
     -------
@@ -113,10 +117,8 @@ def move_side_by_side(
         Not finite where a model has blown up.
     """
     n = len(motion)
-    constants, work = vehicle_constants(parameters), np.zeros(N_WORK)
-    block, rows = (
-        _in_lanes(each) for each in (motion, np.hstack([coefficients, np.broadcast_to(errors, (n, AS_STATED.size))]))
-    )
+    constants, work = vehicle_constants(parameters, terms), np.zeros(N_WORK)
+    block, rows = (_in_lanes(each) for each in (motion, with_errors(coefficients, errors)))
     states, moved = block.reshape(N_PREDICTED, LANES), np.empty((wanted.size, n, N_PREDICTED))
     # What acts at random does so at the end of each stride; without it there is nothing to stop for.
     longest = _BETWEEN_DISTURBANCES if disturbed is not None else inf if shaken is None else _BETWEEN_PUSHES

@@ -31,7 +31,6 @@ from auvid_cli.validation.model_bundle import Models, drawn_coefficients, models
 from auvid_cli.validation.results import ManoeuvreNumber, Validation
 from auvid_cli.validation.signals import MeasuredSignal, measured_signals, signal_sizes
 from auvid_cli.validation.verdicts import verdicts
-from auvid_cli.vehicle.coefficients import SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -94,7 +93,7 @@ def validate(
     sizes = signal_sizes([segment.signals for segment in followed])
     free = [fit_free_runs(segment.prepared, segment.signals, models, segment.states) for segment in followed]
     rng = np.random.default_rng(estimate.experiment.seed)
-    bundle = _bundle(models, drawn_coefficients(estimate, DRAWS, rng))
+    bundle = _bundle(models, drawn_coefficients(estimate, DRAWS, rng), estimate.coefficient_set.symbols)
     collected = _predict(followed, bundle, rng)
     growth = {} if training is None else _growth(training, estimate, bundle, starts, rng).in_motion(sizes)
     rows = [*free_run_rows(free, sizes), *rows_ahead(collected, bundle.names, sizes, growth)]
@@ -181,10 +180,10 @@ def _largest(values: Iterable[Mapping[str, float]]) -> dict[str, float]:
     return largest
 
 
-def _bundle(models: Models, drawn: Array | None) -> Bundle:
+def _bundle(models: Models, drawn: Array | None, symbols: Sequence[str]) -> Bundle:
     """Bundle the models that are known by name and, behind them, what is drawn."""
     named = {name: values for name, values in models._asdict().items() if values is not None}
-    table = np.array([[values[symbol] for symbol in SYMBOLS] for values in named.values()])
+    table = np.array([[values[symbol] for symbol in symbols] for values in named.values()])
     return Bundle(tuple(named), table if drawn is None else np.vstack([table, drawn]))
 
 

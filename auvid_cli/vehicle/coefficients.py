@@ -1,18 +1,28 @@
-"""The 22 coefficients to identify, as one table.
+"""The coefficients of a vehicle: the 22 that every one has, as one table, and the terms that its file adds.
 
 Sabet et al. 2018, Table II, in the order of Table IV. The configuration schema, the Jacobian,
 the priors, the exports, the tables, the figures and the documentation derive from it; the compiled right-hand side
-writes the same terms out for speed, and tests hold the two together.
+writes the same terms out for speed, and tests hold the two together. Terms of a vehicle's own stand behind them.
 """
 
+import re
+from collections import Counter
 from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
-CoefficientGroup = Literal["damping", "lift", "control"]
+CoefficientGroup = Literal["damping", "lift", "control", "term"]
 
-# What a factor may be, bare or as a modulus: velocities in body axes, then fins.
-SIGNALS = ("u", "v", "w", "p", "q", "r", "rudder", "elevator")
-MOST_FACTORS = 3
+# What a factor may be, bare or as a modulus: velocities in body axes, fins, and the propeller's thrust.
+SIGNALS = ("u", "v", "w", "p", "q", "r", "rudder", "elevator", "thrust")
+MOST_FACTORS = 6
+# Exponents of kg, m, s and rad in the unit of each signal, and of a force; a moment has a metre more.
+_VELOCITY, _RATE, _ANGLE, _FORCE = (0, 1, -1, 0), (0, 0, -1, 1), (0, 0, 0, 1), (1, 1, -2, 0)
+_DIMENSIONS: dict[str, tuple[int, ...]] = dict(
+    zip(SIGNALS, (*[_VELOCITY] * 3, *[_RATE] * 3, *[_ANGLE] * 2, _FORCE), strict=True)
+)
+
+# Row and, of each signal, how often it is a factor, and whether its sign counts: what makes two terms the same.
+Regressor = tuple[int, frozenset[tuple[str, int, bool]]]
 
 
 class Coefficient(NamedTuple):
@@ -31,7 +41,7 @@ class Coefficient(NamedTuple):
     factors : tuple of str
         Of its regressor, at most `MOST_FACTORS` of `SIGNALS`, a modulus as ``|v|``.
     group : str
-        The paper's grouping: viscous damping, body lift, control input.
+        The paper's grouping: viscous damping, body lift, control input; or a term of a vehicle's own.
     """
 
     symbol: str
@@ -57,35 +67,95 @@ class Coefficient(NamedTuple):
         return tuple(factor != signal for factor, signal in zip(self.factors, self.signals, strict=True))
 
     @property
+    def is_of_fins(self) -> bool:
+        """Say whether a fin is among the factors."""
+        return bool({"rudder", "elevator"} & {*self.signals})
+
+    @property
+    def regressor(self) -> Regressor:
+        """Return what two terms share that are the same but for a constant: ``|v| |v|`` is ``v v``."""
+        counts = Counter(self.signals)
+        bare = Counter(s for s, modulus in zip(self.signals, self.moduli, strict=True) if not modulus)
+        return self.row, frozenset((signal, n, bare[signal] % 2 == 1) for signal, n in counts.items())
+
+    @property
     def equation(self) -> str:
         """Return the term as text, for example ``Y += Y_uudr u u rudder``."""
         return f"{'XYZKMN'[self.row]} += {self.symbol} {' '.join(self.factors)}"
 
 
-COEFFICIENTS: tuple[Coefficient, ...] = (
-    Coefficient("X_u|u|", "kg/m", "axial drag", 0, ("|u|", "u"), "damping"),
-    Coefficient("Y_v|v|", "kg/m", "cross-flow drag in sway", 1, ("|v|", "v"), "damping"),
-    Coefficient("Y_r|r|", "kg*m/rad^2", "sway force of yaw-rate cross-flow", 1, ("|r|", "r"), "damping"),
-    Coefficient("Z_w|w|", "kg/m", "cross-flow drag in heave", 2, ("|w|", "w"), "damping"),
-    Coefficient("Z_q|q|", "kg*m/rad^2", "heave force of pitch-rate cross-flow", 2, ("|q|", "q"), "damping"),
-    Coefficient("K_p|p|", "kg*m^2/rad^2", "rolling resistance", 3, ("|p|", "p"), "damping"),
-    Coefficient("M_q|q|", "kg*m^2/rad^2", "cross-flow drag moment in pitch", 4, ("|q|", "q"), "damping"),
-    Coefficient("M_w|w|", "kg", "pitch moment of heave cross-flow", 4, ("|w|", "w"), "damping"),
-    Coefficient("N_r|r|", "kg*m^2/rad^2", "cross-flow drag moment in yaw", 5, ("|r|", "r"), "damping"),
-    Coefficient("N_v|v|", "kg", "yaw moment of sway cross-flow", 5, ("|v|", "v"), "damping"),
-    Coefficient("Y_url", "kg/rad", "sway lift of yaw rate", 1, ("u", "r"), "lift"),
-    Coefficient("Y_uvl", "kg/m", "sway lift of sideslip", 1, ("u", "v"), "lift"),
-    Coefficient("Z_uql", "kg/rad", "heave lift of pitch rate", 2, ("u", "q"), "lift"),
-    Coefficient("Z_uwl", "kg/m", "heave lift of angle of attack", 2, ("u", "w"), "lift"),
-    Coefficient("M_uql", "kg*m/rad", "pitch lift moment of pitch rate", 4, ("u", "q"), "lift"),
-    Coefficient("M_uwl", "kg", "pitch lift moment of angle of attack", 4, ("u", "w"), "lift"),
-    Coefficient("N_url", "kg*m/rad", "yaw lift moment of yaw rate", 5, ("u", "r"), "lift"),
-    Coefficient("N_uvl", "kg", "yaw lift moment of sideslip", 5, ("u", "v"), "lift"),
-    Coefficient("Y_uudr", "kg/(m*rad)", "sway force of the rudder", 1, ("u", "u", "rudder"), "control"),
-    Coefficient("Z_uude", "kg/(m*rad)", "heave force of the elevator", 2, ("u", "u", "elevator"), "control"),
-    Coefficient("M_uude", "kg/rad", "pitch moment of the elevator", 4, ("u", "u", "elevator"), "control"),
-    Coefficient("N_uudr", "kg/rad", "yaw moment of the rudder", 5, ("u", "u", "rudder"), "control"),
+class CoefficientSet(tuple[Coefficient, ...]):
+    """The coefficients of one vehicle: the 22, then the terms of its own."""
+
+    __slots__ = ()
+
+    @property
+    def symbols(self) -> tuple[str, ...]:
+        """Return the symbol of each."""
+        return tuple(coefficient.symbol for coefficient in self)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Return the SI unit of each, by symbol."""
+        return {coefficient.symbol: coefficient.unit for coefficient in self}
+
+    @property
+    def terms(self) -> tuple[Coefficient, ...]:
+        """Return those beyond the 22."""
+        return self[N_COEFFICIENTS:]
+
+
+COEFFICIENTS = CoefficientSet(
+    (
+        Coefficient("X_u|u|", "kg/m", "axial drag", 0, ("|u|", "u"), "damping"),
+        Coefficient("Y_v|v|", "kg/m", "cross-flow drag in sway", 1, ("|v|", "v"), "damping"),
+        Coefficient("Y_r|r|", "kg*m/rad^2", "sway force of yaw-rate cross-flow", 1, ("|r|", "r"), "damping"),
+        Coefficient("Z_w|w|", "kg/m", "cross-flow drag in heave", 2, ("|w|", "w"), "damping"),
+        Coefficient("Z_q|q|", "kg*m/rad^2", "heave force of pitch-rate cross-flow", 2, ("|q|", "q"), "damping"),
+        Coefficient("K_p|p|", "kg*m^2/rad^2", "rolling resistance", 3, ("|p|", "p"), "damping"),
+        Coefficient("M_q|q|", "kg*m^2/rad^2", "cross-flow drag moment in pitch", 4, ("|q|", "q"), "damping"),
+        Coefficient("M_w|w|", "kg", "pitch moment of heave cross-flow", 4, ("|w|", "w"), "damping"),
+        Coefficient("N_r|r|", "kg*m^2/rad^2", "cross-flow drag moment in yaw", 5, ("|r|", "r"), "damping"),
+        Coefficient("N_v|v|", "kg", "yaw moment of sway cross-flow", 5, ("|v|", "v"), "damping"),
+        Coefficient("Y_url", "kg/rad", "sway lift of yaw rate", 1, ("u", "r"), "lift"),
+        Coefficient("Y_uvl", "kg/m", "sway lift of sideslip", 1, ("u", "v"), "lift"),
+        Coefficient("Z_uql", "kg/rad", "heave lift of pitch rate", 2, ("u", "q"), "lift"),
+        Coefficient("Z_uwl", "kg/m", "heave lift of angle of attack", 2, ("u", "w"), "lift"),
+        Coefficient("M_uql", "kg*m/rad", "pitch lift moment of pitch rate", 4, ("u", "q"), "lift"),
+        Coefficient("M_uwl", "kg", "pitch lift moment of angle of attack", 4, ("u", "w"), "lift"),
+        Coefficient("N_url", "kg*m/rad", "yaw lift moment of yaw rate", 5, ("u", "r"), "lift"),
+        Coefficient("N_uvl", "kg", "yaw lift moment of sideslip", 5, ("u", "v"), "lift"),
+        Coefficient("Y_uudr", "kg/(m*rad)", "sway force of the rudder", 1, ("u", "u", "rudder"), "control"),
+        Coefficient("Z_uude", "kg/(m*rad)", "heave force of the elevator", 2, ("u", "u", "elevator"), "control"),
+        Coefficient("M_uude", "kg/rad", "pitch moment of the elevator", 4, ("u", "u", "elevator"), "control"),
+        Coefficient("N_uudr", "kg/rad", "yaw moment of the rudder", 5, ("u", "u", "rudder"), "control"),
+    )
 )
+
+
+# A row of the equations, an underscore, and a word.
+TERM_NAME = r"^[XYZKMN]_[A-Za-z0-9_|]{1,40}$"
+
+
+def is_name_of_term(name: str) -> bool:
+    """Say whether a term of a vehicle's own may be called so."""
+    return re.fullmatch(TERM_NAME, name) is not None
+
+
+def unit_of(row: int, factors: Iterable[str]) -> str:
+    """Return the SI unit by which a coefficient makes a force or a moment of its factors, as pint reads it."""
+    exponents = [*_FORCE]
+    exponents[1] += row >= 3
+    for factor in factors:
+        exponents = [a - b for a, b in zip(exponents, _DIMENSIONS[factor.strip("|")], strict=True)]
+    powers = dict(zip(("kg", "m", "s", "rad"), exponents, strict=True))
+    above, below = ([_power(u, sign * n) for u, n in powers.items() if sign * n > 0] for sign in (1, -1))
+    over = f"({'*'.join(below)})" if len(below) > 1 else "".join(below)
+    return ("*".join(above) or "1") + (f"/{over}" if over else "")
+
+
+def _power(unit: str, exponent: int) -> str:
+    return unit if exponent == 1 else f"{unit}^{exponent}"
 
 
 def check_table(coefficients: Iterable[Coefficient]) -> None:
@@ -109,5 +179,5 @@ def check_table(coefficients: Iterable[Coefficient]) -> None:
 
 
 check_table(COEFFICIENTS)
-SYMBOLS: tuple[str, ...] = tuple(c.symbol for c in COEFFICIENTS)
+SYMBOLS: tuple[str, ...] = COEFFICIENTS.symbols
 N_COEFFICIENTS = len(COEFFICIENTS)

@@ -4,11 +4,12 @@ The right-hand side is written once, here; the simulator and every filter call i
 blocks of up to `LANES` states, one array row per quantity and one lane per state, so that the
 compiler turns the loop over lanes into vector instructions. A constant row length is what lets it:
 with a length known only at run time the overlap checks between rows are too many, and the loop
-stays scalar (four times slower).
+stays scalar (four times slower). Terms that a vehicle has besides the 22 are added behind them, one by one, from a
+table among its constants.
 """
 
 from collections import namedtuple
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,17 +20,22 @@ from auvid_cli.compilation import compiled
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
 from auvid_cli.vehicle.ballast import NO_BALLAST, Ballast
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SYMBOLS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, MOST_FACTORS, SIGNALS, Coefficient, CoefficientSet
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION
 
 Array = NDArray[np.float64]
 
-N_CONSTANTS = 36 + 36 + 4
-# What the forces are made with: the coefficients, and what lies between stated and acting inputs, weight and buoyancy,
-# with these values where nothing does.
+_N_OF_HULL = 36 + 36 + 4
+# Behind these the number of the vehicle's own terms, and where the table of them begins.
+_N_TERMS, _TERMS_AT = _N_OF_HULL, _N_OF_HULL + 1
+N_CONSTANTS = _N_OF_HULL + 2
+# Of each term the value at which it is held, and then its row, how many factors it has, and which.
+TERM_WIDTH = 3 + MOST_FACTORS
+# What the forces are made with: the 22 coefficients, and what lies between stated and acting inputs, weight and
+# buoyancy, with these values where nothing does; behind them the coefficients of the vehicle's own terms.
 NO_ERRORS = (*AS_STATED, *NO_BALLAST)
-N_FACTORS = N_COEFFICIENTS + len(NO_ERRORS)
+N_FACTORS = len(COEFFICIENTS) + len(NO_ERRORS)
 _vector = types.float64[::1]
 # Where the row of each of them begins in a block, by its name in code; signed like every index into a block, for with
 # unsigned ones among them the loop stays scalar.
@@ -37,6 +43,9 @@ _FactorRows = namedtuple(
     "_FactorRows", [*(c.identifier for c in COEFFICIENTS), *ActuatorErrors._fields, *Ballast._fields]
 )
 _AT = _FactorRows(*range(0, N_FACTORS * LANES, LANES))
+_RUDDER, _ELEVATOR, _THRUST = (SIGNALS.index(name) for name in ("rudder", "elevator", "thrust"))
+N_BLOCK = N_MOTION * LANES
+N_SLOPE = N_BLOCK + LANES
 
 
 class Constants(NamedTuple):
@@ -60,22 +69,51 @@ class Constants(NamedTuple):
     lever_z: float
 
 
-def vehicle_constants(parameters: Mapping[str, float]) -> Array:
-    """Put what the compiled dynamics need of a vehicle into one vector, in the order of `Constants`.
+def regressor_code(coefficient: Coefficient) -> list[float]:
+    """Return row, number of factors and factors as numbers: twice the place among `SIGNALS`, one more for a modulus."""
+    pairs = zip(coefficient.signals, coefficient.moduli, strict=True)
+    codes = [2 * SIGNALS.index(signal) + modulus for signal, modulus in pairs]
+    return [float(n) for n in (coefficient.row, len(codes), *codes, *[0] * (MOST_FACTORS - len(codes)))]
+
+
+def vehicle_constants(parameters: Mapping[str, float], terms: Sequence[Coefficient] = ()) -> Array:
+    """Put what the compiled dynamics need of a vehicle into one vector, in the order of `Constants`, then its terms.
 
     Parameters
     ----------
     parameters : mapping
         Known parameters by symbol, SI.
+    terms : sequence of Coefficient
+        Those beyond the 22.
 
     Returns
     -------
-    ndarray, shape (N_CONSTANTS,)
+    ndarray, shape (N_CONSTANTS + len(terms) * TERM_WIDTH,)
     """
     mass = mass_matrix(parameters)
     levers = [parameters[f"{a}G"] * parameters["W"] - parameters[f"{a}B"] * parameters["B"] for a in "xyz"]
     excess = parameters["W"] - parameters["B"]
-    return np.array([*mass.ravel(), *np.linalg.inv(mass).ravel(), excess, *levers])
+    table = [number for term in terms for number in (0.0, *regressor_code(term))]
+    hull = *mass.ravel(), *np.linalg.inv(mass).ravel(), excess, *levers
+    return np.array([*hull, len(terms), N_CONSTANTS, *table])
+
+
+def with_table_at_end(vehicle: Array, held: Array, between: Array) -> Array:
+    """Put other constants between those of a vehicle and its terms, and the values at which terms are held with these.
+
+    Parameters
+    ----------
+    vehicle : ndarray
+        From `vehicle_constants`.
+    held : ndarray, shape (terms,)
+        SI.
+    between : ndarray
+    """
+    table = vehicle[N_CONSTANTS:].copy()
+    table[::TERM_WIDTH] = held
+    constants = np.concatenate([vehicle[:N_CONSTANTS], between, table])
+    constants[_TERMS_AT] = N_CONSTANTS + between.size
+    return constants
 
 
 @compiled(types.NamedTuple((_vector, _vector, *[types.float64] * 4), Constants)(_vector), inline=True)
@@ -91,16 +129,40 @@ def named_constants(constants):
     )
 
 
-def factors(coefficients: Mapping[str, float], actuators: ActuatorErrors = AS_STATED) -> Array:
-    """Return what the forces are made with, shape (N_FACTORS,), without ballast.
+@compiled(types.int64(_vector))
+def n_terms(constants):
+    """Return how many terms of its own a vehicle has."""
+    return int(constants[_N_TERMS])
+
+
+@compiled(types.int64(_vector, types.int64))
+def term_place(constants, t):
+    """Return where the table says of the t-th of them at which value it is held; its code stands behind that."""
+    return int(constants[_TERMS_AT]) + TERM_WIDTH * t
+
+
+def factors(
+    coefficients: Mapping[str, float],
+    actuators: ActuatorErrors = AS_STATED,
+    of_vehicle: CoefficientSet = COEFFICIENTS,
+) -> Array:
+    """Return what the forces are made with, shape (N_FACTORS + terms,), without ballast.
 
     Parameters
     ----------
     coefficients : mapping
-        All 22 by symbol, SI.
+        All of the vehicle by symbol, SI.
     actuators : ActuatorErrors
+    of_vehicle : CoefficientSet
     """
-    return np.array([*(coefficients[symbol] for symbol in SYMBOLS), *actuators, *NO_BALLAST])
+    values = [coefficients[symbol] for symbol in of_vehicle.symbols]
+    return with_errors(np.array([values]), (*actuators, *NO_BALLAST))[0]
+
+
+def with_errors(coefficients: Array, errors: Sequence[float] | Array = NO_ERRORS) -> Array:
+    """Put errors of actuators and ballast, see `NO_ERRORS`, behind the 22 in rows of coefficients of a vehicle."""
+    n, shape = len(COEFFICIENTS), (len(coefficients), len(NO_ERRORS))
+    return np.hstack([coefficients[:, :n], np.broadcast_to(errors, shape), coefficients[:, n:]])
 
 
 @compiled(types.UniTuple(types.float64, 2)(types.float64))
@@ -129,6 +191,41 @@ def sine_cosine(angle: float) -> tuple[float, float]:
     return s, c
 
 
+@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector), internal=True)
+def add_terms(motion, coefficients, inputs, constants, n_lanes, derivative):
+    """Add what the terms of a vehicle's own make of a motion to its derivative; arguments as of `motion_derivative`."""
+    inverse, product = constants[36:72], derivative[N_BLOCK : N_BLOCK + LANES]
+    for t in range(n_terms(constants)):
+        place, value = term_place(constants, t), coefficients[(N_FACTORS + t) * LANES :]
+        for k in range(n_lanes):
+            product[k] = value[k]
+        for a in range(int(constants[place + 2])):
+            code = int(constants[place + 3 + a])
+            which, gain, shift = code // 2, 1.0, 0.0
+            # Fins and thrust as they act.
+            if which == _THRUST:
+                signal, gain = coefficients[_AT.thrust :], inputs[2]
+            elif which == _RUDDER:
+                signal, shift = coefficients[_AT.rudder_trim :], inputs[0]
+            elif which == _ELEVATOR:
+                signal, shift = coefficients[_AT.elevator_trim :], inputs[1]
+            else:
+                signal = motion[which * LANES :]
+            if code % 2:
+                for k in range(n_lanes):
+                    product[k] *= abs(shift + gain * signal[k])
+            else:
+                for k in range(n_lanes):
+                    product[k] *= shift + gain * signal[k]
+        row = int(constants[place + 1])
+        for i in range(6):
+            share, rate = inverse[6 * i + row], derivative[i * LANES : (i + 1) * LANES]
+            # Most vehicles are symmetric, and half of these are zero.
+            if share != 0.0:
+                for k in range(n_lanes):
+                    rate[k] += share * product[k]
+
+
 @compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector))
 def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivative):
     """Differentiate the nine motion states by time, Sabet et al. 2018, eqs. (3), (8) and (13).
@@ -137,16 +234,17 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
     ----------
     motion : ndarray, shape (9 * LANES,)
         Rows u, v, w, p, q, r, phi, theta, psi; m/s, rad/s, rad.
-    coefficients : ndarray, shape (N_FACTORS * LANES,)
-        One row per coefficient, in the order of `COEFFICIENTS`, SI; then of `ActuatorErrors` and of `Ballast`.
+    coefficients : ndarray, shape ((N_FACTORS + terms) * LANES,)
+        One row per coefficient, in the order of `COEFFICIENTS`, SI; then of `ActuatorErrors` and of `Ballast`; then one
+        per term of the vehicle's own.
     inputs : ndarray, shape (4,)
         Rudder, elevator (rad), surge force (N), roll moment (N m), the same for all lanes.
-    constants : ndarray, shape (N_CONSTANTS,)
+    constants : ndarray
         From `vehicle_constants`.
     n_lanes : int
         How many of the lanes are in use.
-    derivative : ndarray, shape (9 * LANES,)
-        Filled in.
+    derivative : ndarray, shape (N_SLOPE,)
+        Filled in; the last row of the ten is overwritten where there are terms of the vehicle's own.
     """
     n = LANES
     stated_rudder, stated_elevator, surge_force, roll_moment = inputs[0], inputs[1], inputs[2], inputs[3]
@@ -205,6 +303,8 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
         derivative[6 * n + k] = p + sin_theta * heading_rate
         derivative[7 * n + k] = q * cos_phi - r * sin_phi
         derivative[8 * n + k] = heading_rate
+    if n_terms(constants) > 0:
+        add_terms(motion, coefficients, inputs, constants, n_lanes, derivative)
 
 
 def check_terms(names: Iterable[str], equations: Callable) -> None:
@@ -221,8 +321,7 @@ def check_terms(names: Iterable[str], equations: Callable) -> None:
 
 check_terms(_FactorRows._fields, motion_derivative)
 
-N_WORK = 3 * N_MOTION * LANES
-N_BLOCK = N_MOTION * LANES
+N_WORK = 2 * N_BLOCK + N_SLOPE
 N_COEFFICIENT_BLOCK = N_FACTORS * LANES
 
 
@@ -239,7 +338,7 @@ def runge_kutta_step(motion, coefficients, inputs, constants, n_lanes, duration,
     work : ndarray, shape (N_WORK,)
         Overwritten.
     """
-    stage, slope, total = work[:N_BLOCK], work[N_BLOCK : 2 * N_BLOCK], work[2 * N_BLOCK :]
+    stage, total, slope = work[:N_BLOCK], work[N_BLOCK : 2 * N_BLOCK], work[2 * N_BLOCK :]
     # All lanes, used or not: with a length known to the compiler a full block takes a tenth less.
     motion_derivative(motion, coefficients, inputs, constants, n_lanes, slope)
     for i in range(N_BLOCK):

@@ -1,6 +1,5 @@
 """How the motion depends on where it started and on the coefficients: Jacobian and transition matrix."""
 
-from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -11,31 +10,32 @@ from auvid_cli.compilation import compiled
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.ballast import Ballast
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, MOST_FACTORS, N_COEFFICIENTS, SIGNALS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SIGNALS
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
     N_COEFFICIENT_BLOCK,
     N_FACTORS,
+    N_SLOPE,
     motion_derivative,
+    n_terms,
     named_constants,
+    regressor_code,
     sine_cosine,
+    term_place,
 )
 from auvid_cli.vehicle.parameters import N_MOTION
 
-_ROW = np.array([c.row for c in COEFFICIENTS])
-# Of each coefficient: how many factors, which signals these are, and whether their moduli.
-_N_FACTORS = np.array([len(c.factors) for c in COEFFICIENTS])
-_SIGNAL = np.array(
-    [[SIGNALS.index(s) for s in c.signals] + [0] * (MOST_FACTORS - len(c.signals)) for c in COEFFICIENTS]
-)
-_MODULUS = np.array([[*c.moduli] + [False] * (MOST_FACTORS - len(c.moduli)) for c in COEFFICIENTS])
+_CODES = np.array([regressor_code(c) for c in COEFFICIENTS])
 
 Array = NDArray[np.float64]
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
+# As arrays of a module are to compiled code.
+_constant = types.Array(types.float64, 1, "C", readonly=True)
 
 
+# Of a derivative by the motion and all factors; behind them is one for each term of the vehicle's own.
 N_COLUMNS = N_MOTION + N_FACTORS
 _N_BALLAST = len(Ballast._fields)
 _N_FORCE = 6 * (8 + _N_BALLAST)
@@ -45,27 +45,79 @@ N_JACOBIAN_WORK = _N_FORCE + 6
 # Where the ballast stands among the factors, and the one that adds to a fin, less the place of that among `SIGNALS`.
 _BALLAST = N_FACTORS - _N_BALLAST
 _TRIM = N_COEFFICIENTS + ActuatorErrors._fields.index("rudder_trim") - SIGNALS.index("rudder")
+_THRUST = N_COEFFICIENTS + ActuatorErrors._fields.index("thrust")
+_THRUST_SIGNAL = SIGNALS.index("thrust")
 
 
 @compiled(types.float64(_vector, _vector, _vector, types.int64), inline=True)
-def signal(motion, coefficients, inputs, which):
-    """Return one of `SIGNALS`, fins as they act."""
-    return motion[which] if which < 6 else inputs[which - 6] + coefficients[_TRIM + which]
+def _factor(motion, coefficients, inputs, code):
+    """Return one factor of a regressor, fins and thrust as they act."""
+    which = code // 2
+    if which < 6:
+        value = motion[which]
+    elif which == _THRUST_SIGNAL:
+        value = inputs[2] * coefficients[_THRUST]
+    else:
+        value = inputs[which - 6] + coefficients[_TRIM + which]
+    return abs(value) if code % 2 else value
+
+
+@compiled(types.void(_constant, *[_vector] * 4, types.float64, types.int64, _matrix, _matrix), inline=True)
+def _differentiate_term(code, motion, coefficients, inputs, inverse, coefficient, column, force, jacobian):
+    """Add the derivatives of a term by velocities to those of its force, by all else to the Jacobian's columns.
+
+    Parameters
+    ----------
+    code : ndarray
+        From `regressor_code`.
+    motion, coefficients, inputs, jacobian : ndarray
+        As of `motion_jacobian`.
+    inverse : ndarray, shape (36,)
+        Of the mass matrix.
+    coefficient : float
+    column : int
+        Of the derivative by the coefficient.
+    force : ndarray
+        Derivatives of the forces by velocities.
+    """
+    row, n_factors, regressor = int(code[0]), int(code[1]), 1.0
+    for a in range(n_factors):
+        factor = int(code[2 + a])
+        value = _factor(motion, coefficients, inputs, factor)
+        regressor *= value
+        # The product rule: the derivative of this factor times the others.
+        slope = coefficient
+        if factor % 2:
+            slope *= np.sign(_factor(motion, coefficients, inputs, factor - 1))
+        for b in range(n_factors):
+            if b != a:
+                slope *= _factor(motion, coefficients, inputs, int(code[2 + b]))
+        which = factor // 2
+        if which < 6:
+            force[row, which] += slope
+            continue
+        by = _TRIM + which
+        if which == _THRUST_SIGNAL:
+            by, slope = _THRUST, slope * inputs[2]
+        for i in range(6):
+            jacobian[i, N_MOTION + by] += inverse[6 * i + row] * slope
+    for i in range(6):
+        jacobian[i, column] = inverse[6 * i + row] * regressor
 
 
 @compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _vector))
 def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
-    """Differentiate `motion_derivative` by the motion states, the 22 coefficients, the actuators' errors and the
-    ballast.
+    """Differentiate `motion_derivative` by the motion states, the 22 coefficients, the actuators' errors, the ballast
+    and the coefficients of the vehicle's own terms.
 
     Parameters
     ----------
     motion : ndarray, shape (9,)
-    coefficients : ndarray, shape (N_FACTORS,)
+    coefficients : ndarray, shape (N_FACTORS + terms,)
     inputs : ndarray, shape (4,)
-    constants : ndarray, shape (N_CONSTANTS,)
+    constants : ndarray
         From `vehicle_constants`.
-    jacobian : ndarray, shape (9, 9 + N_FACTORS)
+    jacobian : ndarray, shape (9, N_COLUMNS + terms)
         Filled in: A of Sabet et al. 2018, Table A1, motion part, then the regressor B(x); the equations are linear
         in the coefficients, and in the thrust's factor, the trims and the ballast.
     work : ndarray, shape (N_JACOBIAN_WORK,)
@@ -83,7 +135,7 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
         for j in range(8 + _N_BALLAST):
             force[i, j] = 0.0
     for i in range(N_MOTION):
-        for j in range(N_COLUMNS):
+        for j in range(jacobian.shape[1]):
             jacobian[i, j] = 0.0
 
     # Kirchhoff: F = [a x omega, b x omega + a x v] with momentum (a, b); the product rule.
@@ -116,26 +168,20 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
         force[i, 8] = -down[i]
     force[4, 9], force[5, 9] = down[2], -down[1]
 
-    for m in range(N_COEFFICIENTS):
-        row, regressor = _ROW[m], 1.0
-        for a in range(_N_FACTORS[m]):
-            value = signal(motion, coefficients, inputs, _SIGNAL[m, a])
-            regressor *= abs(value) if _MODULUS[m, a] else value
-            # The product rule: the derivative of this factor times the others.
-            slope = coefficients[m] * (np.sign(value) if _MODULUS[m, a] else 1.0)
-            for b in range(_N_FACTORS[m]):
-                if b != a:
-                    other = signal(motion, coefficients, inputs, _SIGNAL[m, b])
-                    slope *= abs(other) if _MODULUS[m, b] else other
-            if _SIGNAL[m, a] < 6:
-                force[row, _SIGNAL[m, a]] += slope
-                continue
-            for i in range(6):
-                jacobian[i, N_MOTION + _TRIM + _SIGNAL[m, a]] += inverse[i, row] * slope
-        for i in range(6):
-            jacobian[i, N_MOTION + m] = inverse[i, row] * regressor
     for i in range(6):
-        jacobian[i, N_MOTION + N_COEFFICIENTS] = inverse[i, 0] * inputs[2]
+        jacobian[i, N_MOTION + _THRUST] = inverse[i, 0] * inputs[2]
+    for m in range(N_COEFFICIENTS):
+        _differentiate_term(
+            _CODES[m],
+            *(motion, coefficients, inputs, inverse_by_rows),
+            *(coefficients[m], N_MOTION + m, force, jacobian),
+        )
+    for t in range(n_terms(constants)):
+        _differentiate_term(
+            constants[term_place(constants, t) + 1 :],
+            *(motion, coefficients, inputs, inverse_by_rows),
+            *(coefficients[N_FACTORS + t], N_COLUMNS + t, force, jacobian),
+        )
 
     for i in range(6):
         for k in range(6):
@@ -160,17 +206,19 @@ class TransitionWorkspace(NamedTuple):
 
     Attributes
     ----------
-    start_transition, stage_transition : ndarray, shape (9, 9 + N_FACTORS)
+    start_transition, stage_transition : ndarray, shape (9, N_COLUMNS + terms)
         Transition matrix where the step and where a stage of it begins.
-    rate : ndarray, shape (9, 9 + N_FACTORS)
+    rate : ndarray, shape (9, N_COLUMNS + terms)
         Its time derivative.
-    jacobian : ndarray, shape (9, 9 + N_FACTORS)
+    jacobian : ndarray, shape (9, N_COLUMNS + terms)
         See `motion_jacobian`.
     start, stage : ndarray, shape (9,)
         Motion where the step and where a stage of it begins.
-    block, slope : ndarray, shape (N_BLOCK,)
-        The motion of a stage in the first lane of a block, and its time derivative.
-    coefficient_block : ndarray, shape (N_COEFFICIENT_BLOCK,)
+    block : ndarray, shape (N_BLOCK,)
+        The motion of a stage in the first lane of a block.
+    slope : ndarray, shape (N_SLOPE,)
+        Its time derivative.
+    coefficient_block : ndarray, shape (N_COEFFICIENT_BLOCK + terms * LANES,)
     for_jacobian : ndarray, shape (N_JACOBIAN_WORK,)
     """
 
@@ -186,26 +234,36 @@ class TransitionWorkspace(NamedTuple):
     for_jacobian: Array
 
 
-# Where each of them ends in one vector; the matrices stand together.
-_MATRICES, _START, _STAGE, _BLOCK, _SLOPE, _COEFFICIENTS, N_TRANSITION_WORK = accumulate(
-    (4 * N_MOTION * N_COLUMNS, N_MOTION, N_MOTION, N_BLOCK, N_BLOCK, N_COEFFICIENT_BLOCK, N_JACOBIAN_WORK)
+# Of the vectors among them where each ends, but the coefficients; the matrices stand behind them all.
+_START, _STAGE, _BLOCK, _SLOPE, _FOR_JACOBIAN = (
+    N_MOTION,
+    2 * N_MOTION,
+    2 * N_MOTION + N_BLOCK,
+    2 * N_MOTION + N_BLOCK + N_SLOPE,
+    2 * N_MOTION + N_BLOCK + N_SLOPE + N_JACOBIAN_WORK,
 )
 
 
-@compiled(types.NamedTuple((*[_matrix] * 4, *[_vector] * 6), TransitionWorkspace)(_vector), inline=True)
-def _transition_workspace(scratch):
-    matrices = scratch[:_MATRICES].reshape(4, N_MOTION, N_COLUMNS)
+def transition_work(terms: int) -> int:
+    """Return the length of what a step with the transition matrix works with."""
+    return _FOR_JACOBIAN + N_COEFFICIENT_BLOCK + terms * LANES + 4 * N_MOTION * (N_COLUMNS + terms)
+
+
+@compiled(types.NamedTuple((*[_matrix] * 4, *[_vector] * 6), TransitionWorkspace)(_vector, types.int64), inline=True)
+def _transition_workspace(scratch, terms):
+    columns, ends = N_COLUMNS + terms, _FOR_JACOBIAN + N_COEFFICIENT_BLOCK + terms * LANES
+    size = N_MOTION * columns
     return TransitionWorkspace(
-        start_transition=matrices[0],
-        stage_transition=matrices[1],
-        rate=matrices[2],
-        jacobian=matrices[3],
-        start=scratch[_MATRICES:_START],
+        start_transition=scratch[ends : ends + size].reshape(N_MOTION, columns),
+        stage_transition=scratch[ends + size : ends + 2 * size].reshape(N_MOTION, columns),
+        rate=scratch[ends + 2 * size : ends + 3 * size].reshape(N_MOTION, columns),
+        jacobian=scratch[ends + 3 * size : ends + 4 * size].reshape(N_MOTION, columns),
+        start=scratch[:_START],
         stage=scratch[_START:_STAGE],
         block=scratch[_STAGE:_BLOCK],
         slope=scratch[_BLOCK:_SLOPE],
-        coefficient_block=scratch[_SLOPE:_COEFFICIENTS],
-        for_jacobian=scratch[_COEFFICIENTS:N_TRANSITION_WORK],
+        for_jacobian=scratch[_SLOPE:_FOR_JACOBIAN],
+        coefficient_block=scratch[_FOR_JACOBIAN:ends],
     )
 
 
@@ -214,12 +272,12 @@ def _transition_rate(jacobian, transition, rate):
     """Fill in ``A Phi + [0 B]`` for the Jacobian ``[A B]`` and the transition matrix Phi."""
     for i in range(N_MOTION):
         # The short sum inside: it is unrolled, and the loop over columns becomes vector instructions.
-        for j in range(N_COLUMNS):
+        for j in range(rate.shape[1]):
             total = 0.0
             for k in range(N_MOTION):
                 total += jacobian[i, k] * transition[k, j]
             rate[i, j] = total
-        for j in range(N_MOTION, N_COLUMNS):
+        for j in range(N_MOTION, rate.shape[1]):
             rate[i, j] += jacobian[i, j]
 
 
@@ -237,17 +295,18 @@ def transition_step(motion, coefficients, inputs, constants, duration, transitio
         As for `motion_jacobian`.
     duration : float
         Step, s.
-    transition : ndarray, shape (9, 9 + N_FACTORS)
+    transition : ndarray, shape (9, N_COLUMNS + terms)
         Sensitivity of the motion to the initial motion and to the coefficients; start from [I 0].
-    scratch : ndarray, shape (N_TRANSITION_WORK,)
-        Overwritten.
+    scratch : ndarray
+        Of `transition_work`; overwritten.
     """
-    work = _transition_workspace(scratch)
-    for m in range(N_FACTORS):
+    work = _transition_workspace(scratch, n_terms(constants))
+    columns = N_COLUMNS + n_terms(constants)
+    for m in range(columns - N_MOTION):
         work.coefficient_block[m * LANES] = coefficients[m]
     for i in range(N_MOTION):
         work.start[i] = work.stage[i] = motion[i]
-        for j in range(N_COLUMNS):
+        for j in range(columns):
             work.start_transition[i, j] = work.stage_transition[i, j] = transition[i, j]
     for weight, advance in ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)):
         for i in range(N_MOTION):
@@ -259,6 +318,6 @@ def transition_step(motion, coefficients, inputs, constants, duration, transitio
             slope = work.slope[i * LANES]
             motion[i] += duration / 6.0 * weight * slope
             work.stage[i] = work.start[i] + advance * duration * slope
-            for j in range(N_COLUMNS):
+            for j in range(columns):
                 transition[i, j] += duration / 6.0 * weight * work.rate[i, j]
                 work.stage_transition[i, j] = work.start_transition[i, j] + advance * duration * work.rate[i, j]

@@ -167,7 +167,7 @@ class Interrupted(Exception):
 
 
 def test_a_dataset_that_cannot_be_written_whole_leaves_nothing(dataset, tmp_path, monkeypatch):
-    def fail(group, truth):
+    def fail(group, truth, units):
         raise Interrupted
 
     monkeypatch.setattr(dataset_file, "_write_truth", fail)

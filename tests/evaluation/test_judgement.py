@@ -23,6 +23,7 @@ from auvid_cli.evaluation.judgement import (
     judge_one,
     whiteness,
 )
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
 
 N = 5000
 
@@ -181,6 +182,7 @@ class _two_coefficients:
     """As much of an estimate as has a distance."""
 
     state = ("Y_url", "N_url", "u")
+    coefficient_set = COEFFICIENTS
 
     def __init__(self, values, deviation):
         self.mean = np.array([[*values, 1.0]])

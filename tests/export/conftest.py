@@ -9,13 +9,21 @@ from auvid_cli.export.actuation import Actuation
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel, Origin
 from auvid_cli.export.terms import term_histories, term_sizes
 from auvid_cli.lanes import LANES
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.dynamics import NO_ERRORS, motion_derivative, vehicle_constants
+from auvid_cli.vehicle.dynamics import N_SLOPE, motion_derivative, vehicle_constants, with_errors
 from auvid_cli.vehicle.parameters import N_MOTION
 
 SOUND = Judgement(Grade.SOUND)
 AS_STATED = Actuation(1.0, 0.0, 0.0, {})
 # Centres off every axis and weight other than buoyancy, so that no lever vanishes.
+# Some that every form holds, one that changes its sign where axes are turned, and two that Gazebo has no place for.
+TERMS = (
+    '{name: N_|v|r, row: N, factors: ["|v|", r], value: -120}',
+    "{name: K_up, row: K, factors: [u, p], value: -3}",
+    "{name: Y_v, row: Y, factors: [v], value: -20}",
+    "{name: X_uw, row: X, factors: [u, w], value: 7}",
+    "{name: X_udrdr, row: X, factors: [u, u, rudder, rudder], value: -11}",
+    '{name: K_T, row: K, factors: ["|thrust|"], value: 0.01}',
+)
 SKEWED = {"xG": 0.02, "yG": -0.01, "zG": 0.03, "xB": -0.03, "yB": 0.02, "zB": -0.01, "B": 480.0}
 
 
@@ -24,14 +32,15 @@ def make_model(
 ) -> IdentifiedModel:
     """A vehicle with its own coefficients for estimates."""
     values, coefficients = experiment.vehicle.all_coefficients(), []
-    for c in COEFFICIENTS:
+    for c in experiment.vehicle.coefficient_set:
         deviation = None if c.symbol in held else 1e-3 * (abs(values[c.symbol]) + 1.0)
         identified = None if c.symbol in held else c.symbol not in not_identified
         coefficients.append(IdentifiedCoefficient(c.symbol, c.unit, values[c.symbol], deviation, identified))
     estimated = [*(c for c in coefficients if c.standard_deviation is not None), *states]
     deviations = np.array([each.standard_deviation for each in estimated])
     rng = np.random.default_rng(1)
-    terms = term_histories(values, rng.standard_normal((50, 9)), rng.standard_normal((50, 4)))
+    of_vehicle = experiment.vehicle.coefficient_set
+    terms = term_histories(of_vehicle, values, rng.standard_normal((50, 9)), rng.standard_normal((50, 4)))
     return IdentifiedModel(
         experiment=experiment,
         filter="tukf",
@@ -40,7 +49,7 @@ def make_model(
         states=tuple(states),
         actuation=actuation,
         covariance=0.9 * np.diag(deviations**2) + 0.1 * np.outer(deviations, deviations),
-        term_sizes=tuple(term_sizes(terms)),
+        term_sizes=tuple(term_sizes(of_vehicle, terms)),
         origin=Origin("d" * 64, "e" * 64, "1.2.3", "2026-01-01T00:00:00+00:00"),
     )
 
@@ -58,8 +67,9 @@ def model_with():
 
 @pytest.fixture(scope="session")
 def skewed(model_with) -> IdentifiedModel:
-    """The default vehicle with its weight and buoyancy off its axes."""
-    return model_with(*(f"vehicle.parameters.{symbol}={value}" for symbol, value in SKEWED.items()))
+    """The default vehicle with its weight and buoyancy off its axes, and terms of its own."""
+    centres = (f"vehicle.parameters.{symbol}={value}" for symbol, value in SKEWED.items())
+    return model_with(*centres, f"vehicle.terms=[{', '.join(TERMS)}]")
 
 
 @pytest.fixture(scope="session")
@@ -68,11 +78,12 @@ def derivative_of():
 
     def derivative(model, motion, inputs, coefficients=None):
         values = [each.value for each in model.coefficients] if coefficients is None else coefficients
-        constants = vehicle_constants(model.experiment.vehicle.known_parameters())
-        result = np.zeros(N_MOTION * LANES)
-        blocks = (np.repeat(np.asarray(each, dtype=float), LANES) for each in (motion, [*values, *NO_ERRORS]))
+        vehicle = model.experiment.vehicle
+        constants = vehicle_constants(vehicle.known_parameters(), vehicle.coefficient_set.terms)
+        result, factors = np.zeros(N_SLOPE), with_errors(np.array([values], dtype=float))[0]
+        blocks = (np.repeat(np.asarray(each, dtype=float), LANES) for each in (motion, factors))
         motion_derivative(*blocks, np.asarray(inputs, dtype=float), constants, 1, result)
-        return result[::LANES].copy()
+        return result[: N_MOTION * LANES : LANES].copy()
 
     return derivative
 

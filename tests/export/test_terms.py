@@ -10,23 +10,25 @@ from auvid_cli.vehicle.matrices import mass_matrix
 def test_terms_add_up_to_what_the_core_makes_of_the_coefficients(skewed, derivative_of, draw):
     states = [draw(seed) for seed in range(20)]
     motion, inputs = (np.array(each) for each in zip(*states, strict=True))
-    terms = term_histories({each.symbol: each.value for each in skewed.coefficients}, motion, inputs)
+    of_vehicle = skewed.coefficient_set
+    terms = term_histories(of_vehicle, {each.symbol: each.value for each in skewed.coefficients}, motion, inputs)
     mass = mass_matrix(skewed.experiment.vehicle.known_parameters())
     for own, *state in zip(terms, motion, inputs, strict=True):
-        with_them, without = derivative_of(skewed, *state), derivative_of(skewed, *state, np.zeros(N_COEFFICIENTS))
-        by_row = np.bincount([c.row for c in COEFFICIENTS], own, minlength=6)
+        with_them, without = derivative_of(skewed, *state), derivative_of(skewed, *state, np.zeros(len(of_vehicle)))
+        by_row = np.bincount([c.row for c in of_vehicle], own, minlength=6)
         assert_allclose(by_row, mass @ (with_them - without)[:6], rtol=1e-10, atol=1e-10)
 
 
-@pytest.mark.parametrize("symbol", SYMBOLS)
+@pytest.mark.parametrize("symbol", [*SYMBOLS, "N_|v|r", "K_T"])
 def test_each_term_is_that_of_its_coefficient_alone(symbol, skewed, derivative_of, draw):
     motion, inputs = draw(7)
-    alone = np.where(np.array(SYMBOLS) == symbol, 2.5, 0.0)
-    terms = term_histories(dict(zip(SYMBOLS, alone, strict=True)), motion[None], inputs[None])
+    of_vehicle, symbols = skewed.coefficient_set, skewed.coefficient_set.symbols
+    alone = np.where(np.array(symbols) == symbol, 2.5, 0.0)
+    terms = term_histories(of_vehicle, dict(zip(symbols, alone, strict=True)), motion[None], inputs[None])
     acceleration = (derivative_of(skewed, motion, inputs, alone) - derivative_of(skewed, motion, inputs, 0 * alone))[:6]
     force = mass_matrix(skewed.experiment.vehicle.known_parameters()) @ acceleration
-    coefficient = COEFFICIENTS[SYMBOLS.index(symbol)]
-    assert_allclose(terms[0, SYMBOLS.index(symbol)], force[coefficient.row], rtol=1e-10)
+    coefficient = of_vehicle[symbols.index(symbol)]
+    assert_allclose(terms[0, symbols.index(symbol)], force[coefficient.row], rtol=1e-10)
     assert np.count_nonzero(terms) == 1
 
 
@@ -35,7 +37,7 @@ def test_sizes_are_shares_of_the_row_even_where_terms_cancel():
     terms[:, SYMBOLS.index("Y_uvl")] = 3.0, -3.0
     terms[:, SYMBOLS.index("Y_url")] = -4.0, 4.0
     terms[:, SYMBOLS.index("K_p|p|")] = 1.0, 7.0
-    sizes = {size.symbol: size for size in term_sizes(terms)}
+    sizes = {size.symbol: size for size in term_sizes(COEFFICIENTS, terms)}
     assert sizes["Y_uvl"] == ("Y_uvl", "Y", "N", 3.0, pytest.approx(60.0))
     assert sizes["Y_url"] == ("Y_url", "Y", "N", 4.0, pytest.approx(80.0))
     assert sizes["K_p|p|"] == ("K_p|p|", "K", "N*m", 5.0, pytest.approx(100.0))

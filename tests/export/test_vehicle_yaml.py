@@ -54,9 +54,18 @@ def test_a_model_exported_again_reads_the_same(model_with, load_as_vehicle):
     assert load_as_vehicle(text).coefficients == vehicle.coefficients
 
 
+def test_terms_of_its_own_come_back(skewed, load_as_vehicle):
+    vehicle = load_as_vehicle(written(skewed))
+    assert vehicle.coefficient_set == skewed.coefficient_set
+    assert vehicle.all_coefficients() == {each.symbol: each.value for each in skewed.coefficients}
+    deviations = {each.symbol: each.standard_deviation for each in skewed.coefficients}
+    assert vehicle.stated_deviations() == deviations
+    assert vehicle.terms[0].status == "estimated by tukf"
+
+
 def test_it_says_above_what_is_lost(skewed):
     heading = [line for line in written(skewed).splitlines() if line.startswith("#")]
     assert "# No term of the equations of motion is lost." in heading
     assert any("covariances" in line for line in heading)
-    keys = "name", "source", "notes", "size", "geometry", "parameters", "coefficients"
+    keys = "name", "source", "notes", "size", "geometry", "parameters", "coefficients", "terms"
     assert tuple(yaml.safe_load(written(skewed))) == keys

@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.vehicle import VehicleEntry
-from auvid_cli.data.estimate import STATES
 from auvid_cli.evaluation.causes import LARGEST_FAULT
 from auvid_cli.evaluation.judgement import FARTHEST_SEGMENT
 from auvid_cli.filters.problem import SEGMENT
@@ -20,6 +19,7 @@ from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.vehicle.actuators import ActuatorErrors
+from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.dynamics import factors, vehicle_constants
 from auvid_cli.vehicle.kinematics import dvl_axes, rotation_matrix
 from auvid_cli.vehicle.matrices import mass_matrix
@@ -391,4 +391,4 @@ def test_segments_of_one_model_agree_and_others_do_not(clean, with_settings):
         found = [test for test in results_of(dataset).values() if test.fault.startswith(SEGMENT)]
         assert [test.fault for test in found] == [f"{SEGMENT} {begin:g} s" for begin in (0, 30)]
         assert [abs(test.z) > FARTHEST_SEGMENT for test in found] == [disagree] * 2
-        assert all(test.unit == STATES[test.coefficient] for test in found)
+        assert all(test.unit == COEFFICIENTS.units[test.coefficient] for test in found)

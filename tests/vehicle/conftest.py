@@ -7,7 +7,7 @@ import pytest
 
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
-from auvid_cli.vehicle.dynamics import N_WORK, NO_ERRORS, motion_derivative, runge_kutta_step
+from auvid_cli.vehicle.dynamics import N_SLOPE, N_WORK, NO_ERRORS, motion_derivative, runge_kutta_step
 from auvid_cli.vehicle.parameters import N_MOTION
 
 
@@ -26,9 +26,9 @@ def core():
     """`derivative(motion, coefficients, inputs, constants)` and `advance(..., steps, step)` on plain vectors."""
 
     def derivative(motion, coefficients, inputs, constants):
-        result = np.zeros(N_MOTION * LANES)
+        result = np.zeros(N_SLOPE)
         motion_derivative(_block(motion), _block(_factors(coefficients)), inputs, constants, 1, result)
-        return result[::LANES].copy()
+        return result[: N_MOTION * LANES : LANES].copy()
 
     def advance(motion, coefficients, inputs, constants, steps, step):
         """Motion after every step, the start first: shape (steps + 1, 9)."""

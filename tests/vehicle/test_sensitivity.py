@@ -9,21 +9,21 @@ from scipy.integrate import solve_ivp
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.ballast import Ballast
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS
-from auvid_cli.vehicle.dynamics import N_FACTORS, factors, vehicle_constants
+from auvid_cli.vehicle.dynamics import N_FACTORS, factors, n_terms, vehicle_constants
 from auvid_cli.vehicle.parameters import N_MOTION
 from auvid_cli.vehicle.sensitivity import (
     N_COLUMNS,
     N_JACOBIAN_WORK,
-    N_TRANSITION_WORK,
     motion_jacobian,
     transition_step,
+    transition_work,
 )
 
 seeds = st.integers(0, 2**32 - 1)
 
 
 def jacobian(motion, coefficients, inputs, constants):
-    both = np.full((N_MOTION, N_COLUMNS), 7.0)
+    both = np.full((N_MOTION, N_COLUMNS + n_terms(constants)), 7.0)
     motion_jacobian(motion, coefficients, inputs, constants, both, np.full(N_JACOBIAN_WORK, 7.0))
     return both[:, :N_MOTION], both[:, N_MOTION:]
 
@@ -81,9 +81,10 @@ def test_columns_by_coefficient_follow_from_linearity(seed, core, random_vehicle
 
 def one_transition(motion, coefficients, inputs, constants, steps, step):
     motion = motion.copy()
-    transition = np.hstack([np.eye(N_MOTION), np.zeros((N_MOTION, N_FACTORS))])
+    transition = np.hstack([np.eye(N_MOTION), np.zeros((N_MOTION, coefficients.size))])
     for _ in range(steps):
-        transition_step(motion, coefficients, inputs, constants, step, transition, np.full(N_TRANSITION_WORK, 7.0))
+        work = np.full(transition_work(n_terms(constants)), 7.0)
+        transition_step(motion, coefficients, inputs, constants, step, transition, work)
     return motion, transition
 
 

@@ -4,13 +4,13 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, as_completed
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.report.figures import workers
 from auvid_cli.report.figures.workers import Submit, draw_and_save
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.coefficients import CoefficientGroup
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, SENSORS, Quantity
 
 if TYPE_CHECKING:
@@ -58,8 +58,9 @@ class FigureQueue:
         wanted: list[tuple[Any, ...]] = []
         state = {symbol for estimate in estimates for symbol in estimate.state}
         true = dataset.truth.coefficients if dataset.truth is not None else {}
-        for group in dict.fromkeys(c.group for c in COEFFICIENTS):
-            members = [c for c in COEFFICIENTS if c.group == group and c.symbol in state]
+        known = dict.fromkeys(c for estimate in estimates for c in estimate.coefficient_set)
+        for group in get_args(CoefficientGroup):
+            members = [c for c in known if c.group == group and c.symbol in state]
             if members:
                 courses = [estimate.course([c.symbol for c in members]) for estimate in estimates]
                 wanted.append((len(members), f"coefficients_{group}", "coefficients", members, courses, true))

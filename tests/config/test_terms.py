@@ -1,0 +1,131 @@
+"""Terms of a vehicle's own in settings: what they are, and what is said of those that cannot be."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from auvid_cli.config.load import dump_experiment, parse_experiment
+from auvid_cli.errors import ConfigError
+
+CROSS = '{name: N_|v|r, row: N, factors: ["|v|", r], value: -120 kg*m/rad}'
+
+
+def with_terms(*terms):
+    return f"vehicle.terms=[{', '.join(terms)}]"
+
+
+def test_a_term_is_a_coefficient_behind_the_22(text):
+    experiment = parse_experiment(text, "test", (with_terms(CROSS, "{name: K_up, row: K, factors: [u, p]}"),))
+    vehicle = experiment.vehicle
+    assert vehicle.coefficient_set.symbols[22:] == ("N_|v|r", "K_up")
+    assert vehicle.coefficient_set.units["N_|v|r"] == "kg*m/rad"
+    assert vehicle.stated_coefficients()["N_|v|r"] == -120.0
+    assert "K_up" not in vehicle.stated_coefficients()
+    assert experiment.identification.estimated(vehicle) == vehicle.coefficient_set.symbols
+    assert parse_experiment(dump_experiment(experiment), "test") == experiment
+    with pytest.raises(ConfigError, match="states no value for K_up"):
+        vehicle.all_coefficients()
+
+
+@pytest.mark.parametrize(
+    ("row", "factors", "quantity", "si"),
+    [
+        ("Y", "[v]", "2 g/ms", 2.0),
+        ("K", "[thrust]", "3 mm", 3e-3),
+        ("X", "[thrust]", "0.1", 0.1),
+        ("X", "[u, u, rudder, rudder]", "5 kg/m", 5.0),
+        ("N", "[p, q]", "1 g*m^2", 1e-3),
+        ("X", '["|thrust|", u]', "4 s/m", 4.0),
+    ],
+)
+def test_a_value_is_in_any_unit_of_its_dimension(row, factors, quantity, si, text):
+    override = with_terms(f"{{name: {row}_t, row: {row}, factors: {factors}, value: {quantity}}}")
+    (term,) = parse_experiment(text, "test", (override,)).vehicle.terms
+    assert term.value == pytest.approx(si, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("terms", "place", "message"),
+    [
+        ("{row: N, factors: [v]}", 3, "terms.0: missing key 'name'"),
+        ("{name: N_|v|, row: N}", 3, "terms.0: missing key 'factors'"),
+        ("{name: yaw, row: N, factors: [v]}", 10, "terms.0.name: must match"),
+        ("{name: N_a, row: L, factors: [v]}", 20, "terms.0.row: expected 'X', 'Y', 'Z', 'K', 'M' or 'N'"),
+        ("{name: N_a, row: M, factors: [v]}", 20, "terms.0.row: N_a is named for row N, and stands in row M"),
+        ("{name: N_a, row: N, factors: []}", 32, "terms.0.factors: expected at least 1 of them"),
+        ("{name: N_a, row: N, factors: [vv]}", 32, "terms.0.factors: 'vv' is no factor; expected one of u, v"),
+        ("{name: N_a, row: N, factors: ['|v']}", 32, "terms.0.factors: '|v' is half a modulus; expected |v|"),
+        ("{name: N_a, row: N, factors: [v], value: 1 kg}", 44, "terms.0.value: expected a quantity such as '0.1"),
+        ("{name: N_a, row: N, factors: [v], size: 1}", 37, "terms.0.size: unknown key 'size'"),
+        (
+            "{name: N_a, row: N, factors: [v], prior: {mean: 1 kg}}",
+            44,
+            "terms.0.prior: expected a quantity such as '0.1 kg*m/s'",
+        ),
+        (
+            "{name: N_vv, row: N, factors: [v, v]}",
+            10,
+            "terms.0.name: N_vv is called like N_v|v|, which is there already",
+        ),
+        (
+            "{name: N_a, row: N, factors: [v, '|v|']}",
+            10,
+            "terms.0.name: N_a is N_v|v| again, but for a constant: N += N_v|v| |v| v is there already",
+        ),
+        (
+            "{name: K_prop, row: K, factors: [thrust]}",
+            10,
+            "terms.0.name: K_prop is called like K_prop, which is there already",
+        ),
+    ],
+)
+def test_what_a_term_cannot_be_is_said_in_one_line_at_its_place(terms, place, message, text, tmp_path):
+    (line,) = errors_of(terms, text, tmp_path)
+    assert line.startswith(f"+0:{place}: vehicle.{message}")
+
+
+def test_terms_that_are_the_same_are_said_to_be(text, tmp_path):
+    terms = "{name: N_a, row: N, factors: [v, v]}\n- {name: N_b, row: N, factors: ['|v|', '|v|']}"
+    (line,) = errors_of(terms, text, tmp_path)
+    assert "+1:10: vehicle.terms.1.name: N_b is N_a again, but for a constant: N += N_a v v" in line
+
+
+def errors_of(terms, text, folder):
+    """Return what is said of a vehicle file with terms at its end, lines counted from the first of these."""
+    named = Path(re.search(r"vehicle: (\S+)", text).group(1))
+    shipped, path = named.read_text(encoding="utf-8"), folder / "vehicle.yaml"
+    path.write_text(f"{shipped}terms:\n- {terms}\n", encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        parse_experiment(text.replace(str(named), str(path)), "test")
+    first = shipped.count("\n") + 2
+    return [
+        re.sub(r"^\S+vehicle.yaml:(\d+)", lambda place: f"+{int(place[1]) - first}", line)
+        for line in str(caught.value).splitlines()
+    ]
+
+
+def test_settings_may_name_a_term_and_are_told_of_one_that_is_not_there(text):
+    settings = (
+        "identification.coefficients=[N_|v|r, X_u|u|]",
+        "identification.prior.standard_deviation.N_|v|r=50 kg*m/rad",
+        "identification.output_error.bounds.N_|v|r=[-1e3, 0]",
+    )
+    experiment = parse_experiment(text, "test", (with_terms(CROSS), *settings))
+    assert experiment.identification.estimated(experiment.vehicle) == ("X_u|u|", "N_|v|r")
+    assert "N_|v|r" not in experiment.identification.held(experiment.vehicle)
+    for setting in settings:
+        with pytest.raises(ConfigError, match=r"'N_\|v\|r' is not a coefficient"):
+            parse_experiment(text, "test", (setting,))
+
+
+def test_what_is_known_is_left_out_where_all_are_estimated(text):
+    left_out = "vehicle.coefficients.M_w|w|={value: 0 kg, estimate: false}"
+    known = with_terms(CROSS.replace("}", ", estimate: false}"))
+    experiment = parse_experiment(text, "test", (left_out, known))
+    assert experiment.identification.held(experiment.vehicle) == ("M_w|w|", "N_|v|r")
+    assert parse_experiment(dump_experiment(experiment), "test") == experiment
+    named = parse_experiment(text, "test", (left_out, known, "identification.coefficients=[M_w|w|]"))
+    assert named.identification.estimated(named.vehicle) == ("M_w|w|",)
+    with pytest.raises(ConfigError, match=r"bounds names M_w\|w\|, which is not among the coefficients to estimate"):
+        parse_experiment(text, "test", (left_out, "identification.output_error.bounds.M_w|w|=[-1, 1]"))
