@@ -122,7 +122,8 @@ def check_own_terms(terms: Sequence[Term]) -> None:
     for place, term in enumerate(terms):
         coefficient, why = term.coefficient, ""
         if (taken := names.get(coefficient.identifier)) is not None:
-            why = f"{term.name} is called like {taken}, which is there already"
+            other = f"called like {taken}, which" if taken != term.name else "a name that"
+            why = f"{term.name} is {other} is there already"
         elif (there := products.get(coefficient.regressor)) is not None:
             why = f"{term.name} is {there.symbol} again, but for a constant: {there.equation} is there already"
         if why:

@@ -198,7 +198,7 @@ def test_what_innovations_remember_is_of_neighbours_however_few_are_read(
 def test_faults_come_back_as_they_were_tested(estimate, write_estimate, tmp_path):
     faults = (
         FaultTest("bias of r", "rad/s", 1e-4, 2e-5, "N_url", 0.5),
-        FaultTest("Y_|v|r", "N*s^2/(m*rad)", -3.0, 1.0, "Y_url", 2.25),
+        FaultTest("Y_|v|r", "kg/rad", -3.0, 1.0, "Y_url", 2.25),
     )
     write_estimate(tmp_path / "estimate.h5", replace(estimate, faults=faults))
     back = read_estimate(tmp_path / "estimate.h5")
