@@ -151,7 +151,7 @@ def linearise_force(mean, inputs, constants, selection, predicted, matrix, scrat
     if is_disturbed(constants):
         push(mean[first:], 1, constants, 1, 1.0, work.slope, LANES)
     _specific_force(work.block, work.slope, constants, 1, work.force)
-    motion_jacobian(motion, work.coefficients, inputs, constants, jacobian, work.for_jacobian)
+    motion_jacobian(motion, work.coefficients, inputs, constants, jacobian, jacobian, N_COLUMNS, work.for_jacobian)
 
     scales, biases = (ROW.scale_fx, ROW.scale_fy, ROW.scale_fz), (ROW.bias_fx, ROW.bias_fy, ROW.bias_fz)
     arm = known_vector(constants, ACCELEROMETER)

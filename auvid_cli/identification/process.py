@@ -191,7 +191,9 @@ def first_order_transition(mean, inputs, substep_input, substep_duration, consta
         before_moving(sensitivity, work.sinking)
         sink_rate(motion, sensitivity, elapsed, work.sinking)
         fill_in_row(work.sinking, constants, selection, matrix[depth])
-    motion_jacobian(motion, work.coefficients, inputs[substep_input[0]], constants, sensitivity, work.step)
+    motion_jacobian(
+        motion, work.coefficients, inputs[substep_input[0]], constants, sensitivity, sensitivity, N_COLUMNS, work.step
+    )
     for i in range(N_MOTION):
         for j in range(n_columns):
             sensitivity[i, j] = elapsed * sensitivity[i, j] + (1.0 if i == j else 0.0)

@@ -197,9 +197,8 @@ def add_terms(motion, coefficients, inputs, constants, n_lanes, derivative):
     inverse, product = constants[36:72], derivative[N_BLOCK : N_BLOCK + LANES]
     for t in range(n_terms(constants)):
         place, value = term_place(constants, t), coefficients[(N_FACTORS + t) * LANES :]
-        for k in range(n_lanes):
-            product[k] = value[k]
         for a in range(int(constants[place + 2])):
+            before = value if a == 0 else product
             code = int(constants[place + 3 + a])
             which, gain, shift = code // 2, 1.0, 0.0
             # Fins and thrust as they act.
@@ -213,10 +212,10 @@ def add_terms(motion, coefficients, inputs, constants, n_lanes, derivative):
                 signal = motion[which * LANES :]
             if code % 2:
                 for k in range(n_lanes):
-                    product[k] *= abs(shift + gain * signal[k])
+                    product[k] = before[k] * abs(shift + gain * signal[k])
             else:
                 for k in range(n_lanes):
-                    product[k] *= shift + gain * signal[k]
+                    product[k] = before[k] * (shift + gain * signal[k])
         row = int(constants[place + 1])
         for i in range(6):
             share, rate = inverse[6 * i + row], derivative[i * LANES : (i + 1) * LANES]

@@ -1,5 +1,6 @@
 """How the motion depends on where it started and on the coefficients: Jacobian and transition matrix."""
 
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -62,8 +63,8 @@ def _factor(motion, coefficients, inputs, code):
     return abs(value) if code % 2 else value
 
 
-@compiled(types.void(_constant, *[_vector] * 4, types.float64, types.int64, _matrix, _matrix), inline=True)
-def _differentiate_term(code, motion, coefficients, inputs, inverse, coefficient, column, force, jacobian):
+@compiled(types.void(_constant, *[_vector] * 4, types.float64, *[_matrix] * 3, types.int64), inline=True)
+def _differentiate_term(code, motion, coefficients, inputs, inverse, coefficient, force, jacobian, own, column):
     """Add the derivatives of a term by velocities to those of its force, by all else to the Jacobian's columns.
 
     Parameters
@@ -75,10 +76,11 @@ def _differentiate_term(code, motion, coefficients, inputs, inverse, coefficient
     inverse : ndarray, shape (36,)
         Of the mass matrix.
     coefficient : float
-    column : int
-        Of the derivative by the coefficient.
     force : ndarray
         Derivatives of the forces by velocities.
+    own : ndarray
+        With the derivative by the coefficient in a column.
+    column : int
     """
     row, n_factors, regressor = int(code[0]), int(code[1]), 1.0
     for a in range(n_factors):
@@ -102,11 +104,11 @@ def _differentiate_term(code, motion, coefficients, inputs, inverse, coefficient
         for i in range(6):
             jacobian[i, N_MOTION + by] += inverse[6 * i + row] * slope
     for i in range(6):
-        jacobian[i, column] = inverse[6 * i + row] * regressor
+        own[i, column] = inverse[6 * i + row] * regressor
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _vector))
-def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
+@compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _matrix, types.int64, _vector))
+def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms, first, work):
     """Differentiate `motion_derivative` by the motion states, the 22 coefficients, the actuators' errors, the ballast
     and the coefficients of the vehicle's own terms.
 
@@ -117,9 +119,13 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
     inputs : ndarray, shape (4,)
     constants : ndarray
         From `vehicle_constants`.
-    jacobian : ndarray, shape (9, N_COLUMNS + terms)
+    jacobian : ndarray, shape (9, N_COLUMNS) or wider
         Filled in: A of Sabet et al. 2018, Table A1, motion part, then the regressor B(x); the equations are linear
         in the coefficients, and in the thrust's factor, the trims and the ballast.
+    by_terms : ndarray, shape (9, first + terms)
+        Filled in from a column on: the same for the vehicle's own terms. It may be the Jacobian.
+    first : int
+        That column.
     work : ndarray, shape (N_JACOBIAN_WORK,)
         Overwritten.
     """
@@ -135,8 +141,10 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
         for j in range(8 + _N_BALLAST):
             force[i, j] = 0.0
     for i in range(N_MOTION):
-        for j in range(jacobian.shape[1]):
+        for j in range(N_COLUMNS):
             jacobian[i, j] = 0.0
+        for t in range(n_terms(constants)):
+            by_terms[i, first + t] = 0.0
 
     # Kirchhoff: F = [a x omega, b x omega + a x v] with momentum (a, b); the product rule.
     for i in range(3):
@@ -174,13 +182,13 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, work):
         _differentiate_term(
             _CODES[m],
             *(motion, coefficients, inputs, inverse_by_rows),
-            *(coefficients[m], N_MOTION + m, force, jacobian),
+            *(coefficients[m], force, jacobian, jacobian, N_MOTION + m),
         )
     for t in range(n_terms(constants)):
         _differentiate_term(
             constants[term_place(constants, t) + 1 :],
             *(motion, coefficients, inputs, inverse_by_rows),
-            *(coefficients[N_FACTORS + t], N_COLUMNS + t, force, jacobian),
+            *(coefficients[N_FACTORS + t], force, jacobian, by_terms, first + t),
         )
 
     for i in range(6):
@@ -206,12 +214,15 @@ class TransitionWorkspace(NamedTuple):
 
     Attributes
     ----------
-    start_transition, stage_transition : ndarray, shape (9, N_COLUMNS + terms)
-        Transition matrix where the step and where a stage of it begins.
-    rate : ndarray, shape (9, N_COLUMNS + terms)
+    start_transition, stage_transition : ndarray, shape (9, N_COLUMNS)
+        Transition matrix, without the columns by own terms, where the step and where a stage of it begins.
+    rate : ndarray, shape (9, N_COLUMNS)
         Its time derivative.
-    jacobian : ndarray, shape (9, N_COLUMNS + terms)
+    jacobian : ndarray, shape (9, N_COLUMNS)
         See `motion_jacobian`.
+    start_of_terms, stage_of_terms, rate_of_terms, by_terms : ndarray, shape (9, terms)
+        The same four by the vehicle's own terms: apart, for a row length that the compiler knows is what lets it make
+        vector instructions of the others.
     start, stage : ndarray, shape (9,)
         Motion where the step and where a stage of it begins.
     block : ndarray, shape (N_BLOCK,)
@@ -226,6 +237,10 @@ class TransitionWorkspace(NamedTuple):
     stage_transition: Array
     rate: Array
     jacobian: Array
+    start_of_terms: Array
+    stage_of_terms: Array
+    rate_of_terms: Array
+    by_terms: Array
     start: Array
     stage: Array
     block: Array
@@ -234,36 +249,37 @@ class TransitionWorkspace(NamedTuple):
     for_jacobian: Array
 
 
-# Of the vectors among them where each ends, but the coefficients; the matrices stand behind them all.
-_START, _STAGE, _BLOCK, _SLOPE, _FOR_JACOBIAN = (
-    N_MOTION,
-    2 * N_MOTION,
-    2 * N_MOTION + N_BLOCK,
-    2 * N_MOTION + N_BLOCK + N_SLOPE,
-    2 * N_MOTION + N_BLOCK + N_SLOPE + N_JACOBIAN_WORK,
+# Where each of them ends in one vector that is as long whatever terms a vehicle has; the others stand behind these.
+_MATRICES, _START, _STAGE, _BLOCK, _SLOPE, _FOR_JACOBIAN = accumulate(
+    (4 * N_MOTION * N_COLUMNS, N_MOTION, N_MOTION, N_BLOCK, N_SLOPE, N_JACOBIAN_WORK)
 )
 
 
 def transition_work(terms: int) -> int:
     """Return the length of what a step with the transition matrix works with."""
-    return _FOR_JACOBIAN + N_COEFFICIENT_BLOCK + terms * LANES + 4 * N_MOTION * (N_COLUMNS + terms)
+    return _FOR_JACOBIAN + N_COEFFICIENT_BLOCK + terms * (LANES + 4 * N_MOTION)
 
 
-@compiled(types.NamedTuple((*[_matrix] * 4, *[_vector] * 6), TransitionWorkspace)(_vector, types.int64), inline=True)
+@compiled(types.NamedTuple((*[_matrix] * 8, *[_vector] * 6), TransitionWorkspace)(_vector, types.int64), inline=True)
 def _transition_workspace(scratch, terms):
-    columns, ends = N_COLUMNS + terms, _FOR_JACOBIAN + N_COEFFICIENT_BLOCK + terms * LANES
-    size = N_MOTION * columns
+    matrices = scratch[:_MATRICES].reshape(4, N_MOTION, N_COLUMNS)
+    lanes = _FOR_JACOBIAN + N_COEFFICIENT_BLOCK + terms * LANES
+    of_terms = scratch[lanes : lanes + 4 * N_MOTION * terms].reshape(4, N_MOTION, terms)
     return TransitionWorkspace(
-        start_transition=scratch[ends : ends + size].reshape(N_MOTION, columns),
-        stage_transition=scratch[ends + size : ends + 2 * size].reshape(N_MOTION, columns),
-        rate=scratch[ends + 2 * size : ends + 3 * size].reshape(N_MOTION, columns),
-        jacobian=scratch[ends + 3 * size : ends + 4 * size].reshape(N_MOTION, columns),
-        start=scratch[:_START],
+        start_transition=matrices[0],
+        stage_transition=matrices[1],
+        rate=matrices[2],
+        jacobian=matrices[3],
+        start_of_terms=of_terms[0],
+        stage_of_terms=of_terms[1],
+        rate_of_terms=of_terms[2],
+        by_terms=of_terms[3],
+        start=scratch[_MATRICES:_START],
         stage=scratch[_START:_STAGE],
         block=scratch[_STAGE:_BLOCK],
         slope=scratch[_BLOCK:_SLOPE],
+        coefficient_block=scratch[_FOR_JACOBIAN:lanes],
         for_jacobian=scratch[_SLOPE:_FOR_JACOBIAN],
-        coefficient_block=scratch[_FOR_JACOBIAN:ends],
     )
 
 
@@ -272,13 +288,24 @@ def _transition_rate(jacobian, transition, rate):
     """Fill in ``A Phi + [0 B]`` for the Jacobian ``[A B]`` and the transition matrix Phi."""
     for i in range(N_MOTION):
         # The short sum inside: it is unrolled, and the loop over columns becomes vector instructions.
-        for j in range(rate.shape[1]):
+        for j in range(N_COLUMNS):
             total = 0.0
             for k in range(N_MOTION):
                 total += jacobian[i, k] * transition[k, j]
             rate[i, j] = total
-        for j in range(N_MOTION, rate.shape[1]):
+        for j in range(N_MOTION, N_COLUMNS):
             rate[i, j] += jacobian[i, j]
+
+
+@compiled(types.void(_matrix, _matrix, _matrix, _matrix), inline=True)
+def _rate_of_terms(jacobian, by_terms, transition, rate):
+    """Do the same for the columns by a vehicle's own terms."""
+    for t in range(rate.shape[1]):
+        for i in range(N_MOTION):
+            total = by_terms[i, t]
+            for k in range(N_MOTION):
+                total += jacobian[i, k] * transition[k, t]
+            rate[i, t] = total
 
 
 @compiled(types.void(_vector, _vector, _vector, _vector, types.float64, _matrix, _vector))
@@ -306,18 +333,25 @@ def transition_step(motion, coefficients, inputs, constants, duration, transitio
         work.coefficient_block[m * LANES] = coefficients[m]
     for i in range(N_MOTION):
         work.start[i] = work.stage[i] = motion[i]
-        for j in range(columns):
+        for j in range(N_COLUMNS):
             work.start_transition[i, j] = work.stage_transition[i, j] = transition[i, j]
+        for t in range(columns - N_COLUMNS):
+            work.start_of_terms[i, t] = work.stage_of_terms[i, t] = transition[i, N_COLUMNS + t]
     for weight, advance in ((1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0)):
         for i in range(N_MOTION):
             work.block[i * LANES] = work.stage[i]
         motion_derivative(work.block, work.coefficient_block, inputs, constants, 1, work.slope)
-        motion_jacobian(work.stage, coefficients, inputs, constants, work.jacobian, work.for_jacobian)
+        motion_jacobian(work.stage, coefficients, inputs, constants, work.jacobian, work.by_terms, 0, work.for_jacobian)
         _transition_rate(work.jacobian, work.stage_transition, work.rate)
+        _rate_of_terms(work.jacobian, work.by_terms, work.stage_of_terms, work.rate_of_terms)
         for i in range(N_MOTION):
             slope = work.slope[i * LANES]
             motion[i] += duration / 6.0 * weight * slope
             work.stage[i] = work.start[i] + advance * duration * slope
-            for j in range(columns):
+            for j in range(N_COLUMNS):
                 transition[i, j] += duration / 6.0 * weight * work.rate[i, j]
                 work.stage_transition[i, j] = work.start_transition[i, j] + advance * duration * work.rate[i, j]
+            for t in range(columns - N_COLUMNS):
+                rate = work.rate_of_terms[i, t]
+                transition[i, N_COLUMNS + t] += duration / 6.0 * weight * rate
+                work.stage_of_terms[i, t] = work.start_of_terms[i, t] + advance * duration * rate

@@ -60,7 +60,7 @@ def test_a_value_is_in_any_unit_of_its_dimension(row, factors, quantity, si, tex
         ("{name: N_a, row: N, factors: [v], size: 1}", 37, "terms.0.size: unknown key 'size'"),
         (
             "{name: N_a, row: N, factors: [v], prior: {mean: 1 kg}}",
-            44,
+            37,
             "terms.0.prior: expected a quantity such as '0.1 kg*m/s'",
         ),
         (

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import Innovations
@@ -17,7 +18,7 @@ from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, SENSORS
 
-EXPERIMENT = Experiment.model_construct(name="stub")
+EXPERIMENT = Experiment.model_construct(name="stub", vehicle=VehicleSettings.model_construct(terms=()))
 TRUE = {c.symbol: 10.0 + i for i, c in enumerate(COEFFICIENTS)}
 # Of the last the data say nothing.
 BOUNDS = {symbol: 0.2 for symbol in TRUE} | {"N_uudr": np.inf}

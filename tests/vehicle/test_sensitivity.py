@@ -24,7 +24,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 def jacobian(motion, coefficients, inputs, constants):
     both = np.full((N_MOTION, N_COLUMNS + n_terms(constants)), 7.0)
-    motion_jacobian(motion, coefficients, inputs, constants, both, np.full(N_JACOBIAN_WORK, 7.0))
+    motion_jacobian(motion, coefficients, inputs, constants, both, both, N_COLUMNS, np.full(N_JACOBIAN_WORK, 7.0))
     return both[:, :N_MOTION], both[:, N_MOTION:]
 
 

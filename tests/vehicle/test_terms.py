@@ -82,7 +82,8 @@ def test_terms_add_their_forces(seed, terms, core, random_vehicle, random_state)
 
 def jacobian_of(draw):
     both = np.full((N_MOTION, N_COLUMNS + len(draw.terms)), 7.0)
-    motion_jacobian(draw.motion, draw.factors, draw.inputs, draw.constants, both, np.full(N_JACOBIAN_WORK, 7.0))
+    of_vehicle = draw.motion, draw.factors, draw.inputs, draw.constants
+    motion_jacobian(*of_vehicle, both, both, N_COLUMNS, np.full(N_JACOBIAN_WORK, 7.0))
     return both
 
 
