@@ -12,7 +12,7 @@ from auvid_cli.identification.free_motion import N_PREDICTED, move_through
 from auvid_cli.lanes import LANES
 from auvid_cli.validation.signals import SAME
 from auvid_cli.vehicle.coefficients import Coefficient
-from auvid_cli.vehicle.dynamics import N_WORK, vehicle_constants, with_errors
+from auvid_cli.vehicle.dynamics import N_WORK, NO_ERRORS, vehicle_constants, with_errors
 from auvid_cli.vehicle.kinematics import euler_angles, rotation_matrix
 
 Array = NDArray[np.float64]
