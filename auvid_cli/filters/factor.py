@@ -70,7 +70,7 @@ def carlson_update(columns, n, measured, variance, gain, ratio, share):
     Returns
     -------
     float
-        Variance of the innovation.
+        Variance of the innovation; NaN, and the factor as it was, where its square is no number any more.
 
     Notes
     -----
@@ -88,6 +88,8 @@ def carlson_update(columns, n, measured, variance, gain, ratio, share):
         j = last - _1 - step
         total += measured[j] * measured[j]
         ratio[j] = total
+    if not total * total < np.inf:
+        return np.nan
     for j in range(last):
         root = 1.0 / np.sqrt(ratio[j] * ratio[j + _1])
         share[j] = measured[j] * root

@@ -107,7 +107,8 @@ def run_square_root_filter(
     width = padded(n + n_components if sensors.nonlinear.any() else n)
     data, components = ModelData.of(process, sensors), Components.of(sensors)
     model = SquareRootModel(process.advance, process.observe, data, components, basis_of(point_set))
-    work = new_workspace(model.basis, process, n, n_components, width)
+    space = model.basis, process, n, n_components, width
+    work = new_workspace(*space)
     state = State.of(prior, model.basis.present.size, width)
     n_good, failure = 0, OK
     for timeline in timelines:
@@ -116,8 +117,8 @@ def run_square_root_filter(
         n_good += done
         on_chunk(timeline, until(records, done, int(timeline.measurement_offset[min(done + 1, timeline.time.size)])))
         if failure != OK:
-            # Once more from before the chunk, to stop at the last good state.
-            state = before
+            # Once more from before the chunk, to stop at the last good state; what failed may have left anything.
+            state, work = before, new_workspace(*space)
             _run(*model, timeline._replace(time=timeline.time[:done]), state, records, work)
             break
     return FilterOutcome(state.covariance(), n_good, failure)

@@ -88,13 +88,13 @@ def test_estimates_stay_where_they_are_unless_asked_for(planned):
 
 
 def test_a_filter_that_is_not_told_keeps_the_noise_it_knows(planned):
-    text = TEXT + "vary: [{setting: sensors.dvl.noise, values: [0.5 m/s], known: false}]\n"
+    text = TEXT + "vary: [{setting: sensors.dvl.noise, values: [0.05 m/s], known: false}]\n"
     (group,) = planned(text).groups()
     rows = perform(group)[0].rows
     (dvl,) = [row for row in rows if row.kind == "sensor" and row.name == "dvl"]
     nominal = Experiment.model_validate_json(group.assumed[0]).sensors.dvl.stated_standard_deviation()[0]
     # Innovations are larger by about the square of how much more noise there is than the filter believes.
-    assert dvl.squares / dvl.components > 0.3 * (0.5 / nominal) ** 2
+    assert dvl.squares / dvl.components > 0.3 * (0.05 / nominal) ** 2
     assert rows[0].status.startswith(("inconsistent", "diverged"))
 
 

@@ -39,8 +39,9 @@ def wild(time, values):
 
 @pytest.fixture(scope="module")
 def long_enough(simulated_with):
-    """White noise only, and long enough for every coefficient."""
-    return simulated_with("manoeuvre.duration=150 s", "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}")
+    """White noise only, long enough for every coefficient, and no drawing, from which this vehicle is far."""
+    attitude = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
+    return simulated_with("manoeuvre.duration=150 s", attitude, "vehicle.geometry=null")
 
 
 @pytest.fixture(scope="module")

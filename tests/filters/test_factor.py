@@ -65,3 +65,11 @@ def test_carlson_update_is_the_covariance_formula(seed, n, magnitude, gaps):
     assert_allclose((columns.T @ columns)[: n + 2, : n + 2], expected, atol=1e-11 * size)
     assert np.all(columns[:n, :n][np.tril_indices(n, -1)] == 0.0), "the factor must stay triangular"
     assert np.all(columns[:, n + 2 :] == 0.0), "padding must stay zero"
+
+
+def test_carlson_update_leaves_alone_what_it_cannot_condition():
+    columns, before = np.zeros((4, TILE)), 1e90 * np.eye(4, TILE)
+    columns[:] = before
+    total = carlson_update(columns, 4, columns[:, 0].copy(), 1.0, np.zeros(TILE), np.zeros(5), np.zeros(5))
+    assert np.isnan(total)
+    assert np.array_equal(columns, before)
