@@ -16,11 +16,12 @@ from auvid_cli.config.augmented_states import DELAYS
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.ballast import Ballast
-from auvid_cli.vehicle.coefficients import Coefficient, Regressor, unit_of
+from auvid_cli.vehicle.coefficients import SIGNALS, Coefficient, Regressor
 from auvid_cli.vehicle.dynamics import N_BLOCK, N_FACTORS, N_SLOPE, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.kinematics import body_to_earth, current_in_body_axes
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION, SENSORS
+from auvid_cli.vehicle.term_library import term
 
 Array = NDArray[np.float64]
 
@@ -167,11 +168,14 @@ def _offset(given: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: model.by_inputs(at, np.eye(4)[given])
 
 
-def _cross_flow(row: int) -> Fault:
-    term = Coefficient(f"{'XYZKMN'[row]}_|v|r", unit_of(row, ("|v|", "r")), "", row, ("|v|", "r"), "term")
+def missing_term(term: Coefficient) -> Fault:
+    """Return as a fault that a model lacks a term of velocities and fins."""
 
     def effect(model: FaultedVehicle, at: Motion) -> Array:
-        return model.by_force(at, row, np.abs(at.motion[:, 1]) * at.motion[:, 5])
+        signals = dict(zip(SIGNALS, (*at.motion[:, :6].T, *at.inputs[:, :3].T), strict=True))
+        pairs = zip(term.signals, term.moduli, strict=True)
+        values = [np.abs(signals[signal]) if modulus else signals[signal] for signal, modulus in pairs]
+        return model.by_force(at, term.row, np.asarray(np.prod(values, axis=0), dtype=np.float64))
 
     return Fault(term.symbol, term.unit, _TERM, "", "", effect, term.regressor)
 
@@ -256,7 +260,7 @@ FAULTS: tuple[Fault, ...] = (
         *("m", _BALLAST.format("xG", "the moment of trim"), "", ""),
         lambda model, at: model.by_parameter(at, xG=1e-3) / 1e-3,
     ),
-    *(_cross_flow(row) for row in (1, 5)),
+    *(missing_term(term(row, ("|v|", "r"))) for row in (1, 5)),
 )
 
 # Delays that are looked for where settings ask for it; those of an angle or a depth are not tested for unasked, since

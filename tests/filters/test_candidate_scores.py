@@ -1,0 +1,70 @@
+"""Gains, sizes and shares of candidates against least squares on the same columns."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from auvid_cli.filters.candidate_scores import CandidateScores, take_forward
+
+N, N_PARAMETERS, N_CANDIDATES = 300, 3, 6
+
+
+@pytest.fixture
+def regression(rng):
+    """Columns of parameters and of candidates, of which two are in the data; the last is the first once more."""
+    known, candidates = rng.standard_normal((N, N_PARAMETERS)), rng.standard_normal((N, N_CANDIDATES))
+    candidates += 0.5 * known[:, [0]]
+    candidates[:, -1] = 2.0 * candidates[:, 0]
+    measured = known @ [1.0, -2.0, 0.5] + 0.8 * candidates[:, 1] - 0.5 * candidates[:, 4] + rng.standard_normal(N)
+    return known, candidates, measured
+
+
+def left_of(known, columns):
+    return columns - known @ np.linalg.lstsq(known, columns, rcond=None)[0]
+
+
+@pytest.fixture
+def scores(regression):
+    known, candidates, measured = regression
+    candidates_left, measured_left = left_of(known, candidates), left_of(known, measured)
+    effect = np.linalg.lstsq(known, candidates, rcond=None)[0]
+    return CandidateScores(candidates_left.T @ measured_left, candidates_left.T @ candidates_left, effect)
+
+
+def squares_left(known, columns, measured):
+    return float(np.sum(left_of(np.hstack([known, columns]), measured) ** 2))
+
+
+@pytest.mark.parametrize("taken", [[], [4], [4, 1]])
+def test_a_gain_is_half_of_what_the_squares_fall_by(taken, regression, scores):
+    known, candidates, measured = regression
+    before = squares_left(known, candidates[:, taken], measured)
+    for candidate in range(N_CANDIDATES):
+        after = squares_left(known, candidates[:, [*taken, candidate]], measured)
+        assert scores.gains(taken)[candidate] == pytest.approx((before - after) / 2.0, abs=1e-8)
+
+
+def test_sizes_are_those_of_least_squares(regression, scores):
+    known, candidates, measured = regression
+    columns = np.hstack([known, candidates[:, [1, 4]]])
+    size, deviation = scores.sizes([1, 4])
+    assert_allclose(size, np.linalg.lstsq(columns, measured, rcond=None)[0][-2:])
+    assert_allclose(deviation, np.sqrt(np.diagonal(np.linalg.inv(columns.T @ columns)))[-2:])
+
+
+def test_those_in_the_data_are_taken_in_the_order_of_their_gain_and_no_others(scores):
+    assert take_forward(scores, 5.0, N_CANDIDATES) == [1, 4]
+    assert take_forward(scores, 5.0, 1) == [1]
+    assert take_forward(scores, np.inf, N_CANDIDATES) == []
+
+
+def test_one_that_is_another_once_more_gains_nothing_beside_it(scores):
+    assert scores.gains([0])[-1] == 0.0
+    assert scores.correlation(0)[-1] == pytest.approx(1.0)
+
+
+def test_what_the_parameters_make_up_for_is_the_share_of_the_squares(regression, scores):
+    known, candidates, _ = regression
+    covariance = np.linalg.inv(known.T @ known)
+    expected = 1.0 - np.sum(left_of(known, candidates) ** 2, axis=0) / np.sum(candidates**2, axis=0)
+    assert_allclose(scores.explained(covariance), expected)
