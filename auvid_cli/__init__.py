@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from auvid_cli.api.logs import import_logs
     from auvid_cli.api.models import export_model
     from auvid_cli.api.simulation import simulate
+    from auvid_cli.api.terms import find_terms
     from auvid_cli.api.tuning import tune
     from auvid_cli.api.validation import validate
     from auvid_cli.data.dataset import Dataset
@@ -31,6 +32,7 @@ __all__ = [
     "check",
     "evaluate",
     "export_model",
+    "find_terms",
     "identifiability",
     "identify",
     "import_logs",
@@ -55,6 +57,7 @@ _MODULES = {
     "auvid_cli.api.logs": ("import_logs",),
     "auvid_cli.api.models": ("export_model",),
     "auvid_cli.api.simulation": ("simulate",),
+    "auvid_cli.api.terms": ("find_terms",),
     "auvid_cli.api.tuning": ("tune",),
     "auvid_cli.api.validation": ("validate",),
     "auvid_cli.data.dataset": ("Dataset",),

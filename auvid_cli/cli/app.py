@@ -21,6 +21,7 @@ from auvid_cli.cli.outline_words import OutlineCommand
 from auvid_cli.cli.report import report
 from auvid_cli.cli.run import run
 from auvid_cli.cli.simulate import simulate
+from auvid_cli.cli.terms import terms
 from auvid_cli.cli.tune import tune
 from auvid_cli.cli.validate import validate
 
@@ -85,6 +86,7 @@ GROUPS: dict[str, tuple[Entry, ...]] = {
             ("auvid identify results/dive/dataset.h5 --use 0:80", "auvid identify spiral --filter tukf"),
         ),
         Entry("tune", tune, ("auvid tune results/dive/dataset.h5 --sensors",)),
+        Entry("terms", terms, ("auvid terms results/dive/dataset.h5 --use 0:120",)),
     ),
     "Judge": (
         Entry("report", report, ("auvid report results/dive",)),

@@ -20,7 +20,7 @@ _OTHER_FIGURES = (
 )
 _TABLES = (
     *("coefficients", "summary", "velocity_error", "consistency", "sensor_errors", "faults", "checks", "inspection"),
-    *("identifiability", "collinear", "validation", "manoeuvres", "validation_checks", "tuning"),
+    *("identifiability", "collinear", "validation", "manoeuvres", "validation_checks", "tuning", "terms"),
 )
 # Beside the dataset, where users keep files of their own as well.
 _PAGES = ("report", "identifiability", "inspection", "validation")

@@ -1,0 +1,51 @@
+"""Terms that a model lacks, for the terminal: the best of each look, and what was found."""
+
+from rich.console import Console
+from rich.text import Text
+
+from auvid_cli.config.spans import Spans
+from auvid_cli.data.term_findings import ScoredTerm, TermFindings
+from auvid_cli.report.screen_table import screen_table
+from auvid_cli.report.table import Cell, Column, Table
+
+_DIGITS = 3
+
+
+def print_terms(console: Console, findings: TermFindings) -> None:
+    """Print what was looked at, and what came of it."""
+    columns = (
+        *(Column(header, numeric=False) for header in ("look", "term")),
+        *(Column(header) for header in ("size", "+-", "gain", "made up %", "held-out gain")),
+        Column("verdict", numeric=False),
+    )
+    rows = [_row(term) for term in findings.scored]
+    console.print(screen_table(console, Table("terms", "Terms", columns, rows), _DIGITS))
+    console.print(
+        Text(
+            f"{findings.n_candidates} candidates, fitted to {_of(findings.fitted)}, held out {_of(findings.held_out)}. "
+            "Gain: in log-likelihood; made up: of what the term does, the share that the model's own coefficients hide."
+        )
+    )
+    for term in findings.found:
+        if term.like:
+            console.print(Text(f"These data hardly tell {term.term} from {term.like}."))
+    console.print(Text(_conclusion(findings)))
+
+
+def _row(term: ScoredTerm) -> list[Cell]:
+    verdict = "found" if term.found else "" if term.held_out_gain is None else "no better on held-out data"
+    sizes: list[Cell] = [term.size, term.standard_deviation, term.gain, 100.0 * term.made_up_share]
+    return [str(term.look), term.term, *sizes, term.held_out_gain, verdict]
+
+
+def _of(spans: Spans) -> str:
+    return ", ".join(f"{begin:.4g} to {end:.4g} s" for begin, end in spans)
+
+
+def _conclusion(findings: TermFindings) -> str:
+    if findings.found:
+        return f"Found: {', '.join(term.term for term in findings.found)}."
+    tried = [term for term in findings.scored if term.held_out_gain is not None]
+    if tried:
+        return "Nothing is proposed: what fits the data better does not make the held-out data likelier."
+    return "Nothing is proposed: no candidate explains more than chance among so many."
