@@ -24,7 +24,7 @@ def terms(
         bool,
         typer.Option("--any-symmetry", help="Look also for terms that differ between port and starboard."),
     ] = False,
-    most: Annotated[int, typer.Option(min=1, max=20, help="Try so many terms at most.")] = 4,
+    most: Annotated[int, typer.Option(min=1, max=20, metavar="NUMBER", help="Look for so many terms at most.")] = 4,
     settings: SetOption = None,
     use: UseOption = None,
     output: OutputOption = None,

@@ -22,9 +22,10 @@ class ScoredTerm(NamedTuple):
         Which look at the data it belongs to: each begins with the terms that the looks before it found.
     term, unit, equation : str
     size, standard_deviation : float
-        Of its coefficient if it alone were added, SI, by the linear problem about the smoother's fit.
+        Of its coefficient if it alone were added, SI: of one that was tried by a fit to all data, of the others by the
+        linear problem about the fit without them, which is rough where that is far off.
     gain : float
-        In log-likelihood of the data that the model is fitted to, likewise.
+        In log-likelihood of the data that the model is fitted to, by the linear problem.
     made_up_share : float
         Of what it does to the data, what the model's own coefficients make up for: 1 if they do so wholly.
     like : str
@@ -54,7 +55,7 @@ class TermFindings:
     Attributes
     ----------
     scored : tuple of ScoredTerm
-        Of each look the best, best first.
+        Of each look the best by the linear problem, best first.
     n_candidates : int
     fitted, held_out : tuple of (float, float)
         Spans of the data, s.

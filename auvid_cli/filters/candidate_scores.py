@@ -91,24 +91,3 @@ def score_candidates(smoothing: LinearSmoothing, filtered: Filtered, candidates:
         information += shown.T @ shown
         effect = error[:n_parameters]
     return CandidateScores(score, information, effect)
-
-
-def take_forward(scores: CandidateScores, least_gain: float, most: int) -> list[int]:
-    """Take one candidate after the other, each time that which gains most beside those taken.
-
-    Parameters
-    ----------
-    scores : CandidateScores
-    least_gain : float
-        In log-likelihood, that each must have when it is taken.
-    most : int
-        How many.
-    """
-    taken: list[int] = []
-    while len(taken) < most:
-        gains = scores.gains(taken)
-        best = int(gains.argmax())
-        if gains[best] < least_gain:
-            break
-        taken.append(best)
-    return taken

@@ -1,9 +1,11 @@
 """Terms that a model lacks: ranked by what a smoother's fit leaves of the data, accepted by data that are held out."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import RunSettings, Use
 from auvid_cli.config.spans import Spans
@@ -19,7 +21,9 @@ from auvid_cli.identification.fault_effects import VehicleFaults
 from auvid_cli.identification.faults import missing_term
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.vehicle.coefficients import Coefficient
-from auvid_cli.vehicle.term_library import admissible_terms, ahead
+from auvid_cli.vehicle.term_library import admissible_terms, regressor_ahead
+
+Array = NDArray[np.float64]
 
 # Share of the data that is held out: the end of them.
 HELD_OUT = 1.0 / 3.0
@@ -29,8 +33,8 @@ LEAST_GAIN = 8.4
 # And what it must gain where it was not fitted: e^3, or twenty to one, is usually called strong evidence (Kass and
 # Raftery 1995).
 LEAST_HELD_OUT_GAIN = 3.0
-# Correlation beyond which two terms are hardly told apart, and how many of a look are told of.
-_ALIKE, _TOLD = 0.95, 5
+# Correlation beyond which two terms are hardly told apart; how many of a look are tried, and told of.
+_ALIKE, _TRIED, _TOLD = 0.95, 3, 5
 
 
 @dataclass(frozen=True)
@@ -55,10 +59,30 @@ class _Fit:
         """Return the log-likelihood of the data whatever the coefficients and the motion, but for a constant."""
         return -0.5 * (self.answer.least + self.answer.log_determinant)
 
+    def of(self, symbol: str) -> tuple[float, float]:
+        """Return the value of a coefficient that is estimated, and its standard deviation, SI."""
+        (row,) = self.augmented.layout.rows([symbol])
+        scale, final = self.augmented.layout.scale[row], self.answer.final
+        value = self.answer.trajectory.parameters[row] + final.mean[row]
+        return float(scale * value), float(scale * np.sqrt(final.covariance()[row, row]))
+
     def scores(self, terms: tuple[Coefficient, ...]) -> CandidateScores:
         """Find what the data say of terms beyond the model."""
         tested = [missing_term(term) for term in terms]
         return score_candidates(self.smoothing, self.answer, VehicleFaults(self.augmented, tested=tested))
+
+
+class _Model(NamedTuple):
+    """A model, fitted without what is held out, and with it."""
+
+    settings: RunSettings
+    fit: _Fit
+    whole: _Fit
+
+    @property
+    def held_out(self) -> float:
+        """Return the log-likelihood of what is held out, with all that the rest says taken as known."""
+        return self.whole.log_evidence - self.fit.log_evidence
 
 
 def search_terms(
@@ -69,9 +93,9 @@ def search_terms(
 ) -> TermFindings:
     """Look for terms that the model lacks; no truth is looked at.
 
-    Again and again all candidates are scored beside the terms found so far; the best is added to the model, which is
-    fitted anew. It is found if that makes the held-out data likelier: its Bayes factor there, with all that the fitted
-    data say taken as known.
+    Again and again all candidates are scored beside the terms found so far, and the model is fitted with each of the
+    best, for what is linear about a model without them is rough. That which fits best is found if it makes the held-out
+    data likelier. Terms found before that add nothing beside it are given up again.
 
     Parameters
     ----------
@@ -80,7 +104,7 @@ def search_terms(
     any_symmetry : bool
         See `admissible_terms`.
     most : int
-        How many terms are tried.
+        How many looks there are, and so how many terms are found.
     say : callable
         Called with what is being done.
 
@@ -92,60 +116,90 @@ def search_terms(
         If the smoother does not settle on these data without further terms.
     """
     fitted, held_out = split(prepared)
-    settings, tried = prepared.experiment, list[ScoredTerm]()
-    candidates = tuple(t for t in admissible_terms(any_symmetry) if _is_new(t, settings))
-    n_candidates, looks, refused = len(candidates), 0, set[str]()
+    candidates = tuple(t for t in admissible_terms(any_symmetry) if _is_new(t, prepared.experiment))
+    tried, given_up = list[ScoredTerm](), list[str]()
 
-    def fit(of: RunSettings, spans: Spans) -> _Fit | None:
-        return _fit(prepared.with_settings(_using(of, spans)))
+    def model(settings: RunSettings) -> _Model | None:
+        fit, whole = (_fit(prepared.with_settings(_using(settings, spans))) for spans in (fitted, fitted + held_out))
+        return None if fit is None or whole is None else _Model(settings, fit, whole)
 
     say("fit of the model as it is")
-    here, whole = fit(settings, fitted), fit(settings, fitted + held_out)
-    if here is None or whole is None:
+    here = model(prepared.experiment)
+    if here is None:
         raise DataError(
             "the smoother does not settle on these data, so nothing can be said of what its model lacks: see auvid "
             "identify --filter smoother"
         )
-    while looks < most:
-        looks += 1
-        say(f"look {looks}: {len(candidates)} terms")
-        scores = here.scores(candidates)
-        gains = scores.gains([])
-        order = [k for k in np.argsort(-gains).tolist() if candidates[k].symbol not in refused]
-        n = here.problem.n_parameters
-        shares = scores.explained(here.answer.final.covariance()[:n, :n])
-        best = order[0]
-        held_out_gain, extended, found = None, settings, False
-        if gains[best] >= LEAST_GAIN:
-            say(f"look {looks}: fit with {candidates[best].symbol}")
-            extended = with_term(settings, candidates[best])
-            there, all_there = fit(extended, fitted), fit(extended, fitted + held_out)
-            if there is not None and all_there is not None:
-                before = whole.log_evidence - here.log_evidence
-                held_out_gain = all_there.log_evidence - there.log_evidence - before
-                found = held_out_gain >= LEAST_HELD_OUT_GAIN
-                if found:
-                    here, whole = there, all_there
-        for k in order[:_TOLD]:
-            size, deviation = scores.sizes([k])
-            alike = np.abs(scores.correlation(k)) > _ALIKE
-            names = [candidates[j].symbol for j in order if alike[j] and j != k]
-            is_tried = k == best
-            tried.append(
-                ScoredTerm(
-                    *(looks, candidates[k].symbol, candidates[k].unit, candidates[k].equation),
-                    *(float(size[0]), float(deviation[0]), float(gains[k]), float(shares[k]), ", ".join(names[:_TOLD])),
-                    *(held_out_gain if is_tried else None, found and is_tried),
-                )
-            )
-        if gains[best] < LEAST_GAIN:
+    for look in range(1, most + 1):
+        new = tuple(t for t in candidates if t.symbol not in given_up and _is_new(t, here.settings))
+        say(f"look {look}: {len(new)} terms")
+        scored = _Scored.of(here.fit, new)
+        fits = dict[int, _Model]()
+        for k in scored.worth_trying():
+            say(f"look {look}: fit with {new[k].symbol}")
+            if (there := model(with_term(here.settings, new[k]))) is not None:
+                fits[k] = there
+        best = max(fits, key=lambda k: fits[k].fit.log_evidence, default=None)
+        is_better = best is not None and fits[best].held_out - here.held_out >= LEAST_HELD_OUT_GAIN
+        found = best if is_better else None
+        tried += scored.rows(look, here, fits, found)
+        if found is None:
             break
-        if found:
-            settings = extended
-            candidates = tuple(t for t in candidates if _is_new(t, settings))
-        else:
-            refused |= {candidates[best].symbol, *(candidates[j].symbol for j in order if _like(scores, best, j))}
-    return TermFindings(tuple(tried), n_candidates, fitted, held_out, settings)
+        here = fits[found]
+        say(f"look {look}: fits without terms found before")
+        for earlier in [t.name for t in here.settings.vehicle.terms[len(prepared.experiment.vehicle.terms) : -1]]:
+            without = model(without_term(here.settings, earlier))
+            if without is not None and here.held_out - without.held_out < LEAST_HELD_OUT_GAIN:
+                here, given_up = without, [*given_up, earlier]
+    kept = [row._replace(found=row.found and row.term not in given_up) for row in tried]
+    return TermFindings(tuple(kept), len(candidates), fitted, held_out, here.settings)
+
+
+class _Scored(NamedTuple):
+    """Candidates as the linear problem about a fit has them, the best first in `order`."""
+
+    candidates: tuple[Coefficient, ...]
+    scores: CandidateScores
+    gains: Array
+    shares: Array
+    order: list[int]
+
+    @classmethod
+    def of(cls, fit: _Fit, candidates: tuple[Coefficient, ...]) -> "_Scored":
+        """Find what a fit says of them."""
+        scores, n = fit.scores(candidates), fit.problem.n_parameters
+        gains = scores.gains([])
+        shares = scores.explained(fit.answer.final.covariance()[:n, :n])
+        return cls(candidates, scores, gains, shares, np.argsort(-gains).tolist())
+
+    def worth_trying(self) -> list[int]:
+        """Choose the best that explain more than chance, none hardly told from one before it."""
+        chosen = list[int]()
+        for k in self.order:
+            if len(chosen) == _TRIED or self.gains[k] < LEAST_GAIN:
+                break
+            if not self._like(k)[chosen].any():
+                chosen.append(k)
+        return chosen
+
+    def rows(self, look: int, here: _Model, fits: Mapping[int, _Model], found: int | None) -> Iterator[ScoredTerm]:
+        """Yield a row for each of the best, and for those that were tried."""
+        for k in [k for place, k in enumerate(self.order) if place < _TOLD or k in fits]:
+            term, alike, there = self.candidates[k], self._like(k), fits.get(k)
+            names = [self.candidates[j].symbol for j in self.order if alike[j] and j != k][:_TOLD]
+            if there is None:
+                size, deviation = (float(values[0]) for values in self.scores.sizes([k]))
+            else:
+                size, deviation = there.whole.of(term.symbol)
+            yield ScoredTerm(
+                *(look, term.symbol, term.unit, term.equation, size, deviation),
+                *(float(self.gains[k]), float(self.shares[k]), ", ".join(names)),
+                None if there is None else there.held_out - here.held_out,
+                k == found,
+            )
+
+    def _like(self, k: int) -> NDArray[np.bool_]:
+        return np.abs(self.scores.correlation(k)) > _ALIKE
 
 
 def split(prepared: PreparedData) -> tuple[Spans, Spans]:
@@ -174,14 +228,22 @@ def with_term(settings: RunSettings, term: Coefficient) -> RunSettings:
     return settings.model_copy(update={"vehicle": vehicle, "identification": identification})
 
 
-def _like(scores: CandidateScores, one: int, other: int) -> bool:
-    return bool(abs(scores.correlation(one)[other]) > _ALIKE)
+def without_term(settings: RunSettings, name: str) -> RunSettings:
+    """Return settings whose vehicle has a term less."""
+    vehicle, identification = settings.vehicle, settings.identification
+    if identification.coefficients != "all":
+        named = tuple(symbol for symbol in identification.coefficients if symbol != name)
+        identification = identification.model_copy(update={"coefficients": named})
+    vehicle = vehicle.model_copy(update={"terms": tuple(term for term in vehicle.terms if term.name != name)})
+    return settings.model_copy(update={"vehicle": vehicle, "identification": identification})
 
 
 def _is_new(term: Coefficient, settings: RunSettings) -> bool:
     """Say whether a vehicle has neither the product nor its name."""
     own = settings.vehicle.coefficient_set
-    return ahead(term) not in {ahead(c) for c in own} and term.identifier not in {c.identifier for c in own}
+    return regressor_ahead(term) not in {regressor_ahead(c) for c in own} and term.identifier not in {
+        c.identifier for c in own
+    }
 
 
 def _using(settings: RunSettings, spans: Spans) -> RunSettings:

@@ -28,9 +28,9 @@ def admissible_terms(any_symmetry: bool = False) -> tuple[Coefficient, ...]:
     any_symmetry : bool
         Whether those too that a vehicle has only if port and starboard differ.
     """
-    there = {ahead(c) for c in COEFFICIENTS}
+    there = {regressor_ahead(c) for c in COEFFICIENTS}
     terms = (term(row, factors) for row in range(len(_ROWS)) for factors in _factors())
-    return tuple(t for t in terms if ahead(t) not in there and (any_symmetry or is_mirror_image(t)))
+    return tuple(t for t in terms if regressor_ahead(t) not in there and (any_symmetry or is_mirror_image(t)))
 
 
 def term(row: int, factors: tuple[str, ...]) -> Coefficient:
@@ -55,7 +55,7 @@ def is_mirror_image(coefficient: Coefficient) -> bool:
     return changes % 2 == (_ROWS[coefficient.row] in _MIRRORED)
 
 
-def ahead(coefficient: Coefficient) -> Regressor:
+def regressor_ahead(coefficient: Coefficient) -> Regressor:
     """Return what two terms share that are the same for a vehicle that goes ahead, so that u is its modulus."""
     row, factors = coefficient.regressor
     return row, frozenset((signal, n, odd and signal != "u") for signal, n, odd in factors)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.candidate_scores import CandidateScores, take_forward
+from auvid_cli.filters.candidate_scores import CandidateScores
 
 N, N_PARAMETERS, N_CANDIDATES = 300, 3, 6
 
@@ -50,12 +50,6 @@ def test_sizes_are_those_of_least_squares(regression, scores):
     size, deviation = scores.sizes([1, 4])
     assert_allclose(size, np.linalg.lstsq(columns, measured, rcond=None)[0][-2:])
     assert_allclose(deviation, np.sqrt(np.diagonal(np.linalg.inv(columns.T @ columns)))[-2:])
-
-
-def test_those_in_the_data_are_taken_in_the_order_of_their_gain_and_no_others(scores):
-    assert take_forward(scores, 5.0, N_CANDIDATES) == [1, 4]
-    assert take_forward(scores, 5.0, 1) == [1]
-    assert take_forward(scores, np.inf, N_CANDIDATES) == []
 
 
 def test_one_that_is_another_once_more_gains_nothing_beside_it(scores):

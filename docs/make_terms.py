@@ -1,0 +1,105 @@
+"""Whether terms are found where they are, and nowhere else, into docs/studies.md: `python -m docs.make_terms`, an hour.
+
+Each seed is simulated once as the model has it and once with each of six terms that the model lacks. What was found is
+kept in a file, line by line, and seeds that stand there are not done again.
+"""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+
+import auvid_cli as auvid
+from auvid_cli.identification.prior import natural_magnitude
+from auvid_cli.vehicle.coefficients import Coefficient
+from auvid_cli.vehicle.term_library import term
+from docs.section import replace_section
+
+_SETTINGS = (
+    "manoeuvre=manoeuvres/multisine.yaml",
+    "manoeuvre.duration=90 s",
+    "manoeuvre.initial_speed=3.9 m/s",
+    "sensors.gyroscope={rate: 20 Hz, noise: 0.1 deg/s}",
+    "sensors.attitude={source: direct, rate: 10 Hz, noise: 0.1 deg}",
+    "sensors.dvl={rate: 5 Hz, noise: 0.5 cm/s}",
+)
+# Rows of the equations, factors, and how large, as a share of the natural magnitude.
+_PLANTED = (
+    (5, ("|v|", "r"), -1.0),
+    (1, ("|v|", "r"), -1.0),
+    (3, ("u", "p"), -1.0),
+    (0, ("v", "v"), -1.0),
+    (5, ("r",), -1.0),
+    (4, ("q",), -1.0),
+)
+_NONE = "none"
+
+
+def found(planted: Coefficient | None, share: float, seed: int) -> pd.DataFrame:
+    """Look for terms in one seed: the terms that were found, with their sizes, in one row."""
+    told = auvid.load_experiment("spiral", *_SETTINGS, f"seed={seed}")
+    value, true = 0.0, told
+    if planted is not None:
+        value = share * natural_magnitude(planted, told.vehicle.size)
+        factors = ", ".join(f'"{factor}"' for factor in planted.factors)
+        own = f'vehicle.terms=[{{name: "{planted.symbol}", row: {"XYZKMN"[planted.row]}, factors: [{factors}], '
+        true = auvid.load_experiment("spiral", *_SETTINGS, f"seed={seed}", f'{own}value: "{value!r} {planted.unit}"}}]')
+    findings = auvid.find_terms(replace(auvid.simulate(true), experiment=told))
+    first = next(iter(findings.found), None)
+    row = {
+        "true": value,
+        "found": " ".join(each.term for each in findings.found),
+        "size": None if first is None else first.size,
+        "standard_deviation": None if first is None else first.standard_deviation,
+        "alike": "" if first is None else first.like.replace(",", ""),
+        "made_up": findings.scored[0].made_up_share,
+    }
+    return pd.DataFrame([row])
+
+
+def table(rows: pd.DataFrame) -> list[str]:
+    """Say of each planted term in how many seeds it was found, alone or not, and how far its size was off."""
+    lines = [
+        "| planted | seeds | found | found first, no other | one hardly told from it first | nothing found |",
+        "| --- | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for planted, each in rows.fillna({"found": "", "alike": ""}).groupby("planted", sort=False):
+        names = each["found"].str.split()
+        there = sum(planted in found for found in names)
+        alone = sum(list(found) == [planted] for found in names)
+        alike = sum(
+            bool(found) and found[0] != planted and planted in other.split()
+            for found, other in zip(names, each["alike"], strict=True)
+        )
+        nothing = sum(not found for found in names)
+        if planted == _NONE:
+            lines.append(f"| none | {len(each)} | - | - | - | {nothing} |")
+        else:
+            lines.append(f"| `{planted}` | {len(each)} | {there} | {alone} | {alike} | {nothing} |")
+    return lines
+
+
+def main() -> None:
+    """Go through all seeds and write the section."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--rows", type=Path, default=Path("results/studies/terms.csv"))
+    arguments = parser.parse_args()
+    file: Path = arguments.rows
+    file.parent.mkdir(parents=True, exist_ok=True)
+    done = set[tuple[str, int]]()
+    if file.exists():
+        done.update(pd.read_csv(file)[["planted", "seed"]].itertuples(index=False, name=None))
+    cases = [(_NONE, None, 0.0), *((t.symbol, t, share) for row, f, share in _PLANTED for t in [term(row, f)])]
+    for seed in range(1, arguments.seeds + 1):
+        for name, planted, share in cases:
+            if (name, seed) not in done:
+                rows = found(planted, share, seed).assign(planted=name, seed=seed)
+                rows.to_csv(file, mode="a", header=not file.exists(), index=False)
+        print(f"{seed} of {arguments.seeds} seeds", flush=True)
+    replace_section("terms", "\n".join(table(pd.read_csv(file))), "studies")
+
+
+if __name__ == "__main__":
+    main()

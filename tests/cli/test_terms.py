@@ -1,0 +1,52 @@
+"""`auvid terms` as a user runs it."""
+
+import csv
+
+import pytest
+from typer.testing import CliRunner
+
+from auvid_cli.api.files import read_dataset
+from auvid_cli.cli.app import app
+from auvid_cli.data.dataset_file import write_dataset
+
+QUICK = (
+    "manoeuvre=manoeuvres/multisine.yaml",
+    "manoeuvre.duration=40 s",
+    "manoeuvre.initial_speed=3.9 m/s",
+    "sensors.attitude={source: direct, rate: 5 Hz}",
+    "sensors.gyroscope.rate=10 Hz",
+    "sensors.dvl.rate=5 Hz",
+)
+PLANTED = 'vehicle.terms=[{name: "N_|v|r", row: N, factors: ["|v|", r], value: -1500}]'
+
+
+@pytest.fixture
+def run(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    return lambda *arguments: CliRunner().invoke(app, ["terms", *map(str, arguments)])
+
+
+def test_what_is_found_stands_in_a_file_that_identify_takes(simulated_with, tmp_path, run):
+    file = tmp_path / "dataset.h5"
+    write_dataset(file, simulated_with(*QUICK, PLANTED))
+    result = run(file, "--set", "vehicle.terms=[]", "--most", "1")
+    assert result.exit_code == 0, result.output
+    assert "Found: N_|v|r." in result.output
+    advice = result.output.splitlines()[-1]
+    assert advice == f"next: auvid identify {file} '--set=vehicle.terms=[]' --set {tmp_path}/terms.yaml"
+    (term,) = read_dataset(file, "vehicle.terms=[]", str(tmp_path / "terms.yaml")).experiment.vehicle.terms
+    assert (term.name, term.row, term.factors) == ("N_|v|r", "N", ("|v|", "r"))
+    with (tmp_path / "tables/terms.csv").open(encoding="utf-8", newline="") as table:
+        rows = list(csv.DictReader(table))
+    assert [row["term"] for row in rows if row["found"] == "True"] == ["N_|v|r"]
+    # What was tried has an answer of the held-out data; of the others there is none.
+    assert {row["held_out_gain"] == "" for row in rows} == {True, False}
+
+
+def test_where_nothing_is_missing_nothing_is_proposed_and_no_file_written(simulated_with, tmp_path, run):
+    file = tmp_path / "dataset.h5"
+    write_dataset(file, simulated_with(*QUICK))
+    result = run(file)
+    assert result.exit_code == 0, result.output
+    assert "Nothing is proposed" in result.output
+    assert not (tmp_path / "terms.yaml").exists()

@@ -1,0 +1,80 @@
+"""A term that the model lacks is found, with its size; where none is missing, none is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.config.load import dump_experiment, parse_run
+from auvid_cli.errors import DataError
+from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.identification.term_search import search_terms, split
+
+TRUE = -1500.0
+PLANTED = f'vehicle.terms=[{{name: "N_|v|r", row: N, factors: ["|v|", r], value: {TRUE}}}]'
+QUICK = (
+    "manoeuvre=manoeuvres/multisine.yaml",
+    "manoeuvre.duration=40 s",
+    "manoeuvre.initial_speed=3.9 m/s",
+    "sensors.attitude={source: direct, rate: 5 Hz}",
+    "sensors.gyroscope.rate=10 Hz",
+    "sensors.dvl.rate=5 Hz",
+)
+
+
+@pytest.fixture(scope="module")
+def planted(simulated_with):
+    """Data of a vehicle with the term, and the model without."""
+    dataset = simulated_with(*QUICK, PLANTED)
+    vehicle = dataset.experiment.vehicle.model_copy(update={"terms": ()})
+    return replace(dataset, experiment=dataset.experiment.model_copy(update={"vehicle": vehicle}))
+
+
+@pytest.fixture(scope="module")
+def findings(planted):
+    return search_terms(prepare(planted), most=2)
+
+
+def test_the_term_that_is_missing_is_found_with_its_size(findings):
+    (first,) = findings.found
+    assert first.term == "N_|v|r"
+    assert first.unit == "kg*m/rad"
+    assert abs(first.size - TRUE) < 4.0 * first.standard_deviation < 0.4 * abs(TRUE)
+    assert first.held_out_gain > 10.0
+    assert 0.0 < first.made_up_share < 1.0
+
+
+def test_the_settings_that_are_written_estimate_it(findings, planted, tmp_path):
+    file = tmp_path / "terms.yaml"
+    file.write_text(findings.settings(), encoding="utf-8")
+    (term,) = parse_run(dump_experiment(planted.experiment), "test", (str(file),)).vehicle.terms
+    assert (term.name, term.factors, term.value) == ("N_|v|r", ("|v|", "r"), None)
+    assert "N_|v|r" in findings.experiment.identification.estimated(findings.experiment.vehicle)
+
+
+def test_looking_does_not_go_on_beside_what_is_found(findings):
+    assert [term.term for term in findings.found] == ["N_|v|r"]
+    second = [term for term in findings.scored if term.look == 2]
+    assert second
+    assert "N_|v|r" not in {term.term for term in second}
+
+
+def test_nothing_is_found_where_nothing_is_missing(simulated_with):
+    findings = search_terms(prepare(simulated_with(*QUICK)), most=1)
+    assert findings.found == ()
+    assert findings.experiment.vehicle.terms == ()
+    assert max(term.gain for term in findings.scored) == findings.scored[0].gain
+
+
+def test_a_third_of_the_time_is_held_out_wherever_segments_end(simulated_with, with_settings):
+    dataset = with_settings(simulated_with(*QUICK), "identification.use.spans=[[0, 12], [20, 26], [30, 36]]")
+    fitted, held_out = split(prepare(dataset))
+    first, second = fitted
+    assert np.allclose([*first, *second], [0.0, 12.0, 20.0, 24.0], atol=0.2)
+    assert np.allclose([end for span in held_out for end in span], [24.0, 26.0, 30.0, 36.0], atol=0.2)
+
+
+def test_data_that_nothing_follows_say_nothing_of_terms(simulated_with, with_settings):
+    dataset = with_settings(simulated_with(*QUICK), "identification.smoother.max_passes=1")
+    with pytest.raises(DataError, match="the smoother does not settle"):
+        search_terms(prepare(dataset))
