@@ -172,7 +172,7 @@ def missing_term(term: Coefficient) -> Fault:
     """Return as a fault that a model lacks a term of velocities and fins."""
 
     def effect(model: FaultedVehicle, at: Motion) -> Array:
-        signals = dict(zip(SIGNALS, (*at.motion[:, :6].T, *at.inputs[:, :3].T), strict=True))
+        signals: dict[str, Array] = dict(zip(SIGNALS, (*at.motion[:, :6].T, *at.inputs[:, :3].T), strict=True))
         pairs = zip(term.signals, term.moduli, strict=True)
         values = [np.abs(signals[signal]) if modulus else signals[signal] for signal, modulus in pairs]
         return model.by_force(at, term.row, np.asarray(np.prod(values, axis=0), dtype=np.float64))
