@@ -74,10 +74,21 @@ class Excitation(Settings):
     fade_in: Annotated[Pause, Field(description="time in which excitation, turn rate and speed grow to full size")] = (
         0.0
     )
+    orthogonal: Annotated[
+        bool,
+        Field(
+            description="take harmonics of the run's length, dealt out to the channels in turn: none has a part in "
+            "another, and each starts and ends at zero"
+        ),
+    ] = False
     rudder: FinMultisine | None = None
     elevator: FinMultisine | None = None
     surge_force: ForceMultisine | None = None
     roll_moment: MomentMultisine | None = None
+
+    def channels(self) -> tuple[Multisine | None, ...]:
+        """Return the multisine of each input, or None, in the order of the inputs."""
+        return self.rudder, self.elevator, self.surge_force, self.roll_moment
 
 
 class Autopilot(Settings):
@@ -140,6 +151,19 @@ class ManoeuvreSettings(Settings):
     def _lasts_a_second(self) -> "ManoeuvreSettings":
         if self.duration < 1.0 or self.duration * self.input_rate < 2.0:
             raise ValueError("expected a duration of at least 1 s and two periods of the input rate")
+        return self
+
+    @model_validator(mode="after")
+    def _room_for_orthogonal_sines(self) -> "ManoeuvreSettings":
+        if self.excitation.orthogonal:
+            given = [channel for channel in self.excitation.channels() if channel is not None]
+            least = len(given) / self.duration
+            # The narrowest band that is sure to have a harmonic of each channel.
+            if any(channel.highest - channel.lowest < least for channel in given):
+                raise ValueError(
+                    f"{len(given)} orthogonal multisines in {self.duration:g} s: expected highest at least "
+                    f"{least:.3g} Hz above lowest in each of them"
+                )
         return self
 
     @model_validator(mode="after")

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 
 _vector = types.float64[::1]
+# Of an interval of a tick, until it is as narrow as a double.
+_HALVINGS = 50
 
 
 class Wanted(NamedTuple):
@@ -133,9 +135,56 @@ def _ramp(time: Array, fade_in: float) -> Array:
 
 
 def _excitation(excitation: Excitation, time: Array) -> Array:
-    channels = (excitation.rudder, excitation.elevator, excitation.surge_force, excitation.roll_moment)
-    columns = [multisine(c, time) if c is not None else np.zeros(time.size) for c in channels]
-    return np.stack(columns, axis=1)
+    columns = np.zeros((time.size, len(INPUT_SYMBOLS)))
+    given = [(place, channel) for place, channel in enumerate(excitation.channels()) if channel is not None]
+    for turn, (place, channel) in enumerate(given):
+        if excitation.orthogonal:
+            columns[:, place] = orthogonal_multisine(channel, time, turn, len(given))
+        else:
+            columns[:, place] = multisine(channel, time)
+    return columns
+
+
+def orthogonal_multisine(settings: Multisine, time: Array, turn: int, channels: int) -> Array:
+    """Sum sines of a channel's own harmonics, shifted in time so that the sum starts and ends at zero.
+
+    Parameters
+    ----------
+    settings : Multisine
+        Takes `lines` of them, evenly spread over its band, or all where there are fewer.
+    time : ndarray
+        From 0 to the end of the run, whose length is the common period.
+    turn, channels : int
+        Of so many channels this is the so-manyth, from 0: every `channels`-th harmonic is its own.
+
+    Notes
+    -----
+    Whole numbers of periods of different frequencies are orthogonal over the run (Morelli, Flight test maneuver design
+    for efficient aerodynamic modeling, 2012).
+    """
+    period = time[-1]
+    # The ends of a band that are harmonics belong to it, however they are rounded.
+    first, last = np.ceil(settings.lowest * period - 1e-6), np.floor(settings.highest * period + 1e-6)
+    own = np.arange(max(first, 1.0), last + 1.0)
+    own = own[own % channels == turn]
+    own = own[np.unique(np.linspace(0, own.size - 1, min(settings.lines, own.size)).round().astype(int))]
+    k = np.arange(own.size)
+    phases = settings.phase - np.pi * k * (k + 1) / own.size
+    omega = 2.0 * np.pi * own / period
+    signal = _sines(omega, phases, time)
+    # All its sines have a mean of zero, so it changes sign somewhere.
+    after = int(np.flatnonzero(np.signbit(signal[1:]) != np.signbit(signal[:-1]))[0])
+    low, high = time[after], time[after + 1]
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        same = np.signbit(_sines(omega, phases, np.array([middle]))[0]) == np.signbit(signal[after])
+        low, high = (middle, high) if same else (low, middle)
+    shifted = _sines(omega, phases + omega * low, time)
+    return settings.amplitude * shifted / np.abs(shifted).max()
+
+
+def _sines(omega: Array, phases: Array, time: Array) -> Array:
+    return np.sin(np.outer(time, omega) + phases).sum(axis=1)
 
 
 def _half_turns(manoeuvre: Lawnmower, time: Array) -> Array:

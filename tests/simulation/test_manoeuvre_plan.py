@@ -181,3 +181,30 @@ def test_replaying_the_inputs_of_a_run_reproduces_the_run(fly, tmp_path):
     replayed = fly(f"{{type: recorded, duration: 20 s, speed: 2 m/s, file: {path}, {limits}}}")
     assert_allclose(replayed.inputs, original.inputs, atol=1e-12)
     assert_allclose(replayed.motion, original.motion, atol=1e-9)
+
+
+ORTHOGONAL = (
+    "{type: multisine, duration: 64 s, speed: 1 m/s, input_rate: 20 Hz, excitation: {orthogonal: true, "
+    "rudder: {amplitude: 8 deg, lowest: 0.05 Hz, highest: 0.6 Hz, lines: 7}, "
+    "elevator: {amplitude: 5 deg, lowest: 0.1 Hz, highest: 0.8 Hz, lines: 40}, "
+    "surge_force: {amplitude: 3 N, lowest: 0.02 Hz, highest: 0.2 Hz}}}"
+)
+
+
+def test_orthogonal_multisines_have_no_part_in_each_other_and_start_and_end_at_zero(plan_of):
+    signals = plan_of(ORTHOGONAL).feedforward[:, :3]
+    peak = np.abs(signals).max(axis=0)
+    assert_allclose(peak, [np.deg2rad(8.0), np.deg2rad(5.0), 3.0], rtol=1e-12)
+    assert np.abs(signals[[0, -1]] / peak).max() < 1e-9
+    products = signals[:-1].T @ signals[:-1]
+    size = np.sqrt(np.diagonal(products))
+    assert np.abs(products / np.outer(size, size) - np.eye(3)).max() < 1e-9
+    lines = [np.flatnonzero(np.abs(np.fft.rfft(column[:-1])) > 1e-6) for column in signals.T]
+    assert [line.size for line in lines] == [7, 15, 4]
+    for line, low, high in zip(lines, (0.05, 0.1, 0.02), (0.6, 0.8, 0.2), strict=True):
+        assert low - 1e-9 <= line[0] / 64.0 <= line[-1] / 64.0 <= high + 1e-9
+
+
+def test_an_orthogonal_multisine_needs_a_band_with_a_harmonic_of_its_own(plan_of):
+    with pytest.raises(ConfigError, match=r"expected highest at least 0\.0469 Hz above lowest"):
+        plan_of(ORTHOGONAL.replace("highest: 0.2 Hz", "highest: 0.06 Hz"))
