@@ -18,11 +18,12 @@ MAY_IMPORT = {
     "inspection": {"config", "data", "vehicle"},
     "identification": {"config", "data", "filters", "vehicle"},
     "evaluation": {"config", "data", "filters", "identification", "inspection", "vehicle"},
+    "design": {"config", "data", "identification", "simulation", "vehicle"},
     "validation": {"config", "data", "evaluation", "filters", "identification", "vehicle"},
     "export": {"config", "data", "evaluation", "identification", "vehicle"},
     "start": {"config", "export", "simulation", "vehicle"},
     "campaign": {"config", "data", "evaluation", "identification", "simulation", "vehicle"},
-    "report": {"campaign", "config", "data", "evaluation", "inspection", "logs", "validation", "vehicle"},
+    "report": {"campaign", "config", "data", "design", "evaluation", "inspection", "logs", "validation", "vehicle"},
 }
 MAY_IMPORT["api"] = {*MAY_IMPORT} - {"campaign", "filters", "report", "vehicle"}
 MAY_IMPORT["cli"] = {"api", "campaign", "config", "data", "report"}

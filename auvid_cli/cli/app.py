@@ -10,6 +10,7 @@ from auvid_cli.cli.campaign import campaign
 from auvid_cli.cli.check import check
 from auvid_cli.cli.command_help import BOTH_HELPS, Command, Group, examples_text, paragraphs
 from auvid_cli.cli.compare import compare
+from auvid_cli.cli.design import design
 from auvid_cli.cli.export import export
 from auvid_cli.cli.identifiability import identifiability
 from auvid_cli.cli.identify import identify
@@ -71,6 +72,16 @@ GROUPS: dict[str, tuple[Entry, ...]] = {
             (
                 "auvid simulate",
                 "auvid simulate --set manoeuvre=manoeuvres/zigzag_20_20.yaml -o results/zigzag",
+            ),
+        ),
+    ),
+    "Go to sea": (
+        Entry(
+            "design",
+            design,
+            (
+                "auvid design remus100 --box '150 m' --depth '20 m' --fins '14 deg'",
+                "auvid design --at results/spiral/estimates/ckf.h5 --for N_uvl",
             ),
         ),
     ),

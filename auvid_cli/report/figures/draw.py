@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from auvid_cli.campaign.findings import Findings
 
     # They bring the compiled core along, which is loaded elsewhere, and said to be.
+    from auvid_cli.design.band import Band
+    from auvid_cli.design.conclusion import Design
     from auvid_cli.evaluation.assessment import Identifiability
     from auvid_cli.evaluation.evaluate import Evaluation
     from auvid_cli.inspection.inspection import Inspection
@@ -87,6 +89,12 @@ class FigureQueue:
     def add_timeline(self, inspection: "Inspection") -> None:
         """Draw what was recorded when, and where something is the matter with it."""
         self._add("timeline", "timeline", inspection)
+
+    def add_mission(self, design: "Design", band: "Band") -> None:
+        """Draw a designed run before it is made, beside the spiral that it was compared with."""
+        shown = ("spiral",) if design.is_own else ("designed", "spiral")
+        percents = {name: design.trials[name].percent() for name in shown}
+        self._add("mission", "mission", design.truth.time, design.truth.inputs, band, design.symbols, percents)
 
     def add_campaign(self, findings: "Findings", filters: dict[str, str]) -> None:
         """Draw the spread of the errors of each filter variant, and a map where two settings vary."""

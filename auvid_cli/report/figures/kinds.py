@@ -8,6 +8,7 @@ from auvid_cli.report.figures.campaign_errors import map_figure, spread_figure
 from auvid_cli.report.figures.coefficients import coefficient_figure
 from auvid_cli.report.figures.identifiability import bounds_figure, correlation_figure
 from auvid_cli.report.figures.innovations import innovation_figure
+from auvid_cli.report.figures.mission import mission_figure
 from auvid_cli.report.figures.motion import motion_figure
 from auvid_cli.report.figures.path import path_figure
 from auvid_cli.report.figures.timeline import timeline_figure
@@ -24,4 +25,5 @@ KINDS: dict[str, Callable[..., Figure]] = {
     "horizons": horizon_figure,
     "spread": spread_figure,
     "map": map_figure,
+    "mission": mission_figure,
 }

@@ -1,0 +1,155 @@
+"""auvid design."""
+
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from auvid_cli.cli.design_options import envelope_of, place_of, quantity_of, refuse_what_stands
+from auvid_cli.cli.options import (
+    ExperimentArgument,
+    OverwriteOption,
+    QuietOption,
+    SeedOption,
+    SetOption,
+    VerboseOption,
+    overrides,
+)
+from auvid_cli.cli.terminal import Terminal, reporting_errors
+from auvid_cli.errors import ConfigError
+
+if TYPE_CHECKING:
+    from auvid_cli.api.design import Reached, Task
+
+
+def _limit(name: str, what: str) -> typer.models.OptionInfo:
+    return typer.Option(f"--{name}", metavar="QUANTITY", help=what, show_default=False)
+
+
+def design(
+    experiment: ExperimentArgument = None,
+    settings: SetOption = None,
+    duration: Annotated[str, _limit("duration", "Length of the run. Default: 120 s.")] = "120 s",
+    box: Annotated[str | None, _limit("box", "Largest extent of the track. Default: 200 m.")] = None,
+    depth: Annotated[str | None, _limit("depth", "From the shallowest to the deepest point. Default: 40 m.")] = None,
+    pitch: Annotated[str | None, _limit("pitch", "Largest pitch. Default: 40 deg.")] = None,
+    roll: Annotated[str | None, _limit("roll", "Largest roll. Default: 40 deg.")] = None,
+    speed: Annotated[str | None, _limit("speed", "Least speed. Default: 0.4 of the cruise.")] = None,
+    fins: Annotated[str | None, _limit("fins", "Largest fin angle. Default: the manoeuvre's limits.")] = None,
+    fin_rate: Annotated[str | None, _limit("fin-rate", "Largest fin rate. Default: the manoeuvre's limits.")] = None,
+    chosen: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--for", metavar="COEFFICIENT", help="Count this coefficient only; repeatable.", show_default=False
+        ),
+    ] = None,
+    criterion: Annotated[
+        str, typer.Option("--criterion", metavar="D|worst", help="Mean of the logarithms of the sd, or the largest.")
+    ] = "D",
+    at: Annotated[
+        Path | None,
+        typer.Option("--at", metavar="ESTIMATE", help="Draw vehicles from this estimate (.h5).", show_default=False),
+    ] = None,
+    spread: Annotated[
+        str | None,
+        _limit("spread", "Draw vehicles so far about the vehicle file's values. Default: as it states, else 30 %."),
+    ] = None,
+    draws: Annotated[int, typer.Option("--draws", metavar="N", min=1, max=1000, help="Vehicles the search sees.")] = 8,
+    budget: Annotated[str, _limit("budget", "Time to search. Default: 3 min.")] = "3 min",
+    generations: Annotated[
+        int | None,
+        typer.Option(
+            "--generations", metavar="N", min=1, help="Search so many generations instead.", show_default=False
+        ),
+    ] = None,
+    origin: Annotated[
+        str, typer.Option("--origin", metavar="LAT,LON", help="Where the run begins, degrees, for track.geojson.")
+    ] = "0,0",
+    seed: SeedOption = None,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files of the crew.")
+    ] = Path("mission"),
+    overwrite: OverwriteOption = False,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
+) -> None:
+    """Find the run that tells most of a vehicle, and write what a crew needs to sail it.
+
+    Manoeuvres are tried on vehicles drawn about what is known, with process noise, in an envelope that all of them
+    keep. What comes out is compared with spiral, doublets and zigzag on vehicles that the search has not seen; where
+    the spiral is as good, it is written. Ctrl-C ends the search and keeps the best so far.
+    """
+    with reporting_errors():
+        from auvid_cli.config.load import find_experiment, load_with_files
+        from auvid_cli.data.files import keep_apart, write_text
+
+        terminal = Terminal(quiet, verbose)
+        loaded, read = load_with_files(find_experiment(experiment), overrides(settings, seed))
+        place, paths = place_of(origin), [output / name for name in _FILES]
+        refuse_what_stands(paths, overwrite)
+        keep_apart(paths, [*read, *([] if at is None else [at])])
+        envelope = envelope_of(box=box, depth=depth, pitch=pitch, roll=roll, speed=speed)
+        limit = None if generations else quantity_of("budget", budget, "s")
+        if criterion not in ("D", "worst"):
+            raise ConfigError(f"--criterion {criterion}: expected D or worst")
+        with terminal.compiling():
+            from auvid_cli.api import design as api
+            from auvid_cli.api.files import read_estimate
+            from auvid_cli.report.design_screen import print_design, sentences
+            from auvid_cli.report.figures.draw import drawing
+        wish = api.Wish(
+            quantity_of("duration", duration, "s"),
+            envelope,
+            None if fins is None else quantity_of("fins", fins, "rad", 1.6),
+            None if fin_rate is None else quantity_of("fin-rate", fin_rate, "rad/s"),
+            tuple(chosen or ()),
+            "D" if criterion == "D" else "worst",
+            draws,
+            None if spread is None else quantity_of("spread", spread, "1"),
+        )
+        with api.designing(loaded, wish, None if at is None else read_estimate(at)) as task:
+            terminal.say(f"{loaded.vehicle.name}: {draws} drawn from {task.belief.origin}")
+            for name in api.left_out(loaded):
+                terminal.say(f"note: not counted: {name}")
+            reached = _search(task, terminal, limit, generations)
+            with terminal.stage("compare"):
+                result = api.conclude(task, reached)
+                gain = "the spiral itself" if result.is_own else f"x{result.gain:.2f} over the spiral"
+                remark = f"auvid design, seed {loaded.seed}, {reached.generation} generations: {gain}"
+                mission = api.mission(task, result, remark, place)
+        texts = mission.texts | {"result.md": "\n".join(f"- {line}" for line in sentences(result)) + "\n"}
+        for name, text in texts.items():
+            write_text(output / name, text)
+        with drawing(output) as figures, terminal.stage("figure"):
+            figures.add_mission(result, mission.band)
+            drawn = figures.finish()
+        print_design(terminal.out, result)
+        terminal.say_all([*(output / name for name in texts), *drawn])
+
+
+_FILES = "manoeuvre.yaml", "inputs.csv", "track.geojson", "timeline.md", "checklist.md", "result.md"
+
+
+def _search(task: "Task", terminal: Terminal, limit: float | None, generations: int | None) -> "Reached":
+    """Look for better manoeuvres until the time or the generations are over, or somebody interrupts."""
+    from auvid_cli.api.design import searching
+
+    start, latest = monotonic(), None
+    with terminal.progress("design") as (bar,):
+        try:
+            for progress in searching(task):
+                latest, elapsed = progress, monotonic() - start
+                note = f", {progress.evaluations} manoeuvres, x{task.gain_of(progress.best):.2f} so far"
+                if generations is not None:
+                    bar(progress.generation, generations, note)
+                elif limit is not None:
+                    bar(min(elapsed, limit), limit, note)
+                if progress.generation == generations or (limit is not None and elapsed >= limit):
+                    break
+        except KeyboardInterrupt:
+            if latest is None:
+                raise
+            terminal.say("interrupted: the best so far is kept")
+    assert latest is not None, "a search has a first generation"
+    return latest

@@ -1,0 +1,162 @@
+"""What came of a search: the designed run beside those that are usually sailed, on vehicles that it has not seen."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvid_cli.config.manoeuvre import AnyManoeuvre
+from auvid_cli.design.envelope import tightened, to_relax
+from auvid_cli.design.posterior import Posterior, knowledge_of, posterior_along
+from auvid_cli.design.search import Reached
+from auvid_cli.design.task import Task
+from auvid_cli.design.trials import Trial, sail, sizes_of
+from auvid_cli.design.variables import candidates
+from auvid_cli.errors import ConfigError
+from auvid_cli.simulation.true_motion import Truth
+
+Array = NDArray[np.float64]
+
+# Below this a design is not worth another run in the water.
+WORTH_WHILE = 1.1
+# Of a coefficient's size, %: what is known worse is named, and at least the worst three.
+_BADLY, _NAMED = 20.0, 3
+_TOGETHER, _HARDLY = 0.95, 0.5
+# Parts of a run after which it is said how much is known.
+_PARTS = 4
+
+
+class Poor(NamedTuple):
+    """A coefficient that stays badly known, %, and why."""
+
+    symbol: str
+    percent: float
+    why: str
+
+
+class Design(NamedTuple):
+    """What came of a search.
+
+    Attributes
+    ----------
+    manoeuvre : AnyManoeuvre
+        To be sailed: the designed one, or the experiment's own where that is as good.
+    is_own : bool
+    gain : float
+        Of the designed one over the experiment's own: how many times smaller standard deviations are, geometric mean
+        over vehicles that the search has not seen.
+    trials : dict of Trial
+        By name, on these vehicles: ``designed``, ``spiral``, ``doublets``, ``zigzag``.
+    poor : tuple of Poor
+        Of the manoeuvre that is chosen.
+    truth : Truth
+        Its motion with the vehicle as it is believed to be.
+    posterior : Posterior
+        Of that run.
+    soonest : float or None
+        After so many seconds of that run as much is known as the experiment's own tells in the whole; None if never.
+    growth : tuple of (float, float)
+        After so many seconds of that run the geometric mean of the standard deviations, %.
+    progress : Reached
+    symbols : tuple of str
+        Of the coefficients.
+    """
+
+    manoeuvre: AnyManoeuvre
+    is_own: bool
+    gain: float
+    trials: dict[str, Trial]
+    poor: tuple[Poor, ...]
+    truth: Truth
+    posterior: Posterior
+    soonest: float | None
+    growth: tuple[tuple[float, float], ...]
+    progress: Reached
+    symbols: tuple[str, ...]
+
+
+def conclude(task: Task, progress: Reached) -> Design:
+    """Compare the best of a search with what is usually sailed, on vehicles that it has not seen.
+
+    Raises
+    ------
+    ConfigError
+        If it does not even keep the envelope with those that it has seen; names what to relax.
+    """
+    own, best = task.space.base, progress.best
+    own_keeps = task.own.outside == 0
+    if best.outside and not own_keeps:
+        raise ConfigError(_nothing_fits(task, progress))
+    named = {"designed": best.manoeuvre, "spiral": own, **candidates(own, task.experiment.vehicle.size.length)}
+    trials = {name: task.unseen.try_out(manoeuvre) for name, manoeuvre in named.items()}
+    gain = trials["designed"].mean_gain_over(trials["spiral"])
+    is_own = bool(best.outside) or (own_keeps and not gain >= WORTH_WHILE)
+    manoeuvre = own if is_own else best.manoeuvre
+    truth, posterior = _nominal_run(task, manoeuvre)
+    estimated = task.experiment.identification.estimated(task.nominal)
+    chosen = [task.belief.symbols.index(symbol) for symbol in task.wish.chosen or estimated]
+    return Design(
+        manoeuvre,
+        is_own,
+        gain,
+        trials,
+        _poor(task, posterior, trials["spiral" if is_own else "designed"].percent(), chosen),
+        truth,
+        posterior,
+        _soonest(posterior, _nominal_run(task, own)[1], chosen),
+        _growth(posterior, sizes_of(task.nominal), chosen),
+        progress,
+        task.belief.symbols,
+    )
+
+
+def _nothing_fits(task: Task, progress: Reached) -> str:
+    best, wish = progress.best, task.wish
+    tried = f"none of {progress.evaluations} manoeuvres keeps the envelope with all {wish.draws} drawn vehicles"
+    if best.lost:
+        return (
+            f"{tried}: of the best one {best.lost} capsize, stand on their nose or run away; draw vehicles that are "
+            "nearer to each other (--spread 15%), or take smaller fins (--fins)"
+        )
+    extents = [flight.extent for flight in best.flights if flight.extent is not None]
+    relaxed = to_relax(extents, *tightened(wish.envelope, task.slowest))
+    return f"{tried}: relax {relaxed}, which would let the best one pass, or search for longer (--budget)"
+
+
+def _nominal_run(task: Task, manoeuvre: AnyManoeuvre) -> tuple[Truth, Posterior]:
+    truth = sail(task.nominal, manoeuvre)
+    return truth, posterior_along(truth, knowledge_of(task.experiment))
+
+
+def _soonest(posterior: Posterior, own: Posterior, chosen: Sequence[int]) -> float | None:
+    reached = np.log(posterior.deviation[:, chosen]).mean(axis=1) <= np.log(own.deviation[-1, chosen]).mean()
+    return float(posterior.time[np.argmax(reached)]) if reached.any() else None
+
+
+def _growth(posterior: Posterior, sizes: Array, chosen: Sequence[int]) -> tuple[tuple[float, float], ...]:
+    last = posterior.time.size - 1
+    ticks = [round(last * part / _PARTS) for part in range(1, _PARTS + 1)]
+    percent = 100.0 * posterior.deviation[np.ix_(ticks, chosen)] / sizes[chosen]
+    means = np.exp(np.log(percent).mean(axis=1))
+    return tuple(zip(posterior.time[ticks].tolist(), means.tolist(), strict=True))
+
+
+def _poor(task: Task, posterior: Posterior, percent: Array, chosen: Sequence[int]) -> tuple[Poor, ...]:
+    worst = sorted(chosen, key=lambda place: -percent[place])
+    named = [place for rank, place in enumerate(worst) if rank < _NAMED or percent[place] > _BADLY]
+    return tuple(
+        Poor(task.belief.symbols[place], float(percent[place]), _why(task, posterior, place)) for place in named
+    )
+
+
+def _why(task: Task, posterior: Posterior, place: int) -> str:
+    deviation = np.sqrt(np.diagonal(posterior.covariance))
+    correlation = posterior.covariance[place] / np.where(deviation > 0.0, deviation * deviation[place], np.inf)
+    correlation[place] = 0.0
+    other = int(np.argmax(np.abs(correlation)))
+    if abs(correlation[other]) > _TOGETHER:
+        return f"cannot be told from {task.belief.symbols[other]}: correlation {correlation[other]:.2f}"
+    if deviation[place] > _HARDLY * knowledge_of(task.experiment).prior_std[place]:
+        return "hardly moves the vehicle in this run"
+    return "its share of the forces is small beside the noise"

@@ -1,0 +1,118 @@
+"""What a crew gets."""
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from auvid_cli.config.envelope import Envelope
+from auvid_cli.config.geometry import FinSettings
+from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.design.band import band_of
+from auvid_cli.design.mission import (
+    checklist_markdown,
+    inputs_csv,
+    manoeuvre_yaml,
+    timeline_markdown,
+    track_geojson,
+)
+from auvid_cli.design.trials import sail
+from auvid_cli.design.variables import own_manoeuvre, space_about
+from auvid_cli.errors import DataError
+
+
+@pytest.fixture(scope="module")
+def manoeuvre(remus):
+    own = own_manoeuvre(remus(), 30.0, None, None)
+    space = space_about(own, 1.33, 1.62, Envelope())
+    return space.manoeuvre(np.full(len(space.variables), 0.6))
+
+
+@pytest.fixture(scope="module")
+def band(remus, manoeuvre):
+    softer = remus("vehicle.coefficients.N_uudr=-5 kg/rad").vehicle
+    return band_of([sail(remus().vehicle, manoeuvre), sail(softer, manoeuvre)])
+
+
+def table(text):
+    rows = list(csv.reader(io.StringIO(text)))
+    return rows[0], np.array(rows[1:], dtype=float)
+
+
+def fins(tail):
+    return FinSettings(position=1.2, span=0.08, area=0.006, tail=tail)
+
+
+def test_the_manoeuvre_is_one_that_an_experiment_can_name(manoeuvre, tmp_path):
+    path = tmp_path / "manoeuvre.yaml"
+    path.write_text(manoeuvre_yaml(manoeuvre, "from a test"), encoding="utf-8")
+    assert load_experiment(find_experiment("remus100"), [f"manoeuvre={path}"]).manoeuvre == manoeuvre
+
+
+@pytest.mark.parametrize("of_a_spiral", [False, True])
+def test_signals_start_and_end_at_zero_and_never_pass_the_fins(remus, manoeuvre, of_a_spiral):
+    sailed = own_manoeuvre(remus(), 30.0, None, None) if of_a_spiral else manoeuvre
+    header, rows = table(inputs_csv(sailed, fins("+")))
+    assert_allclose(np.diff(rows[:, 0]), 0.05, atol=1e-9)
+    assert all(name.endswith("]") for name in header)
+    added = [k for k, name in enumerate(header) if not name.startswith(("time", "held"))]
+    assert not rows[np.ix_([0, -1], added)].any()
+    angles = [k for k, name in enumerate(header) if name.startswith(("rudder", "elevator")) or " fin " in name]
+    assert np.abs(rows[:, angles]).max() <= np.rad2deg(sailed.limits.fin_angle) + 1e-3
+
+
+def test_each_fin_does_its_share(manoeuvre):
+    header, rows = table(inputs_csv(manoeuvre, fins("+")))
+    column = {name.partition(" [")[0]: rows[:, k] for k, name in enumerate(header)}
+    assert_allclose(column["upper fin"], column["rudder"])
+    assert_allclose(column["starboard fin"], column["elevator"])
+    header, rows = table(inputs_csv(manoeuvre, fins("x")))
+    column = {name.partition(" [")[0]: rows[:, k] for k, name in enumerate(header)}
+    free = (np.abs(column["upper port fin"]) < 24.9) & (np.abs(column["lower port fin"]) < 24.9)
+    assert free.sum() > 50
+    # Half the sum of a pair turns to the side, half the difference up or down.
+    side = 0.5 * (column["upper port fin"] + column["upper starboard fin"])
+    assert_allclose(side[free], column["rudder"][free], atol=1e-3)
+    up = 0.5 * (column["upper port fin"] - column["upper starboard fin"])
+    assert_allclose(up[free], column["elevator"][free], atol=1e-3)
+    assert "upper fin [deg]" not in inputs_csv(manoeuvre, None)
+
+
+def test_the_track_lies_where_the_vehicle_goes(band):
+    features = json.loads(track_geojson(band, (41.18, -8.70)))["features"]
+    track = np.array(features[0]["geometry"]["coordinates"])
+    # On a sphere, which differs from the ellipsoid by less than half a percent.
+    radius, latitude = 6371008.8, np.deg2rad(41.18)
+    north = np.deg2rad(track[:, 1] - 41.18) * radius
+    east = np.deg2rad(track[:, 0] + 8.70) * radius * np.cos(latitude)
+    assert_allclose(north, band.position[:, 0, 1], rtol=5e-3, atol=0.01)
+    assert_allclose(east, band.position[:, 1, 1], rtol=5e-3, atol=0.01)
+    assert_allclose(track[:, 2], -band.position[:, 2, 1], atol=0.01)
+    for box in features[1]["geometry"]["coordinates"]:
+        assert box[0][0] == box[0][-1]
+
+
+def test_a_band_is_between_its_vehicles(band, remus, manoeuvre):
+    for name in ("turned", "turn_rate", "pitch", "roll", "speed"):
+        low, middle, high = getattr(band, name).T
+        assert (low <= middle).all()
+        assert (middle <= high).all()
+    only = band_of([sail(remus().vehicle, manoeuvre)])
+    assert_allclose(only.position[..., 0], only.position[..., 2])
+    assert only.box == pytest.approx(np.ptp(sail(remus().vehicle, manoeuvre).position[:, :2], axis=0))
+    with pytest.raises(DataError, match="every vehicle that was drawn for the track is lost"):
+        band_of([])
+
+
+def test_a_person_reads_when_to_end_the_run_and_how_deep_to_begin(remus, manoeuvre, band):
+    text = timeline_markdown(band, Envelope(roll=0.5), 0.62)
+    rows = [line for line in text.splitlines() if line.startswith("| ") and line[2].isdigit()]
+    assert len(rows) >= 12
+    assert "roll beyond 29 deg" in text
+    assert "slower than 0.62 m/s" in text
+    rising = sail(remus().vehicle, manoeuvre)
+    shallow = band_of([rising._replace(position=rising.position * [1.0, 1.0, 0.0] + [0.0, 0.0, -3.2])])
+    assert "Begin at least 5 m deep" in checklist_markdown(manoeuvre, remus().vehicle, shallow)

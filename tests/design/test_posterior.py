@@ -1,0 +1,67 @@
+"""What a filter will state after a run."""
+
+import numpy as np
+import pytest
+
+from auvid_cli.design.posterior import knowledge_of, posterior_along
+from auvid_cli.evaluation.bounds import information_with_process_noise
+from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.simulation.manoeuvre_plan import make_plan
+from auvid_cli.simulation.simulate import simulate
+from auvid_cli.simulation.true_motion import simulate_motion
+from auvid_cli.vehicle.coefficients import SYMBOLS
+
+
+@pytest.fixture
+def run(experiment_with):
+    """Function: the experiment and its posterior, of a short spiral."""
+
+    def posterior(*overrides):
+        experiment = experiment_with("manoeuvre.duration=30 s", "sensors.attitude.source=direct", *overrides)
+        manoeuvre = experiment.manoeuvre.model_copy(update={"input_rate": 20.0})
+        plan = make_plan(manoeuvre)
+        truth = simulate_motion(experiment.vehicle, manoeuvre, plan, np.zeros((plan.time.size, 6)), 0.025)
+        return experiment, posterior_along(truth, knowledge_of(experiment))
+
+    return posterior
+
+
+OWN_TERMS = (
+    "vehicle.terms=[{name: K_up, row: K, factors: [u, p], value: -2}, {name: X_vr, row: X, factors: [v, r], value: 20}]"
+)
+
+
+@pytest.mark.parametrize("overrides", [(), (OWN_TERMS,)], ids=["the 22", "own terms"])
+def test_it_is_that_of_a_linear_smoother_about_measured_motion(run, overrides):
+    """From another algorithm, in square roots, at every measurement, about a trajectory that follows noisy data."""
+    experiment, posterior = run(*overrides)
+    assert posterior.deviation.shape[1] == len(SYMBOLS) + 2 * len(overrides)
+    information = information_with_process_noise(prepare(simulate(experiment)), experiment.vehicle.all_coefficients())
+    prior = knowledge_of(experiment).prior_std
+    matrix = information.matrix / np.outer(information.prior_std, information.prior_std) + np.diag(prior**-2)
+    covariance = np.linalg.inv(matrix)
+    ratio = posterior.deviation[-1] / np.sqrt(np.diagonal(covariance))
+    assert np.abs(np.log(ratio)).max() < 0.15
+    assert abs(np.log(ratio).mean()) < 0.03
+
+
+def test_what_is_held_is_known_and_makes_the_rest_surer(run):
+    _, of_all = run()
+    _, of_few = run("identification.coefficients=[N_uudr, N_url]")
+    few = [SYMBOLS.index(symbol) for symbol in ("N_uudr", "N_url")]
+    held = np.delete(np.arange(len(SYMBOLS)), few)
+    assert not of_few.deviation[:, held].any()
+    assert (of_few.deviation[-1, few] < of_all.deviation[-1, few]).all()
+
+
+def test_without_a_sensor_less_is_known(run):
+    _, posterior = run()
+    _, blind = run("sensors.dvl=null")
+    assert (blind.deviation[-1] > posterior.deviation[-1]).all()
+
+
+def test_more_data_never_say_less_and_more_process_noise_does(run):
+    _, posterior = run()
+    assert (np.diff(posterior.deviation, axis=0) < 1e-9 * posterior.deviation[0]).all()
+    _, noisier = run("identification.process_noise={velocity: 1e-3, rate: 1e-3, attitude: 1e-4}")
+    assert (noisier.deviation[-1] > posterior.deviation[-1]).all()

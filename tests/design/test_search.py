@@ -1,0 +1,90 @@
+"""The search, and what came of it."""
+
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from auvid_cli.config.envelope import Envelope
+from auvid_cli.design.conclusion import WORTH_WHILE, conclude
+from auvid_cli.design.search import Reached, search
+from auvid_cli.design.task import Wish, set_task
+from auvid_cli.design.trials import Flight, Trial
+from auvid_cli.errors import ConfigError
+from auvid_cli.vehicle.coefficients import SYMBOLS
+
+
+@pytest.fixture(scope="module")
+def reached(remus):
+    """A task, and how far two generations of a search come."""
+    task = set_task(remus(), Wish(20.0, Envelope(), None, None, (), "D", 2, None))
+    return task, list(islice(search(task.space, task.seen, 1), 2))
+
+
+def test_a_search_never_loses_ground_and_the_same_seed_finds_the_same(reached):
+    task, steps = reached
+    assert [step.evaluations for step in steps] == [13, 25]
+    start = task.seen.try_out(task.space.manoeuvre(task.space.start()))
+    assert steps[1].best.cost <= steps[0].best.cost <= start.cost
+    again = next(search(task.space, task.seen, 1))
+    assert again.best.manoeuvre == steps[0].best.manoeuvre
+
+
+def test_what_is_found_is_judged_on_other_vehicles_beside_what_is_usually_sailed(reached):
+    task, steps = reached
+    design = conclude(task, steps[-1])
+    assert {*design.trials} == {"designed", "spiral", "doublets", "zigzag"}
+    assert all(len(trial.flights) == 8 for trial in design.trials.values())
+    percents = [np.log(design.trials[name].percent()).mean() for name in ("spiral", "designed")]
+    assert design.gain == pytest.approx(np.exp(percents[0] - percents[1]))
+    assert design.is_own == (design.gain < WORTH_WHILE)
+    assert len(design.poor) >= 3
+    times, means = zip(*design.growth, strict=True)
+    assert times == pytest.approx((5.0, 10.0, 15.0, 20.0), abs=0.1)
+    assert sorted(means, reverse=True) == [*means]
+    worst = design.trials["spiral" if design.is_own else "designed"].percent()
+    assert design.poor[0].percent == worst.max()
+
+
+def test_where_the_search_finds_nothing_better_the_spiral_is_what_comes_out(reached):
+    task, _ = reached
+    design = conclude(task, Reached(1, 1, task.own))
+    assert design.is_own
+    assert design.gain == pytest.approx(1.0)
+    assert design.manoeuvre == task.space.base
+    assert design.soonest == pytest.approx(20.0, abs=0.1)
+
+
+def test_an_envelope_that_nothing_fits_is_refused_with_what_to_relax(remus, wish):
+    task = set_task(remus(), wish({"box": 5.0, "roll": 0.02, "speed": 1.5}))
+    found = next(search(task.space, task.seen, 1))
+    with pytest.raises(ConfigError, match=r"none of 13 manoeuvres keeps .* relax --box '\d.* m', .*--roll '\d.* deg'"):
+        conclude(task, found)
+
+
+def test_only_what_is_estimated_can_be_asked_for(remus, wish):
+    with pytest.raises(ConfigError, match=r"--for N_x: is not estimated .* there are X_u\|u\|"):
+        set_task(remus(), wish(chosen=("N_x",)))
+
+
+def trial_of(*measures):
+    """A trial with one coefficient's percent on each vehicle; None is lost."""
+    flights = [Flight(np.full(len(SYMBOLS), value or np.nan), None) for value in measures]
+    logarithms = np.array([np.inf if value is None else np.log(value) for value in measures])
+    return Trial(None, flights, logarithms, [])
+
+
+def test_a_gain_is_of_the_vehicles_that_both_bring_home():
+    gains = trial_of(1.0, 2.0, None).gain_over(trial_of(3.0, None, 5.0))
+    assert gains == pytest.approx([3.0])
+    assert trial_of(2.0, 1.0).mean_gain_over(trial_of(4.0, 8.0)) == pytest.approx(4.0)
+    assert np.isnan(trial_of(None).mean_gain_over(trial_of(1.0)))
+
+
+def test_worst_looks_at_the_largest_and_for_at_those_that_are_named(remus, wish):
+    task = set_task(remus(), wish(criterion="worst"))
+    few = set_task(remus(), wish(chosen=("N_uudr", "N_uvl")))
+    for flight, worst, named in zip(task.own.flights, task.own.measure, few.own.measure, strict=True):
+        assert worst == pytest.approx(np.log(flight.percent.max()))
+        here = [SYMBOLS.index("N_uudr"), SYMBOLS.index("N_uvl")]
+        assert named == pytest.approx(np.log(flight.percent[here]).mean())

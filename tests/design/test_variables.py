@@ -1,0 +1,67 @@
+"""What a search may vary."""
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from auvid_cli.config.envelope import Envelope
+from auvid_cli.config.manoeuvre import Spiral
+from auvid_cli.design.variables import candidates, own_manoeuvre, space_about
+from auvid_cli.errors import ConfigError
+from auvid_cli.simulation.manoeuvre_plan import make_plan
+
+
+def space_of(experiment, duration=60.0):
+    own = own_manoeuvre(experiment, duration, None, None)
+    return space_about(own, experiment.vehicle.size.length, 1.62, Envelope())
+
+
+def test_it_begins_next_to_the_spiral(space):
+    own, start = space.base, space.manoeuvre(space.start())
+    assert (start.turn_rate, start.pitch, start.speed) == pytest.approx((own.turn_rate, own.pitch, own.speed), rel=1e-5)
+    assert start.autopilot.bandwidth == pytest.approx(own.autopilot.bandwidth)
+    for channel, of_own in zip(start.excitation.channels(), own.excitation.channels(), strict=True):
+        assert channel.amplitude == pytest.approx(of_own.amplitude)
+    assert start.excitation.rudder.highest == pytest.approx(own.excitation.rudder.highest)
+
+
+@pytest.fixture(scope="module")
+def space(remus):
+    return space_of(remus())
+
+
+@settings(max_examples=25)
+@given(places=st.lists(st.floats(0.0, 1.0), min_size=15, max_size=15))
+def test_every_point_is_a_manoeuvre_that_settings_can_name(space, places):
+    manoeuvre = space.manoeuvre(np.array(places))
+    assert (
+        Spiral.model_validate(yaml.safe_load(yaml.safe_dump(manoeuvre.model_dump(mode="json", exclude_none=True))))
+        == manoeuvre
+    )
+    signals = make_plan(manoeuvre.model_copy(update={"input_rate": 20.0})).feedforward
+    assert np.abs(signals[:, :2]).max() <= 1.7 * manoeuvre.limits.fin_angle + 1e-6
+    assert np.abs(signals[[0, -1]]).max() < 1e-9
+    assert abs(manoeuvre.pitch) < Envelope().pitch
+
+
+def test_a_vehicle_that_is_not_rolled_by_its_spiral_is_not_rolled(remus):
+    space = space_of(remus("manoeuvre.excitation.roll_moment=null"))
+    assert len(space.variables) == 12
+    assert space.manoeuvre(space.start()).excitation.roll_moment is None
+
+
+def test_all_candidates_last_as_long_and_have_the_same_fins(remus):
+    own = own_manoeuvre(remus(), 60.0, 0.1, 0.5)
+    assert (own.limits.fin_angle, own.limits.fin_rate) == (0.1, 0.5)
+    for manoeuvre in candidates(own, 1.33).values():
+        assert (manoeuvre.duration, manoeuvre.limits, manoeuvre.speed) == (60.0, own.limits, own.speed)
+    assert candidates(own, 1.33)["zigzag"].rudder == 0.1
+
+
+def test_an_experiment_without_a_spiral_and_a_run_of_no_length_are_refused(remus):
+    with pytest.raises(ConfigError, match=r"begins with a spiral.*of type zigzag: --set manoeuvre="):
+        own_manoeuvre(remus("manoeuvre=configs/manoeuvres/zigzag_20_20.yaml"), 60.0, None, None)
+    with pytest.raises(ConfigError, match="--duration 5 s: expected at least 20 s"):
+        own_manoeuvre(remus(), 5.0, None, None)
