@@ -27,6 +27,7 @@ CORE = (
     "simulation",
     "filters",
     "identification",
+    "design",
     "config/augmented_states.py",
     "config/moving_states.py",
     "angles.py",

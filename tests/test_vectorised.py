@@ -36,7 +36,7 @@ KERNELS = {
     "filters.prediction.predict": (0.55, 500),
     "filters.measurement.update": (0.50, 640),
     "filters.square_root._run": (0.52, 1100),
-    "vehicle.sensitivity.transition_step": (0.33, 1020),
+    "vehicle.sensitivity.transition_step": (0.33, 1240),
 }
 
 

@@ -1,13 +1,16 @@
 """Where vehicles as they may be go under one manoeuvre: the middle of them, and within what most of them stay."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.errors import DataError
-from auvid_cli.simulation.true_motion import Truth
+
+if TYPE_CHECKING:
+    # Figures know a band, and load nothing that is compiled.
+    from auvid_cli.simulation.true_motion import Truth
 
 Array = NDArray[np.float64]
 
@@ -45,7 +48,7 @@ class Band(NamedTuple):
     number: int
 
 
-def band_of(runs: Sequence[Truth]) -> Band:
+def band_of(runs: Sequence["Truth"]) -> Band:
     """Summarise runs of one manoeuvre.
 
     Raises
