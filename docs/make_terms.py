@@ -72,11 +72,11 @@ def table(rows: pd.DataFrame) -> list[str]:
             bool(found) and found[0] != planted and planted in other.split()
             for found, other in zip(names, each["alike"], strict=True)
         )
-        nothing = sum(not found for found in names)
+        nothing, shown = sum(not found for found in names), str(planted).replace("|", r"\|")
         if planted == _NONE:
             lines.append(f"| none | {len(each)} | - | - | - | {nothing} |")
         else:
-            lines.append(f"| `{planted}` | {len(each)} | {there} | {alone} | {alike} | {nothing} |")
+            lines.append(f"| `{shown}` | {len(each)} | {there} | {alone} | {alike} | {nothing} |")
     return lines
 
 
