@@ -4,15 +4,14 @@ Each seed is identified from a spiral by the smoother, with the process noise th
 zigzag. What was found is kept in a file, line by line, and seeds that stand there are not done again.
 """
 
-import argparse
 from dataclasses import replace
-from pathlib import Path
 from typing import NamedTuple
 
 import pandas as pd
 
 import auvid_cli as auvid
 from auvid_cli.data.dataset import Dataset
+from docs.resumable import all_rows, asked
 from docs.section import replace_section
 
 _SENSORS = (
@@ -94,22 +93,10 @@ def table(rows: pd.DataFrame) -> list[str]:
 
 def main() -> None:
     """Go through all seeds and write the section."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--rows", type=Path, default=Path("results/studies/mismatch.csv"))
-    arguments = parser.parse_args()
-    file: Path = arguments.rows
-    file.parent.mkdir(parents=True, exist_ok=True)
-    done = set[tuple[str, int]]()
-    if file.exists():
-        done.update(pd.read_csv(file)[["case", "seed"]].itertuples(index=False, name=None))
-    for seed in range(1, arguments.seeds + 1):
-        for name, case in CASES.items():
-            if (name, seed) not in done:
-                rows = found(case, seed).assign(case=name, seed=seed)
-                rows.to_csv(file, mode="a", header=not file.exists(), index=False)
-        print(f"{seed} of {arguments.seeds} seeds", flush=True)
-    replace_section("mismatch", "\n".join(table(pd.read_csv(file))), "studies")
+    seeds, file = asked(__doc__, "mismatch", 20)
+    runs = [(name, seed) for seed in range(1, seeds + 1) for name in CASES]
+    rows = all_rows(file, runs, lambda name, seed: found(CASES[name], seed))
+    replace_section("mismatch", "\n".join(table(rows)), "studies")
 
 
 if __name__ == "__main__":

@@ -4,16 +4,15 @@ Each seed is simulated once as the model has it and once with each of six terms 
 kept in a file, line by line, and seeds that stand there are not done again.
 """
 
-import argparse
 from dataclasses import replace
-from pathlib import Path
 
 import pandas as pd
 
 import auvid_cli as auvid
 from auvid_cli.identification.prior import natural_magnitude
-from auvid_cli.vehicle.coefficients import Coefficient
+from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient
 from auvid_cli.vehicle.term_library import term
+from docs.resumable import all_rows, asked
 from docs.section import replace_section
 
 _SETTINGS = (
@@ -34,6 +33,8 @@ _PLANTED = (
     (4, ("q",), -1.0),
 )
 _NONE = "none"
+_CASES: dict[str, tuple[Coefficient | None, float]] = {_NONE: (None, 0.0)}
+_CASES |= {t.symbol: (t, share) for row, factors, share in _PLANTED for t in [term(row, factors)]}
 
 
 def found(planted: Coefficient | None, share: float, seed: int) -> pd.DataFrame:
@@ -43,7 +44,7 @@ def found(planted: Coefficient | None, share: float, seed: int) -> pd.DataFrame:
     if planted is not None:
         value = share * natural_magnitude(planted, told.vehicle.size)
         factors = ", ".join(f'"{factor}"' for factor in planted.factors)
-        own = f'vehicle.terms=[{{name: "{planted.symbol}", row: {"XYZKMN"[planted.row]}, factors: [{factors}], '
+        own = f'vehicle.terms=[{{name: "{planted.symbol}", row: {EQUATION_ROWS[planted.row]}, factors: [{factors}], '
         true = auvid.load_experiment("spiral", *_SETTINGS, f"seed={seed}", f'{own}value: "{value!r} {planted.unit}"}}]')
     findings = auvid.find_terms(replace(auvid.simulate(true), experiment=told))
     first = next(iter(findings.found), None)
@@ -64,7 +65,7 @@ def table(rows: pd.DataFrame) -> list[str]:
         "| planted | seeds | found | found first, no other | one hardly told from it first | nothing found |",
         "| --- | ---: | ---: | ---: | ---: | ---: |",
     ]
-    for planted, each in rows.fillna({"found": "", "alike": ""}).groupby("planted", sort=False):
+    for planted, each in rows.fillna({"found": "", "alike": ""}).groupby("case", sort=False):
         names = each["found"].str.split()
         there = sum(planted in found for found in names)
         alone = sum(list(found) == [planted] for found in names)
@@ -82,23 +83,10 @@ def table(rows: pd.DataFrame) -> list[str]:
 
 def main() -> None:
     """Go through all seeds and write the section."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--rows", type=Path, default=Path("results/studies/terms.csv"))
-    arguments = parser.parse_args()
-    file: Path = arguments.rows
-    file.parent.mkdir(parents=True, exist_ok=True)
-    done = set[tuple[str, int]]()
-    if file.exists():
-        done.update(pd.read_csv(file)[["planted", "seed"]].itertuples(index=False, name=None))
-    cases = [(_NONE, None, 0.0), *((t.symbol, t, share) for row, f, share in _PLANTED for t in [term(row, f)])]
-    for seed in range(1, arguments.seeds + 1):
-        for name, planted, share in cases:
-            if (name, seed) not in done:
-                rows = found(planted, share, seed).assign(planted=name, seed=seed)
-                rows.to_csv(file, mode="a", header=not file.exists(), index=False)
-        print(f"{seed} of {arguments.seeds} seeds", flush=True)
-    replace_section("terms", "\n".join(table(pd.read_csv(file))), "studies")
+    seeds, file = asked(__doc__, "terms", 20)
+    runs = [(name, seed) for seed in range(1, seeds + 1) for name in _CASES]
+    rows = all_rows(file, runs, lambda name, seed: found(*_CASES[name], seed))
+    replace_section("terms", "\n".join(table(rows)), "studies")
 
 
 if __name__ == "__main__":

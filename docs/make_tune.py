@@ -4,14 +4,13 @@ Each seed is tuned with everything stated twice as large as it is. What is found
 seeds that stand there are not done again.
 """
 
-import argparse
 from math import radians, sqrt
-from pathlib import Path
 from typing import NamedTuple
 
 import pandas as pd
 
 import auvid_cli as auvid
+from docs.resumable import all_rows, asked
 from docs.section import replace_section
 
 _SENSORS = {"gyroscope": 0.5, "attitude": 0.5, "dvl": 0.5}
@@ -95,7 +94,7 @@ def found(case: Case, seed: int) -> pd.DataFrame:
     rows = auvid.tune(auvid.simulate(experiment), sensors=True).to_pandas()
     rows["setting"] = rows["setting"].str.removeprefix("identification.")
     true = case.true | {f"measurement_noise.{sensor}": factor for sensor, factor in _SENSORS.items()}
-    return rows.assign(seed=seed, true=rows["setting"].map(true))
+    return rows.assign(true=rows["setting"].map(true))
 
 
 def table(rows: pd.DataFrame) -> list[str]:
@@ -134,21 +133,9 @@ def _held(rows: pd.DataFrame) -> "pd.Series[bool]":
 
 def main() -> None:
     """Go through all seeds and write the section."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=100)
-    parser.add_argument("--rows", type=Path, default=Path("results/studies/tune.csv"))
-    arguments = parser.parse_args()
-    file: Path = arguments.rows
-    file.parent.mkdir(parents=True, exist_ok=True)
-    done = set[tuple[str, int]]()
-    if file.exists():
-        done.update(pd.read_csv(file)[["case", "seed"]].itertuples(index=False, name=None))
-    for name, case in CASES.items():
-        for seed in range(1, arguments.seeds + 1):
-            if (name, seed) not in done:
-                found(case, seed).assign(case=name).to_csv(file, mode="a", header=not file.exists(), index=False)
-                print(f"{name}: {seed} of {arguments.seeds} seeds", flush=True)
-    rows = pd.read_csv(file)
+    seeds, file = asked(__doc__, "tune", 100)
+    runs = [(name, seed) for name in CASES for seed in range(1, seeds + 1)]
+    rows = all_rows(file, runs, lambda name, seed: found(CASES[name], seed))
     replace_section("tune", "\n".join([summary(rows), "", *table(rows)]), "studies")
 
 

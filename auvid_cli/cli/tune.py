@@ -1,6 +1,5 @@
 """auvid tune."""
 
-import shlex
 from dataclasses import replace
 from typing import Annotated
 
@@ -37,16 +36,12 @@ def tune(
     and with less. What it finds is in tuned.yaml, which `auvid identify` takes behind --set.
     """
     with reporting_errors():
-        from auvid_cli.api.files import read_dataset
-        from auvid_cli.data.files import keep_apart, write_text
-        from auvid_cli.data.replacement import put_copy
-        from auvid_cli.data.results_folder import folder_of_dataset, tables_and_figures
+        from auvid_cli.cli import found_settings
+        from auvid_cli.data.files import write_text
 
         terminal, changes = Terminal(quiet, verbose), (*overrides(settings, use=use), "identification.noise=stated")
-        read, folder = read_dataset(dataset, *changes), output or folder_of_dataset(dataset)
-        files, tuned = [dataset, *read.experiment.data_files()], folder / "tuned.yaml"
-        put_copy(dataset, read, folder, files, overwrite)
-        keep_apart([tuned, *tables_and_figures(folder)], files)
+        search = found_settings.begin_search(dataset, changes, output, overwrite, "tuned.yaml")
+        read = search.dataset
         with terminal.compiling():
             from auvid_cli.api.identification import identify
             from auvid_cli.api.judgement import judge
@@ -67,7 +62,6 @@ def tune(
         judged = ((estimate, judge(estimate)[estimate.filter]) for estimate in (before, after))
         print_tuning(terminal.out, tuning, *judged)
         terminal.say(f"log-likelihood: {tuning.gain:.4g} more than as stated")
-        terminal.say_all(write_csv_tables({"tuning": tuning.rows()}, folder / "tables"))
-        write_text(tuned, tuning.settings())
-        given = [*(f"--set={setting}" for setting in settings or ()), *(f"--use={span}" for span in use or ())]
-        terminal.say(f"next: {shlex.join(['auvid', 'identify', str(dataset), *given, '--set', str(tuned)])}")
+        terminal.say_all(write_csv_tables({"tuning": tuning.rows()}, search.folder / "tables"))
+        write_text(search.file, tuning.settings())
+        found_settings.say_next(terminal, dataset, settings, use, search.file)

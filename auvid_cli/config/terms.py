@@ -9,10 +9,17 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from auvid_cli.config.magnitudes import check_amount, check_size
 from auvid_cli.config.quantity import parse_quantity
 from auvid_cli.config.settings import Settings
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, MOST_FACTORS, SIGNALS, TERM_NAME, Coefficient, unit_of
+from auvid_cli.vehicle.coefficients import (
+    COEFFICIENTS,
+    EQUATION_ROWS,
+    MOST_FACTORS,
+    SIGNALS,
+    TERM_NAME,
+    Coefficient,
+    unit_of,
+)
 from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS
 
-ROWS = "XYZKMN"
 _MOTIONS = "surge force", "sway force", "heave force", "roll moment", "pitch moment", "yaw moment"
 # As names in code, which files for other programs hold, a term may be called like none of these.
 _TAKEN = {c.identifier: c.symbol for c in COEFFICIENTS} | {symbol: symbol for symbol in PARAMETER_SYMBOLS}
@@ -85,10 +92,17 @@ class Term(Settings):
             for key, amount in value.items()
         }
 
+    @classmethod
+    def of(cls, coefficient: Coefficient) -> "Term":
+        """Return the settings of a coefficient that is to be estimated."""
+        return cls.model_validate(
+            {"name": coefficient.symbol, "row": EQUATION_ROWS[coefficient.row], "factors": coefficient.factors}
+        )
+
     @property
     def coefficient(self) -> Coefficient:
         """Return its row of the table of coefficients."""
-        row = ROWS.index(self.row)
+        row = EQUATION_ROWS.index(self.row)
         meaning = self.meaning or f"{_MOTIONS[row]} of {' '.join(self.factors)}"
         return Coefficient(self.name, unit_of(row, self.factors), meaning, row, self.factors, "term")
 
@@ -97,7 +111,7 @@ def _unit(info: ValidationInfo) -> str | None:
     """Return the unit that row and factors ask for; None where these are wrong themselves."""
     if "row" not in info.data or "factors" not in info.data:
         return None
-    return unit_of(ROWS.index(info.data["row"]), info.data["factors"])
+    return unit_of(EQUATION_ROWS.index(info.data["row"]), info.data["factors"])
 
 
 def _parsed(value: Any, unit: str, key: str) -> float:

@@ -11,7 +11,6 @@ from scipy.linalg import block_diag, solve_triangular
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.filters.linear_smoothing import LinearSmoothing
-from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoother import follow
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.delays import delays_about
@@ -175,8 +174,7 @@ def information_with_process_noise(prepared: PreparedData, values: Mapping[str, 
     layout, mean = augmented.layout, augmented.prior.mean.copy()
     rows = layout.rows_of("coefficients")
     mean[rows] = [values[symbol] for symbol in layout.symbols[rows]] / layout.scale[rows]
-    timelines = [segment.timelines for segment in augmented.segments]
-    problem = JointProblem(augmented.process, augmented.sensors, timelines, augmented.prior._replace(mean=mean))
+    problem = augmented.joint._replace(prior=augmented.prior._replace(mean=mean))
     smoothing, trajectory = LinearSmoothing(problem), follow(problem)
     if trajectory is None or (filtered := smoothing.filter(trajectory)) is None:
         return None

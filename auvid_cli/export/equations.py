@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 from auvid_cli.export.heading import certainty
 from auvid_cli.export.model import IdentifiedModel
-from auvid_cli.export.terms import EQUATION_ROWS
-from auvid_cli.vehicle.coefficients import Coefficient, CoefficientSet
+from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient, CoefficientSet
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import PARAMETERS
 

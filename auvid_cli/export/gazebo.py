@@ -17,9 +17,8 @@ from auvid_cli.export.comment import xml_comment
 from auvid_cli.export.heading import certainty, heading_lines
 from auvid_cli.export.losses import Losses, losses_of
 from auvid_cli.export.model import IdentifiedModel
-from auvid_cli.export.terms import EQUATION_ROWS
 from auvid_cli.printable import printable
-from auvid_cli.vehicle.coefficients import Coefficient
+from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient
 
 _LINK = "base_link"
 _NOTES = (

@@ -6,12 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.vehicle.coefficients import CoefficientSet
+from auvid_cli.vehicle.coefficients import EQUATION_ROWS, CoefficientSet
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
-
-EQUATION_ROWS = "XYZKMN"
 
 
 class TermSize(NamedTuple):

@@ -10,7 +10,7 @@ from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.filters.huber import THRESHOLD
 from auvid_cli.filters.problem import Gaussian, Indices, Process, Sensors
-from auvid_cli.filters.segments import joint_gaussian, places
+from auvid_cli.filters.segments import JointProblem, joint_gaussian, places
 from auvid_cli.identification.compiled_layout import NOT_USED, KnownSensor, KnownSensors
 from auvid_cli.identification.initial_state import initial_gaussian
 from auvid_cli.identification.prepared_data import PreparedData, Segment
@@ -60,6 +60,11 @@ class AugmentedProblem:
     def places(self) -> list[Indices]:
         """Return where in the joint state the state of each segment stands."""
         return places(self.prior.mean.size, self.process.noise_density.size, len(self.segments))
+
+    @property
+    def joint(self) -> JointProblem:
+        """Return what an estimator of all segments together is given."""
+        return JointProblem(self.process, self.sensors, [segment.timelines for segment in self.segments], self.prior)
 
     @property
     def span(self) -> tuple[float, float]:

@@ -22,7 +22,6 @@ from auvid_cli.filters.fault_scores import score_faults
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
 from auvid_cli.filters.marginal import marginal_scores, without_motion
 from auvid_cli.filters.problem import FaultScores
-from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoother import most_probable
 from auvid_cli.identification.actuators import FINS
 from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
@@ -211,8 +210,7 @@ def _fit(prepared: PreparedData, symbols: Sequence[str]) -> _Fit | None:
     """Fit all but the delays; None where nothing follows the data with these."""
     settings = prepared.experiment.identification
     max_passes, augmented = settings.smoother.max_passes, augmented_problem(prepared)
-    segments = [segment.timelines for segment in augmented.segments]
-    problem = JointProblem(augmented.process, augmented.sensors, segments, augmented.prior)
+    problem = augmented.joint
     smoothing, faults = LinearSmoothing(problem), VehicleFaults(augmented, symbols, tested=())
     answers = most_probable(problem, smoothing, max_passes)
     if not answers:

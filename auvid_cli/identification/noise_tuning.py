@@ -12,7 +12,6 @@ from auvid_cli.data.tuning import TunedNoise, Tuning
 from auvid_cli.errors import DataError
 from auvid_cli.filters.noise_likelihood import most_likely_noise
 from auvid_cli.filters.noise_scores import NoiseGroup
-from auvid_cli.filters.segments import JointProblem
 from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.identification.state_layout import StateLayout
@@ -62,10 +61,8 @@ def tune_noise(
     experiment, settings = prepared.experiment, prepared.experiment.identification
     augmented = augmented_problem(prepared)
     noises = [*process_noises(augmented, settings), *(_sensor_noises(augmented, settings) if with_sensors else ())]
-    segments = [segment.timelines for segment in augmented.segments]
-    problem = JointProblem(augmented.process, augmented.sensors, segments, augmented.prior)
     likeliest = most_likely_noise(
-        problem, [noise.group for noise in noises], settings.smoother.max_passes, on_evaluation
+        augmented.joint, [noise.group for noise in noises], settings.smoother.max_passes, on_evaluation
     )
     if likeliest is None:
         raise DataError(

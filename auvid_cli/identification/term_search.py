@@ -1,6 +1,6 @@
 """Terms that a model lacks: ranked by what a smoother's fit leaves of the data, accepted by data that are held out."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,9 +12,10 @@ from auvid_cli.config.spans import Spans
 from auvid_cli.config.terms import Term
 from auvid_cli.data.term_findings import ScoredTerm, TermFindings
 from auvid_cli.errors import DataError
-from auvid_cli.filters.candidate_scores import CandidateScores, score_candidates
+from auvid_cli.filters.candidate_scores import correlation, explained, gains, sizes
+from auvid_cli.filters.fault_scores import score_faults
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
-from auvid_cli.filters.segments import JointProblem
+from auvid_cli.filters.problem import FaultScores
 from auvid_cli.filters.smoother import most_probable
 from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
 from auvid_cli.identification.fault_effects import VehicleFaults
@@ -44,13 +45,11 @@ class _Fit:
     Attributes
     ----------
     augmented : AugmentedProblem
-    problem : JointProblem
     smoothing : LinearSmoothing
     answer : Filtered
     """
 
     augmented: AugmentedProblem
-    problem: JointProblem
     smoothing: LinearSmoothing
     answer: Filtered
 
@@ -66,10 +65,10 @@ class _Fit:
         value = self.answer.trajectory.parameters[row] + final.mean[row]
         return float(scale * value), float(scale * np.sqrt(final.covariance()[row, row]))
 
-    def scores(self, terms: tuple[Coefficient, ...]) -> CandidateScores:
+    def scores(self, terms: tuple[Coefficient, ...]) -> FaultScores:
         """Find what the data say of terms beyond the model."""
         tested = [missing_term(term) for term in terms]
-        return score_candidates(self.smoothing, self.answer, VehicleFaults(self.augmented, tested=tested))
+        return score_faults(self.smoothing, self.answer, VehicleFaults(self.augmented, tested=tested))
 
 
 class _Model(NamedTuple):
@@ -116,7 +115,7 @@ def search_terms(
         If the smoother does not settle on these data without further terms.
     """
     fitted, held_out = split(prepared)
-    candidates = tuple(t for t in admissible_terms(any_symmetry) if _is_new(t, prepared.experiment))
+    candidates = _new(admissible_terms(any_symmetry), prepared.experiment)
     tried, given_up = list[ScoredTerm](), list[str]()
 
     def model(settings: RunSettings) -> _Model | None:
@@ -131,13 +130,14 @@ def search_terms(
             "identify --filter smoother"
         )
     for look in range(1, most + 1):
-        new = tuple(t for t in candidates if t.symbol not in given_up and _is_new(t, here.settings))
+        new = tuple(t for t in _new(candidates, here.settings) if t.symbol not in given_up)
         say(f"look {look}: {len(new)} terms")
         scored = _Scored.of(here.fit, new)
         fits = dict[int, _Model]()
         for k in scored.worth_trying():
             say(f"look {look}: fit with {new[k].symbol}")
-            if (there := model(with_term(here.settings, new[k]))) is not None:
+            own = (*here.settings.vehicle.terms, Term.of(new[k]))
+            if (there := model(with_terms(here.settings, own))) is not None:
                 fits[k] = there
         best = max(fits, key=lambda k: fits[k].fit.log_evidence, default=None)
         is_better = best is not None and fits[best].held_out - here.held_out >= LEAST_HELD_OUT_GAIN
@@ -147,10 +147,11 @@ def search_terms(
             break
         here = fits[found]
         say(f"look {look}: fits without terms found before")
-        for earlier in [t.name for t in here.settings.vehicle.terms[len(prepared.experiment.vehicle.terms) : -1]]:
-            without = model(without_term(here.settings, earlier))
+        for earlier in here.settings.vehicle.terms[len(prepared.experiment.vehicle.terms) : -1]:
+            others = [term for term in here.settings.vehicle.terms if term != earlier]
+            without = model(with_terms(here.settings, others))
             if without is not None and here.held_out - without.held_out < LEAST_HELD_OUT_GAIN:
-                here, given_up = without, [*given_up, earlier]
+                here, given_up = without, [*given_up, earlier.name]
     kept = [row._replace(found=row.found and row.term not in given_up) for row in tried]
     return TermFindings(tuple(kept), len(candidates), fitted, held_out, here.settings)
 
@@ -159,7 +160,7 @@ class _Scored(NamedTuple):
     """Candidates as the linear problem about a fit has them, the best first in `order`."""
 
     candidates: tuple[Coefficient, ...]
-    scores: CandidateScores
+    scores: FaultScores
     gains: Array
     shares: Array
     order: list[int]
@@ -167,10 +168,10 @@ class _Scored(NamedTuple):
     @classmethod
     def of(cls, fit: _Fit, candidates: tuple[Coefficient, ...]) -> "_Scored":
         """Find what a fit says of them."""
-        scores, n = fit.scores(candidates), fit.problem.n_parameters
-        gains = scores.gains([])
-        shares = scores.explained(fit.answer.final.covariance()[:n, :n])
-        return cls(candidates, scores, gains, shares, np.argsort(-gains).tolist())
+        scores = fit.scores(candidates)
+        n, by_gain = len(scores.effect), gains(scores)
+        shares = explained(scores, fit.answer.final.covariance()[:n, :n])
+        return cls(candidates, scores, by_gain, shares, np.argsort(-by_gain).tolist())
 
     def worth_trying(self) -> list[int]:
         """Choose the best that explain more than chance, none hardly told from one before it."""
@@ -184,13 +185,11 @@ class _Scored(NamedTuple):
 
     def rows(self, look: int, here: _Model, fits: Mapping[int, _Model], found: int | None) -> Iterator[ScoredTerm]:
         """Yield a row for each of the best, and for those that were tried."""
+        linear = np.stack(sizes(self.scores))
         for k in [k for place, k in enumerate(self.order) if place < _TOLD or k in fits]:
             term, alike, there = self.candidates[k], self._like(k), fits.get(k)
             names = [self.candidates[j].symbol for j in self.order if alike[j] and j != k][:_TOLD]
-            if there is None:
-                size, deviation = (float(values[0]) for values in self.scores.sizes([k]))
-            else:
-                size, deviation = there.whole.of(term.symbol)
+            size, deviation = linear[:, k].tolist() if there is None else there.whole.of(term.symbol)
             yield ScoredTerm(
                 *(look, term.symbol, term.unit, term.equation, size, deviation),
                 *(float(self.gains[k]), float(self.shares[k]), ", ".join(names)),
@@ -199,7 +198,7 @@ class _Scored(NamedTuple):
             )
 
     def _like(self, k: int) -> NDArray[np.bool_]:
-        return np.abs(self.scores.correlation(k)) > _ALIKE
+        return np.abs(correlation(self.scores, k)) > _ALIKE
 
 
 def split(prepared: PreparedData) -> tuple[Spans, Spans]:
@@ -217,33 +216,23 @@ def split(prepared: PreparedData) -> tuple[Spans, Spans]:
     return tuple(fitted), tuple(held_out)
 
 
-def with_term(settings: RunSettings, term: Coefficient) -> RunSettings:
-    """Return settings whose vehicle has one more term, to be estimated."""
-    own = Term(name=term.symbol, row="XYZKMN"[term.row], factors=term.factors)  # pyright: ignore[reportArgumentType]
+def with_terms(settings: RunSettings, terms: Sequence[Term]) -> RunSettings:
+    """Return settings whose vehicle has these terms of its own; those that are new are to be estimated."""
     vehicle, identification = settings.vehicle, settings.identification
+    before, after = ([term.name for term in each] for each in (vehicle.terms, terms))
     if identification.coefficients != "all":
-        named = (*identification.coefficients, term.symbol)
+        kept = [symbol for symbol in identification.coefficients if symbol not in before or symbol in after]
+        named = (*kept, *(name for name in after if name not in before))
         identification = identification.model_copy(update={"coefficients": named})
-    vehicle = vehicle.model_copy(update={"terms": (*vehicle.terms, own)})
+    vehicle = vehicle.model_copy(update={"terms": tuple(terms)})
     return settings.model_copy(update={"vehicle": vehicle, "identification": identification})
 
 
-def without_term(settings: RunSettings, name: str) -> RunSettings:
-    """Return settings whose vehicle has a term less."""
-    vehicle, identification = settings.vehicle, settings.identification
-    if identification.coefficients != "all":
-        named = tuple(symbol for symbol in identification.coefficients if symbol != name)
-        identification = identification.model_copy(update={"coefficients": named})
-    vehicle = vehicle.model_copy(update={"terms": tuple(term for term in vehicle.terms if term.name != name)})
-    return settings.model_copy(update={"vehicle": vehicle, "identification": identification})
-
-
-def _is_new(term: Coefficient, settings: RunSettings) -> bool:
-    """Say whether a vehicle has neither the product nor its name."""
+def _new(candidates: Sequence[Coefficient], settings: RunSettings) -> tuple[Coefficient, ...]:
+    """Choose those of which a vehicle has neither the product nor the name."""
     own = settings.vehicle.coefficient_set
-    return regressor_ahead(term) not in {regressor_ahead(c) for c in own} and term.identifier not in {
-        c.identifier for c in own
-    }
+    names, products = {c.identifier for c in own}, {regressor_ahead(c) for c in own}
+    return tuple(c for c in candidates if c.identifier not in names and regressor_ahead(c) not in products)
 
 
 def _using(settings: RunSettings, spans: Spans) -> RunSettings:
@@ -254,10 +243,9 @@ def _using(settings: RunSettings, spans: Spans) -> RunSettings:
 def _fit(prepared: PreparedData) -> _Fit | None:
     """Fit the smoother; None where it does not settle."""
     augmented = augmented_problem(prepared)
-    segments = [segment.timelines for segment in augmented.segments]
-    problem = JointProblem(augmented.process, augmented.sensors, segments, augmented.prior)
+    problem = augmented.joint
     smoothing = LinearSmoothing(problem)
     answers = most_probable(problem, smoothing, prepared.experiment.identification.smoother.max_passes)
     if not answers or not answers[0][1]:
         return None
-    return _Fit(augmented, problem, smoothing, answers[0][0])
+    return _Fit(augmented, smoothing, answers[0][0])

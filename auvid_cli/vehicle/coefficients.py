@@ -12,6 +12,8 @@ from typing import Literal, NamedTuple
 
 CoefficientGroup = Literal["damping", "lift", "control", "term"]
 
+# Surge, sway and heave forces; roll, pitch and yaw moments.
+EQUATION_ROWS = "XYZKMN"
 # What a factor may be, bare or as a modulus: velocities in body axes, fins, and the propeller's thrust.
 SIGNALS = ("u", "v", "w", "p", "q", "r", "rudder", "elevator", "thrust")
 MOST_FACTORS = 6
@@ -81,7 +83,7 @@ class Coefficient(NamedTuple):
     @property
     def equation(self) -> str:
         """Return the term as text, for example ``Y += Y_uudr u u rudder``."""
-        return f"{'XYZKMN'[self.row]} += {self.symbol} {' '.join(self.factors)}"
+        return f"{EQUATION_ROWS[self.row]} += {self.symbol} {' '.join(self.factors)}"
 
 
 class CoefficientSet(tuple[Coefficient, ...]):
@@ -134,7 +136,7 @@ COEFFICIENTS = CoefficientSet(
 
 
 # A row of the equations, an underscore, and a word.
-TERM_NAME = r"^[XYZKMN]_[A-Za-z0-9_|]{1,40}$"
+TERM_NAME = rf"^[{EQUATION_ROWS}]_[A-Za-z0-9_|]{{1,40}}$"
 
 
 def is_name_of_term(name: str) -> bool:

@@ -9,10 +9,9 @@ signs, and so do v, p, r and the rudder.
 from collections.abc import Iterator
 from itertools import combinations_with_replacement
 
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, Coefficient, Regressor, unit_of
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS, Coefficient, Regressor, unit_of
 from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS
 
-_ROWS = "XYZKMN"
 _VELOCITIES, _FINS = ("u", "v", "w", "p", "q", "r"), ("rudder", "elevator")
 # What changes its sign in a mirror from port to starboard.
 _MIRRORED = frozenset(("Y", "K", "N", "v", "p", "r", "rudder"))
@@ -29,7 +28,7 @@ def admissible_terms(any_symmetry: bool = False) -> tuple[Coefficient, ...]:
         Whether those too that a vehicle has only if port and starboard differ.
     """
     there = {regressor_ahead(c) for c in COEFFICIENTS}
-    terms = (term(row, factors) for row in range(len(_ROWS)) for factors in _factors())
+    terms = (term(row, factors) for row in range(len(EQUATION_ROWS)) for factors in _factors())
     return tuple(t for t in terms if regressor_ahead(t) not in there and (any_symmetry or is_mirror_image(t)))
 
 
@@ -43,7 +42,7 @@ def term(row: int, factors: tuple[str, ...]) -> Coefficient:
     factors : tuple of str
         See `Coefficient`.
     """
-    name = f"{_ROWS[row]}_{''.join(factors)}"
+    name = f"{EQUATION_ROWS[row]}_{''.join(factors)}"
     if name.replace("|", "") in _TAKEN:
         name += "_even"
     return Coefficient(name, unit_of(row, factors), f"missing term {' '.join(factors)}", row, factors, "term")
@@ -52,7 +51,7 @@ def term(row: int, factors: tuple[str, ...]) -> Coefficient:
 def is_mirror_image(coefficient: Coefficient) -> bool:
     """Say whether a term is the same on a vehicle whose port side is the mirror image of its starboard side."""
     changes = sum(factor in _MIRRORED for factor in coefficient.factors)
-    return changes % 2 == (_ROWS[coefficient.row] in _MIRRORED)
+    return changes % 2 == (EQUATION_ROWS[coefficient.row] in _MIRRORED)
 
 
 def regressor_ahead(coefficient: Coefficient) -> Regressor:

@@ -10,9 +10,8 @@ from auvid_cli.export.actuation import acting_inputs
 from auvid_cli.export.heading import heading_lines, reservations
 from auvid_cli.export.losses import Losses
 from auvid_cli.export.model import Origin, identified_model
-from auvid_cli.export.terms import EQUATION_ROWS
 from auvid_cli.identification.identify import identify
-from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS, N_COEFFICIENTS
 
 ORIGIN = Origin("d" * 64, "e" * 64, "1.2.3", "2026-01-01T00:00:00+00:00")
 CHOSEN = ("X_u|u|", "Z_uude", "N_uudr")

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.candidate_scores import CandidateScores
+from auvid_cli.filters.candidate_scores import correlation, explained, gains, sizes
+from auvid_cli.filters.problem import FaultScores
 
 N, N_PARAMETERS, N_CANDIDATES = 300, 3, 6
 
@@ -28,37 +29,44 @@ def scores(regression):
     known, candidates, measured = regression
     candidates_left, measured_left = left_of(known, candidates), left_of(known, measured)
     effect = np.linalg.lstsq(known, candidates, rcond=None)[0]
-    return CandidateScores(candidates_left.T @ measured_left, candidates_left.T @ candidates_left, effect)
+    names = tuple("abcdef")
+    return FaultScores(names, names, candidates_left.T @ measured_left, candidates_left.T @ candidates_left, effect)
 
 
 def squares_left(known, columns, measured):
     return float(np.sum(left_of(np.hstack([known, columns]), measured) ** 2))
 
 
-@pytest.mark.parametrize("taken", [[], [4], [4, 1]])
-def test_a_gain_is_half_of_what_the_squares_fall_by(taken, regression, scores):
+def test_a_gain_is_half_of_what_the_squares_fall_by(regression, scores):
     known, candidates, measured = regression
-    before = squares_left(known, candidates[:, taken], measured)
+    before = squares_left(known, candidates[:, []], measured)
     for candidate in range(N_CANDIDATES):
-        after = squares_left(known, candidates[:, [*taken, candidate]], measured)
-        assert scores.gains(taken)[candidate] == pytest.approx((before - after) / 2.0, abs=1e-8)
+        after = squares_left(known, candidates[:, [candidate]], measured)
+        assert gains(scores)[candidate] == pytest.approx((before - after) / 2.0, abs=1e-8)
 
 
 def test_sizes_are_those_of_least_squares(regression, scores):
     known, candidates, measured = regression
-    columns = np.hstack([known, candidates[:, [1, 4]]])
-    size, deviation = scores.sizes([1, 4])
-    assert_allclose(size, np.linalg.lstsq(columns, measured, rcond=None)[0][-2:])
-    assert_allclose(deviation, np.sqrt(np.diagonal(np.linalg.inv(columns.T @ columns)))[-2:])
+    size, deviation = sizes(scores)
+    for candidate in range(N_CANDIDATES):
+        columns = np.hstack([known, candidates[:, [candidate]]])
+        assert_allclose(size[candidate], np.linalg.lstsq(columns, measured, rcond=None)[0][-1])
+        assert_allclose(deviation[candidate], np.sqrt(np.linalg.inv(columns.T @ columns)[-1, -1]))
 
 
-def test_one_that_is_another_once_more_gains_nothing_beside_it(scores):
-    assert scores.gains([0])[-1] == 0.0
-    assert scores.correlation(0)[-1] == pytest.approx(1.0)
+def test_one_that_is_another_once_more_is_wholly_like_it(scores):
+    assert correlation(scores, 0)[-1] == pytest.approx(1.0)
+
+
+def test_of_one_that_nothing_shows_nothing_is_said(scores):
+    unseen = scores._replace(score=0.0 * scores.score, information=0.0 * scores.information)
+    assert (gains(unseen) == 0.0).all()
+    assert (sizes(unseen)[1] == np.inf).all()
+    assert (correlation(unseen, 0) == 0.0).all()
 
 
 def test_what_the_parameters_make_up_for_is_the_share_of_the_squares(regression, scores):
     known, candidates, _ = regression
     covariance = np.linalg.inv(known.T @ known)
     expected = 1.0 - np.sum(left_of(known, candidates) ** 2, axis=0) / np.sum(candidates**2, axis=0)
-    assert_allclose(scores.explained(covariance), expected)
+    assert_allclose(explained(scores, covariance), expected)

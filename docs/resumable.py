@@ -1,0 +1,37 @@
+"""Studies of many seeds that go on where they stopped: what was found is kept in a file, line by line."""
+
+import argparse
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+
+
+class Asked(NamedTuple):
+    """How many seeds are asked for, and where rows are kept."""
+
+    seeds: int
+    rows: Path
+
+
+def asked(description: str | None, name: str, seeds: int) -> Asked:
+    """Read the command line of a study, which has so many seeds unless it says otherwise."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=seeds)
+    parser.add_argument("--rows", type=Path, default=Path(f"results/studies/{name}.csv"))
+    return Asked(**vars(parser.parse_args()))
+
+
+def all_rows(file: Path, runs: Iterable[tuple[str, int]], found: Callable[[str, int], pd.DataFrame]) -> pd.DataFrame:
+    """Do the runs, a case and a seed each, that do not stand in the file; return all rows that do then."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    done = set[tuple[str, int]]()
+    if file.exists():
+        done.update(pd.read_csv(file)[["case", "seed"]].itertuples(index=False, name=None))
+    for case, seed in runs:
+        if (case, seed) not in done:
+            rows = found(case, seed).assign(case=case, seed=seed)
+            rows.to_csv(file, mode="a", header=not file.exists(), index=False)
+            print(f"{case}: seed {seed}", flush=True)
+    return pd.read_csv(file)
