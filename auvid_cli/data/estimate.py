@@ -61,6 +61,12 @@ class EstimateHeader:
         return self.experiment.vehicle.coefficient_set
 
     @property
+    def coefficient_rows(self) -> list[int]:
+        """Return the rows of the state that are coefficients."""
+        symbols = self.coefficient_set.symbols
+        return [row for row, symbol in enumerate(self.state) if symbol in symbols]
+
+    @property
     def in_one_batch(self) -> bool:
         """Say whether all data were fitted at once, instead of filtered from measurement to measurement."""
         return FilterName(self.filter).in_one_batch
@@ -254,8 +260,7 @@ class Estimate(EstimateHeader, EstimateChunk, Outcome):
 
     def final_coefficients(self) -> dict[str, float]:
         """Return the coefficients at the last time, the 22 and those of own terms, estimated or held, SI."""
-        known = self.coefficient_set.symbols
-        return self.held | {symbol: float(self.mean[-1, i]) for i, symbol in enumerate(self.state) if symbol in known}
+        return self.held | {self.state[row]: float(self.mean[-1, row]) for row in self.coefficient_rows}
 
     def final_deviations(self) -> dict[str, float]:
         """Return the standard deviation of each state at the last time, SI: corrected where it is, else nominal."""

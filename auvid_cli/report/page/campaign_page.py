@@ -10,7 +10,7 @@ from auvid_cli.campaign.status import ended
 from auvid_cli.report.campaign_tables import comparison_table, filters_table
 from auvid_cli.report.notation import setting_text
 from auvid_cli.report.page.parts import Page, Part, Section, TablePart, Words
-from auvid_cli.report.page.picture import Axis, Dot, Picture, Rule, Shape, TextLabel
+from auvid_cli.report.page.picture import Axis, Dot, Picture, Rule, Shape, TextLabel, decades
 
 _ROW, _LEFT, _WIDTH, _TOP = 22.0, 170.0, 560.0, 12.0
 # Combinations that are drawn, and percent beyond which errors stand at the edge.
@@ -56,10 +56,7 @@ def _spread(findings: Findings, filters: Mapping[str, str]) -> list[Part]:
     across = Axis(low, high, _LEFT, _WIDTH - 60.0)
     drawn = cells[:_MOST_DRAWN]
     bottom = _TOP + _ROW * len(drawn)
-    shapes: list[Shape] = []
-    for power in range(int(low), int(high) + 1):
-        shapes.append(Rule(across.at(power), _TOP, across.at(power), bottom, "grid"))
-        shapes.append(TextLabel(across.at(power), bottom + 16.0, f"{10.0**power:g}", "middle"))
+    shapes = decades(across, _TOP, bottom)
     for place, (key, runs) in enumerate(drawn):
         values = key if isinstance(key, tuple) else (key,)
         shapes += _row(_TOP + _ROW * (place + 0.5), [setting_text(value) for value in values], runs, across, filters)
@@ -83,7 +80,7 @@ def _row(y: float, words: list[str], runs: pd.DataFrame, across: Axis, filters: 
     if decades.size:
         x = across.at(float(np.median(decades)))
         shapes.append(Rule(x, y - 9.0, x, y + 9.0, "axis"))
-    lost = 1.0 - float(ended(runs).mean()) if len(runs) else 0.0
+    lost = 1.0 - float(ended(runs).mean())
     if lost:
         shapes.append(TextLabel(across.end + 8.0, y + 4.0, f"{lost:.0%} lost"))
     return shapes

@@ -23,7 +23,8 @@ from auvid_cli.vehicle.coefficients import SYMBOLS
 MISSING = "—"
 # Signs of a word that no narrow screen has room for.
 _LONG = 40
-_NAMED = re.compile("|".join(map(re.escape, sorted(SYMBOLS, key=len, reverse=True))))
+# Whole names: those of a vehicle's own terms may begin like one of these.
+_NAMED = re.compile(rf"(?<![\w|])(?:{'|'.join(map(re.escape, sorted(SYMBOLS, key=len, reverse=True)))})(?![\w|])")
 _GREEK = {"phi": "φ", "theta": "θ", "psi": "ψ", "delta": "δ"}
 
 

@@ -24,7 +24,6 @@ from auvid_cli.report.table import (
     UnitCell,
     number,
 )
-from auvid_cli.vehicle.coefficients import SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -86,7 +85,7 @@ def _rounded(value: float | None, digits: int) -> Cell:
 def convergence(estimates: Sequence[Estimate], true: Mapping[str, float]) -> Plots:
     """Plot how far each coefficient is over time from the truth, or from where it ends, in percent of that."""
     plots = []
-    for symbol in dict.fromkeys(symbol for estimate in estimates for symbol in estimate.state if symbol in SYMBOLS):
+    for symbol in dict.fromkeys(estimate.state[row] for estimate in estimates for row in estimate.coefficient_rows):
         lines, ends = [], []
         for estimate in estimates:
             if symbol not in estimate.state or not estimate.time.size:

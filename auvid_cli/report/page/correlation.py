@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.page.parts import Matrix, Part, Words
-from auvid_cli.vehicle.coefficients import SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -20,7 +19,7 @@ _LEAST_WEIGHT = 0.3
 
 def correlation_of(estimate: Estimate) -> list[Part]:
     """Return the correlations of an estimate's coefficients at the last time, the strongest in words."""
-    rows = [i for i, symbol in enumerate(estimate.state) if symbol in SYMBOLS]
+    rows = estimate.coefficient_rows
     covariance = estimate.covariance[np.ix_(rows, rows)]
     deviation = np.sqrt(np.diag(covariance))
     if not rows or not (np.isfinite(covariance).all() and (deviation > 0.0).all()):

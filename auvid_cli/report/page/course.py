@@ -13,7 +13,7 @@ from auvid_cli.report.page.envelope import envelope
 from auvid_cli.report.page.parts import Part, Plot, PlotLine, Plots, Words
 from auvid_cli.report.page.scales import scale_of
 from auvid_cli.report.sentence import sentence
-from auvid_cli.vehicle.parameters import INPUTS, MOTION_SYMBOLS, SENSORS, Quantity, state_of
+from auvid_cli.vehicle.parameters import INPUTS, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity, state_of
 
 Array = NDArray[np.float64]
 
@@ -68,28 +68,30 @@ def sensor_plots(
 def _residual(sensor: str, quantity: Quantity, time: Array, measured: Array, runs: Mapping[str, FreeRun]) -> list[Plot]:
     """Plot measurements minus free runs, of motion states."""
     state = state_of(quantity)
-    if state not in MOTION_SYMBOLS:
+    if state not in MOTION_AND_DEPTH_SYMBOLS:
         return []
-    column, scale = MOTION_SYMBOLS.index(state), scale_of(quantity)
+    column, scale = MOTION_AND_DEPTH_SYMBOLS.index(state), scale_of(quantity)
+    known = np.isfinite(measured)
+    time, measured = time[known], measured[known]
     some = slice(None, None, 1 + time.size // _MOST_RESIDUALS)
     time, measured = time[some], measured[some]
     lines, words = [], []
     # Of a model that blew up no more is shown than of what was measured; the rest would hide the others.
-    height = scale.factor * float(np.ptp(measured[np.isfinite(measured)]))
+    height = scale.factor * float(np.ptp(measured))
     beyond = False
     for name, run in runs.items():
-        if run.time.size < 2:
+        if run.time.size < 2 or column >= run.motion.shape[1]:
             continue
         left = measured - interpolated(time, run, column)
         if quantity.unit == "rad":
             left = wrap(left)
         left *= scale.factor
-        known = left[np.isfinite(left)]
-        if known.size:
+        finite = left[np.isfinite(left)]
+        if finite.size:
             at, drawn = envelope(time, left[:, None], _SPANS)
-            beyond |= height > 0.0 and bool((np.abs(known) > height).any())
+            beyond |= height > 0.0 and bool((np.abs(finite) > height).any())
             lines.append(PlotLine(filter_label(name), name, at, drawn[:, 0]))
-            words.append(f"{filter_label(name)} {_root_mean_square(known):.3g} {scale.unit}")
+            words.append(f"{filter_label(name)} {_root_mean_square(finite):.3g} {scale.unit}")
     if not lines:
         return []
     says = f"Measured minus free run; root mean square {', '.join(words)}."
@@ -103,7 +105,7 @@ def interpolated(time: Array, run: FreeRun, column: int) -> Array:
     """Return a motion state of a free run at other times, s; NaN outside of it and where it is not finite."""
     finite = np.isfinite(run.motion[:, column])
     values = np.where(finite, run.motion[:, column], 0.0)
-    if MOTION_SYMBOLS[column] in ("phi", "theta", "psi"):
+    if MOTION_AND_DEPTH_SYMBOLS[column] in ("phi", "theta", "psi"):
         values = np.unwrap(values)
     result = np.interp(time, run.time, values, left=np.nan, right=np.nan)
     # Between two samples one of which is not finite nothing is known.

@@ -8,8 +8,8 @@ from auvid_cli.report.bounds import assessment_sentences, bounds_table, holding_
 from auvid_cli.report.page.cells import symbol_parts
 from auvid_cli.report.page.correlation import correlation_parts
 from auvid_cli.report.page.parts import Card, Cards, Page, Part, Plot, PlotLine, Plots, Section, TablePart, Words
-from auvid_cli.report.page.picture import Axis, Box, Picture, Rule, Shape, TextLabel
-from auvid_cli.report.page.provenance import provenance_parts
+from auvid_cli.report.page.picture import Axis, Box, Picture, Rule, TextLabel, decades
+from auvid_cli.report.page.provenance import provenance_section
 from auvid_cli.report.table import number
 
 # Looks of the classes, from sure to unknown.
@@ -35,11 +35,7 @@ def identifiability_page(dataset: Dataset, identifiability: Identifiability, whe
         Section("bounds", "Bounds", [TablePart(bounds_table(identifiability), sortable=True), _bars(identifiability)]),
         Section("duration", "Bounds over the duration", _growth(identifiability)),
         Section("correlation", "What is known only together", _correlation(symbols, identifiability)),
-        Section(
-            "settings",
-            "Settings, hashes, versions",
-            provenance_parts(dataset.experiment, [("dataset", dataset.sha256)]),
-        ),
+        provenance_section(dataset),
     )
     return Page(
         f"Identifiability: {dataset.experiment.name}", f"{dataset.experiment.vehicle.name}, at {where}", sections
@@ -78,10 +74,7 @@ def _bars(identifiability: Identifiability) -> Picture:
     high = np.ceil(np.log10(max(max(percents), 2.0 * CLASSES[-2][0])))
     across = Axis(float(low), float(high), _LEFT, _WIDTH - 56.0)
     bottom = _TOP + _ROW * len(percents)
-    shapes: list[Shape] = []
-    for power in range(int(low), int(high) + 1):
-        shapes.append(Rule(across.at(power), _TOP, across.at(power), bottom, "grid"))
-        shapes.append(TextLabel(across.at(power), bottom + 16.0, f"{10.0**power:g}", "middle"))
+    shapes = decades(across, _TOP, bottom)
     for place, (bound, percent) in enumerate(zip(identifiability.bounds, percents, strict=True)):
         y = _TOP + _ROW * place
         letter, below = symbol_parts(bound.coefficient)

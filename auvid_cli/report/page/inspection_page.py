@@ -6,7 +6,7 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.inspection.inspection import Inspection
 from auvid_cli.report.page.course import HOW_TO_LOOK, input_plots, sensor_plots
 from auvid_cli.report.page.parts import Card, Cards, Page, Part, Plots, Section, Words
-from auvid_cli.report.page.provenance import provenance_parts
+from auvid_cli.report.page.provenance import provenance_section
 from auvid_cli.report.page.verdicts import check_parts
 
 
@@ -17,11 +17,7 @@ def inspection_page(dataset: Dataset, inspection: Inspection) -> Page:
         Section("verdict", "Verdict", [_verdict(inspection)]),
         Section("checks", "Checks", check_parts(inspection.checks)),
         Section("course", "What was recorded", _recorded(dataset, inspection)),
-        Section(
-            "settings",
-            "Settings, hashes, versions",
-            provenance_parts(dataset.experiment, [("dataset", dataset.sha256)]),
-        ),
+        provenance_section(dataset),
     )
     subtitle = f"{dataset.experiment.vehicle.name}, {begin:.6g} to {end:.6g} s, sensors {', '.join(dataset.sensors)}"
     return Page(f"Inspection: {dataset.experiment.name}", subtitle, sections)

@@ -22,7 +22,7 @@ class PlotLine(NamedTuple):
     ----------
     label : str
     look : str
-        Which colour and dashes: the name of a filter, or "measured", "true", "chance" or "free".
+        Which colour and dashes: the name of a filter, or another of those in page.css, such as "measured" or "true".
     time, values : ndarray, shape (n,)
         Abscissa, increasing, and ordinate; NaN breaks the line.
     kind : str

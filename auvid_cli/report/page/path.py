@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.report.figures.dead_reckoning import dead_reckoned
+from auvid_cli.report.figures.series import spaced
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.page.parts import Part, PathTrack, Space, Words
 from auvid_cli.report.page.picture import Axis, Picture, Shape, frame, stroke
-from auvid_cli.vehicle.parameters import N_MOTION
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ def _tracks(truth: TruthRecord | None, estimates: Sequence[Estimate]) -> list[Pa
             start = position[0]
             tracks.append(PathTrack("truth", "true", _some(position)))
     for estimate in estimates:
-        position = dead_reckoned(estimate.time, estimate.mean[:, -N_MOTION:])
+        position = dead_reckoned(estimate.time, estimate.course(MOTION_SYMBOLS).mean)
         if len(position) > 1:
             tracks.append(PathTrack(filter_label(estimate.filter), estimate.filter, _some(start + position)))
     return tracks
@@ -54,7 +55,7 @@ def _tracks(truth: TruthRecord | None, estimates: Sequence[Estimate]) -> list[Pa
 
 def _some(position: Array) -> Array:
     """Return evenly spaced positions, the first and the last among them."""
-    return position[np.unique(np.linspace(0, len(position) - 1, min(len(position), _MOST_POINTS)).astype(int))]
+    return position[spaced(len(position), _MOST_POINTS)]
 
 
 def _legend(tracks: Sequence[PathTrack]) -> list[tuple[str, str]]:

@@ -7,6 +7,8 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.report.figures.series import spaced
+
 Array = NDArray[np.float64]
 
 # Most points of a path: no screen shows more.
@@ -57,7 +59,6 @@ class TextLabel(NamedTuple):
     text: str
     anchor: Literal["start", "middle", "end"] = "start"
     below: str = ""
-    strong: bool = False
 
 
 Shape: TypeAlias = Stroke | Rule | Box | Dot | TextLabel
@@ -109,8 +110,18 @@ class Axis(NamedTuple):
 
 def stroke(x: Array, y: Array, across: Axis, down: Axis, look: str) -> Stroke:
     """Draw a line by its values along two axes; of a long one evenly spaced points."""
-    some = np.unique(np.linspace(0, x.size - 1, min(x.size, _MOST_POINTS)).astype(np.int64))
-    return Stroke(np.stack([across.at(x[some]), down.at(y[some])], axis=1), look)  # type: ignore[arg-type]
+    some = spaced(x.size, _MOST_POINTS)
+    pairs = zip(x[some].tolist(), y[some].tolist(), strict=True)
+    return Stroke(np.array([(across.at(a), down.at(b)) for a, b in pairs]), look)
+
+
+def decades(across: Axis, top: float, bottom: float) -> list[Shape]:
+    """Draw grid and names of a logarithmic axis, whose ends are powers of ten."""
+    shapes: list[Shape] = []
+    for power in range(int(across.low), int(across.high) + 1):
+        x = across.at(power)
+        shapes += [Rule(x, top, x, bottom, "grid"), TextLabel(x, bottom + 16.0, f"{10.0**power:g}", "middle")]
+    return shapes
 
 
 def frame(across: Axis, down: Axis, x_label: str, y_label: str) -> list[Shape]:

@@ -8,6 +8,7 @@ from scipy.special import chdtri
 
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import LAGS, Innovations
+from auvid_cli.report.figures.series import spaced
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.page.envelope import envelope
 from auvid_cli.report.page.parts import Part, Plot, PlotLine, Plots, Words
@@ -64,7 +65,7 @@ def _components(
         beyond += int((np.abs(values) > usual).sum())
         at, drawn = envelope(time, values[:, None], _SPANS)
         lines.append(PlotLine(f"{filter_label(name)} innovation", "measured", at, drawn[:, 0], of=name))
-        some = np.unique(np.linspace(0, time.size - 1, min(time.size, _BOUND_POINTS)).astype(int))
+        some = spaced(time.size, _BOUND_POINTS)
         for sign, word in ((1.0, "+2 sd"), (-1.0, "-2 sd")):
             lines.append(PlotLine(f"{filter_label(name)} {word}", name, time[some], sign * bound[some], of=name))
     if not lines:

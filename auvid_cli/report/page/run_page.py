@@ -14,7 +14,7 @@ from auvid_cli.report.page.course import course_parts
 from auvid_cli.report.page.forest import forest
 from auvid_cli.report.page.parts import Page, Part, Section, TablePart, Words
 from auvid_cli.report.page.path import path_parts
-from auvid_cli.report.page.provenance import provenance_parts
+from auvid_cli.report.page.provenance import provenance_section
 from auvid_cli.report.page.residuals import innovation_parts
 from auvid_cli.report.page.verdicts import check_parts, judgement_cards
 
@@ -50,7 +50,7 @@ def run_page(dataset: Dataset, estimates: Sequence[Estimate], evaluation: Evalua
         Section("path", "Path", path_parts(dataset.truth, estimates)),
         Section("tables", "Tables", [TablePart(table) for table in tables]),
         Section("checks", "Checks", check_parts(checks)),
-        Section("settings", "Settings, hashes, versions", _provenance(dataset)),
+        provenance_section(dataset),
     )
     return Page(dataset.experiment.name, _subtitle(dataset), sections)
 
@@ -68,10 +68,6 @@ def _correlation(estimates: Sequence[Estimate]) -> list[Part]:
     first = next((e for e in estimates if e.completed), None)
     chosen = reference or first
     return [] if chosen is None else correlation_of(chosen)
-
-
-def _provenance(dataset: Dataset) -> list[Part]:
-    return provenance_parts(dataset.experiment, [("dataset", dataset.sha256)])
 
 
 def _subtitle(dataset: Dataset) -> str:

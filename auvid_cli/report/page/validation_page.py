@@ -7,12 +7,12 @@ import numpy as np
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.page.course import course_parts
 from auvid_cli.report.page.parts import Card, Cards, Page, Part, Plot, PlotLine, Plots, Section, TablePart, Words
-from auvid_cli.report.page.provenance import provenance_parts
+from auvid_cli.report.page.provenance import provenance_section
 from auvid_cli.report.page.rows import table_of_rows
 from auvid_cli.report.page.scales import Scale, scale_of
 from auvid_cli.report.page.verdicts import check_parts, judgement_card
 from auvid_cli.validation.results import AHEAD, Prediction, Validation
-from auvid_cli.vehicle.parameters import MOTION
+from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH
 
 # Errors of what is compared, by field, with label and look; the model's own is a line of its filter.
 _OTHERS = {
@@ -41,9 +41,7 @@ def validation_page(validation: Validation) -> Page:
         Section("horizons", "Errors by horizon", _horizons(validation)),
         Section("course", "Inputs, sensors, residuals", course_parts(shown, {validation.filter: validation.run})),
         Section("tables", "Tables", grids),
-        Section(
-            "settings", "Settings, hashes, versions", provenance_parts(shown.experiment, [("dataset", shown.sha256)])
-        ),
+        provenance_section(shown),
     )
     title = f"Validation: {filter_label(validation.filter)} on {shown.experiment.name}"
     return Page(title, f"{shown.experiment.vehicle.name}, data that the estimate has not seen", sections)
@@ -66,7 +64,7 @@ def _verdict(validation: Validation) -> Cards:
 def _horizons(validation: Validation) -> list[Part]:
     """Plot the error of each signal over the horizon, on logarithmic scales."""
     plots = []
-    for quantity in MOTION:
+    for quantity in MOTION_AND_DEPTH:
         rows = [row for row in validation.predictions if row.kind == AHEAD and row.signal == quantity.symbol]
         if rows:
             plots.append(_horizon(validation.filter, quantity.symbol, rows, scale_of(quantity)))

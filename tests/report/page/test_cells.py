@@ -30,8 +30,9 @@ def test_a_coefficient_in_a_text_is_found_and_nothing_is_lost(symbol):
     assert (after, below) == (", at the end", "")
 
 
-def test_a_text_without_coefficients_stays_as_it_is():
-    assert with_symbols("a_b <i> X_none") == [("a_b <i> X_none", "")]
+@pytest.mark.parametrize("text", ["a_b <i> X_none", "N_r|r|r is a term of its own", "and N_url2, |N_url|"])
+def test_a_text_without_coefficients_stays_as_it_is(text):
+    assert with_symbols(text) == [(text, "")]
 
 
 @pytest.mark.parametrize(

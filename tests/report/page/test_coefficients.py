@@ -103,3 +103,25 @@ def test_no_strong_pair_is_said(estimates):
 
 def test_what_is_not_finite_has_no_correlation(estimates):
     assert correlation_of(replace(estimates[0], covariance=np.full_like(estimates[0].covariance, np.nan))) == []
+
+
+def test_terms_of_the_vehicles_own_are_shown_like_the_22(experiment_with):
+    experiment = experiment_with("vehicle.terms=[{name: K_up, row: K, factors: [u, p], value: -3}]")
+    plain = make_estimate("ckf")
+    n = len(TRUE)
+    mean = np.insert(plain.mean, n, -3.0 * (1.0 - np.exp(-plain.time)), axis=1)
+    covariance = np.eye(mean.shape[1])
+    covariance[n, 0] = covariance[0, n] = 0.99
+    estimate = replace(
+        plain,
+        experiment=experiment,
+        state=(*plain.state[:n], "K_up", *plain.state[n:]),
+        unit=(*plain.unit[:n], "kg*m/rad", *plain.unit[n:]),
+        mean=mean,
+        standard_deviation=np.full_like(mean, 0.25),
+        covariance=covariance,
+    )
+    words, matrix = correlation_of(estimate)
+    assert "K_up" in matrix.symbols
+    assert f"{estimate.state[0]} and K_up +0.99" in words.sentences[0]
+    assert "K_up" in [plot.title for plot in convergence([estimate], {}).plots]

@@ -161,6 +161,16 @@ def test_the_path_of_an_estimate_begins_at_the_true_start(known):
     assert [track.label for track in path_parts(None, [estimate])[-1].tracks] == ["CKF"]
 
 
+def test_the_path_is_the_same_whatever_states_stand_behind_the_motion(known):
+    estimate = make_estimate("ckf")
+    depth = np.linspace(0.0, 50.0, TIME.size)[:, None]
+    beside = replace(
+        estimate, state=(*estimate.state, "down"), unit=(*estimate.unit, "m"), mean=np.hstack([estimate.mean, depth])
+    )
+    plain, deeper = (path_parts(known.truth, [each])[-1].tracks[1].position for each in (estimate, beside))
+    np.testing.assert_array_equal(plain, deeper)
+
+
 def test_a_filter_that_diverged_has_its_verdict_and_no_numbers_that_it_has_not(known):
     good, bad = (replace(make_estimate(name, FEW), experiment=known.experiment) for name in ("smoother", "ekf"))
     estimates = [good, diverged(bad, 2)]

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.report.page.course import interpolated, sensor_plots
 from auvid_cli.report.page.residuals import innovation_parts
@@ -63,3 +64,23 @@ def test_a_residual_of_an_angle_is_the_short_way_round(dataset, evaluation):
         assert np.nanmean(line.values) == pytest.approx(-np.rad2deg(0.02), abs=0.1)
         assert np.nanmax(np.abs(line.values)) < np.rad2deg(0.08)
     assert plots["dvl: u"].lines[0].time.size == TIME.size
+
+
+def test_a_component_that_only_every_other_of_many_samples_has_is_drawn_with_its_residual():
+    time = np.linspace(0.0, 1500.0, 150_000)
+    values = np.full((time.size, 3), np.nan)
+    values[1::2, 0] = 0.5
+    record = SensorRecord(time, values, np.full(3, 0.1))
+    run = FreeRun(np.array([0.0, 1500.0]), np.zeros((2, len(MOTION_SYMBOLS))))
+    _, residual = sensor_plots({"dvl": record}, {"ckf": run})
+    assert np.nanmax(residual.lines[0].values) == 0.5
+
+
+def test_what_is_left_of_the_depth_is_drawn_where_a_free_run_has_one():
+    time = np.linspace(0.0, 10.0, 101)
+    record = SensorRecord(time, time[:, None], np.array([0.1]))
+    motion = np.zeros((2, len(MOTION_SYMBOLS) + 1))
+    with_depth, without = FreeRun(time[[0, -1]], motion), FreeRun(time[[0, -1]], motion[:, :-1])
+    assert [plot.title for plot in sensor_plots({"depth": record}, {"ckf": without})] == ["depth: down"]
+    _, residual = sensor_plots({"depth": record}, {"ckf": with_depth})
+    np.testing.assert_allclose(residual.lines[0].values, time, atol=1e-6)

@@ -311,5 +311,5 @@
     repaint();
   });
 
-  window.auvid = { data, numbers, colour, drawn, show };
+  window.auvid = { data, numbers, colour, drawn };
 })();

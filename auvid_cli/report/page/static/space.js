@@ -135,7 +135,6 @@
     });
     new ResizeObserver(paint).observe(canvas);
     document.addEventListener("repaint", paint);
-    canvas.addEventListener("view", (event) => event.detail(view));
     paint();
   }
 
