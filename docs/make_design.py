@@ -17,6 +17,7 @@ from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.design.draws import belief_of_vehicle, drawn_vehicles
+from auvid_cli.design.trials import sizes_of
 from auvid_cli.identification.identify import identify
 from auvid_cli.report.notation import filter_label
 from auvid_cli.simulation.simulate import simulate
@@ -37,7 +38,7 @@ def errors(
     if not estimate.completed:
         return None
     found, true = estimate.final_coefficients(), vehicle.all_coefficients()
-    return np.array([100.0 * (found[symbol] - value) / value for symbol, value in true.items()])
+    return 100.0 * np.array([found[symbol] - value for symbol, value in true.items()]) / sizes_of(vehicle)
 
 
 def rows(name: str, attitude: str, counts: argparse.Namespace) -> list[str]:

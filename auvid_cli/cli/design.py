@@ -91,6 +91,10 @@ def design(
         keep_apart(paths, [*read, *([] if at is None else [at])])
         envelope = envelope_of(box=box, depth=depth, pitch=pitch, roll=roll, speed=speed)
         limit = None if generations else quantity_of("budget", budget, "s")
+        length = quantity_of("duration", duration, "s")
+        fin_angle = None if fins is None else quantity_of("fins", fins, "rad", 1.6)
+        rate = None if fin_rate is None else quantity_of("fin-rate", fin_rate, "rad/s")
+        share = None if spread is None else quantity_of("spread", spread, "1")
         if criterion not in ("D", "worst"):
             raise ConfigError(f"--criterion {criterion}: expected D or worst")
         with terminal.compiling():
@@ -99,14 +103,14 @@ def design(
             from auvid_cli.report.design_screen import print_design, sentences
             from auvid_cli.report.figures.draw import drawing
         wish = api.Wish(
-            quantity_of("duration", duration, "s"),
+            length,
             envelope,
-            None if fins is None else quantity_of("fins", fins, "rad", 1.6),
-            None if fin_rate is None else quantity_of("fin-rate", fin_rate, "rad/s"),
+            fin_angle,
+            rate,
             tuple(chosen or ()),
             "D" if criterion == "D" else "worst",
             draws,
-            None if spread is None else quantity_of("spread", spread, "1"),
+            share,
         )
         with api.designing(loaded, wish, None if at is None else read_estimate(at)) as task:
             terminal.say(f"{loaded.vehicle.name}: {draws} drawn from {task.belief.origin}")

@@ -264,7 +264,8 @@ class Identification(Settings):
         """Return the symbols of a vehicle's coefficients to estimate, in the order of its table."""
         if self.coefficients != "all":
             return tuple(self.coefficients)
-        return tuple(symbol for symbol in vehicle.coefficient_set.symbols if symbol not in vehicle.left_out())
+        left_out = vehicle.left_out()
+        return tuple(symbol for symbol in vehicle.coefficient_set.symbols if symbol not in left_out)
 
     def held(self, vehicle: VehicleSettings) -> tuple[str, ...]:
         """Return the symbols of the others, which are held at the vehicle file's values."""

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from auvid_cli.config.geometry import FinSettings, GeometrySettings, NoseCylinderTail
+from auvid_cli.config.geometry import FinSettings, GeometrySettings, NoseCylinderTail, PositiveLength
 from auvid_cli.config.load import validated
 from auvid_cli.config.position import ConfigSource, Position
 from auvid_cli.config.quantity import Amount, Unit
@@ -21,17 +21,16 @@ _NOSE, _TAIL, _MOST_NOSE, _MOST_TAIL = 1.0, 2.5, 0.2, 0.4
 # Where the fins' hinges are, if nobody says so: about as far aft as those of the REMUS.
 _FINS = 0.94
 
-_Metres = Annotated[float, Amount("m"), Field(gt=0, le=1e3)]
 _MetresIfKnown = Annotated[float | None, Amount("m"), Field(gt=0, le=1e3)]
 
 
 class Outline(Settings):
     """A vehicle in outline: the keys are the options of `auvid init`."""
 
-    length: Annotated[_Metres, Field(description="of the hull")]
-    diameter: Annotated[_Metres, Field(description="of the hull")]
+    length: Annotated[PositiveLength, Field(description="of the hull")]
+    diameter: Annotated[PositiveLength, Field(description="of the hull")]
     mass: Annotated[float, Amount("kg"), Field(gt=0, description="with all water inside")]
-    fin_span: Annotated[_Metres, Field(description="of one fin, from root to tip")]
+    fin_span: Annotated[PositiveLength, Field(description="of one fin, from root to tip")]
     fin_area: Annotated[float, Amount("m^2"), Field(gt=0, le=1e4, description="of one fin")]
     fin_position: Annotated[
         _MetresIfKnown, Field(description="of the fins' hinges, from the nose; else at 94 % of the length")

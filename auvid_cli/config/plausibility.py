@@ -19,7 +19,7 @@ _LEAST_SHARE, _LARGEST_SHARE = 0.3, 1.5
 _LEAST_INERTIA, _LARGEST_INERTIA = 0.1, 5.0
 # Of what a drawing says against the rest of the file, and of the slenderness for which its formulas are.
 _LARGEST_SIZE_ERROR, _LARGEST_VOLUME_ERROR, _LARGEST_OFFSET = 0.05, 0.25, 0.1
-_LEAST_SLENDERNESS, _LARGEST_SLENDERNESS = 4.0, 15.0
+LEAST_SLENDERNESS, LARGEST_SLENDERNESS = 4.0, 15.0
 
 
 class Doubt(NamedTuple):
@@ -82,8 +82,13 @@ def _displacement(k: Mapping[str, float], full: float) -> Iterator[Doubt]:
         yield Doubt("B", f"{k['B']:.4g} N", f"{limits} of a hull of that length and diameter")
 
 
+def full_cylinder(mass: float, length: float, diameter: float) -> tuple[float, float]:
+    """Return the inertia of a full cylinder about its axis and across it, kg m^2."""
+    return mass * diameter**2 / 8.0, mass * (length**2 / 12.0 + diameter**2 / 16.0)
+
+
 def _inertia(k: Mapping[str, float], length: float, diameter: float) -> Iterator[Doubt]:
-    across, along = k["m"] * diameter**2 / 8.0, k["m"] * (length**2 / 12.0 + diameter**2 / 16.0)
+    across, along = full_cylinder(k["m"], length, diameter)
     central = central_inertia(k)
     for i, (symbol, full) in enumerate({"Ixx": across, "Iyy": along, "Izz": along}.items()):
         if not _LEAST_INERTIA * full <= central[i, i] <= _LARGEST_INERTIA * full:
@@ -120,8 +125,8 @@ def _shape(vehicle: VehicleSettings) -> Iterator[Doubt]:
     displaced = size.density * GRAVITY * hull.volume
     if abs(displaced / buoyancy - 1.0) > _LARGEST_VOLUME_ERROR:
         yield Doubt("the geometry's hull", f"{displaced:.4g} N of water", f"about the buoyancy B of {buoyancy:.4g} N")
-    if not _LEAST_SLENDERNESS <= hull.slenderness <= _LARGEST_SLENDERNESS:
-        limits = f"{_LEAST_SLENDERNESS:g} to {_LARGEST_SLENDERNESS:g} diameters, for which its formulas are"
+    if not LEAST_SLENDERNESS <= hull.slenderness <= LARGEST_SLENDERNESS:
+        limits = f"{LEAST_SLENDERNESS:g} to {LARGEST_SLENDERNESS:g} diameters, for which its formulas are"
         yield Doubt("the geometry's length", f"{hull.slenderness:.3g} diameters", limits)
     if abs(shape.centre_of_buoyancy - hull.centre) > _LARGEST_OFFSET * hull.length:
         centre = f"near the centre of the hull's volume, {hull.centre:.4g} m"

@@ -18,11 +18,9 @@ from auvid_cli.vehicle.coefficients import (
     Coefficient,
     unit_of,
 )
-from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS
+from auvid_cli.vehicle.term_library import TAKEN
 
 _MOTIONS = "surge force", "sway force", "heave force", "roll moment", "pitch moment", "yaw moment"
-# As names in code, which files for other programs hold, a term may be called like none of these.
-_TAKEN = {c.identifier: c.symbol for c in COEFFICIENTS} | {symbol: symbol for symbol in PARAMETER_SYMBOLS}
 
 
 class Guess(Settings):
@@ -131,7 +129,7 @@ def check_own_terms(terms: Sequence[Term]) -> None:
     ValidationError
         With every such term, at its name.
     """
-    names, products = dict(_TAKEN), {c.regressor: c for c in COEFFICIENTS}
+    names, products = dict(TAKEN), {c.regressor: c for c in COEFFICIENTS}
     wrong: list[InitErrorDetails] = []
     for place, term in enumerate(terms):
         coefficient, why = term.coefficient, ""

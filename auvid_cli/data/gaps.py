@@ -36,7 +36,9 @@ def repeats(record: SensorRecord) -> Array:
 def stuck_times(record: SensorRecord) -> Array:
     """Return those of the `repeats` that last too long, and not because measurements are rounded."""
     runs = repeats(record)
-    return runs[(runs[:, 1] - runs[:, 0] > LONGEST_REPEAT) & ~rounded_repeats(record)]
+    long = runs[:, 1] - runs[:, 0] > LONGEST_REPEAT
+    # Whether measurements are rounded takes sorting them all, and hardly ever matters.
+    return runs[long & ~rounded_repeats(record)] if long.any() else runs[long]
 
 
 def rounded_repeats(record: SensorRecord) -> NDArray[np.bool_]:

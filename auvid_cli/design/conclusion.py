@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.design.envelope import tightened, to_relax
-from auvid_cli.design.posterior import Posterior, knowledge_of, posterior_along
+from auvid_cli.design.posterior import Posterior, posterior_along
 from auvid_cli.design.search import Reached
 from auvid_cli.design.task import Task
 from auvid_cli.design.trials import Trial, sail, sizes_of
@@ -93,9 +93,9 @@ def conclude(task: Task, progress: Reached) -> Design:
     gain = trials["designed"].mean_gain_over(trials["spiral"])
     is_own = bool(best.outside) or (own_keeps and not gain >= WORTH_WHILE)
     manoeuvre = own if is_own else best.manoeuvre
-    truth, posterior = _nominal_run(task, manoeuvre)
-    estimated = task.experiment.identification.estimated(task.nominal)
-    chosen = [task.belief.symbols.index(symbol) for symbol in task.wish.chosen or estimated]
+    of_own = _nominal_run(task, own)
+    truth, posterior = of_own if is_own else _nominal_run(task, manoeuvre)
+    chosen = [task.belief.symbols.index(symbol) for symbol in task.chosen]
     return Design(
         manoeuvre,
         is_own,
@@ -104,7 +104,7 @@ def conclude(task: Task, progress: Reached) -> Design:
         _poor(task, posterior, trials["spiral" if is_own else "designed"].percent(), chosen),
         truth,
         posterior,
-        _soonest(posterior, _nominal_run(task, own)[1], chosen),
+        _soonest(posterior, of_own[1], chosen),
         _growth(posterior, sizes_of(task.nominal), chosen),
         progress,
         task.belief.symbols,
@@ -126,7 +126,7 @@ def _nothing_fits(task: Task, progress: Reached) -> str:
 
 def _nominal_run(task: Task, manoeuvre: AnyManoeuvre) -> tuple[Truth, Posterior]:
     truth = sail(task.nominal, manoeuvre)
-    return truth, posterior_along(truth, knowledge_of(task.experiment))
+    return truth, posterior_along(truth, task.knowledge)
 
 
 def _soonest(posterior: Posterior, own: Posterior, chosen: Sequence[int]) -> float | None:
@@ -157,6 +157,6 @@ def _why(task: Task, posterior: Posterior, place: int) -> str:
     other = int(np.argmax(np.abs(correlation)))
     if abs(correlation[other]) > _TOGETHER:
         return f"cannot be told from {task.belief.symbols[other]}: correlation {correlation[other]:.2f}"
-    if deviation[place] > _HARDLY * knowledge_of(task.experiment).prior_std[place]:
+    if deviation[place] > _HARDLY * task.knowledge.prior_std[place]:
         return "hardly moves the vehicle in this run"
     return "its share of the forces is small beside the noise"

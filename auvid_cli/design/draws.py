@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import ConfigError, DataError
+from auvid_cli.vehicle.coefficients import DRAG_SYMBOLS
 
 Array = NDArray[np.float64]
-
-# Damping of a motion by itself: it takes energy out, so its sign is sure.
-_DAMPING = "X_u|u|", "Y_v|v|", "Z_w|w|", "K_p|p|", "M_q|q|", "N_r|r|"
 
 # Standard deviation of a value of a vehicle file that states none, as a share of it: with such vehicles the gains of a
 # design were measured.
@@ -107,7 +105,7 @@ def belief_of_vehicle(vehicle: VehicleSettings, spread: float | None) -> Belief:
             deviation[place] = share * abs(mean[place])
             origins[f"{share:.0%} of the vehicle file's values"] = None
     share = np.divide(deviation, np.abs(mean), out=np.full(mean.size, np.inf), where=mean != 0.0)
-    damping = np.array([symbol in _DAMPING for symbol in symbols])
+    damping = np.array([symbol in DRAG_SYMBOLS for symbol in symbols])
     logarithmic = (mean != 0.0) & (damping | (share < 1.0))
     # Of a lognormal number whose median is the mean.
     variance = np.where(logarithmic, np.log1p(np.where(logarithmic, share, 0.0) ** 2), deviation**2)

@@ -92,6 +92,8 @@ def left_out(experiment: Experiment) -> list[str]:
         names.append("raw inertial sensors, in place of which the attitude counts")
     if experiment.sensors.depth is not None:
         names.append("the depth sensor")
+    if identification.prior.from_estimate is not None:
+        names.append("the earlier estimate of the prior (identification.prior.from_estimate)")
     return names
 
 

@@ -12,7 +12,7 @@ from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.design.draws import Belief, belief_of_estimate, belief_of_vehicle, drawn_vehicles
 from auvid_cli.design.envelope import least_speed, tightened
-from auvid_cli.design.posterior import knowledge_of
+from auvid_cli.design.posterior import Knowledge, knowledge_of
 from auvid_cli.design.trials import Bench, Criterion, Map, Trial, sail
 from auvid_cli.design.variables import SearchSpace, own_manoeuvre, space_about
 from auvid_cli.errors import ConfigError, SimulationError
@@ -63,6 +63,9 @@ class Task(NamedTuple):
     experiment : Experiment
     wish : Wish
     belief : Belief
+    knowledge : Knowledge
+    chosen : tuple of str
+        Coefficients that count.
     nominal : VehicleSettings
         The vehicle as it is believed to be.
     space : SearchSpace
@@ -77,6 +80,8 @@ class Task(NamedTuple):
     experiment: Experiment
     wish: Wish
     belief: Belief
+    knowledge: Knowledge
+    chosen: tuple[str, ...]
     nominal: VehicleSettings
     space: SearchSpace
     slowest: float
@@ -124,6 +129,8 @@ def set_task(experiment: Experiment, wish: Wish, estimate: Estimate | None = Non
         experiment,
         wish,
         belief,
+        knowledge,
+        chosen,
         vehicle.with_coefficients(dict(zip(belief.symbols, belief.mean.tolist(), strict=True))),
         space_about(own, vehicle.size.length, -belief.mean[belief.symbols.index("X_u|u|")], envelope),
         slowest,

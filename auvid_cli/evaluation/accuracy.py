@@ -149,7 +149,7 @@ def normalised_estimation_error(estimate: Estimate, truth: TruthRecord) -> float
     Chi-squared with as many degrees of freedom as there are coefficients, if the covariance is honest; infinite if it
     claims to know a combination of them exactly.
     """
-    rows = [i for i, symbol in enumerate(estimate.state) if symbol in estimate.coefficient_set.symbols]
+    rows = estimate.coefficient_rows
     true = truth.coefficients_of(estimate.state[i] for i in rows)
     error = estimate.mean[-1, rows] - np.array([*true.values()])
     deviation = estimate.standard_deviation[-1, rows]

@@ -147,9 +147,9 @@ def _against_bounds(estimate: Estimate, bounds: Bounds, causes: list[Cause]) -> 
                 advice=f"{bounds.remark}.",
             )
         ]
-    ratio = {}
+    ratio, known = {}, estimate.coefficient_set.symbols
     for symbol, least in bounds.with_prior.items():
-        if symbol in estimate.coefficient_set.symbols:
+        if symbol in known:
             deviation = float(estimate.standard_deviation[-1, estimate.state.index(symbol)])
             ratio[symbol] = 1.0 if deviation == least == np.inf else deviation / least
     if not ratio:
@@ -289,7 +289,7 @@ def _sensor_errors(estimate: Estimate) -> list[Check]:
 
 def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
     """Judge whether the standard deviations are honest; simulated data only."""
-    rows = [i for i, symbol in enumerate(estimate.state) if symbol in estimate.coefficient_set.symbols]
+    rows = estimate.coefficient_rows
     true = np.array([*truth.coefficients_of(estimate.state[i] for i in rows).values()])
     error, deviation = estimate.mean[-1, rows] - true, estimate.standard_deviation[-1, rows]
     sigmas = {estimate.state[i]: e for i, e in zip(rows, np.abs(error) / deviation, strict=True)}

@@ -88,10 +88,7 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     identifiability = assess(information.by_sensor, information.growing, values, information.scale, prior_stds, noisy)
     for delay in (block for block in blocks if block.shifts):
         # Of which only the way with process noise knows.
-        bound = noisy.get(delay.name, np.inf)
-        left = 1.0 / np.hypot(1.0 / bound, 1.0 / delay.prior_std)
-        error = SensorErrorBound(bound, delay.prior_std, is_observed(float(left), delay.prior_std))
-        identifiability.sensor_errors[delay.name] = error
+        identifiability.sensor_errors[delay.name] = _error_bound(noisy.get(delay.name, np.inf), delay.prior_std)
     lost, remarks = information.lost_after, [] if dataset.truth is not None else _presumed(prepared)
     if lost is not None:
         remarks.append(f"{UNSTABLE.format(lost)}: only what comes before is judged")
@@ -220,10 +217,14 @@ def assess(
     for symbol, (place, prior_std) in prior_stds.items():
         row = np.zeros(to_si.size)
         row[place] = to_si[place]
-        deviation = max(float(uncertainty.deviation(row)), noisy.get(symbol, 0.0))
-        together = 1.0 / np.hypot(1.0 / deviation, 1.0 / prior_std)
-        errors[symbol] = SensorErrorBound(deviation, prior_std, is_observed(together, prior_std))
+        errors[symbol] = _error_bound(max(float(uncertainty.deviation(row)), noisy.get(symbol, 0.0)), prior_std)
     return Identifiability(bounds, groups, shares, correlation, growth, errors)
+
+
+def _error_bound(deviation: float, prior_std: float) -> SensorErrorBound:
+    """Say of an error how well the data alone know it, and whether they say more of it than the prior."""
+    together = float(1.0 / np.hypot(1.0 / deviation, 1.0 / prior_std))
+    return SensorErrorBound(deviation, prior_std, is_observed(together, prior_std))
 
 
 def _shares(by_sensor: Mapping[str, Information], n: int) -> dict[str, Array]:

@@ -206,8 +206,9 @@ def _doubt_of_signs(estimate: Estimate) -> Judgement | None:
 def distances_to(estimate: Estimate, reference: Estimate) -> Mapping[str, float]:
     """Say how far coefficients are from those of another estimate, by the larger of their standard deviations."""
     distances = {}
-    for i, symbol in enumerate(estimate.state):
-        if symbol in estimate.coefficient_set.symbols and symbol in reference.state:
+    for i in estimate.coefficient_rows:
+        symbol = estimate.state[i]
+        if symbol in reference.state:
             j = reference.state.index(symbol)
             deviation = max(estimate.standard_deviation[-1, i], reference.standard_deviation[-1, j])
             distances[symbol] = float(abs(estimate.mean[-1, i] - reference.mean[-1, j]) / deviation)

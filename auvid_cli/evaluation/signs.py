@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.vehicle.coefficients import DRAG_SYMBOLS
 
 # Drag along each axis takes energy. Positive rudder pushes the stern to starboard, a positive stern plane pushes it up.
-DRAG = {"X_u|u|": -1, "Y_v|v|": -1, "Z_w|w|": -1, "K_p|p|": -1, "M_q|q|": -1, "N_r|r|": -1}
+DRAG = dict.fromkeys(DRAG_SYMBOLS, -1)
 FINS = {"Y_uudr": 1, "N_uudr": -1, "Z_uude": -1, "M_uude": -1}
 
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
 from auvid_cli.filters.descent import minimise
-from auvid_cli.filters.fault_scores import FaultEffects, Faults
+from auvid_cli.filters.fault_scores import FaultEffects, Faults, score_faults
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory
 from auvid_cli.filters.motion_alone import MotionAlone
 from auvid_cli.filters.problem import TIMELINE, FaultScores, Gaussian, ModelData, Timeline, Unsettled
@@ -119,10 +119,8 @@ def marginal_step(problem: JointProblem, smoothing: LinearSmoothing, filtered: F
     return -0.5 * filtered.final.covariance()[:n, :n] @ by_parameters
 
 
-def marginal_scores(
-    problem: JointProblem, smoothing: LinearSmoothing, answer: Filtered, faults: Faults, scores: FaultScores
-) -> FaultScores:
-    """Integrate the motion out of what the data say of faults, too.
+def marginal_scores(problem: JointProblem, smoothing: LinearSmoothing, answer: Filtered, faults: Faults) -> FaultScores:
+    """Find what the data say of faults, with the motion integrated out.
 
     The sum of logarithms depends on faults as it does on parameters, and what parameters take up of a fault changes it.
 
@@ -134,9 +132,8 @@ def marginal_scores(
     answer : Filtered
         From `without_motion`.
     faults : Faults
-    scores : FaultScores
-        About the answer.
     """
+    scores = score_faults(smoothing, answer, faults)
     by_parameters, by_faults = _slopes(problem, smoothing, answer, faults)
     return scores._replace(score=scores.score - 0.5 * (by_faults + by_parameters @ scores.effect))
 

@@ -102,9 +102,8 @@ def run_smoother(
         return outcome._replace(failure=NOT_CONVERGED, unsettled=unsettled)
     scores = None
     if faults is not None:
-        scores = score_faults(smoothing, answer, faults)
-        if marginal:
-            scores = marginal_scores(problem, smoothing, answer, faults, scores)
+        own = smoothing, answer, faults
+        scores = marginal_scores(problem, *own) if marginal else score_faults(*own)
     corrected = corrected_smoothing(problem, smoothing, answer)
     return outcome._replace(faults=scores, others=tuple(rivals), corrected=corrected)
 

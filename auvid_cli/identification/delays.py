@@ -57,15 +57,13 @@ class _Fit(NamedTuple):
     scale: Array
 
 
-def settle_delays(prepared: PreparedData, before_each: Callable[[], None] = lambda: None) -> PreparedData:
+def settle_delays(prepared: PreparedData) -> PreparedData:
     """Find the delays that settings ask for, and return the data with settings that state them.
 
     Parameters
     ----------
     prepared : PreparedData
         Settings may state delays to begin with, about which those that are sought are known by their `spread`.
-    before_each : callable
-        Called before each fit; what it raises ends the search.
 
     Raises
     ------
@@ -82,7 +80,6 @@ def settle_delays(prepared: PreparedData, before_each: Callable[[], None] = lamb
     stated = np.array([settings.delays.get(name, 0.0) for name in names])
 
     def fit(delays: Array) -> _Fit | None:
-        before_each()
         return _fit(_with_delays(prepared, names, delays), symbols)
 
     of_inputs = unrecorded_time(prepared.dataset.inputs)
@@ -220,9 +217,8 @@ def _fit(prepared: PreparedData, symbols: Sequence[str]) -> _Fit | None:
     if found is None:
         return None
     answer, _ = found
-    scores = score_faults(smoothing, answer, faults)
-    if settings.is_marginal:
-        scores = marginal_scores(problem, smoothing, answer, faults, scores)
+    own = smoothing, answer, faults
+    scores = marginal_scores(problem, *own) if settings.is_marginal else score_faults(*own)
     events = sum(len(chunk) for segment in answer.trajectory.moving for chunk in segment)
     cost = (answer.least + answer.log_determinant) / events
     return _Fit(cost, scores, augmented.layout.scale[: problem.n_parameters])

@@ -20,7 +20,7 @@ def fault_tests(outcome: FilterOutcome, header: EstimateHeader, scale: Array) ->
     scale : ndarray, shape (n,)
         SI value of one unit of each component of the state.
     """
-    coefficients = [row for row, symbol in enumerate(header.state) if symbol in header.coefficient_set.symbols]
+    coefficients = header.coefficient_rows
     deviation = np.sqrt(np.diagonal(outcome.covariance))
     scores = [] if outcome.faults is None else _of_scores(outcome.faults, header, coefficients, deviation)
     others = (_of_other(other, header, coefficients, deviation, scale) for other in outcome.others)

@@ -43,7 +43,7 @@ def move_freely(block, coefficients, constants, timeline, predicted, work):
     ----------
     block : ndarray, shape (N_PREDICTED * LANES,)
         Motion and depth where they start and, afterwards, where they end, in every lane.
-    coefficients : ndarray, shape (N_FACTORS * LANES,)
+    coefficients : ndarray, shape ((N_FACTORS + terms) * LANES,)
     constants : ndarray
         From `auvid_cli.vehicle.dynamics.vehicle_constants`.
     timeline : Timeline

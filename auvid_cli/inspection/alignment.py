@@ -95,10 +95,8 @@ def input_alignment(signals: Signals, time_constant: float | None, held: float =
     likelihood, delays = crossed if exchanged else as_named, _lags(signals)
     usual = np.abs(delays) * signals.grid.step <= most + 0.5 * signals.grid.step
     likeliest = int(likelihood.argmax())
-    is_clear = bool(usual[likeliest])
-    if not is_clear and likelihood[likeliest] > likelihood[usual].max() + _LIKELIER:
-        is_clear = True
-    elif not is_clear:
+    is_clear = bool(usual[likeliest] or likelihood[likeliest] > likelihood[usual].max() + _LIKELIER)
+    if not is_clear:
         likeliest = int(np.where(usual, likelihood, -np.inf).argmax())
     cells = float(delays[likeliest]) + _peak(likelihood, likeliest)
     gain = float(likelihood[likeliest] - likelihood[delays.size // 2])

@@ -10,7 +10,7 @@ from auvid_cli.data.check import Check
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.inspection.grid import Signals, change, smoothed
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.vehicle.parameters import SENSORS, Quantity
+from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,8 @@ def _parting(
 ) -> LastingError | None:
     window = round(_SPAN / signals.grid.step)
     # An angle is known in the middle of a cell: from one middle to another lie the means of the cells between.
-    between = 0.5 * (smoothed(by_rates, window) + np.append(smoothed(by_rates, window)[1:], np.nan))
+    cells = smoothed(by_rates, window)
+    between = 0.5 * (cells + np.append(cells[1:], np.nan))
     means, changes = between[::window], change(angle, window)[::window] / _SPAN
     faster = change(by_rates, window)[::window] / _SPAN
     known = np.isfinite(means) & np.isfinite(changes) & np.isfinite(faster)
@@ -98,14 +99,11 @@ def _by_noise(signals: Signals, sensors: Mapping[str, SensorRecord], rate: str) 
 
 def _stated(sensors: Mapping[str, SensorRecord], symbol: str) -> float:
     """Return the stated noise of the first sensor of a motion state, SI."""
-
-    def place(quantities: tuple[Quantity, ...]) -> int | None:
-        return next((i for i, quantity in enumerate(quantities) if quantity.symbol == symbol), None)
-
     return next(
-        float(record.standard_deviation[at])
+        float(deviation)
         for name, record in sensors.items()
-        if (at := place(SENSORS[name])) is not None
+        for quantity, deviation in zip(SENSORS[name], record.standard_deviation, strict=True)
+        if quantity.symbol == symbol
     )
 
 

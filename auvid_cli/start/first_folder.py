@@ -63,7 +63,7 @@ inputs:
 """
 
 _README = """\
-# %(title)s
+# %(name)s
 
 %(origin)s Made by `auvid init`; everything here is to be changed.
 
@@ -167,7 +167,6 @@ def _folder(folder: Path, vehicle_text: str, speed: float | None, origin: str, a
     drag = -vehicle.all_coefficients()["X_u|u|"]
     values = {
         "name": name,
-        "title": name,
         "spiral": _indented(spiral.lines),
         "prior": "geometry" if vehicle.geometry else "{mean: vehicle}",
         # As if 25 turns a second made the thrust of that speed.

@@ -36,8 +36,10 @@ class FirstSpiral(NamedTuple):
         Share of the full excitation.
     speed : tuple of float
         Lowest and highest after the start, m/s.
-    roll, pitch, slip : float
-        Largest angles then, rad; slip is that between axis and flow.
+    roll, pitch : float
+        Largest of the whole run, rad.
+    slip : float
+        Largest angle between axis and flow after the start, rad.
     depth : float
         At the end, m.
     """

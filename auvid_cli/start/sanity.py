@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.config.plausibility import Doubt, doubts
+from auvid_cli.config.plausibility import LARGEST_SLENDERNESS, LEAST_SLENDERNESS, Doubt, doubts, full_cylinder
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.start.first_spiral import FirstSpiral
 from auvid_cli.vehicle.matrices import central_inertia
@@ -26,13 +26,14 @@ def sanity_rows(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[Sanit
     """List what a vehicle comes to, and what it did in the simulated spiral."""
     known, size = vehicle.known_parameters(), vehicle.size
     slenderness = size.length / size.diameter
-    yield SanityRow("length", f"{size.length:.4g} m", f"{slenderness:.3g} diameters; usual are 4 to 15")
+    usual = f"usual are {LEAST_SLENDERNESS:g} to {LARGEST_SLENDERNESS:g}"
+    yield SanityRow("length", f"{size.length:.4g} m", f"{slenderness:.3g} diameters; {usual}")
     if displaced := _displaced(vehicle):
         share = f"{known['m'] / displaced:.3g} times as much"
         yield SanityRow("water displaced by the hull", f"{displaced:.4g} kg", f"mass {known['m']:.4g} kg, {share}")
     yield SanityRow("buoyancy", f"{known['B']:.4g} N", f"weight {known['W']:.4g} N")
     central = central_inertia(known)
-    across, along = known["m"] * size.diameter**2 / 8.0, known["m"] * (size.length**2 / 12.0 + size.diameter**2 / 16.0)
+    across, along = full_cylinder(known["m"], size.length, size.diameter)
     yield SanityRow("inertia about x", f"{central[0, 0]:.3g} kg m^2", f"{across:.3g} of a full cylinder")
     yield SanityRow("inertia about y, z", f"{central[1, 1]:.3g}, {central[2, 2]:.3g} kg m^2", f"{along:.3g} of one")
     righting = known["W"] * known["zG"] - known["B"] * known["zB"]

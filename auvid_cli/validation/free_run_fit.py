@@ -65,10 +65,10 @@ def fit_free_runs(
         Of its measuring sensors.
     models : Models
     starts : InitialStates
-        At least one. What of the vehicle is this run's own is as known at the end, too. The first measurements alone
-        would be a poor start: their noise, and an attitude reference that
+        At least one. The first measurements alone would be a poor start: their noise, and an attitude reference that
         has not settled, would stay in all that follows. Measurements are predicted with the sensors' errors and the
-        current that the filter knows at the end; where these walk, how they were before is left out.
+        current that the filter knows at the end, and with what of the vehicle is this run's own as it is known then;
+        where these walk, how they were before is left out.
     """
     start, motion = float(starts.time[0]), starts.motion[0]
     whole = prepared.segments[0].timelines

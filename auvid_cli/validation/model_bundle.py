@@ -60,7 +60,7 @@ def drawn_coefficients(estimate: Estimate, count: int, rng: np.random.Generator)
         None if the covariance is not finite and positive definite.
     """
     symbols, final = estimate.coefficient_set.symbols, estimate.final_coefficients()
-    rows = [i for i, symbol in enumerate(estimate.state) if symbol in symbols]
+    rows = estimate.coefficient_rows
     drawn = np.tile([final[symbol] for symbol in symbols], (count, 1))
     covariance = estimate.covariance[np.ix_(rows, rows)]
     variance = np.diagonal(covariance)

@@ -18,7 +18,6 @@ from auvid_cli.vehicle.kinematics import euler_angles, rotation_matrix
 Array = NDArray[np.float64]
 
 
-AS_STATED = np.array(NO_ERRORS)
 # s; process noise and what disturbs push at least so long apart, which is short beside how fast a vehicle answers.
 _BETWEEN_PUSHES, _BETWEEN_DISTURBANCES = 0.1, 0.05
 
@@ -87,7 +86,7 @@ def move_side_by_side(
     wanted: Array,
     shaken: Shaken | None = None,
     disturbed: Disturbed | None = None,
-    errors: Array = AS_STATED,
+    errors: Sequence[float] | Array = NO_ERRORS,
     terms: Sequence[Coefficient] = (),
 ) -> Array:
     """Move up to `LANES` models by the same inputs.

@@ -182,4 +182,6 @@ def check_table(coefficients: Iterable[Coefficient]) -> None:
 
 check_table(COEFFICIENTS)
 SYMBOLS: tuple[str, ...] = COEFFICIENTS.symbols
+# Damping of a motion by itself: it takes energy out, so that its sign is sure.
+DRAG_SYMBOLS = tuple(c.symbol for c in COEFFICIENTS if c.group == "damping" and SIGNALS.index(c.signals[0]) == c.row)
 N_COEFFICIENTS = len(COEFFICIENTS)

@@ -15,8 +15,8 @@ from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS
 _VELOCITIES, _FINS = ("u", "v", "w", "p", "q", "r"), ("rudder", "elevator")
 # What changes its sign in a mirror from port to starboard.
 _MIRRORED = frozenset(("Y", "K", "N", "v", "p", "r", "rudder"))
-# As names in code; a product that would be called so is called a square or a product of its own.
-_TAKEN = {c.identifier for c in COEFFICIENTS} | {*PARAMETER_SYMBOLS}
+# Of each name in code that is taken, whose it is: a product that would be called so gets a name of its own.
+TAKEN = {c.identifier: c.symbol for c in COEFFICIENTS} | {symbol: symbol for symbol in PARAMETER_SYMBOLS}
 
 
 def admissible_terms(any_symmetry: bool = False) -> tuple[Coefficient, ...]:
@@ -43,7 +43,7 @@ def term(row: int, factors: tuple[str, ...]) -> Coefficient:
         See `Coefficient`.
     """
     name = f"{EQUATION_ROWS[row]}_{''.join(factors)}"
-    if name.replace("|", "") in _TAKEN:
+    if name.replace("|", "") in TAKEN:
         name += "_even"
     return Coefficient(name, unit_of(row, factors), f"missing term {' '.join(factors)}", row, factors, "term")
 

@@ -7,7 +7,7 @@ from numba import njit
 
 from auvid_cli.filters.problem import Process
 from auvid_cli.lanes import LANES
-from auvid_cli.vehicle.dynamics import N_BLOCK, N_CONSTANTS, NO_ERRORS, motion_derivative
+from auvid_cli.vehicle.dynamics import N_BLOCK, N_CONSTANTS, N_SLOPE, NO_ERRORS, motion_derivative
 from auvid_cli.vehicle.parameters import N_MOTION
 from benchmarks.peers.problem import N_COEFFICIENTS, Array, units_of
 
@@ -35,7 +35,7 @@ def compiled_point(process: Process) -> Callable[[Array, float, Array], Array]:
     vehicle, scale = process.constants[:N_CONSTANTS], units_of(process)
     # The errors of actuators and ballast stand behind the coefficients, and stay as they are.
     lanes = np.repeat(np.array([*np.zeros(N_COEFFICIENTS), *NO_ERRORS]), LANES)
-    scratch = lanes, np.zeros(N_BLOCK), np.zeros(N_BLOCK)
+    scratch = lanes, np.zeros(N_BLOCK), np.zeros(N_SLOPE)
 
     def advance(state: Array, duration: float, held: Array) -> Array:
         return _advance(state, duration, held, vehicle, scale, *scratch)

@@ -7,6 +7,7 @@ import pytest
 
 from auvid_cli.config.load import dump_experiment, parse_experiment
 from auvid_cli.errors import ConfigError
+from auvid_cli.vehicle.coefficients import SYMBOLS
 
 CROSS = '{name: N_|v|r, row: N, factors: ["|v|", r], value: -120 kg*m/rad}'
 
@@ -131,3 +132,10 @@ def test_what_is_known_is_left_out_where_all_are_estimated(text):
     assert named.identification.estimated(named.vehicle) == ("M_w|w|",)
     with pytest.raises(ConfigError, match=r"bounds names M_w\|w\|, which is not among the coefficients to estimate"):
         parse_experiment(text, "test", (left_out, "identification.output_error.bounds.M_w|w|=[-1, 1]"))
+
+
+def test_that_nothing_is_left_to_estimate_is_refused_also_where_nothing_is_said_of_identifying(text):
+    assert "identification" not in text
+    known = [f"vehicle.coefficients.{symbol}.estimate=false" for symbol in SYMBOLS]
+    with pytest.raises(ConfigError, match="no coefficient is left to estimate"):
+        parse_experiment(text, "test", known)
