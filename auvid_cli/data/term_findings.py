@@ -13,6 +13,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+# Gain in log-likelihood that a term must have where it was not fitted: e^3, or twenty to one, is usually called strong
+# evidence (Kass and Raftery 1995).
+LEAST_HELD_OUT_GAIN = 3.0
+
+
 class ScoredTerm(NamedTuple):
     """A term that was looked at, beside those found before it; a row of ``terms.csv``.
 
@@ -46,6 +51,11 @@ class ScoredTerm(NamedTuple):
     like: str
     held_out_gain: float | None
     found: bool
+
+    @property
+    def is_likelier(self) -> bool:
+        """Say whether the data that were held out speak for it."""
+        return self.held_out_gain is not None and self.held_out_gain >= LEAST_HELD_OUT_GAIN
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auvid_cli.config.experiment import RunSettings, Use
 from auvid_cli.config.spans import Spans
 from auvid_cli.config.terms import Term
-from auvid_cli.data.term_findings import ScoredTerm, TermFindings
+from auvid_cli.data.term_findings import LEAST_HELD_OUT_GAIN, ScoredTerm, TermFindings
 from auvid_cli.errors import DataError
 from auvid_cli.filters.candidate_scores import correlation, explained, gains, sizes
 from auvid_cli.filters.fault_scores import score_faults
@@ -31,9 +31,6 @@ HELD_OUT = 1.0 / 3.0
 # Gain in log-likelihood that makes a term worth trying: of two hundred that are not there one in a hundred sets of data
 # has one beyond it (chi-squared of one degree of freedom, 4.1 sigma).
 LEAST_GAIN = 8.4
-# And what it must gain where it was not fitted: e^3, or twenty to one, is usually called strong evidence (Kass and
-# Raftery 1995).
-LEAST_HELD_OUT_GAIN = 3.0
 # Correlation beyond which two terms are hardly told apart; how many of a look are tried, and told of.
 _ALIKE, _TRIED, _TOLD = 0.95, 3, 5
 

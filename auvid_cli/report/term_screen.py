@@ -33,9 +33,16 @@ def print_terms(console: Console, findings: TermFindings) -> None:
 
 
 def _row(term: ScoredTerm) -> list[Cell]:
-    verdict = "found" if term.found else "" if term.held_out_gain is None else "no better on held-out data"
     sizes: list[Cell] = [term.size, term.standard_deviation, term.gain, 100.0 * term.made_up_share]
-    return [str(term.look), term.term, *sizes, term.held_out_gain, verdict]
+    return [str(term.look), term.term, *sizes, term.held_out_gain, _verdict(term)]
+
+
+def _verdict(term: ScoredTerm) -> str:
+    if term.found:
+        return "found"
+    if term.held_out_gain is None:
+        return ""
+    return "not kept: fits less well, or needless" if term.is_likelier else "no better on held-out data"
 
 
 def _of(spans: Spans) -> str:
@@ -47,5 +54,5 @@ def _conclusion(findings: TermFindings) -> str:
         return f"Found: {', '.join(term.term for term in findings.found)}."
     tried = [term for term in findings.scored if term.held_out_gain is not None]
     if tried:
-        return "Nothing is proposed: what fits the data better does not make the held-out data likelier."
+        return "Nothing is proposed: what fits best does not make the held-out data likelier."
     return "Nothing is proposed: no candidate explains more than chance among so many."
