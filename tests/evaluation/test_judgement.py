@@ -23,7 +23,6 @@ from auvid_cli.evaluation.judgement import (
     judge_one,
     whiteness,
 )
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
 
 N = 5000
 
@@ -182,7 +181,7 @@ class _two_coefficients:
     """As much of an estimate as has a distance."""
 
     state = ("Y_url", "N_url", "u")
-    coefficient_set = COEFFICIENTS
+    coefficient_rows = (0, 1)
 
     def __init__(self, values, deviation):
         self.mean = np.array([[*values, 1.0]])
