@@ -1,4 +1,4 @@
-"""Every command and every block of Python in the README and the guide, in order, in one empty folder."""
+"""Every command and every block of settings in the README and the pages of tasks, in order, in one empty folder."""
 
 import re
 import shlex
@@ -18,6 +18,13 @@ from auvid_cli.start import first_spiral
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, SENSORS
 
 ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = (
+    ROOT / "README.md",
+    *sorted(DOCS.glob("how-to/*.md")),
+    *sorted(DOCS.glob("explanation/*.md")),
+    DOCS / "formats.md",
+)
 # They begin what is no matter of auvid's commands.
 OTHERS = ("python3 -m venv", ". .venv/bin/activate", "pip install", "pytest")
 FENCE = re.compile(r"```yaml\n(name: (\w+).*?)```\n", re.DOTALL)
@@ -74,11 +81,11 @@ def fill_in(path: Path) -> None:
     path.write_text(text.replace("standard_deviation: null", "standard_deviation: 0.01"), encoding="utf-8")
 
 
-def test_commands_of_the_readme_and_the_guide_run_in_order_in_one_empty_folder(quick, tmp_path, monkeypatch):
+def test_commands_of_the_readme_and_the_pages_run_in_order_in_one_empty_folder(quick, tmp_path, monkeypatch):
     folder = tmp_path / "empty"
     folder.mkdir()
     monkeypatch.chdir(folder)
-    text = "\n".join((ROOT / page).read_text(encoding="utf-8") for page in ("README.md", "docs/guide.md"))
+    text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
     for written, name in FENCE.findall(text):
         Path(f"{name}.yaml").write_text(written, encoding="utf-8")
     for k, written in enumerate(FRAGMENT.findall(FENCE.sub("\n", text))):

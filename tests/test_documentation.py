@@ -31,8 +31,16 @@ def test_the_picture_of_the_rooms_is_what_the_code_imports():
     assert architecture() == TARGET.read_text(encoding="utf-8"), "python docs/make_architecture.py"
 
 
-def test_links_of_the_readme_and_the_docs_lead_somewhere():
-    for page in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
-        for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
-            if not target.startswith("http"):
-                assert (page.parent / target).exists(), f"{page.name} links to {target}"
+def anchors(page: Path) -> set[str]:
+    """Anchors of the headings of a page, as GitHub and the site make them."""
+    titles = re.findall(r"(?m)^#{1,6} (.*)", re.sub(r"(?ms)^```.*?^```", "", page.read_text(encoding="utf-8")))
+    return {re.sub(r"\s", "-", re.sub(r"[^\w\- ]", "", title.lower())) for title in titles}
+
+
+def test_links_of_the_documents_lead_somewhere():
+    for page in (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")):
+        for path, anchor in re.findall(r"\]\(([^)#\s]*)#?([^)\s]*)\)", page.read_text(encoding="utf-8")):
+            if not path.startswith("http"):
+                target = page.parent / path if path else page
+                assert target.exists(), f"{page.name} links to {path}"
+                assert not anchor or anchor in anchors(target), f"{page.name} links to {path}#{anchor}"

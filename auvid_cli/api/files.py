@@ -93,7 +93,7 @@ def write_dataset(path: str | Path, dataset: Dataset) -> Dataset:
     Parameters
     ----------
     path : str or pathlib.Path
-        HDF5, see the guide for its groups and units.
+        HDF5, see docs/formats.md for its groups and units.
     dataset : Dataset
 
     Returns

@@ -53,7 +53,7 @@ class MappedLogs:
 
 @typed
 def import_logs(map_file: str | Path, *logs: str | Path) -> Dataset:
-    """Convert CSV, NumPy or MATLAB files, ROS bags or ArduPilot logs by a map; see ``auvid import`` in the guide.
+    """Convert CSV, NumPy or MATLAB files, ROS bags or ArduPilot logs by a map; see docs/how-to/import-logs.md.
 
     Parameters
     ----------

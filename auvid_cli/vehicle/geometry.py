@@ -1,6 +1,6 @@
 """Inertia, added mass and coefficients from a vehicle's shape, each with mean, standard deviation, formula and source.
 
-Means and standard deviations are such that four published vehicles scatter by about as much (see the guide).
+Means and standard deviations are such that four published vehicles scatter by about as much (see docs/theory.md).
 """
 
 from collections.abc import Iterator

@@ -229,7 +229,7 @@ def test_appendages_that_are_named_are_all_that_is_added():
     assert means(REMUS)["X_u|u|"] == pytest.approx(-2.2 * bare, rel=1e-3)
 
 
-# Published values that no drawing gives: see the guide.
+# Published values that no drawing gives: see docs/how-to/vehicle-from-drawing.md.
 EXCEPTIONS = {
     # Raised by factors of 10 to 20 to meet trials at sea.
     "remus100": {"Y_v|v|", "M_q|q|", "N_r|r|"},

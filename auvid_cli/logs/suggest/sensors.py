@@ -134,7 +134,7 @@ def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], ju
             comment if is_filter_output(sensor.main.match.table) else "",
         )
     if not sensors:
-        yield Comment("required: no column looks like a sensor; see the guide for what may stand here")
+        yield Comment("required: no column looks like a sensor; see docs/how-to/import-logs.md for what may stand here")
 
 
 def _sensor(
