@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from auvid_cli.api.inspection import inspect
     from auvid_cli.api.logs import import_logs
     from auvid_cli.api.models import export_model
+    from auvid_cli.api.recordings import export_run
     from auvid_cli.api.simulation import simulate
     from auvid_cli.api.terms import find_terms
     from auvid_cli.api.tuning import tune
@@ -32,6 +33,7 @@ __all__ = [
     "check",
     "evaluate",
     "export_model",
+    "export_run",
     "find_terms",
     "identifiability",
     "identify",
@@ -56,6 +58,7 @@ _MODULES = {
     "auvid_cli.api.inspection": ("inspect",),
     "auvid_cli.api.logs": ("import_logs",),
     "auvid_cli.api.models": ("export_model",),
+    "auvid_cli.api.recordings": ("export_run",),
     "auvid_cli.api.simulation": ("simulate",),
     "auvid_cli.api.terms": ("find_terms",),
     "auvid_cli.api.tuning": ("tune",),

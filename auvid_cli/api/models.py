@@ -11,7 +11,8 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.estimate_file import read_estimate, read_reference
 from auvid_cli.data.files import keep_apart, write_text
 from auvid_cli.data.netcdf import digest
-from auvid_cli.export.formats import FORMATS, check_stem, default_stem
+from auvid_cli.errors import ConfigError
+from auvid_cli.export.formats import FORMATS, check_stem, file_stem
 from auvid_cli.export.heading import reservations
 from auvid_cli.export.losses import loss_lines
 from auvid_cli.export.model import model_found_by
@@ -38,17 +39,33 @@ class Export:
 
     Raises
     ------
+    ConfigError
+        If the form is not one of a model.
     DataError
         If the filter did not end well.
     """
 
     def __init__(self, dataset: Dataset, estimate: Estimate, target: FormatName, source: Path | None) -> None:
         sha256, reference = ("", None) if source is None else (digest(source), read_reference(source, estimate))
+        if target.is_of_a_run:
+            raise ConfigError(f"{target}: holds a run, not a model; export_run writes it")
         self._target, self._form = target, FORMATS[target]
         self._model = model_found_by(estimate, dataset, sha256, reference)
         self._losses = self._form.losses(self._model)
-        self.file_name = f"{default_stem(self._model)}{self._form.suffix}"
+        self.file_name = f"{file_stem(self._model.experiment.vehicle.name, self._model.filter)}{self._form.suffix}"
         self.remarks = [*reservations(self._model), *loss_lines(self._losses)]
+
+    def write(self, file: Path) -> None:
+        """Write the file; one that stands there is replaced.
+
+        Raises
+        ------
+        ConfigError
+            If its name cannot be used for this form.
+        FileError
+            If it cannot be written.
+        """
+        write_text(file, self.text(file))
 
     def text(self, file: Path) -> str:
         """Return the text of a file of that name.

@@ -18,7 +18,10 @@ def export(
     target: Annotated[
         FormatName,
         typer.Option(
-            "--to", metavar="FORM", help=f"Form of the model: {', '.join(form.value for form in FormatName)}."
+            "--to",
+            metavar="FORM",
+            help=f"Form of the model, {', '.join(form.value for form in FormatName if not form.is_of_a_run)}, "
+            "or of the run, mcap.",
         ),
     ],
     output: Annotated[
@@ -44,10 +47,10 @@ def export(
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
 ) -> None:
-    """Write an identified model for other programs, and say what they cannot hold of it."""
+    """Write an identified model, or with `--to mcap` a whole run, for other programs, and say what they cannot hold."""
     with reporting_errors():
         from auvid_cli.data.estimate_file import read_estimate
-        from auvid_cli.data.files import keep_apart, write_text
+        from auvid_cli.data.files import keep_apart
         from auvid_cli.data.replacement import refuse_unless
         from auvid_cli.data.results_folder import exported_from
         from auvid_cli.data.screening import screen
@@ -58,17 +61,21 @@ def export(
         screen([path, dataset_file])
         estimate = read_estimate(path)
         data = _dataset_of(path, estimate.dataset_sha256, dataset_file)
-        with terminal.compiling():
-            from auvid_cli.api.models import Export
-        with terminal.stage("bounds"):
-            model = Export(data, estimate, target, path)
-        file = output or home / "export" / model.file_name
-        text = model.text(file)
+        if target.is_of_a_run:
+            from auvid_cli.api.recordings import RunExport
+
+            exported = RunExport(data, estimate, path)
+        else:
+            with terminal.compiling():
+                from auvid_cli.api.models import Export
+            with terminal.stage("bounds"):
+                exported = Export(data, estimate, target, path)
+        file = output or home / "export" / exported.file_name
         keep_apart([file], [path, dataset_file])
         if file.exists() and exported_from(file) != data.sha256:
             refuse_unless(overwrite, f"{file}: is there, and was not exported from the same data")
-        write_text(file, text)
-        terminal.say_all([*model.remarks, file])
+        exported.write(file)
+        terminal.say_all([*exported.remarks, file])
 
 
 def _dataset_of(path: Path, sha256: str, dataset: Path) -> "Dataset":

@@ -4,10 +4,16 @@ from enum import StrEnum
 
 
 class FormatName(StrEnum):
-    """A form of an identified model, by the name that the command uses."""
+    """A form of an identified model, or of a whole run, by the name that the command uses."""
 
     YAML = "yaml"
     JSON = "json"
     PYTHON = "python"
     MATLAB = "matlab"
     SDF = "sdf"
+    MCAP = "mcap"
+
+    @property
+    def is_of_a_run(self) -> bool:
+        """Say whether it holds what was estimated over time, instead of the model."""
+        return self is FormatName.MCAP

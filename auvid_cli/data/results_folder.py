@@ -26,10 +26,10 @@ _TABLES = (
 _PAGES = ("report", "identifiability", "inspection", "validation")
 # As it stands in the head of a page, so many bytes from its beginning at most.
 _GENERATOR, _HEAD = b'<meta name="generator" content="auvid ', 2000
-_EXPORTS = (".yaml", ".json", ".py", ".m", ".sdf")
-# Characters; no exported model comes near.
+_EXPORTS = (".yaml", ".json", ".py", ".m", ".sdf", ".mcap")
+# Characters; no exported model comes near, and an MCAP says it at once.
 _LONGEST_EXPORT = 10_000_000
-# As it stands in the heading of an exported model, or in its JSON.
+# As it stands in the heading of an exported model, in its JSON, or at the beginning of a run's MCAP.
 _EXPORTED_FROM = re.compile(r'dataset(?: with SHA-256 |_sha256": ")([0-9a-f]{64})\b')
 
 

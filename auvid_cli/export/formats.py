@@ -45,17 +45,17 @@ FORMATS = {
     FormatName.MATLAB: Format(".m", losses_of, matlab_text),
     FormatName.SDF: Format(".sdf", gazebo_losses, gazebo_text),
 }
-if {*FORMATS} != {*FormatName}:
+if {*FORMATS} != {name for name in FormatName if not name.is_of_a_run}:
     raise TypeError("each form of a model has a name in config/format_name.py and a row here")
 
 # Letters of a vehicle's name in that of a file: with the filter's, fewer than a function of MATLAB may have.
 _LONGEST = 40
 
 
-def default_stem(model: IdentifiedModel) -> str:
+def file_stem(vehicle: str, filter_name: str) -> str:
     """Return a file name without suffix, from vehicle and filter; also a name for Python and MATLAB."""
-    words = re.sub(r"[^a-z0-9]+", "_", model.experiment.vehicle.name.lower())[:_LONGEST].strip("_")
-    return f"{words if words[:1].isalpha() else f'vehicle_{words}'}_{model.filter}"
+    words = re.sub(r"[^a-z0-9]+", "_", vehicle.lower())[:_LONGEST].strip("_")
+    return f"{words if words[:1].isalpha() else f'vehicle_{words}'}_{filter_name}"
 
 
 def check_stem(target: FormatName, stem: str) -> None:

@@ -1,7 +1,7 @@
 """What stands above an exported model, in plain words."""
 
 from auvid_cli.evaluation.accuracy import LARGEST_SHARE_OF_VALUE
-from auvid_cli.evaluation.judgement import Grade
+from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.export.losses import Losses, loss_lines
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
 
@@ -22,13 +22,16 @@ def heading_lines(model: IdentifiedModel, losses: Losses) -> list[str]:
 
 def reservations(model: IdentifiedModel) -> list[str]:
     """Say what speaks against the estimate and its coefficients, a sentence each."""
-    sentences = []
-    if model.judgement.grade is not Grade.SOUND:
-        sentences.append(f"Do not rely on these values, {model.judgement}.")
-    elif model.not_identified():
-        share = f"uncertain by more than {LARGEST_SHARE_OF_VALUE:.0%} of their value"
-        sentences.append(f"Not identified by these data, {share}: {', '.join(model.not_identified())}.")
-    return sentences
+    doubts = doubts_of(model.judgement)
+    if doubts or not model.not_identified():
+        return doubts
+    share = f"uncertain by more than {LARGEST_SHARE_OF_VALUE:.0%} of their value"
+    return [f"Not identified by these data, {share}: {', '.join(model.not_identified())}."]
+
+
+def doubts_of(judgement: Judgement) -> list[str]:
+    """Say why an estimate is not sound; nothing if it is."""
+    return [] if judgement.grade is Grade.SOUND else [f"Do not rely on these values, {judgement}."]
 
 
 def certainty(coefficient: IdentifiedCoefficient) -> str:

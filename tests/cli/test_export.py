@@ -18,6 +18,7 @@ from auvid_cli.config.format_name import FormatName
 from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import write_estimate
+from auvid_cli.data.results_folder import products
 from auvid_cli.identification.identify import identify
 
 SUFFIXES = {"yaml": ".yaml", "json": ".json", "python": ".py", "matlab": ".m", "sdf": ".sdf"}
@@ -71,7 +72,29 @@ def test_every_form_is_written_into_the_results_and_says_what_is_lost(target, re
 
 
 def test_every_form_is_tested():
-    assert set(SUFFIXES) == {name.value for name in FormatName}
+    assert {*SUFFIXES, "mcap"} == {name.value for name in FormatName}
+
+
+def test_a_run_is_written_for_viewers_even_if_it_diverged_and_known_as_made_from_its_data(own_results):
+    with h5py.File(own_results / "estimates/tukf.h5", "r+") as file:
+        file.attrs["status"] = "diverged at t = 9.000 s: the state was not finite"
+    estimate, path = own_results / "estimates/tukf.h5", own_results / "export/virginia_tech_690_tukf.mcap"
+    result = run(estimate, "--to", "mcap")
+    assert result.exit_code == 0, result.stderr
+    assert "diverged: at t = 9.000 s" in result.stdout
+    assert "dead reckoned" in result.stdout
+    assert path.read_bytes().startswith(b"\x89MCAP")
+    assert path in products(own_results)
+    assert run(estimate, "--to", "mcap").exit_code == 0
+    path.write_bytes(b"\x89MCAP of somebody else")
+    assert_one_clear_complaint(run(estimate, "--to", "mcap"), "was not exported from the same data", "--overwrite")
+
+
+def test_without_the_packages_a_recording_is_one_line(results, tmp_path, monkeypatch):
+    monkeypatch.delitem(sys.modules, "auvid_cli.export.mcap_file", raising=False)
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    result = run(results / "estimates/tukf.h5", "--to", "mcap", "-o", tmp_path / "run.mcap")
+    assert_one_clear_complaint(result, "pip install 'auvid[ros]'")
 
 
 def test_the_python_file_sails(results, tmp_path, monkeypatch):

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.export.as_json import json_losses, json_text
-from auvid_cli.export.formats import FORMATS, check_stem, default_stem
+from auvid_cli.export.formats import FORMATS, check_stem, file_stem
 from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
 from auvid_cli.export.losses import losses_of
 from auvid_cli.export.matlab_function import matlab_text
@@ -105,7 +105,7 @@ def test_json_holds_the_text_as_it_is(text, tame):
 
 @hostile
 def test_the_name_of_a_file_is_one_for_every_form(text, tame):
-    stem = default_stem(named(tame, text * 9))
+    stem = file_stem(text * 9, "tukf")
     assert re.fullmatch("[a-z][a-z0-9_]*", stem)
     for form in FORMATS:
         check_stem(form, stem)

@@ -14,7 +14,7 @@ STATES = (
     EstimatedState("trim_moment", "N*m", -4.7, 0.01),
 )
 FOUND = Actuation(1.2, 14.52, 0.1, {"Y_uudr": 3.14, "Z_uude": 2.72, "M_uude": 1.62, "N_uudr": 0.58})
-POOR = [name for name in FormatName if name != FormatName.JSON]
+POOR = [name for name in FORMATS if name != FormatName.JSON]
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from auvid_cli.errors import FileError
 from auvid_cli.report.figures import canvas
 from auvid_cli.report.figures.coefficients import coefficient_figure
-from auvid_cli.report.figures.dead_reckoning import dead_reckoned
 from auvid_cli.report.figures.draw import FigureQueue
 from auvid_cli.report.figures.limits import around, value_range, with_margin, with_near_zero
 from auvid_cli.report.figures.motion import motion_figure
@@ -179,25 +178,6 @@ def test_depth_increases_downwards_and_the_map_is_to_scale(dataset):
     assert np.diff(profile.get_ylim()) < 0.0
     assert plan.get_aspect() == 1.0
     assert np.diff(space.get_xlim()) == pytest.approx(np.diff(space.get_ylim()))
-
-
-def test_dead_reckoning_turns_velocity_into_the_earth_frame():
-    motion = np.zeros((11, 9))
-    motion[:, 0], motion[:, 8] = 2.0, np.pi / 2.0
-    time = np.linspace(0.0, 1.0, 11)
-    np.testing.assert_allclose(dead_reckoned(time, motion)[-1], [0.0, 2.0, 0.0], atol=1e-12)
-    motion[:, 7], motion[:, 8] = -np.pi / 6.0, 0.0
-    np.testing.assert_allclose(dead_reckoned(time, motion)[-1], [np.sqrt(3.0), 0.0, 1.0], atol=1e-12)
-    motion[:, 7], motion[:, 0], motion[:, 1], motion[:, 6] = 0.0, 0.0, 1.0, np.pi / 2.0
-    np.testing.assert_allclose(dead_reckoned(time, motion)[-1], [0.0, 0.0, 1.0], atol=1e-12)
-
-
-def test_dead_reckoning_ends_where_motion_does():
-    motion = np.zeros((5, 9))
-    motion[3, 6] = np.nan
-    assert dead_reckoned(np.arange(5.0), motion).shape == (3, 3)
-    motion[0, 6] = np.nan
-    assert dead_reckoned(np.arange(5.0), motion).shape == (0, 3)
 
 
 def test_thinning_keeps_extremes_ends_and_gaps():

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Course
-from auvid_cli.report.figures.dead_reckoning import dead_reckoned
 from auvid_cli.report.figures.limits import value_range, with_margin
 from auvid_cli.report.figures.series import spaced
 from auvid_cli.report.figures.style import legend_above, new_figure, say, tidy
 from auvid_cli.report.notation import filter_label
+from auvid_cli.vehicle.dead_reckoning import dead_reckoned
 from auvid_cli.vehicle.parameters import N_MOTION
 
 Array = NDArray[np.float64]

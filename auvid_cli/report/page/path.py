@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.dataset import TruthRecord
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.report.figures.dead_reckoning import dead_reckoned
 from auvid_cli.report.figures.series import spaced
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.page.parts import Part, PathTrack, Space, Words
 from auvid_cli.report.page.picture import Axis, Picture, Shape, frame, stroke
+from auvid_cli.vehicle.dead_reckoning import dead_reckoned
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
