@@ -87,13 +87,15 @@ def test_commands_of_the_readme_and_the_pages_run_in_order_in_one_empty_folder(q
     for k, written in enumerate(FRAGMENT.findall(FENCE.sub("\n", text))):
         Path(f"fragment{k}.yaml").write_text(written, encoding="utf-8")
         assert load.load_experiment(load.find_experiment(None), [f"fragment{k}.yaml"])
-    seen = set()
+    done = []
     for block in indented(text):
         if block.startswith("import "):
             exec(block, {})
             continue
         for program, *arguments in commands(block):
             assert program == "auvid", f"{program} {arguments}: neither auvid nor named in this test"
+            if arguments in done:
+                continue  # The quick start says again what the README does.
             if arguments[:2] == ["import", "--suggest"]:
                 write_log(Path(arguments[2]))
             if arguments[0] == "compare":
@@ -103,5 +105,6 @@ def test_commands_of_the_readme_and_the_pages_run_in_order_in_one_empty_folder(q
             assert result.exit_code == 0, f"auvid {shlex.join(arguments)}:\n{result.output}"
             if arguments[:2] == ["import", "--suggest"]:
                 fill_in(Path(arguments[-1]))
-            seen.add(arguments[0])
-    assert seen >= {"run", "simulate", "identify", "validate", "export", "import", "inspect", "campaign", "compare"}
+            done.append(arguments)
+    commands_done = {arguments[0] for arguments in done}
+    assert commands_done >= {"run", "identify", "validate", "export", "import", "inspect", "campaign", "compare"}
