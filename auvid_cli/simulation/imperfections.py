@@ -14,17 +14,22 @@ Array = NDArray[np.float64]
 
 
 def corrupt(times: Array, true: Array, settings: SensorSettings, name: str, seed: int) -> SensorRecord:
-    """Add bias, drift, noise, vibration, outliers, quantisation and dropouts, in that order."""
+    """Add bias, drift, noise, vibration, outliers, quantisation and dropouts, in that order, to `true` itself."""
     n, components = true.shape
     numbers = partial(stream, seed, name)
-    values = true + np.array(settings.bias)
+    values = true
+    values += np.array(settings.bias)
     values += np.array(settings.bias_spread) * numbers("bias").standard_normal(components)
-    drift = numbers("drift").standard_normal((n, components))
-    drift *= np.sqrt(np.diff(times, prepend=times[:1]))[:, None] * np.array(settings.drift)
-    values += np.cumsum(drift, axis=0, out=drift)
-    del drift
+    if any(settings.drift):
+        drift = numbers("drift").standard_normal((n, components))
+        drift *= np.sqrt(np.diff(times, prepend=times[:1]))[:, None] * np.array(settings.drift)
+        values += np.cumsum(drift, axis=0, out=drift)
+        del drift
     noise = np.array(settings.noise_standard_deviation())
-    values += np.sqrt(1.0 - settings.coloured_share) * noise * numbers("noise").standard_normal((n, components))
+    white = numbers("noise").standard_normal((n, components))
+    white *= np.sqrt(1.0 - settings.coloured_share) * noise
+    values += white
+    del white
     if settings.coloured_share > 0.0:
         coloured = numbers("coloured")
         for size, component in zip(np.sqrt(settings.coloured_share) * noise, values.T, strict=True):

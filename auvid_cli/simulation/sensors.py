@@ -33,14 +33,16 @@ def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict
         Each sensor and each of its imperfections draws from a stream of its own, derived from the
         seed and the sensor's name, so that changing one leaves the others' noise as it was.
     """
-    records = {}
+    records: dict[str, SensorRecord] = {}
     for name, settings in suite.given().items():
         if isinstance(settings, Attitude) and settings.source == "ahrs":
             continue
         times = sample_times(settings, truth.time[-1])
         measure_block = _RULES.get(name) or partial(_motion_states, SENSORS[name])
-        blocks = [times[first : first + _BLOCK] for first in range(0, max(times.size, 1), _BLOCK)]
-        true = np.concatenate([measure_block(_Sampled(truth, block, current, settings)) for block in blocks])
+        true = np.empty((times.size, len(SENSORS[name])))
+        for first in range(0, times.size, _BLOCK):
+            block = slice(first, first + _BLOCK)
+            true[block] = measure_block(_Sampled(truth, times[block], current, settings))
         record = corrupt(times, true, settings, name, seed)
         records[name] = stamped(record, settings, name, seed, truth.time[-1])
     return records

@@ -1,15 +1,20 @@
 """A whole simulated run: plan, true motion, raw sensors, attitude."""
 
+from dataclasses import replace
+
 import numpy as np
+from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.data.dataset import Dataset, TruthRecord
+from auvid_cli.data.dataset import Dataset, SensorRecord, TruthRecord
 from auvid_cli.simulation.ahrs import attitude_reference
 from auvid_cli.simulation.imperfections import stamped
 from auvid_cli.simulation.manoeuvre_plan import make_plan
 from auvid_cli.simulation.sensors import measure
 from auvid_cli.simulation.true_motion import simulate_motion
 from auvid_cli.simulation.unrecorded import draw_disturbance, draw_fin_trim, record_inputs
+
+Array = NDArray[np.float64]
 
 
 def simulate(experiment: Experiment) -> Dataset:
@@ -30,21 +35,32 @@ def simulate(experiment: Experiment) -> Dataset:
         plan.feedforward[:] += trim
     disturbance = draw_disturbance(manoeuvre.disturbance, plan.time, experiment.seed)
     truth = simulate_motion(experiment.vehicle, manoeuvre, plan, disturbance)
+    del plan  # Of ten hours 170 MB, which nothing reads any more.
     current = np.array([manoeuvre.current_north, manoeuvre.current_east, 0.0])
     records = measure(truth, experiment.sensors, current, experiment.seed)
     if ahrs := experiment.sensors.ahrs():
         duration = float(truth.time[-1])
         attitude = attitude_reference(records, ahrs, duration)
         records["attitude"] = stamped(attitude, ahrs.attitude, "attitude", experiment.seed, duration)
+    _share_clocks(truth.time, records)
     return Dataset(
-        inputs=record_inputs(truth.time, truth.inputs - trim, manoeuvre.recorded_rate),
+        inputs=record_inputs(truth.time, truth.inputs - trim if trim.any() else truth.inputs, manoeuvre.recorded_rate),
         sensors=records,
         experiment=experiment,
         truth=TruthRecord(
             truth.time,
             truth.motion,
-            truth.position + truth.time[:, None] * current,
+            truth.position + truth.time[:, None] * current if current.any() else truth.position,
             experiment.vehicle.all_coefficients(),
             disturbance if disturbance.any() else None,
         ),
     )
+
+
+def _share_clocks(time: Array, records: dict[str, SensorRecord]) -> None:
+    """Let records of the same times hold one array of them: three of ten hours at 100 Hz are 86 MB."""
+    clocks = [time]
+    for name, record in records.items():
+        clock = next((each for each in clocks if np.array_equal(each, record.time)), record.time)
+        records[name] = replace(record, time=clock)
+        clocks.append(clock)
