@@ -91,7 +91,8 @@ def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str,
         One in memory, or a file, whose SHA-256 the model then names. A coefficient counts as identified if the estimate
         is sound; one of a filter is judged by the smoother's, in the file ``smoother.h5`` beside it.
     target : str
-        ``"yaml"`` (a vehicle file), ``"json"``, ``"python"`` (needs only NumPy), ``"matlab"`` or ``"sdf"`` (Gazebo).
+        ``"yaml"`` (a vehicle file), ``"json"``, ``"python"`` (needs only NumPy), ``"matlab"``, ``"sdf"`` (Gazebo),
+        ``"holoocean"``, ``"simulator"`` (Python Vehicle Simulator) or ``"mss"`` (Marine Systems Simulator).
     file : str or pathlib.Path, optional
         To write the model to; one that stands there is replaced. Default: nothing is written.
 

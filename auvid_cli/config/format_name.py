@@ -11,6 +11,9 @@ class FormatName(StrEnum):
     PYTHON = "python"
     MATLAB = "matlab"
     SDF = "sdf"
+    HOLOOCEAN = "holoocean"
+    SIMULATOR = "simulator"
+    MSS = "mss"
     MCAP = "mcap"
 
     @property

@@ -8,10 +8,13 @@ from auvid_cli.config.format_name import FormatName
 from auvid_cli.errors import ConfigError
 from auvid_cli.export.as_json import json_losses, json_text
 from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
+from auvid_cli.export.holoocean import holoocean_losses, holoocean_text
 from auvid_cli.export.losses import Losses, losses_of
 from auvid_cli.export.matlab_function import matlab_text
 from auvid_cli.export.model import IdentifiedModel
+from auvid_cli.export.mss import mss_losses, mss_text
 from auvid_cli.export.python_function import python_text
+from auvid_cli.export.vehicle_simulator import simulator_losses, simulator_text
 from auvid_cli.export.vehicle_yaml import yaml_text
 from auvid_cli.printable import printable
 
@@ -22,7 +25,7 @@ class Format(NamedTuple):
     Attributes
     ----------
     suffix : str
-        Of its files.
+        Of its files, apart from those of the others.
     losses : callable
         What it cannot hold of a model.
     text : callable
@@ -44,12 +47,17 @@ FORMATS = {
     FormatName.PYTHON: Format(".py", losses_of, python_text),
     FormatName.MATLAB: Format(".m", losses_of, matlab_text),
     FormatName.SDF: Format(".sdf", gazebo_losses, gazebo_text),
+    FormatName.HOLOOCEAN: Format("_holoocean.py", holoocean_losses, holoocean_text),
+    FormatName.SIMULATOR: Format("_simulator.py", simulator_losses, simulator_text),
+    FormatName.MSS: Format("_mss.m", mss_losses, mss_text),
 }
 if {*FORMATS} != {name for name in FormatName if not name.is_of_a_run}:
     raise TypeError("each form of a model has a name in config/format_name.py and a row here")
 
 # Letters of a vehicle's name in that of a file: with the filter's, fewer than a function of MATLAB may have.
-_LONGEST = 40
+_LONGEST = 32
+# Python imports and MATLAB calls such files by their names.
+_CALLED_BY_NAME = {FormatName.PYTHON, FormatName.MATLAB, FormatName.HOLOOCEAN, FormatName.SIMULATOR, FormatName.MSS}
 
 
 def file_stem(vehicle: str, filter_name: str) -> str:
@@ -59,9 +67,8 @@ def file_stem(vehicle: str, filter_name: str) -> str:
 
 
 def check_stem(target: FormatName, stem: str) -> None:
-    """Raise ConfigError if a file of that name could not be used: Python imports and MATLAB calls it by its name."""
-    called_by_name = target in (FormatName.PYTHON, FormatName.MATLAB)
-    if called_by_name and not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,62}", stem):
+    """Raise ConfigError if a file of that name could not be used."""
+    if target in _CALLED_BY_NAME and not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,62}", stem):
         raise ConfigError(
             f"{stem!r} is no name for a {target} file, which is used by it: "
             "letters, digits and _ only, a letter first, 63 at most"

@@ -28,7 +28,13 @@ class Losses(NamedTuple):
 NOTHING = Losses((), ())
 
 
-def losses_of(model: IdentifiedModel, symbols: Collection[str] = (), notes: tuple[str, ...] = ()) -> Losses:
+def losses_of(
+    model: IdentifiedModel,
+    symbols: Collection[str] = (),
+    notes: tuple[str, ...] = (),
+    *,
+    holds_actuators: bool = False,
+) -> Losses:
     """Return what a form loses that holds the equations of motion alone.
 
     Parameters
@@ -38,9 +44,12 @@ def losses_of(model: IdentifiedModel, symbols: Collection[str] = (), notes: tupl
         Coefficients whose terms it loses as well.
     notes : tuple of str
         All else that it loses.
+    holds_actuators : bool
+        Whether it has the propeller's gain and the fins' lag.
     """
     terms = tuple(size for size in model.term_sizes if size.symbol in symbols)
-    return Losses(terms, (*notes, _COVARIANCES, *_actuation_lines(model), *_ballast_lines(model), *_state_lines(model)))
+    actuation = [] if holds_actuators else _actuation_lines(model)
+    return Losses(terms, (*notes, _COVARIANCES, *actuation, *_ballast_lines(model), *_state_lines(model)))
 
 
 def loss_lines(losses: Losses) -> list[str]:

@@ -16,25 +16,32 @@ For example: [t, x] = ode45(@(t, x) {name}(x, [0 0 100 0]), [0 10], [2 0 0 0 0 0
 
 def matlab_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
     """Write the whole function; `name` is that of the file without ``.m``."""
-    rows = "; ...\n".join("    " + " ".join(f"{number:.17g}" for number in row) for row in mass_rows(model))
     signals = [f"{symbol} = motion({i})" for i, symbol in enumerate(MOTION_SYMBOLS, 1) if symbol != "psi"]
     signals += [f"{symbol} = inputs({i})" for i, symbol in enumerate(INPUT_SYMBOLS, 1)]
+    lines = [
+        f"function derivative = {name}(motion, inputs)\n",
+        line_comments("%", [*_HELP.format(name=name).splitlines(), *heading_lines(model, losses)]),
+        numbers(model),
+        *(f"{statement};\n" for statement in [*signals, *acceleration(model)]),
+        "derivative = [acceleration; phi_rate; theta_rate; psi_rate];\n",
+        "end\n",
+    ]
+    return "".join(lines)
+
+
+def numbers(model: IdentifiedModel) -> str:
+    """Write the mass matrix and all constants, a line each, between empty ones."""
+    rows = "; ...\n".join("    " + " ".join(f"{number:.17g}" for number in row) for row in mass_rows(model))
+    values = "".join(f"{c.name} = {c.value:.17g}; % {c.remark}\n" for c in constants(model))
+    return f"\n% Rigid-body and added mass, kg, kg m, kg m^2.\nMASS = [ ...\n{rows}];\n{values}\n"
+
+
+def acceleration(model: IdentifiedModel) -> list[str]:
+    """Write statements that make ``acceleration`` and the attitude rates of motion and inputs."""
     momentum = [f"{axis} = momentum({i})" for i, axis in enumerate(("a1", "a2", "a3", "b1", "b2", "b3"), 1)]
-    body = [
-        *signals,
+    return [
         "momentum = MASS * [u; v; w; p; q; r]",
         *momentum,
         *statements(model.coefficient_set),
         "acceleration = MASS \\ [X; Y; Z; K; M; N]",
-        "derivative = [acceleration; phi_rate; theta_rate; psi_rate]",
     ]
-    lines = [
-        f"function derivative = {name}(motion, inputs)\n",
-        line_comments("%", [*_HELP.format(name=name).splitlines(), *heading_lines(model, losses)]),
-        f"\n% Rigid-body and added mass, kg, kg m, kg m^2.\nMASS = [ ...\n{rows}];\n",
-        *(f"{c.name} = {c.value:.17g}; % {c.remark}\n" for c in constants(model)),
-        "\n",
-        *(f"{statement};\n" for statement in body),
-        "end\n",
-    ]
-    return "".join(lines)

@@ -22,6 +22,7 @@ from auvid_cli.data.results_folder import products
 from auvid_cli.identification.identify import identify
 
 SUFFIXES = {"yaml": ".yaml", "json": ".json", "python": ".py", "matlab": ".m", "sdf": ".sdf"}
+SUFFIXES |= {"holoocean": "_holoocean.py", "simulator": "_simulator.py", "mss": "_mss.m"}
 
 
 def run(*arguments):
@@ -141,7 +142,7 @@ def test_the_dataset_may_be_elsewhere(own_results, tmp_path):
     assert run(lonely, "--to", "json", "--dataset", tmp_path / "mission.h5").exit_code == 0
 
 
-@pytest.mark.parametrize(("target", "name"), [("python", "my-model.py"), ("matlab", "690.m")])
+@pytest.mark.parametrize(("target", "name"), [("python", "my-model.py"), ("matlab", "690.m"), ("mss", "a.b.m")])
 def test_a_name_that_could_not_be_called_is_refused(target, name, results, tmp_path):
     result = run(results / "estimates/tukf.h5", "--to", target, "-o", tmp_path / name)
     assert_one_clear_complaint(result, "is no name for a", repr(Path(name).stem))

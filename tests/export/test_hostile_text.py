@@ -5,6 +5,7 @@ import io
 import json
 import re
 import tokenize
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -16,9 +17,12 @@ from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.export.as_json import json_losses, json_text
 from auvid_cli.export.formats import FORMATS, check_stem, file_stem
 from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
+from auvid_cli.export.holoocean import holoocean_text
 from auvid_cli.export.losses import losses_of
 from auvid_cli.export.matlab_function import matlab_text
+from auvid_cli.export.mss import mss_text
 from auvid_cli.export.python_function import python_text
+from auvid_cli.export.vehicle_simulator import simulator_text
 from auvid_cli.export.vehicle_yaml import yaml_text
 
 HOSTILE = (
@@ -61,20 +65,22 @@ def tame(model_with):
     return model_with(held=("X_u|u|",))
 
 
+@pytest.mark.parametrize("write", [python_text, holoocean_text, simulator_text])
 @hostile
-def test_a_python_module_is_the_same_but_for_its_comments(text, tame):
-    code, as_it_was = (python_text(model, losses_of(model), "m").encode() for model in (named(tame, text), tame))
+def test_a_python_module_is_the_same_but_for_its_comments(text, write, tame):
+    code, as_it_was = (write(model, losses_of(model), "m").encode() for model in (named(tame, text), tame))
     assert tokenize.detect_encoding(io.BytesIO(code).readline)[0] == "utf-8"
     assert ast.dump(ast.parse(code)) == ast.dump(ast.parse(as_it_was))
     exec(compile(code, "model.py", "exec"), {})
 
 
+@pytest.mark.parametrize("write", [matlab_text, mss_text])
 @hostile
-def test_a_matlab_function_is_the_same_but_for_its_comments(text, tame):
+def test_a_matlab_function_is_the_same_but_for_its_comments(text, write, tame):
     code, as_it_was = (
         [line for line in re.split(r"[\n\r\x0b\x0c\x85\u2028\u2029]", matlab) if not line.startswith("% ")]
         for model in (named(tame, text), tame)
-        for matlab in [matlab_text(model, losses_of(model), "m")]
+        for matlab in [write(model, losses_of(model), "m")]
     )
     assert code == as_it_was
 
@@ -105,7 +111,7 @@ def test_json_holds_the_text_as_it_is(text, tame):
 
 @hostile
 def test_the_name_of_a_file_is_one_for_every_form(text, tame):
-    stem = file_stem(text * 9, "tukf")
+    stem = file_stem(text * 9, "output_error")
     assert re.fullmatch("[a-z][a-z0-9_]*", stem)
-    for form in FORMATS:
-        check_stem(form, stem)
+    for name, form in FORMATS.items():
+        check_stem(name, Path(f"{stem}{form.suffix}").stem)

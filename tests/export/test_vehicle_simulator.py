@@ -1,0 +1,95 @@
+"""The written vehicle in a main loop like the simulator's, which no registry has: its attributes, steps and current."""
+
+import runpy
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from auvid_cli.export.actuation import Actuation
+from auvid_cli.export.vehicle_simulator import simulator_losses, simulator_text
+from auvid_cli.vehicle.kinematics import current_in_body_axes, euler_rates
+
+STEP = 0.02
+LAGGED = Actuation(1.25, 10.0, 0.2, {"Y_uudr": 1.0, "Z_uude": 1.0, "M_uude": 1.0, "N_uudr": 1.0})
+
+
+def read(model, folder):
+    path = folder / "model.py"
+    path.write_text(simulator_text(model, simulator_losses(model), "model"), encoding="utf-8")
+    return runpy.run_path(str(path))["Vehicle"]
+
+
+@pytest.fixture(scope="module")
+def vehicle_class(skewed, tmp_path_factory):
+    return read(skewed, tmp_path_factory.mktemp("simulator"))
+
+
+def simulate(vehicle, steps):
+    """Velocities and attitudes by the loop of the simulator: commands, then velocities, then attitude, all Euler."""
+    eta, nu, acting, seen = np.zeros(6), vehicle.nu, vehicle.u_actual, []
+    for k in range(steps):
+        seen.append(np.concatenate([eta, nu, acting]))
+        nu, acting = vehicle.dynamics(eta, nu, acting, vehicle.stepInput(k * STEP), STEP)
+        rates = euler_rates(nu[None, 3:], eta[None, 3:])[0]
+        eta = eta + STEP * np.concatenate([nu[:3], rates])
+    return np.array(seen)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_step_is_eulers_with_the_slope_of_the_core(seed, vehicle_class, skewed, derivative_of, draw):
+    motion, inputs = draw(seed)
+    eta = np.concatenate([[5.0, 6.0, 7.0], motion[6:]])
+    after, acting = vehicle_class().dynamics(eta, motion[:6], np.zeros(4), inputs, STEP)
+    slope = derivative_of(skewed, motion, inputs)[:6]
+    assert_allclose((after - motion[:6]) / STEP, slope, rtol=1e-9, atol=1e-9 * np.abs(slope).max())
+    assert_allclose(acting, inputs)
+
+
+@given(seed=st.integers(0, 2**32 - 1), direction=st.floats(-360.0, 360.0))
+def test_in_a_current_only_the_water_matters(seed, direction, vehicle_class, skewed, derivative_of, draw):
+    """The velocity over ground, turned to the earth, changes as that through the water does."""
+    motion, inputs = draw(seed)
+    angle = np.radians(direction)
+    current = current_in_body_axes(motion[None, 6:], 0.5 * np.cos(angle), 0.5 * np.sin(angle))[0]
+    over_ground = motion[:6] + np.concatenate([current, np.zeros(3)])
+    eta = np.concatenate([np.zeros(3), motion[6:]])
+    drifting = vehicle_class(V_current=0.5, beta_current=direction)
+    after, _ = drifting.dynamics(eta, over_ground, np.zeros(4), inputs, STEP)
+    slope, water = (after - over_ground) / STEP, derivative_of(skewed, motion, inputs)[:6]
+    # Of what is turned to the earth, the derivative has a part from turning.
+    slope[:3] += np.cross(motion[3:6], over_ground[:3])
+    water[:3] += np.cross(motion[3:6], motion[:3])
+    assert_allclose(slope, water, rtol=1e-9, atol=1e-9 * np.abs(water).max())
+
+
+def test_the_main_loop_finds_all_that_it_asks_for_and_sails(model_with, tmp_path):
+    model = model_with()
+    vehicle = read(model, tmp_path)()
+    assert vehicle.controlMode == "stepInput"
+    assert len(vehicle.controls) == vehicle.dimU == len(vehicle.u_actual) == 4
+    assert all(isinstance(text, str) for text in (vehicle.name, vehicle.controlDescription, *vehicle.controls))
+    assert model.experiment.vehicle.size.length == vehicle.L
+    sailed = simulate(vehicle, 500)
+    assert sailed[-1, 6] > 1.0
+
+
+def test_gain_and_lag_are_held_and_not_said_to_be_lost(model_with, tmp_path, derivative_of):
+    model = model_with(actuation=LAGGED)
+    said = " ".join(simulator_losses(model).notes)
+    assert "lag" not in said
+    assert "gain" not in said
+    vehicle = read(model, tmp_path)()
+    acting, nu, eta = np.array([0.3, 0.0, 0.0, 0.0]), np.array([2.0, *np.zeros(5)]), np.zeros(6)
+    after, acting = vehicle.dynamics(eta, nu, acting, np.array([0.1, -0.1, 50.0, 0.0]), STEP)
+    slope = derivative_of(model, [*nu, 0.0, 0.0, 0.0], [0.3, 0.0, 62.5, 0.0])[:6]
+    assert_allclose((after - nu) / STEP, slope, rtol=1e-9, atol=1e-12)
+    left = np.exp(-STEP / 0.2)
+    assert_allclose(acting, [0.1 + 0.2 * left, -0.1 + 0.1 * left, 50.0, 0.0])
+
+
+def test_an_autopilot_that_is_not_there_is_refused(vehicle_class):
+    with pytest.raises(ValueError, match="'depthHeadingAutopilot': this vehicle has only stepInput"):
+        vehicle_class("depthHeadingAutopilot")
