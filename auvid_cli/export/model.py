@@ -18,6 +18,7 @@ from auvid_cli.evaluation.accuracy import coefficient_results
 from auvid_cli.evaluation.bounds import BoundsOf
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge_one
 from auvid_cli.export.actuation import Actuation, acting_inputs, actuation
+from auvid_cli.export.fin_surfaces import surface_changes
 from auvid_cli.export.terms import TermSize, term_histories, term_sizes
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.vehicle.coefficients import CoefficientSet
@@ -110,6 +111,8 @@ class IdentifiedModel:
     actuation : Actuation
     term_sizes : tuple of TermSize
         Of all along the estimated motion.
+    surface_changes : dict of float
+        What would change along it, RMS by row, N or N m, if the fins were lifting surfaces.
     origin : Origin
     """
 
@@ -121,6 +124,7 @@ class IdentifiedModel:
     covariance: Array
     actuation: Actuation
     term_sizes: tuple[TermSize, ...]
+    surface_changes: dict[str, float]
     origin: Origin
 
     @property
@@ -214,7 +218,7 @@ def identified_model(
         *others,
     ]
     motion = estimate.mean[:, [estimate.state.index(symbol) for symbol in MOTION_SYMBOLS]]
-    terms = term_histories(of_vehicle, values, motion, acting_inputs(estimate, dataset.inputs))
+    inputs = acting_inputs(estimate, dataset.inputs)
     return IdentifiedModel(
         experiment=estimate.experiment,
         filter=estimate.filter,
@@ -231,6 +235,7 @@ def identified_model(
         ),
         covariance=estimate.final_covariance()[np.ix_(kept, kept)],
         actuation=actuation(estimate, dataset.inputs, values, motion),
-        term_sizes=tuple(term_sizes(of_vehicle, terms)),
+        term_sizes=tuple(term_sizes(of_vehicle, term_histories(of_vehicle, values, motion, inputs))),
+        surface_changes=surface_changes(values, motion, inputs),
         origin=origin,
     )

@@ -6,6 +6,7 @@ import pytest
 from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.export.actuation import Actuation
+from auvid_cli.export.fin_surfaces import surface_changes
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel, Origin
 from auvid_cli.export.terms import term_histories, term_sizes
 from auvid_cli.lanes import LANES
@@ -40,7 +41,7 @@ def make_model(
     deviations = np.array([each.standard_deviation for each in estimated])
     rng = np.random.default_rng(1)
     of_vehicle = experiment.vehicle.coefficient_set
-    terms = term_histories(of_vehicle, values, rng.standard_normal((50, 9)), rng.standard_normal((50, 4)))
+    motion, inputs = rng.standard_normal((50, 9)), rng.standard_normal((50, 4))
     return IdentifiedModel(
         experiment=experiment,
         filter="tukf",
@@ -49,7 +50,8 @@ def make_model(
         states=tuple(states),
         actuation=actuation,
         covariance=0.9 * np.diag(deviations**2) + 0.1 * np.outer(deviations, deviations),
-        term_sizes=tuple(term_sizes(of_vehicle, terms)),
+        term_sizes=tuple(term_sizes(of_vehicle, term_histories(of_vehicle, values, motion, inputs))),
+        surface_changes=surface_changes(values, motion, inputs),
         origin=Origin("d" * 64, "e" * 64, "1.2.3", "2026-01-01T00:00:00+00:00"),
     )
 

@@ -1,19 +1,27 @@
-"""The written model against the compiled core, by the equations of gz-sim 8 and of a rigid body in Gazebo's axes."""
+"""The written model against the compiled core, by the equations of gz-sim 8, of a rigid body, and by DART itself."""
 
 import re
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from auvid_cli.export.fin_surfaces import surface_changes
 from auvid_cli.export.gazebo import gazebo_losses, gazebo_text
+from auvid_cli.vehicle.kinematics import rotation_matrix
 
 HALF_TURN = np.diag([1.0, -1.0, -1.0])
-FINS = ("Y_uudr", "Z_uude", "M_uude", "N_uudr")
 OTHERS = ("X_udrdr", "K_T")
+NAMES = ("rudder", "elevator")
+
+
+@pytest.fixture(scope="module")
+def plain(model_with):
+    """The default vehicle, whose centres are on its axis."""
+    return model_with()
 
 
 def read(model):
@@ -43,22 +51,34 @@ def plugin_force(root, velocity):
 
 
 def mass_of(root):
-    """Spatial inertia about the origin of the link: the body's own and the water's."""
-    inertial = root.find("model/link/inertial")
-    mass, centre = float(inertial.findtext("mass")), vector(inertial, "pose")[:3]
-    inertia = np.zeros((3, 3))
+    """Spatial inertia of hull, fins and water about the origin of the hull's link; mass and centre of gravity."""
+    total, mass, moment = np.zeros((6, 6)), 0.0, np.zeros(3)
+    for link in root.findall("model/link"):
+        weight, centre, inertia = body_of(link)
+        lever = skew(centre)
+        total += np.block([[weight * np.eye(3), -weight * lever], [weight * lever, inertia - weight * lever @ lever]])
+        mass, moment = mass + weight, moment + weight * centre
+    total += added_mass_of(root)
+    return total, mass, moment / mass
+
+
+def body_of(link):
+    """Mass, centre of gravity in the axes of the hull's link, and inertia about it."""
+    inertial, inertia = link.find("inertial"), np.zeros((3, 3))
+    place = np.zeros(3) if link.find("pose") is None else vector(link, "pose")[:3]
     for i, first in enumerate("xyz"):
         for j, second in enumerate("xyz"):
             inertia[i, j] = float(inertial.findtext("inertia/i" + "".join(sorted(first + second))))
-    lever = skew(centre)
-    total = np.block([[mass * np.eye(3), -mass * lever], [mass * lever, inertia - mass * lever @ lever]])
+    return float(inertial.findtext("mass")), place + vector(inertial, "pose")[:3], inertia
+
+
+def added_mass_of(root):
+    total, inertial = np.zeros((6, 6)), root.find("model/link/inertial")
     for i, first in enumerate("xyzpqr"):
         for j, second in enumerate("xyzpqr"):
             if i <= j:
-                added = float(inertial.findtext(f"fluid_added_mass/{first}{second}", "0"))
-                total[i, j] += added
-                total[j, i] += added if i != j else 0.0
-    return total, mass, centre
+                total[i, j] = total[j, i] = float(inertial.findtext(f"fluid_added_mass/{first}{second}", "0"))
+    return total
 
 
 def world_of(text):
@@ -67,32 +87,73 @@ def world_of(text):
     return -gravity, float(re.search(r"<uniform_fluid_density>(\S+)</uniform", text).group(1))
 
 
-def gazebo_acceleration(model, motion, inputs):
-    """Acceleration of the link in its own axes, forward, port, up."""
+def surface_force(plugin, velocity, position):
+    """Force and moment by the LiftDrag system of gz-sim 8, about the origin of the link, in the link's axes."""
+    centre, forward, upward = (vector(plugin, tag) for tag in ("cp", "forward", "upward"))
+    area, density = (float(plugin.findtext(tag)) for tag in ("area", "air_density"))
+    # Of the flow's own angle it takes neither lift nor drag.
+    assert [float(plugin.findtext(tag)) for tag in ("cla", "cda", "a0")] == [0.0, 0.0, 0.0]
+    there = velocity[:3] + np.cross(velocity[3:], centre)
+    if np.linalg.norm(there) <= 0.01:
+        return np.zeros(6)
+    spanwise = np.cross(forward, upward)
+    in_plane = there - there @ spanwise * spanwise
+    lift_direction = np.cross(spanwise, in_plane) / np.linalg.norm(in_plane)
+    lift_coefficient = float(plugin.findtext("control_joint_rad_to_cl")) * position
+    force = lift_coefficient * 0.5 * density * in_plane @ in_plane * area * lift_direction
+    return np.concatenate([force, np.cross(centre, force)])
+
+
+def surfaces_of(root):
+    return {
+        plugin.findtext("control_joint_name"): plugin
+        for plugin in root.findall("model/plugin")
+        if plugin.get("name") == "gz::sim::systems::LiftDrag"
+    }
+
+
+def forces_but_weight(model, motion, inputs):
+    """Force and moment of the systems, of the water and of the propeller, in the axes of the link; and what is up."""
     text, root = read(model)
-    (gravity, density), (total, mass, centre) = world_of(text), mass_of(root)
+    gravity, density = world_of(text)
     velocity = np.concatenate([HALF_TURN @ motion[:3], HALF_TURN @ motion[3:6]])
     phi, theta = motion[6:8]
     up = HALF_TURN @ -np.array([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)])
     box = root.find("model/link/collision")
     lift = density * gravity * np.prod(vector(box, "geometry/box/size")) * up
-    weight, centre_of_volume = -mass * gravity * up, vector(box, "pose")[:3]
     force = plugin_force(root, velocity)
-    force[:3] += weight + lift + [inputs[2], 0.0, 0.0]
-    force[3:] += np.cross(centre, weight) + np.cross(centre_of_volume, lift) + [inputs[3], 0.0, 0.0]
+    for joint, plugin in surfaces_of(root).items():
+        force += surface_force(plugin, velocity, inputs[NAMES.index(joint.removesuffix("_joint"))])
+    force[:3] += lift
+    force[3:] += np.cross(vector(box, "pose")[:3], lift)
+    force[[0, 3]] += inputs[2:]
+    return force, up
+
+
+def gazebo_acceleration(model, motion, inputs):
+    """Acceleration of the link in its own axes, forward, port, up."""
+    text, root = read(model)
+    (gravity, _), (total, mass, centre) = world_of(text), mass_of(root)
+    velocity = np.concatenate([HALF_TURN @ motion[:3], HALF_TURN @ motion[3:6]])
+    force, up = forces_but_weight(model, motion, inputs)
+    weight = -mass * gravity * up
+    force += np.concatenate([weight, np.cross(centre, weight)])
     momentum, (linear, turning) = total @ velocity, (velocity[:3], velocity[3:])
     force[:3] -= np.cross(turning, momentum[:3])
     force[3:] -= np.cross(turning, momentum[3:]) + np.cross(linear, momentum[:3])
     return np.linalg.solve(total, force)
 
 
-def assert_same_without_fins(model, motion, inputs, derivative_of):
-    inputs[:2] = 0.0
+def assert_same(in_gazebo, model, motion, inputs, derivative_of):
     kept = [0.0 if each.symbol in OTHERS else each.value for each in model.coefficients]
     expected = derivative_of(model, motion, inputs, kept)[:6]
-    in_gazebo = gazebo_acceleration(model, motion, inputs)
     turned = np.concatenate([HALF_TURN @ in_gazebo[:3], HALF_TURN @ in_gazebo[3:]])
     assert_allclose(turned, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+def assert_same_without_fins(model, motion, inputs, derivative_of):
+    inputs[:2] = 0.0
+    assert_same(gazebo_acceleration(model, motion, inputs), model, motion, inputs, derivative_of)
 
 
 @given(seed=st.integers(0, 2**32 - 1))
@@ -104,9 +165,102 @@ def test_so_does_every_shipped_vehicle(vehicle_file, model_with, derivative_of, 
     assert_same_without_fins(model_with(vehicle_file=vehicle_file), *draw(5), derivative_of)
 
 
-def test_what_is_lost_is_the_fins_and_other_products_with_their_size(skewed):
+def fin_force(model, motion, inputs):
+    """Force and moment of both surfaces, turned back to forward, starboard, down."""
+    _, root = read(model)
+    velocity = np.concatenate([HALF_TURN @ motion[:3], HALF_TURN @ motion[3:6]])
+    surfaces = surfaces_of(root)
+    total = sum(surface_force(surfaces[f"{name}_joint"], velocity, inputs[k]) for k, name in enumerate(NAMES))
+    return np.concatenate([HALF_TURN @ total[:3], HALF_TURN @ total[3:]])
+
+
+@given(speed=st.floats(0.1, 8.0), rudder=st.floats(-0.5, 0.5), elevator=st.floats(-0.5, 0.5))
+@settings(max_examples=15)
+def test_straight_ahead_the_fins_push_as_in_the_core(speed, rudder, elevator, plain, derivative_of):
+    motion, inputs = np.array([speed, *np.zeros(8)]), np.array([rudder, elevator, 30.0, 1.0])
+    assert_same(gazebo_acceleration(plain, motion, inputs), plain, motion, inputs, derivative_of)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+def test_in_a_drift_the_fins_push_across_the_flow_and_that_by_the_second_order_more(seed, skewed):
+    """With t the tangent of the flow's angle at the fin: sqrt(1 + t^2) times across the hull, and t times that back."""
+    rng = np.random.default_rng(seed)
+    motion, inputs = np.concatenate([[rng.uniform(1, 4)], rng.uniform(-0.4, 0.4, 8)]), rng.uniform(-0.4, 0.4, 4)
+    value = {each.symbol: each.value for each in skewed.coefficients}
+    (u, v, w, _, q, r), (rudder, elevator) = motion[:6], inputs[:2]
+    tangents = (v + value["N_uudr"] / value["Y_uudr"] * r) / u, (w + value["M_uude"] / value["Z_uude"] * q) / u
+    longer = [np.hypot(1.0, t) for t in tangents]
+    across = value["Y_uudr"] * u * u * rudder * longer[0], value["Z_uude"] * u * u * elevator * longer[1]
+    moments = value["M_uude"] * u * u * elevator * longer[1], value["N_uudr"] * u * u * rudder * longer[0]
+    expected = [-np.dot(tangents, across), *across, 0.0, *moments]
+    assert_allclose(fin_force(skewed, motion, inputs), expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+def test_the_size_of_what_the_fins_change_is_that_of_the_systems_force(skewed):
+    rng = np.random.default_rng(3)
+    motion, inputs = rng.uniform(-0.4, 0.4, (40, 9)), rng.uniform(-0.4, 0.4, (40, 4))
+    motion[:, 0] += 2.0
+    value = {each.symbol: each.value for each in skewed.coefficients}
+    in_gazebo = np.array([fin_force(skewed, *each) for each in zip(motion, inputs, strict=True)])
+    in_core = np.zeros((40, 6))
+    for row, symbol, k in ((1, "Y_uudr", 0), (2, "Z_uude", 1), (4, "M_uude", 1), (5, "N_uudr", 0)):
+        in_core[:, row] = value[symbol] * motion[:, 0] ** 2 * inputs[:, k]
+    rms = np.sqrt(np.mean((in_gazebo - in_core) ** 2, axis=0))[[0, 1, 2, 4, 5]]
+    assert surface_changes(value, motion, inputs) == pytest.approx(dict(zip("XYZMN", rms, strict=True)))
+
+
+def test_dart_itself_accelerates_the_bodies_of_the_model_as_the_core(skewed, derivative_of, draw):
+    """As gz-physics builds them: the added mass welded to the hull, without a weight, and a joint for each fin."""
+    dart = pytest.importorskip("dartpy")
+    text, root = read(skewed)
+    hull, *fins = root.findall("model/link")
+    skeleton = dart.dynamics.Skeleton("model")
+    free, body = skeleton.createFreeJointAndBodyNodePair()
+    body.setInertia(dart.dynamics.Inertia(*body_of(hull)))
+    for fin in fins:
+        mass, place, inertia = body_of(fin)
+        joint, node = skeleton.createRevoluteJointAndBodyNodePair(body)
+        joint.setAxis(vector(root.find(f"model/joint[child='{fin.get('name')}']"), "axis/xyz"))
+        there = dart.math.Isometry3()
+        there.set_translation(place)
+        joint.setTransformFromParentBodyNode(there)
+        node.setInertia(dart.dynamics.Inertia(mass, np.zeros(3), inertia))
+        # Where the controller holds it.
+        joint.setActuatorType(dart.dynamics.ActuatorType.LOCKED)
+    _, water = skeleton.createWeldJointAndBodyNodePair(body)
+    # DART states what turns first.
+    turned = np.roll(np.arange(6), 3)
+    water.setInertia(dart.dynamics.Inertia(np.asfortranarray(added_mass_of(root)[np.ix_(turned, turned)])))
+    water.setGravityMode(False)
+    skeleton.setGravity([0.0, 0.0, -world_of(text)[0]])
+    for seed in range(5):
+        motion, inputs = draw(seed)
+        inputs[:2] = 0.0
+        pose = dart.math.Isometry3()
+        pose.set_rotation(HALF_TURN @ rotation_matrix(motion[6:]) @ HALF_TURN)
+        free.setTransform(pose)
+        velocity = np.concatenate([HALF_TURN @ motion[3:6], HALF_TURN @ motion[:3]])
+        free.setSpatialVelocity(velocity, dart.dynamics.Frame.World(), body)
+        force, _ = forces_but_weight(skewed, motion, inputs)
+        body.setExtForce(force[:3], np.zeros(3), True, True)
+        body.setExtTorque(force[3:], True)
+        skeleton.computeForwardDynamics()
+        found = body.getSpatialAcceleration()
+        assert_same(np.concatenate([found[3:], found[:3]]), skewed, motion, inputs, derivative_of)
+
+
+def test_a_fin_with_a_moment_and_no_force_acts_nowhere_and_is_lost(model_with):
+    model = model_with("vehicle.coefficients.Y_uudr=0")
+    losses, (_, root) = gazebo_losses(model), read(model)
+    assert [term.symbol for term in losses.terms] == ["Y_uudr", "N_uudr"]
+    assert [*surfaces_of(root)] == ["elevator_joint"]
+    assert "elevator at x" in " ".join(losses.notes)
+    assert "rudder at x" not in " ".join(losses.notes)
+
+
+def test_what_is_lost_is_some_products_with_their_size(skewed):
     losses = gazebo_losses(skewed)
-    assert tuple(term.symbol for term in losses.terms) == FINS + OTHERS
+    assert tuple(term.symbol for term in losses.terms) == OTHERS
     assert all(term in skewed.term_sizes for term in losses.terms)
     text, _ = read(skewed)
     for term in losses.terms:
