@@ -49,7 +49,7 @@ def fin_surfaces(coefficients: Mapping[str, float]) -> list[FinSurface]:
 
 
 def surface_changes(coefficients: Mapping[str, float], motion: Array, inputs: Array) -> dict[str, float]:
-    """Size what changes if the fins are such surfaces.
+    """Return how much changes if the fins are such surfaces.
 
     Parameters
     ----------
