@@ -133,8 +133,8 @@ def hand_made(experiment_with):
 def leave_figures_out() -> Callable[[pytest.MonkeyPatch], None]:
     """Function: let a monkeypatch put files of their names in place of figures, which take seconds to draw."""
 
-    def save_kind(kind, arguments, folder, name):
-        paths = [folder / f"{name}.{suffix}" for suffix in ("png", "svg")]
+    def save_kind(kind, arguments, folder, name, formats):
+        paths = [folder / f"{name}.{suffix}" for suffix in formats]
         for path in paths:
             write_text(path, kind)
         return paths

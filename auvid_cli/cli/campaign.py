@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from auvid_cli.cli.completion import complete_campaign
-from auvid_cli.cli.options import OpenOption, QuietOption, VerboseOption
+from auvid_cli.cli.options import FigureFormatOption, OpenOption, QuietOption, VerboseOption
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 
 
@@ -43,6 +43,7 @@ def campaign(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say how many runs there are and about how long they take, and stop.")
     ] = False,
+    figure_format: FigureFormatOption = None,
     show: OpenOption = False,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
@@ -62,7 +63,7 @@ def campaign(
         if scheduler is not None and workers is not None:
             raise ConfigError("--workers is for this machine, and --scheduler has workers of its own: say one of them")
         where = campaigning.Where(scheduler, workers or os.cpu_count() or 1)
-        choice = campaigning.Choice(retry, again, keep_estimates, show)
+        choice = campaigning.Choice(retry, again, keep_estimates, show, tuple(figure_format or ()))
         if dry_run:
             campaigning.forecast(plan, folder, where, choice, terminal)
             return

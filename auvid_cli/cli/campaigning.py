@@ -16,6 +16,7 @@ from auvid_cli.cli.browser import open_page
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.config.campaign import load_campaign
+from auvid_cli.config.figure_format import FigureFormat
 from auvid_cli.config.load import find_campaign
 from auvid_cli.data.estimate_file import write_estimate
 from auvid_cli.data.replacement import refuse_other_page
@@ -38,12 +39,13 @@ class Where(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """Choice of runs that are done although they have been, of whole estimates to be written, and to see the page."""
+    """Choice of runs that are done although they have been, of whole estimates, of figures, and to see the page."""
 
     retry: bool
     again: bool
     keep_estimates: bool
     show: bool
+    figure_format: tuple[FigureFormat, ...]
 
 
 def set_up(name: str, overrides: Sequence[str], output: Path | None) -> tuple[CampaignPlan, Path]:
@@ -145,7 +147,7 @@ def _conduct(plan: CampaignPlan, folder: Path, where: Where, choice: Choice, ter
         store.conform(labels)
         if standing := n_failed - len(store.failures):
             terminal.say(f"{standing} runs failed when they were done again: what they came to before stands")
-    return _report(plan, folder, store, labels, choice.show, terminal)
+    return _report(plan, folder, store, labels, choice, terminal)
 
 
 def _done_and_failed(store: Store, labels: Mapping[str, Mapping[str, Label]]) -> tuple[set[str], set[str]]:
@@ -193,7 +195,7 @@ def _report(
     folder: Path,
     store: Store,
     labels: Mapping[str, Mapping[str, Label]],
-    show: bool,
+    choice: Choice,
     terminal: Terminal,
 ) -> int:
     with terminal.stage("evaluate"):
@@ -204,14 +206,14 @@ def _report(
             findings = find(in_order(rows, labels), plan.fixed_columns)
         paths = write_findings(findings, folder / "tables")
         filters = {variant.name: variant.filter.value for variant in plan.filters}
-        with drawing(folder) as figures, terminal.progress("figures") as (progress,):
+        with drawing(folder, choice.figure_format) as figures, terminal.progress("figures") as (progress,):
             figures.add_campaign(findings, filters)
             reasons = list(dict.fromkeys(failure.reason for failure in failures))
             page = campaign_page(plan.campaign.name, findings, filters, reasons)
             paths.append(write_page(page, page_in(folder)))
             paths += figures.finish(progress)
         print_findings(terminal.out, findings, paths)
-        if show:
+        if choice.show:
             open_page(page_in(folder), terminal)
     n_runs = int((rows["kind"] == "run").sum()) - len(failures)
     terminal.say(f"{folder / 'results'}: {n_runs} of {len(labels)} runs")

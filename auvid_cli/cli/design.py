@@ -9,6 +9,7 @@ import typer
 from auvid_cli.cli.design_options import envelope_of, place_of, quantity_of, refuse_what_stands
 from auvid_cli.cli.options import (
     ExperimentArgument,
+    FigureFormatOption,
     OverwriteOption,
     QuietOption,
     SeedOption,
@@ -71,6 +72,7 @@ def design(
         Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files of the crew.")
     ] = Path("mission"),
     overwrite: OverwriteOption = False,
+    figure_format: FigureFormatOption = None,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
 ) -> None:
@@ -125,7 +127,7 @@ def design(
         texts = mission.texts | {"result.md": "\n".join(f"- {line}" for line in sentences(result)) + "\n"}
         for name, text in texts.items():
             write_text(output / name, text)
-        with drawing(output) as figures, terminal.stage("figure"):
+        with drawing(output, figure_format) as figures, terminal.stage("figure"):
             figures.add_mission(result, mission.band)
             drawn = figures.finish()
         print_design(terminal.out, result)

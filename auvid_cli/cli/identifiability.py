@@ -7,6 +7,7 @@ import typer
 
 from auvid_cli.cli.options import (
     DataArgument,
+    FigureFormatOption,
     OpenOption,
     OutputOption,
     OverwriteOption,
@@ -40,6 +41,7 @@ def identifiability(
     ] = None,
     output: OutputOption = None,
     overwrite: OverwriteOption = False,
+    figure_format: FigureFormatOption = None,
     show: OpenOption = False,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
@@ -82,7 +84,12 @@ def identifiability(
             bounds = assess(dataset, coefficients)
         laid_out = page, lambda: identifiability_page(dataset, bounds, where)
         paths = write_and_draw(
-            folder, bounds.tables(), lambda figures: figures.add_identifiability(bounds), laid_out, terminal
+            folder,
+            bounds.tables(),
+            lambda figures: figures.add_identifiability(bounds),
+            laid_out,
+            terminal,
+            figure_format,
         )
         terminal.say(f"{dataset.experiment.vehicle.name}, at {where}:")
         print_identifiability(terminal.out, bounds)

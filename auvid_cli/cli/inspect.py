@@ -7,6 +7,7 @@ import typer
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.options import (
     DatasetArgument,
+    FigureFormatOption,
     OpenOption,
     OutputOption,
     OverwriteOption,
@@ -34,6 +35,7 @@ def inspect(
     ] = None,
     output: OutputOption = None,
     overwrite: OverwriteOption = False,
+    figure_format: FigureFormatOption = None,
     show: OpenOption = False,
     quiet: QuietOption = False,
     verbose: VerboseVerdictsOption = False,
@@ -73,7 +75,9 @@ def inspect(
             inspection = api.inspect(read)
         tables = {"inspection": inspection.rows()}
         laid_out = page, lambda: inspection_page(read, inspection)
-        paths = write_and_draw(folder, tables, lambda figures: figures.add_timeline(inspection), laid_out, terminal)
+        paths = write_and_draw(
+            folder, tables, lambda figures: figures.add_timeline(read, inspection), laid_out, terminal, figure_format
+        )
         print_checks(terminal.out, inspection.checks, passed=verbose)
         terminal.say_all(paths)
         part = "".join(f" --use {span}" for span in use or ())

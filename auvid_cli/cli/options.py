@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from auvid_cli.cli.completion import complete_data, complete_experiment, complete_setting
+from auvid_cli.config.figure_format import FigureFormat
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.errors import ConfigError
 
@@ -87,6 +88,15 @@ OverwriteOption = Annotated[
     typer.Option("--overwrite", help="Replace what stands in the way, with all that was made from it."),
 ]
 OpenOption = Annotated[bool, typer.Option("--open", help="Open the page in a browser when all is done.")]
+FigureFormatOption = Annotated[
+    list[FigureFormat] | None,
+    typer.Option(
+        "--figure-format",
+        metavar="FORMAT",
+        help=f"Write figures as {', '.join(FigureFormat)}; repeatable. Default: png.",
+        show_default=False,
+    ),
+]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 VerboseOption = Annotated[bool, typer.Option("--verbose", "-v", help="Also say how long each part took.")]
 VerboseVerdictsOption = Annotated[

@@ -180,9 +180,10 @@ def report_to(
         from auvid_cli.report.page.write_page import write_page
         from auvid_cli.report.screen import print_files, print_summary
         from auvid_cli.report.write import write_tables
+    figures.add_estimates(evaluator.dataset, estimates)
     with terminal.stage("evaluate"):
         evaluation = evaluator.evaluate(estimates)
-    figures.add_others(evaluator.dataset, estimates, evaluation)
+    figures.add_free_runs(evaluator.dataset, evaluation)
     paths = write_tables(evaluation, folder / "tables")
     print_summary(terminal.out, evaluation)
     with terminal.stage("page"):

@@ -4,12 +4,13 @@ from pathlib import Path
 
 import typer
 
-from auvid_cli.cli.options import OpenOption, QuietOption, ResultsArgument, VerboseOption
+from auvid_cli.cli.options import FigureFormatOption, OpenOption, QuietOption, ResultsArgument, VerboseOption
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 
 
 def report(
     results: ResultsArgument = Path("results/spiral"),
+    figure_format: FigureFormatOption = None,
     show: OpenOption = False,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
@@ -32,7 +33,5 @@ def report(
             from auvid_cli.api.evaluation import Evaluator
             from auvid_cli.api.preparation import prepare
         evaluator = Evaluator(prepare(dataset))
-        with drawing(results) as figures:
-            for estimate in estimates:
-                figures.add_innovations(estimate)
+        with drawing(results, figure_format) as figures:
             raise typer.Exit(pipeline.report_to(results, evaluator, estimates, terminal, figures, show))

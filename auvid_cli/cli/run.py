@@ -1,12 +1,11 @@
 """auvid run."""
 
-from typing import TYPE_CHECKING
-
 import typer
 
 from auvid_cli.cli.options import (
     DryRunOption,
     ExperimentArgument,
+    FigureFormatOption,
     FilterOption,
     OpenOption,
     OutputOption,
@@ -19,9 +18,6 @@ from auvid_cli.cli.options import (
 )
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 
-if TYPE_CHECKING:
-    from auvid_cli.data.estimate import Estimate
-
 
 def run(
     experiment: ExperimentArgument = None,
@@ -30,6 +26,7 @@ def run(
     seed: SeedOption = None,
     output: OutputOption = None,
     overwrite: OverwriteOption = False,
+    figure_format: FigureFormatOption = None,
     show: OpenOption = False,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
@@ -59,22 +56,16 @@ def run(
         folder = output or folder_of_run(loaded.name)
         refuse_other_page(page_in(folder))
         keep_apart(products(folder), files)
-        with drawing(folder) as figures:
+        with drawing(folder, figure_format) as figures:
             with terminal.compiling_beside(*core.FILTERS):
                 dataset = pipeline.simulate_to(folder, loaded, terminal, files, overwrite, chosen)
                 with terminal.compiling():
                     core.load_vehicles()
-            figures.add_path(dataset)
             with terminal.compiling():
                 from auvid_cli.api.evaluation import Evaluator
                 from auvid_cli.api.preparation import prepare
             prepared = pipeline.settle(prepare(dataset), terminal)
             evaluator = Evaluator(prepared)
-
-            def on_estimate(estimate: "Estimate") -> None:
-                figures.add_innovations(estimate)
-                # The same for all filters, and known before the slowest of them is done.
-                evaluator.find_bounds(estimate)
-
-            estimates = pipeline.identify_to(folder, prepared, chosen, terminal, overwrite, on_estimate)
+            # The same for all filters, and known before the slowest of them is done.
+            estimates = pipeline.identify_to(folder, prepared, chosen, terminal, overwrite, evaluator.find_bounds)
             raise typer.Exit(pipeline.report_to(folder, evaluator, estimates, terminal, figures, show))

@@ -7,6 +7,7 @@ import typer
 
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.options import (
+    FigureFormatOption,
     OpenOption,
     OutputOption,
     OverwriteOption,
@@ -33,6 +34,7 @@ def validate(
     use: UseOption = None,
     output: OutputOption = None,
     overwrite: OverwriteOption = False,
+    figure_format: FigureFormatOption = None,
     show: OpenOption = False,
     quiet: QuietOption = False,
     verbose: VerboseVerdictsOption = False,
@@ -73,7 +75,9 @@ def validate(
             validation = predict(segments, estimate, training)
         tables = validation.tables()
         laid_out = page, lambda: validation_page(validation)
-        paths = write_and_draw(folder, tables, lambda figures: figures.add_validation(validation), laid_out, terminal)
+        paths = write_and_draw(
+            folder, tables, lambda figures: figures.add_validation(validation), laid_out, terminal, figure_format
+        )
         print_validation(terminal.out, validation, passed=verbose)
         terminal.say_all(paths)
         if show:

@@ -4,16 +4,11 @@ import csv
 import re
 from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import get_args
 
+from auvid_cli.config.figure_format import FigureFormat
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.vehicle.coefficients import CoefficientGroup
 
-_REPORT_FIGURES = (
-    *("path", "velocities", "attitude"),
-    *(f"coefficients_{group}" for group in get_args(CoefficientGroup)),
-    *(f"innovations_{name.value}" for name in FilterName),
-)
+_REPORT_FIGURES = ("path", "convergence", "motion_errors", "free_runs", "innovations")
 _OTHER_FIGURES = (
     *("identifiability_bounds", "identifiability_correlation", "timeline"),
     *("validation_velocities", "validation_attitude", "validation_horizons"),
@@ -110,5 +105,5 @@ def remove_former(folder: Path, drawn: Collection[Path], filters: Collection[str
 
 
 def _figures(folder: Path, names: Iterable[str]) -> list[Path]:
-    paths = [folder / "figures" / f"{name}.{kind}" for name in names for kind in ("png", "svg")]
+    paths = [folder / "figures" / f"{name}.{kind}" for name in names for kind in FigureFormat]
     return [path for path in paths if path.exists()]

@@ -45,5 +45,5 @@ def test_identifiability_says_before_any_filter_what_the_data_hold(tmp_path):
     assert len(rows(home)) == N_COEFFICIENTS
     assert (home / "figures/identifiability_bounds.png").is_file()
     assert "These data do not tell" in (home / "identifiability.html").read_text(encoding="utf-8")
-    assert (home / "figures/identifiability_correlation.svg").is_file()
+    assert (home / "figures/identifiability_correlation.png").is_file()
     assert not (home / "estimates").exists()

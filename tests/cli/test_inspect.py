@@ -39,7 +39,7 @@ def test_sound_data_pass_and_leave_a_table_and_a_figure(short_run, tmp_path, run
     assert {"rate", "jitter", "clock", "spikes", "noise floor", "excitation", "fast enough"} <= {
         row["check"] for row in verdicts
     }
-    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"timeline.png", "timeline.svg"}
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"timeline.png"}
     passed = sum(row["passed"] == "True" for row in verdicts)
     assert f"data: {passed} of {len(verdicts)} passed" in result.output
     assert "fast enough" not in result.output

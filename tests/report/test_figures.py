@@ -4,43 +4,54 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import FigureCanvasPdf
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from auvid_cli.config.figure_format import FigureFormat
+from auvid_cli.config.filter_name import FilterName
 from auvid_cli.errors import FileError
+from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.report.figures import canvas
-from auvid_cli.report.figures.coefficients import coefficient_figure
+from auvid_cli.report.figures.convergence import convergence_figure
 from auvid_cli.report.figures.draw import FigureQueue
+from auvid_cli.report.figures.free_runs import free_run_figure
+from auvid_cli.report.figures.innovations import innovation_figure
 from auvid_cli.report.figures.limits import around, value_range, with_margin, with_near_zero
 from auvid_cli.report.figures.motion import motion_figure
+from auvid_cli.report.figures.motion_errors import motion_error_figure
 from auvid_cli.report.figures.path import path_figure
 from auvid_cli.report.figures.series import spaced, thin, unwrapped
 from auvid_cli.report.figures.style import new_figure, plain_log_ticks
 from auvid_cli.report.write import write_tables
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.parameters import MOTION
+from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS
 
-from .conftest import TIME, diverged, evaluation_of, make_estimate
+from .conftest import TIME, TRUE, diverged, evaluation_of, make_estimate, motion_at
 
 ALL = {
-    *("path", "velocities", "attitude", "coefficients_damping", "coefficients_lift", "coefficients_control"),
-    *("innovations_ckf", "innovations_tukf"),
+    *("path", "convergence", "motion_errors", "free_runs", "innovations"),
 }
 # One of each group, where a panel like the others would show nothing more.
 FEW = tuple({c.group: c.symbol for c in reversed(COEFFICIENTS)}.values())[::-1]
 
 
+EVERY_FORMAT = tuple(FigureFormat)
+CANVASES = list(zip((FigureCanvasAgg, FigureCanvasSVG, FigureCanvasPdf), EVERY_FORMAT, strict=True))
+
+
 @pytest.fixture
-def as_png_only(monkeypatch):
-    """Every figure is drawn once, not twice, coarsely, and its panels stand where they stand."""
-    print_png = canvas.FigureCanvasAgg.print_png
+def coarsely(monkeypatch):
+    """Every figure is drawn with few dots, and its panels stand where they stand."""
+    print_png = FigureCanvasAgg.print_png
 
     def without_layout(self, path, **options):
         self.figure.set_layout_engine("none")
         self.figure.set_dpi(20)
         print_png(self, path, **options)
 
-    monkeypatch.setattr(canvas.FigureCanvasAgg, "print_png", without_layout)
-    monkeypatch.setattr(canvas.FigureCanvasSVG, "print_svg", lambda self, path, **options: path.write_text("<svg/>"))
+    monkeypatch.setattr(FigureCanvasAgg, "print_png", without_layout)
 
 
 @pytest.fixture(scope="module")
@@ -48,11 +59,10 @@ def draw_figures():
     """Function: draw all figures in this process, where faults can be provoked."""
     with ThreadPoolExecutor(1) as executor:
 
-        def draw(dataset, estimates, evaluation, folder):
-            figures = FigureQueue(folder, executor.submit)
-            for estimate in estimates:
-                figures.add_innovations(estimate)
-            figures.add_others(dataset, estimates, evaluation)
+        def draw(dataset, estimates, evaluation, folder, formats=(FigureFormat.PNG,)):
+            figures = FigureQueue(folder, executor.submit, formats)
+            figures.add_estimates(dataset, estimates)
+            figures.add_free_runs(dataset, evaluation)
             return figures.finish()
 
         yield draw
@@ -60,24 +70,10 @@ def draw_figures():
 
 def check(paths, folder, stems):
     assert {path.name for path in paths} == {path.name for path in folder.iterdir()}
-    assert {path.stem for path in paths} == stems
+    assert {path.name for path in paths} == {f"{stem}.png" for stem in stems}
     for path in paths:
-        if path.suffix == ".png":
-            assert path.read_bytes().startswith(b"\x89PNG")
-        else:
-            assert ElementTree.parse(path).getroot().tag.endswith("svg")
+        assert path.read_bytes().startswith(b"\x89PNG")
         assert 3_000 < path.stat().st_size < 1_000_000
-
-
-def test_figures_of_many_panels_are_drawn_first(tmp_path, dataset, estimates, evaluation):
-    handed_out = []
-
-    def submit(function, kind, arguments, folder, name):
-        handed_out.append(name)
-
-    FigureQueue(tmp_path, submit).add_others(dataset, estimates, evaluation)
-    shared = ["velocities", "coefficients_damping", "coefficients_lift", "attitude", "coefficients_control"]
-    assert handed_out == [*shared, "path"]
 
 
 def test_the_whole_report(tmp_path, dataset, draw_figures):
@@ -87,16 +83,15 @@ def test_the_whole_report(tmp_path, dataset, draw_figures):
     check(draw_figures(dataset, estimates, evaluation, tmp_path / "figures"), tmp_path / "figures", ALL)
 
 
-@pytest.mark.usefixtures("as_png_only")
+@pytest.mark.usefixtures("coarsely")
 def test_a_single_filter_with_a_few_coefficients_and_no_truth(tmp_path, dataset, draw_figures):
     estimate = make_estimate("ukf", symbols=("X_u|u|", "Y_uvl", "N_uvl"))
     dataset = dataset.without_truth()
     paths = draw_figures(dataset, [estimate], evaluation_of(dataset, [estimate]), tmp_path)
-    coefficients = {"coefficients_damping", "coefficients_lift"}
-    assert {path.stem for path in paths} == {"path", "velocities", "attitude", *coefficients, "innovations_ukf"}
+    assert {path.stem for path in paths} == {"path", "convergence", "free_runs", "innovations"}
 
 
-@pytest.mark.usefixtures("as_png_only")
+@pytest.mark.usefixtures("coarsely")
 @pytest.mark.parametrize(("samples", "others"), [(1, []), (40, ["ckf"])])
 def test_diverged_filters_are_drawn_as_far_as_they_went(tmp_path, dataset, samples, others, draw_figures):
     broken = diverged(make_estimate("ekf", FEW[:1]), samples)
@@ -104,65 +99,144 @@ def test_diverged_filters_are_drawn_as_far_as_they_went(tmp_path, dataset, sampl
     estimates = [broken, *(make_estimate(name, FEW[:1]) for name in others)]
     dataset = dataset.without_truth()
     paths = draw_figures(dataset, estimates, evaluation_of(dataset, estimates, blown_up=("ekf",)), tmp_path)
-    assert len(paths) == 2 * (4 + len(estimates))
+    assert len(paths) == 4
 
 
-@pytest.mark.usefixtures("as_png_only")
+@pytest.mark.usefixtures("coarsely")
 def test_a_coefficient_that_is_infinitely_uncertain_is_drawn_and_printed(tmp_path, dataset):
     estimate = make_estimate("output_error", FEW)
     estimate.standard_deviation[:, 0] = np.inf
     evaluation = evaluation_of(dataset, [estimate])
-    figure = coefficient_figure(COEFFICIENTS[:1], [estimate.course(FEW)], {"X_u|u|": 10.0})
-    assert len(canvas.save(figure, tmp_path / "figures", "damping")) == 2
+    figure = convergence_figure(FEW[:1], [estimate.course(FEW)], {"X_u|u|": 10.0})
+    assert len(canvas.save(figure, tmp_path / "figures", "convergence", EVERY_FORMAT[:1])) == 1
     write_tables(evaluation, tmp_path)
     assert "output_error,X_u|u|,kg/m,10.0,10.1,inf," in (tmp_path / "coefficients.csv").read_text(encoding="utf-8")
     assert "| 10.10 ± — † |" in (tmp_path / "tables.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.usefixtures("as_png_only")
+@pytest.mark.usefixtures("coarsely")
 def test_missing_sensors_and_no_filter(tmp_path, dataset, draw_figures):
     bare = replace(dataset, sensors={"gyroscope": dataset.sensors["gyroscope"]})
-    assert {path.stem for path in draw_figures(bare, [], evaluation_of(bare, []), tmp_path)} == {
-        *("path", "velocities", "attitude")
-    }
+    assert {path.stem for path in draw_figures(bare, [], evaluation_of(bare, []), tmp_path)} == {"path"}
 
 
-@pytest.mark.parametrize("kind", ["png", "svg"])
-def test_a_figure_that_fails_leaves_no_half_file_and_the_earlier_one(tmp_path, monkeypatch, kind):
+@pytest.mark.parametrize(("canvas_class", "form"), CANVASES)
+def test_a_figure_that_fails_leaves_no_half_file_and_the_earlier_one(tmp_path, monkeypatch, canvas_class, form):
     folder = tmp_path / "figures"
-    before = {path: path.read_bytes() for path in canvas.save(Figure(), folder, "path")}
+    before = {path: path.read_bytes() for path in canvas.save(Figure(), folder, "path", EVERY_FORMAT)}
 
     def fail(self, filename, **options):
         filename.write_bytes(b"half")
         raise OSError(28, "No space left on device")
 
-    name = {"png": "FigureCanvasAgg", "svg": "FigureCanvasSVG"}[kind]
-    monkeypatch.setattr(getattr(canvas, name), f"print_{kind}", fail)
+    monkeypatch.setattr(canvas_class, f"print_{form}", fail)
     with pytest.raises(FileError, match="No space left"):
-        canvas.save(Figure(), folder, "path")
+        canvas.save(Figure(), folder, "path", EVERY_FORMAT)
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
-def test_the_transient_does_not_squash_the_panel(estimates):
-    estimates[0].mean[:50, 0] = 1e6
-    axes = coefficient_figure(COEFFICIENTS[:1], estimates, {"X_u|u|": 10.0}).axes[0]
+def test_each_format_is_what_it_is_called(tmp_path, dataset):
+    png, svg, pdf = canvas.save(free_run_figure(dataset.sensors, {}), tmp_path, "free_runs", EVERY_FORMAT)
+    assert png.read_bytes().startswith(b"\x89PNG")
+    assert ElementTree.parse(svg).getroot().tag.endswith("svg")
+    assert pdf.read_bytes().startswith(b"%PDF")
+
+
+def test_a_figure_that_is_drawn_again_leaves_no_earlier_one_in_another_format(tmp_path):
+    canvas.save(Figure(), tmp_path, "path", EVERY_FORMAT)
+    canvas.save(Figure(), tmp_path, "path", (FigureFormat.SVG,))
+    assert [path.name for path in tmp_path.iterdir()] == ["path.svg"]
+
+
+def inches_beyond(figure):
+    """How far a figure's drawing reaches over its edge, inches."""
+    FigureCanvasAgg(figure)
+    figure.set_dpi(30)
+    figure.canvas.draw()
+    drawn, (width, height) = figure.get_tightbbox(), figure.get_size_inches()
+    return max(-drawn.x0, -drawn.y0, drawn.x1 - width, drawn.y1 - height)
+
+
+def test_margins_have_room_for_what_stands_in_them(dataset):
+    names = [name.value for name in FilterName]
+    estimates = [make_estimate(name) for name in names]
+    motions = [estimate.course(MOTION_SYMBOLS) for estimate in estimates]
+    # Numbers with as many digits as there are.
+    long = replace(dataset.truth, motion=dataset.truth.motion + 1.23e-7 * np.arange(9))
+    runs = {name: FreeRun(TIME, long.motion) for name in names}
+    for figure in (
+        convergence_figure([c.symbol for c in COEFFICIENTS], [e.course(tuple(TRUE)) for e in estimates], TRUE),
+        motion_error_figure(long, motions),
+        free_run_figure(dataset.sensors, runs),
+        path_figure(long, motions),
+        innovation_figure({name: make_estimate(name).innovations for name in names}),
+    ):
+        assert inches_beyond(figure) < 0.02
+
+
+def test_percents_are_of_the_truth_or_else_of_the_final_value():
+    symbol = "X_u|u|"
+    courses = [make_estimate("ckf", offset=0.01).course((symbol,))]
+    of_truth = convergence_figure([symbol], courses, {symbol: 10.0}).axes[0].lines[0].get_ydata()
+    assert of_truth[-1] == pytest.approx(1.0, rel=1e-3), "1 % above the truth, as they are made"
+    for true in ({}, {symbol: 0.0}):
+        of_end = convergence_figure([symbol], courses, true).axes[0].lines[0].get_ydata()
+        assert of_end[0] == pytest.approx(100.0)
+        assert of_end[10] == pytest.approx(100.0 * np.exp(-TIME[30]), rel=1e-3), "the greatest of each three"
+
+
+def test_bands_set_the_scale_of_convergence_and_the_transient_does_not(estimates):
+    estimates[0].mean[:50, 0] = 1e9
+    low, high = convergence_figure(["X_u|u|"], [estimates[0].course(FEW)], {"X_u|u|": 10.0}).axes[0].get_ylim()
+    # Twice .25 of 10.
+    assert low < 5.0 <= high <= 1000.0
+
+
+def test_errors_of_the_motion_are_estimates_minus_the_truth(dataset):
+    estimate = make_estimate("ckf")
+    estimate.mean[:, -1] += 2.0 * np.pi + 0.01
+    figure = motion_error_figure(dataset.truth, [estimate.course(MOTION_SYMBOLS)])
+    surge, *_, heading = figure.axes
+    np.testing.assert_allclose(surge.lines[0].get_ydata(), 0.0, atol=1e-12)
+    np.testing.assert_allclose(heading.lines[0].get_ydata(), np.rad2deg(0.01), atol=1e-9)
+    assert [text.get_text() for text in heading.texts] == [r"$\psi$ (°)"]
+
+
+def test_means_of_free_run_residuals_are_within_the_noise_where_the_model_is_right(dataset):
+    figure = free_run_figure(dataset.sensors, {"ckf": FreeRun(TIME, motion_at(TIME))})
+    assert len(figure.axes) == 9
+    rate = figure.axes[3]
+    assert "°/s" in rate.texts[0].get_text()
+    mean = rate.lines[0].get_ydata()
+    # Of .01 rad/s, of three or four samples each.
+    assert 0.3 < np.nanstd(mean) / np.rad2deg(0.01 / np.sqrt(401 / 120)) < 1.5
+
+
+def test_a_free_run_that_blows_up_leaves_the_measurement_readable(dataset, estimates):
+    evaluation = evaluation_of(dataset, estimates, blown_up=("ekf", "ckf", "tukf"))
+    axes = free_run_figure(dataset.sensors, evaluation.free_runs).axes[0]
     low, high = axes.get_ylim()
-    assert 8.0 < low < 9.6 < 10.7 < high < 12.0
+    assert high - low < 10.0
+
+
+def test_densities_hold_all_innovations_and_say_how_many_are_within():
+    innovations = make_estimate("ckf").innovations
+    innovations["dvl"].innovation[7, 0] = 1.0
+    axes = innovation_figure({"ckf": innovations}).axes[0]
+    sizes = [image.get_array().sum() for image in axes.images]
+    assert len(sizes) == 9
+    of_dvl = list(innovations).index("dvl") * 3
+    assert sizes[of_dvl] == 400, "one lies a hundred standard deviations off"
+    within = 100.0 * (np.abs(innovations["dvl"].innovation[:, 0]) <= 0.02).mean()
+    assert axes.texts[of_dvl].get_text() == f"{within:.1f} % within, 1 beyond the strip"
 
 
 def test_attitude_is_in_degrees_and_unwrapped(dataset, evaluation):
     figure = motion_figure(MOTION[6:], dataset.sensors, evaluation.free_runs)
     heading = figure.axes[4]
-    assert "deg" in heading.get_ylabel()
+    assert "°" in heading.get_ylabel()
     measured = heading.lines[0].get_ydata()
     assert np.nanmax(measured) == pytest.approx(np.rad2deg(0.1 * TIME[-1]), abs=5.0)
-
-
-def test_a_free_run_that_blows_up_leaves_the_measurement_readable(dataset, estimates):
-    evaluation = evaluation_of(dataset, estimates, blown_up=("ekf", "ckf", "tukf"))
-    axes = motion_figure(MOTION[:1], dataset.sensors, evaluation.free_runs).axes[0]
-    low, high = axes.get_ylim()
-    assert high - low < 10.0
 
 
 def test_without_a_measurement_the_sound_free_run_sets_the_scale(dataset, estimates):
@@ -173,10 +247,12 @@ def test_without_a_measurement_the_sound_free_run_sets_the_scale(dataset, estima
 
 
 def test_depth_increases_downwards_and_the_map_is_to_scale(dataset):
-    space, plan, profile = path_figure(dataset.truth, []).axes
+    space, plan, profile, distance = path_figure(dataset.truth, [make_estimate("ckf").course(MOTION_SYMBOLS)]).axes
     assert np.diff(space.get_zlim()) < 0.0
     assert np.diff(profile.get_ylim()) < 0.0
     assert plan.get_aspect() == 1.0
+    assert len(plan.lines) == 2 * 3, "two paths, each with its ends"
+    assert distance.get_yscale() == "log"
     assert np.diff(space.get_xlim()) == pytest.approx(np.diff(space.get_ylim()))
 
 

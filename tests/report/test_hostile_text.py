@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from rich.table import Table as ScreenTable
 from rich.text import Text
 
+from auvid_cli.config.figure_format import FigureFormat
 from auvid_cli.data.csv_text import csv_text, csv_value
 from auvid_cli.printable import printable
 from auvid_cli.report.console import PlainConsole
@@ -85,7 +86,7 @@ def test_a_name_in_a_figure_is_no_mathematics(text):
 def test_a_name_in_other_letters_is_drawn_without_a_warning(tmp_path):
     figure = new_figure(1.0, 1.0)
     head(figure.subplots(), plain("水 <b> & --> \x00"))
-    _, svg = save(figure, tmp_path, "figure")
+    _, svg = save(figure, tmp_path, "figure", (FigureFormat.PNG, FigureFormat.SVG))
     ElementTree.parse(svg)
 
 

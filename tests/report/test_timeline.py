@@ -4,10 +4,16 @@ import numpy as np
 import pytest
 from matplotlib.collections import PatchCollection
 
-from auvid_cli.data.dataset import InputRecord
+from auvid_cli.data.dataset import InputRecord, SensorRecord
 from auvid_cli.inspection.inspection import Inspection, Mark
 from auvid_cli.report.figures.timeline import timeline_figure
 from auvid_cli.vehicle.parameters import INPUTS
+
+SENSOR_TIME = np.linspace(0.0, 60.0, 50)
+SENSORS = {
+    "dvl": SensorRecord(SENSOR_TIME, np.stack([SENSOR_TIME, -SENSOR_TIME, np.full(50, np.nan)], axis=1), np.ones(3)),
+    "depth": SensorRecord(SENSOR_TIME, np.sqrt(SENSOR_TIME)[:, None], np.ones(1)),
+}
 
 
 def inspection_of(span, marks):
@@ -19,8 +25,8 @@ def inspection_of(span, marks):
 
 @pytest.mark.parametrize(("span", "unit", "end"), [(60.0, "s", 60.0), (3000.0, "min", 50.0), (36_000.0, "h", 10.0)])
 def test_time_is_in_a_unit_that_can_be_read(span, unit, end):
-    figure = timeline_figure(inspection_of(span, []))
-    assert len(figure.axes) == len(INPUTS) + 2
+    figure = timeline_figure(SENSORS, inspection_of(span, []))
+    assert len(figure.axes) == len(INPUTS) + 3 + 2, "what is nowhere known is left out"
     assert figure.axes[-1].get_xlabel() == f"time ({unit})"
     assert figure.axes[-1].get_xlim() == pytest.approx((0.0, end))
 
@@ -32,8 +38,8 @@ def test_every_mark_stands_in_its_strip_wide_enough_to_be_seen():
         Mark("dvl", "gap", 1000.0, 2000.0),
         Mark("depth", "clock", 3000.0, 3002.0),
     ]
-    figure = timeline_figure(inspection_of(36_000.0, marks))
-    dvl, depth = figure.axes[-2:]
+    figure = timeline_figure(SENSORS, inspection_of(36_000.0, marks))
+    dvl, depth = figure.axes[-3], figure.axes[-1]
     widths = sorted(
         path.get_extents().width
         for collection in dvl.collections
@@ -49,6 +55,14 @@ def test_every_mark_stands_in_its_strip_wide_enough_to_be_seen():
 
 def test_ten_thousand_spikes_are_drawn_as_few_shapes():
     marks = [Mark("dvl", "spike", float(t), float(t)) for t in range(10_000)]
-    figure = timeline_figure(inspection_of(36_000.0, marks))
-    shapes = sum(len(c.get_paths()) for c in figure.axes[-2].collections if isinstance(c, PatchCollection))
+    figure = timeline_figure(SENSORS, inspection_of(36_000.0, marks))
+    shapes = sum(len(c.get_paths()) for c in figure.axes[-3].collections if isinstance(c, PatchCollection))
     assert shapes == 1
+
+
+def test_the_signals_are_drawn_in_units_that_can_be_read():
+    inspection = inspection_of(60.0, [])
+    rudder, *_, depth, _ = timeline_figure(SENSORS, inspection).axes
+    assert rudder.get_ylabel() == "rudder (°)"
+    assert np.nanmax(rudder.lines[0].get_ydata()) == pytest.approx(np.rad2deg(inspection.inputs.values[:, 0].max()))
+    np.testing.assert_array_equal(depth.lines[0].get_ydata(), SENSORS["depth"].values[:, 0])

@@ -155,14 +155,24 @@ def test_each_panel_shows_errors_over_the_horizon_with_what_explains_them(valida
     assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(np.rad2deg(0.025))
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     # Of the prior there is nothing.
-    assert labels == ["CKF", "unchanged", "vehicle file", "noise", "explained"]
+    assert labels == ["CKF", "unchanged", "vehicle file", "noise of the sensor", "explained by the stated uncertainty"]
+
+
+def test_what_the_prior_predicts_does_not_set_the_axis(validation):
+    heights = []
+    for prior in (None, 1e6):
+        rows = [row._replace(prior_rmse=prior) for row in validation.predictions]
+        axes = horizon_figure("ckf", rows).axes[0]
+        heights.append(axes.get_ylim())
+    assert heights[0] == heights[1]
+    assert [text.get_text() for text in axes.texts] == ["prior: above the axis"]
 
 
 def test_a_depth_that_is_predicted_has_a_panel_of_its_own(validation):
     depth = [row._replace(signal="down", unit="m") for row in validation.predictions if row.signal == "u"]
     rows = [*validation.predictions, *depth]
     figure = horizon_figure("ckf", rows)
-    assert [axes.get_ylabel() for axes in figure.axes[8:]] == [r"$\psi$ (deg)", "depth (m)"]
+    assert [axes.get_ylabel() for axes in figure.axes[8:]] == [r"RMSE of $\psi$ (°)", "RMSE of depth (m)"]
     for drawn, surge in zip(figure.axes[9].lines, figure.axes[0].lines, strict=True):
         np.testing.assert_array_equal(drawn.get_ydata(), surge.get_ydata())
     # The axis of horizons stands below the last panel of each column.

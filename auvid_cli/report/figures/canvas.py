@@ -1,30 +1,43 @@
 """From a drawn figure to its files."""
 
 import warnings
+from collections.abc import Collection
 from pathlib import Path
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
+from auvid_cli.config.figure_format import FigureFormat
 from auvid_cli.data.files import replacing
+from auvid_cli.data.results_folder import remove
 
 
-def save(figure: Figure, folder: Path, name: str) -> list[Path]:
-    """Write a figure as PNG and SVG, each whole or not at all."""
+def save(figure: Figure, folder: Path, name: str, formats: Collection[FigureFormat]) -> list[Path]:
+    """Write a figure in some formats, each whole or not at all; those in others, of what was before, go."""
     with warnings.catch_warnings():
         # A sign that the font lacks, of a name, stands as a box.
         warnings.filterwarnings("ignore", "Glyph .* missing from font")
-        return _save(figure, folder, name)
+        paths = [_save(figure, folder / f"{name}.{form}", form) for form in FigureFormat if form in formats]
+    remove(folder / f"{name}.{form}" for form in FigureFormat if form not in formats)
+    return paths
 
 
-def _save(figure: Figure, folder: Path, name: str) -> list[Path]:
-    png, svg = folder / f"{name}.png", folder / f"{name}.svg"
+def _save(figure: Figure, path: Path, form: FigureFormat) -> Path:
     # `Figure.savefig` would draw everything twice for each file, the first time for the layout alone.
-    with replacing(png) as temporary:
-        FigureCanvasAgg(figure).print_png(temporary, metadata={"Software": "auvid"}, pil_kwargs={"compress_level": 4})
-    # The layout is found, and is the same for both.
+    with replacing(path) as temporary:
+        match form:
+            case FigureFormat.PNG:
+                from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+                options = {"metadata": {"Software": "auvid"}, "pil_kwargs": {"compress_level": 4}}
+                FigureCanvasAgg(figure).print_png(temporary, **options)
+            case FigureFormat.SVG:
+                from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+                FigureCanvasSVG(figure).print_svg(temporary, metadata={"Date": None})
+            case FigureFormat.PDF:
+                from matplotlib.backends.backend_pdf import FigureCanvasPdf
+
+                FigureCanvasPdf(figure).print_pdf(temporary, metadata={"CreationDate": None})
+    # The layout is found, and is the same for the next format.
     figure.set_layout_engine("none")
-    with replacing(svg) as temporary:
-        FigureCanvasSVG(figure).print_svg(temporary, metadata={"Date": None})
-    return [png, svg]
+    return path

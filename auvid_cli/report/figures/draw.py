@@ -1,17 +1,17 @@
 """Which figures a run gets."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, as_completed
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
+from auvid_cli.config.figure_format import FigureFormat
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.report.figures import workers
 from auvid_cli.report.figures.workers import Submit, draw_and_save
-from auvid_cli.vehicle.coefficients import CoefficientGroup
-from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS, SENSORS, Quantity
+from auvid_cli.vehicle.parameters import MOTION, MOTION_AND_DEPTH, MOTION_SYMBOLS, SENSORS, Quantity, state_of
 
 if TYPE_CHECKING:
     from auvid_cli.campaign.findings import Findings
@@ -29,7 +29,7 @@ _MOST_SAMPLES = 100_000
 
 
 class FigureQueue:
-    """Figures of a run, each as PNG (150 dpi) and SVG, drawn as soon as what they show is there.
+    """Figures of a results folder, drawn as soon as what they show is there.
 
     Parameters
     ----------
@@ -38,41 +38,37 @@ class FigureQueue:
     submit : callable
         As `Executor.submit`, to those who draw. They are handed no more data than a figure needs: it may travel to
         another process.
+    formats : collection of FigureFormat
+        As which each is written; PNG has 150 dots an inch.
     """
 
-    def __init__(self, folder: Path, submit: Submit) -> None:
+    def __init__(self, folder: Path, submit: Submit, formats: Collection[FigureFormat]) -> None:
         self._folder = folder
         self._submit = submit
+        self._formats = tuple(formats)
         self._drawn: dict[str, Future[list[Path]]] = {}
 
-    def add_innovations(self, estimate: Estimate) -> None:
-        """Draw what only one filter is needed for."""
-        if estimate.innovations:
-            self._add(f"innovations_{estimate.filter}", "innovations", estimate.course((), with_innovations=True))
-
-    def add_path(self, dataset: Dataset, estimates: Sequence[Estimate] = ()) -> None:
-        """Draw where the vehicle went, which takes an estimate where the truth is not known; once."""
-        if "path" not in self._drawn and (dataset.truth is not None or estimates):
-            self._add("path", "path", dataset.truth, [estimate.course(MOTION_SYMBOLS) for estimate in estimates])
-
-    def add_others(self, dataset: Dataset, estimates: list[Estimate], evaluation: "Evaluation") -> None:
-        """Draw what shows all filters together, free runs against the measurements; those of many panels first."""
-        wanted: list[tuple[Any, ...]] = []
+    def add_estimates(self, dataset: Dataset, estimates: Sequence[Estimate]) -> None:
+        """Draw all filters together, those figures of many panels first; the path also where there is no filter."""
+        innovations = {estimate.filter: estimate.innovations for estimate in estimates if estimate.innovations}
+        if innovations:
+            self._add("innovations", "innovations", innovations)
+        known = dict.fromkeys(c.symbol for estimate in estimates for c in estimate.coefficient_set)
         state = {symbol for estimate in estimates for symbol in estimate.state}
-        true = dataset.truth.coefficients if dataset.truth is not None else {}
-        known = dict.fromkeys(c for estimate in estimates for c in estimate.coefficient_set)
-        for group in get_args(CoefficientGroup):
-            members = [c for c in known if c.group == group and c.symbol in state]
-            if members:
-                courses = [estimate.course([c.symbol for c in members]) for estimate in estimates]
-                wanted.append((len(members), f"coefficients_{group}", "coefficients", members, courses, true))
-        if evaluation.free_runs or dataset.sensors:
-            for name, quantities in (("velocities", MOTION[:6]), ("attitude", MOTION[6:])):
-                sensors = _records_of(quantities, dataset.sensors)
-                wanted.append((2 * len(quantities), name, "motion", quantities, sensors, evaluation.free_runs))
-        for _, *figure in sorted(wanted, key=lambda figure: figure[0], reverse=True):
-            self._add(*figure)
-        self.add_path(dataset, estimates)
+        if symbols := [symbol for symbol in known if symbol in state]:
+            true = dataset.truth.coefficients_of(symbols) if dataset.truth is not None else {}
+            self._add("convergence", "convergence", symbols, [e.course(symbols) for e in estimates], true)
+        motions = [estimate.course(MOTION_SYMBOLS) for estimate in estimates]
+        if dataset.truth is not None or estimates:
+            self._add("path", "path", dataset.truth, motions)
+        if dataset.truth is not None and estimates:
+            self._add("motion_errors", "motion_errors", dataset.truth, motions)
+
+    def add_free_runs(self, dataset: Dataset, evaluation: "Evaluation") -> None:
+        """Draw what free runs leave of the measurements, where there are any of the motion."""
+        sensors = _records_of(MOTION_AND_DEPTH, dataset.sensors)
+        if evaluation.free_runs and sensors:
+            self._add("free_runs", "free_runs", sensors, evaluation.free_runs)
 
     def add_identifiability(self, identifiability: "Identifiability") -> None:
         """Draw what the data can say before any filter runs."""
@@ -86,9 +82,10 @@ class FigureQueue:
             self._add(f"validation_{name}", "motion", quantities, sensors, {validation.filter: validation.run})
         self._add("validation_horizons", "horizons", validation.filter, validation.predictions)
 
-    def add_timeline(self, inspection: "Inspection") -> None:
-        """Draw what was recorded when, and where something is the matter with it."""
-        self._add("timeline", "timeline", inspection)
+    def add_timeline(self, dataset: Dataset, inspection: "Inspection") -> None:
+        """Draw what was recorded, and where something is the matter with it."""
+        sensors = {name: _thinned(record) for name, record in dataset.sensors.items()}
+        self._add("timeline", "timeline", sensors, inspection)
 
     def add_mission(self, design: "Design", band: "Band") -> None:
         """Draw a designed run before it is made, beside the spiral that it was compared with."""
@@ -124,21 +121,26 @@ class FigureQueue:
         return [path for future in self._drawn.values() for path in future.result()]
 
     def _add(self, name: str, kind: str, *arguments: Any) -> None:
-        self._drawn[name] = self._submit(draw_and_save, kind, arguments, self._folder, name)
+        self._drawn[name] = self._submit(draw_and_save, kind, arguments, self._folder, name, self._formats)
 
 
 @contextmanager
-def drawing(folder: Path) -> Iterator[FigureQueue]:
-    """Say where to put the figures of a results folder, with workers that draw them."""
+def drawing(folder: Path, formats: Collection[FigureFormat] | None) -> Iterator[FigureQueue]:
+    """Say where to put the figures of a results folder, and as what, PNG if nothing; with workers that draw them."""
     with workers.figure_workers() as submit:
-        yield FigureQueue(folder / "figures", submit)
+        yield FigureQueue(folder / "figures", submit, formats or (FigureFormat.PNG,))
 
 
 def _records_of(quantities: Sequence[Quantity], sensors: dict[str, SensorRecord]) -> dict[str, SensorRecord]:
     """Pick the sensors that measure any of some quantities; of a long record evenly spaced samples."""
-    records = {}
-    for name, record in sensors.items():
-        if set(quantities) & set(SENSORS[name]):
-            every = slice(None, None, 1 + record.time.size // _MOST_SAMPLES)
-            records[name] = SensorRecord(record.time[every], record.values[every], record.standard_deviation)
-    return records
+    symbols = {quantity.symbol for quantity in quantities}
+    return {
+        name: _thinned(record)
+        for name, record in sensors.items()
+        if symbols & {state_of(component) for component in SENSORS[name]}
+    }
+
+
+def _thinned(record: SensorRecord) -> SensorRecord:
+    every = slice(None, None, 1 + record.time.size // _MOST_SAMPLES)
+    return SensorRecord(record.time[every], record.values[every], record.standard_deviation)

@@ -1,15 +1,26 @@
 """What data can say about each coefficient, and which coefficients go together."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import NullLocator
 
 from auvid_cli.evaluation.assessment import CLASSES, Identifiability
-from auvid_cli.report.figures.style import head, new_figure, plain_log_ticks
+from auvid_cli.report.figures.style import WIDTH, head, legend_above, new_figure, plain_decades
 from auvid_cli.report.notation import symbol_math
 
 # Okabe and Ito's, from sure to unknown.
 _COLORS = dict(zip((label for _, label in CLASSES), ("#009E73", "#56B4E9", "#E69F00", "#D55E00"), strict=True))
+# Of the bars, and of the lines of the growth.
+_HATCHES = dict(zip((label for _, label in CLASSES), ("", "//", "xx", ".."), strict=True))
+_LINES = dict(zip((label for _, label in CLASSES), ("-", (0, (6, 2)), (0, (3, 1, 1, 1)), (0, (1, 1.3))), strict=True))
+# Of two durations that are named, the shorter is no more of the longer.
+_APART = 0.7
+# Correlations that are written as numbers, and those whose colour is dark.
+_NAMED, _DARK = 0.3, 0.6
 # Percent that a bar without bound, or beyond it, is drawn with.
 _LARGEST = 1e4
 
@@ -17,32 +28,52 @@ _LARGEST = 1e4
 def bounds_figure(identifiability: Identifiability) -> Figure:
     """Draw bounds in percent of the value, and how they fall with the duration."""
     n = len(identifiability.bounds)
-    figure = new_figure(11.0, 0.26 * max(n, 6) + 1.4)
+    figure = new_figure(WIDTH, 0.26 * max(n, 6) + 1.4)
     bars, growth = figure.subplots(1, 2, width_ratios=[1.5, 1.0])
     percents = np.array([min(bound.percent, _LARGEST) for bound in identifiability.bounds])
     smallest = max(float(percents.min()), 1e-6)
-    bars.barh(range(n), percents, color=[_COLORS[bound.label] for bound in identifiability.bounds])
+    for place, (bound, percent) in enumerate(zip(identifiability.bounds, percents, strict=True)):
+        bars.barh(place, percent, **_filled(bound.label))
     bars.set_xscale("log")
     bars.set_xlim(0.3 * smallest, 3.0 * max(float(percents.max()), CLASSES[-2][0]))
     _tidy_log(bars)
     bars.set_yticks(range(n), [symbol_math(bound.coefficient) for bound in identifiability.bounds])
-    bars.invert_yaxis()
-    for limit, label in CLASSES[:-1]:
+    bars.set_ylim(n - 0.4, -0.6)
+    for limit, _ in CLASSES[:-1]:
         bars.axvline(limit, color="0.4", linewidth=0.8, linestyle=(0, (4, 3)))
-        bars.text(limit, -0.8, label.removeprefix("within "), ha="center", fontsize=8, color="0.35")
     bars.set_xlabel("Cramér-Rao bound (% of the value)", fontsize=9)
     times = [time for time, _ in identifiability.growth]
     for j, bound in enumerate(identifiability.bounds):
         series = [min(percent[j], _LARGEST) for _, percent in identifiability.growth]
-        growth.plot(times, series, color=_COLORS[bound.label], linewidth=1.0)
+        growth.plot(times, series, **_stroked(bound.label))
     growth.set_yscale("log")
     growth.set_xscale("log")
     _tidy_log(growth)
-    plain_log_ticks(growth.xaxis)
+    _tick_durations(growth, times)
     head(growth, "bound over duration, each coefficient")
     growth.set_xlabel("duration (s)", fontsize=9)
     growth.set_ylabel("bound (%)", fontsize=9)
+    there = {bound.label for bound in identifiability.bounds}
+    legend_above(figure, [Patch(label=label, **_filled(label)) for _, label in CLASSES if label in there])
     return figure
+
+
+def _filled(label: str) -> dict[str, Any]:
+    return {"facecolor": _COLORS[label], "hatch": _HATCHES[label], "edgecolor": "white"}
+
+
+def _stroked(label: str) -> dict[str, Any]:
+    return {"color": _COLORS[label], "linestyle": _LINES[label], "linewidth": 1.0}
+
+
+def _tick_durations(axes: Axes, times: list[float]) -> None:
+    """Put numbers at an axis of durations, s: of their order no more than have room."""
+    kept: list[float] = []
+    for time in sorted(times, reverse=True):
+        if time > 0.0 and (not kept or time < _APART * kept[-1]):
+            kept.append(time)
+    axes.set_xticks(kept, [f"{time:.3g}" for time in kept])
+    axes.xaxis.set_minor_locator(NullLocator())
 
 
 def correlation_figure(identifiability: Identifiability) -> Figure:
@@ -54,11 +85,12 @@ def correlation_figure(identifiability: Identifiability) -> Figure:
     names = [symbol_math(bound.coefficient) for bound in identifiability.bounds]
     axes.set_xticks(range(n), names, rotation=90, fontsize=8)
     axes.set_yticks(range(n), names, fontsize=8)
-    for i, j in np.argwhere(np.abs(np.nan_to_num(identifiability.correlation)) > 0.7):
+    # In print without colour only the number tells the sign.
+    for i, j in np.argwhere(np.abs(np.nan_to_num(identifiability.correlation)) > _NAMED):
         if i != j:
-            axes.text(
-                j, i, f"{identifiability.correlation[i, j]:.2f}", ha="center", va="center", fontsize=6, color="white"
-            )
+            value = identifiability.correlation[i, j]
+            color = "white" if abs(value) > _DARK else "black"
+            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=6, color=color)
     figure.colorbar(image, ax=axes, shrink=0.8, label="correlation")
     head(axes, "")
     return figure
@@ -69,4 +101,7 @@ def _tidy_log(axes: Axes) -> None:
     axes.grid(color="0.9", linewidth=0.6, which="major")
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=8)
+    for axis in (axes.xaxis, axes.yaxis):
+        if axis.get_scale() == "log":
+            plain_decades(axis)
     axes.spines[["top", "right"]].set_visible(False)

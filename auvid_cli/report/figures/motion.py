@@ -24,6 +24,7 @@ from auvid_cli.report.figures.style import (
     tidy,
 )
 from auvid_cli.report.notation import symbol_math
+from auvid_cli.report.scales import scale_of
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity
 
 Array = NDArray[np.float64]
@@ -34,7 +35,7 @@ _POINTS = 1200
 
 
 class Curve(NamedTuple):
-    """A drawable signal over time, s; angles in degrees."""
+    """A drawable signal over time, s, in the unit of `scale_of`."""
 
     time: Array
     values: Array
@@ -57,8 +58,7 @@ def motion_figure(quantities: Sequence[Quantity], sensors: dict[str, SensorRecor
     begin, end = _span([series for measured, predicted in signals for series in [measured, *predicted.values()]])
     zoom = end - min(_ZOOM, 0.5 * (end - begin))
     for (whole, part), quantity, (measured, predicted) in zip(panels, quantities, signals, strict=True):
-        unit = "deg" if quantity.unit == "rad" else quantity.unit
-        whole.set_ylabel(f"{symbol_math(quantity.symbol)} ({unit})", fontsize=9)
+        whole.set_ylabel(f"{symbol_math(quantity.symbol)} ({scale_of(quantity).unit})", fontsize=9)
         _draw_panel(whole, measured, predicted, (begin, end), 0.4)
         _draw_panel(part, measured, predicted, (zoom, end), 1.0)
         if measured is None:
@@ -123,7 +123,7 @@ def _predicted(quantity: Quantity, runs: dict[str, FreeRun]) -> dict[str, Curve]
 
 
 def _drawable(quantity: Quantity, values: Array) -> Array:
-    return np.rad2deg(unwrapped(values)) if quantity.unit == "rad" else finite(values)
+    return scale_of(quantity).factor * (unwrapped(values) if quantity.unit == "rad" else finite(values))
 
 
 def _span(series: list[Curve | None]) -> tuple[float, float]:

@@ -3,22 +3,33 @@
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.patches import Polygon
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, NullLocator
+from numpy.typing import NDArray
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.printable import printable
 from auvid_cli.report.notation import filter_label
 
+Array = NDArray[np.float64]
+
 DPI = 150
+# Inches, of all figures.
+WIDTH = 11.0
+_MOST_HANDLES, _LEGEND_ROW = 7, 0.22
+_LEGEND: dict[str, Any] = {"handlelength": 3.5, "fontsize": 9}
 
 TRUE_LINE: dict[str, Any] = {"color": "black", "linewidth": 1.1, "linestyle": (0, (6, 3))}
 MEASURED: dict[str, Any] = {"color": "0.8", "linewidth": 3.4}
 BAND_ALPHA = 0.13
+# Behind words on lines.
+_BEHIND: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.0}
 
 
 class FilterStyle(NamedTuple):
@@ -56,8 +67,8 @@ _STYLES = (
     FilterStyle("#D55E00", "-", 1.2, "s", 5.0),
     FilterStyle("#000000", (0, (1, 1.3)), 1.5, "^", 5.0),
     FilterStyle("#009E73", (0, (5, 1.5, 1, 1.5)), 1.2, "D", 4.5),
-    FilterStyle("#0072B2", (0, (3, 1, 1, 1, 1, 1)), 2.0, "P", 5.5),
-    FilterStyle("#CC79A7", (0, (7, 2)), 1.8, "v", 5.5),
+    FilterStyle("#0072B2", (0, (6, 4)), 1.7, "P", 5.5),
+    FilterStyle("#CC79A7", (0, (7, 2, 1, 2)), 1.8, "v", 5.5),
     FilterStyle("#E69F00", (0, (9, 2, 3, 2)), 1.5, "X", 5.5),
 )
 FILTER_STYLES = {name.value: style for name, style in zip(FilterName, _STYLES, strict=False)}
@@ -67,9 +78,99 @@ if len(FILTER_STYLES) < len(FilterName):
     raise TypeError("there are more filters than styles")
 
 
+class Room(NamedTuple):
+    """Room beside, above and below the panels of a figure, and between them, inches."""
+
+    left: float = 0.85
+    right: float = 0.2
+    below: float = 0.5
+    across: float = 0.65
+    between: float = 0.15
+
+
 def new_figure(width: float, height: float) -> Figure:
-    """Make an empty figure, inches, that arranges its own panels."""
+    """Make an empty figure, inches, that arranges its own panels for names of any length: half of the time it takes."""
     return Figure(figsize=(width, height), dpi=DPI, layout="constrained")
+
+
+def sized_figure(width: float, height: float) -> Figure:
+    """Make an empty figure, inches, whose panels are put where they stand."""
+    return Figure(figsize=(width, height), dpi=DPI)
+
+
+def new_panels(
+    number: int,
+    most_columns: int,
+    height: float,
+    handles: Sequence[Artist],
+    room: Room,
+    span: tuple[float, float],
+    with_heads: bool = False,
+) -> tuple[Figure, list[Axes]]:
+    """Make a figure of alike panels over the same time, below a legend; its margins are what its labels take.
+
+    Parameters
+    ----------
+    number, most_columns : int
+        Of panels, row by row.
+    height : float
+        Of each, inches.
+    handles : sequence of Artist
+        Of the legend.
+    room : Room
+    span : tuple of float
+        Of time, s.
+    with_heads : bool
+        Whether there is a heading above the panels.
+    """
+    columns = min(number, most_columns)
+    rows = -(-number // columns)
+    legend_rows = -(-len(handles) // _MOST_HANDLES)
+    above = 0.15 + _LEGEND_ROW * (legend_rows + with_heads)
+    inches = room.below + rows * height + (rows - 1) * room.between + above
+    figure = sized_figure(WIDTH, inches)
+    width = (WIDTH - room.left - room.right - (columns - 1) * room.across) / columns
+    grid = figure.add_gridspec(
+        rows,
+        columns,
+        left=room.left / WIDTH,
+        right=1.0 - room.right / WIDTH,
+        bottom=room.below / inches,
+        top=1.0 - above / inches,
+        wspace=room.across / width,
+        hspace=room.between / height,
+    )
+    legend_above(figure, handles)
+    # Sharing axes would take time that grows with the square of their number.
+    panels = [figure.add_subplot(grid[place // columns, place % columns]) for place in range(number)]
+    for place, axes in enumerate(panels):
+        tidy(axes)
+        axes.xaxis.set_major_locator(MaxNLocator(5))
+        axes.set_xlim(span[0], max(span[1], span[0] + 1e-3))
+        if place + columns < number:
+            axes.tick_params(labelbottom=False)
+        else:
+            axes.set_xlabel("time (s)", fontsize=9)
+    return figure, panels
+
+
+def draw_band(axes: Axes, time: Array, low: Array | float, high: Array, style: FilterStyle) -> None:
+    """Draw a shade on what lies between two series of the same times; where one is not finite nothing."""
+    known = np.isfinite(low) & np.isfinite(high)
+    for piece in np.split(np.arange(time.size), np.flatnonzero(np.diff(known)) + 1):
+        if known[piece].all():
+            across = np.concatenate([time[piece], time[piece][::-1]])
+            up = np.concatenate([high[piece], np.broadcast_to(low, time.shape)[piece][::-1]])
+            outline = Polygon(
+                np.stack([across, up], axis=1), color=style.color, alpha=BAND_ALPHA, linewidth=0, zorder=1.5
+            )
+            # `fill_between` would go through all axes for their limits, which stand.
+            axes.add_artist(outline)
+
+
+def name_values(figure: Figure, text: str) -> None:
+    """Say at the left edge what all panels show."""
+    figure.supylabel(text, fontsize=9, x=0.12 / figure.get_figwidth())
 
 
 def filter_handles(names: Iterable[str], marked: bool = False) -> list[Line2D]:
@@ -83,16 +184,16 @@ def filter_handles(names: Iterable[str], marked: bool = False) -> list[Line2D]:
 
 def legend_above(figure: Figure, handles: Sequence[Artist]) -> None:
     """Put a legend outside all panels."""
-    figure.legend(
-        handles=list(handles), loc="outside upper center", ncols=max(len(handles), 1), frameon=False, handlelength=3.5
-    )
+    # A layout leaves room for what is outside; elsewhere the room is there.
+    place = "outside upper center" if figure.get_layout_engine() else "upper center"
+    ncols = min(max(len(handles), 1), _MOST_HANDLES)
+    figure.legend(handles=list(handles), loc=place, ncols=ncols, frameon=False, **_LEGEND)
 
 
 def tidy(axes: Axes) -> None:
     """Set small type, a faint grid, few ticks, no box."""
     axes.grid(color="0.9", linewidth=0.6)
     axes.set_axisbelow(True)
-    head(axes, "")
     axes.tick_params(labelsize=8)
     axes.xaxis.set_major_locator(MaxNLocator(7))
     axes.yaxis.set_major_locator(MaxNLocator(5))
@@ -105,11 +206,23 @@ def plain(text: str) -> str:
     return printable(text).replace("$", r"\$")
 
 
+def plain_decades(axis: Axis) -> None:
+    """Write plain numbers at a few powers of ten of a logarithmic axis."""
+    axis.set_major_locator(LogLocator(numticks=6))
+    axis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.set_minor_locator(NullLocator())
+
+
 def plain_log_ticks(axis: Axis) -> None:
     """Write plain numbers at a logarithmic axis: 1, 2 and 5 times powers of ten, or what is between two of them."""
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(lambda value, _: f"{value:g}")
     axis.set_minor_formatter(NullFormatter())
+
+
+def name_panel(axes: Axes, text: str) -> None:
+    """Put a name into the upper right corner of a panel."""
+    axes.text(0.98, 0.95, text, transform=axes.transAxes, ha="right", va="top", fontsize=9, bbox=_BEHIND)
 
 
 def head(axes: Axes, text: str) -> None:
@@ -120,5 +233,5 @@ def head(axes: Axes, text: str) -> None:
 
 def say(axes: Axes, text: str) -> None:
     """Put words where there is nothing to draw."""
-    axes.set_yticks([])
+    axes.tick_params(axis="y", left=False, labelleft=False)
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", fontsize=9, color="0.35")

@@ -1,74 +1,125 @@
-"""What was recorded when, and where something is the matter with it."""
+"""What was recorded, and where something is the matter with it."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
+from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.inspection.inspection import Inspection, Mark, MarkKind
 from auvid_cli.report.figures.series import thin
-from auvid_cli.report.figures.style import legend_above, new_figure, tidy
-from auvid_cli.report.notation import unit_text
-from auvid_cli.vehicle.parameters import INPUTS
+from auvid_cli.report.figures.style import WIDTH, legend_above, new_figure, tidy
+from auvid_cli.report.notation import symbol_math
+from auvid_cli.report.scales import scale_of
+from auvid_cli.vehicle.parameters import INPUTS, SENSORS
 
 Array = NDArray[np.float64]
 
 _POINTS = 3000
 _PRESENT = "#9BC4DE"
-# Kinds of trouble: colour, height of its row in a strip from 0 to 1, and words. All have the same place in every strip.
-_KINDS: dict[MarkKind, tuple[str, float, str]] = {
-    "spike": ("#D55E00", 0.90, "spikes"),
-    "step": ("#CC79A7", 0.70, "angle jumps away"),
-    "stuck": ("#E69F00", 0.50, "stuck"),
-    "clock": ("#000000", 0.30, "clock jumps"),
-    "gap": ("#009E73", 0.10, "gaps"),
+
+
+class _Look(NamedTuple):
+    """How a kind of trouble is drawn, and where: the height of its row in a strip is from 0 to 1."""
+
+    color: str
+    marker: str
+    height: float
+    words: str
+
+
+# All have the same place in every strip.
+_KINDS: dict[MarkKind, _Look] = {
+    "spike": _Look("#D55E00", "v", 0.90, "spikes"),
+    "step": _Look("#CC79A7", "D", 0.70, "angle jumps away"),
+    "stuck": _Look("#E69F00", "s", 0.50, "stuck"),
+    "clock": _Look("#000000", "o", 0.30, "clock jumps"),
+    "gap": _Look("#009E73", "X", 0.10, "gaps"),
 }
 _ROW = 0.16
 # Share of the span that a mark takes at least, to be seen.
 _LEAST = 0.0025
-_INPUT_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
+_INPUT: dict[str, Any] = {"color": "0.35", "linewidth": 0.8, "drawstyle": "steps-post", "rasterized": True}
+_SIGNAL: dict[str, Any] = {"color": "#0072B2", "linewidth": 0.8, "rasterized": True}
 _HOUR, _MINUTE = 3600.0, 60.0
+# Heights of a signal and of a sensor's strip, inches.
+_PANEL, _STRIP = 0.62, 0.42
 
 
-def timeline_figure(inspection: Inspection) -> Figure:
-    """Draw inputs on top, and a strip for each sensor: how much of it there is, and its marks by kind."""
-    names = list(inspection.presence)
-    n_inputs = len(INPUTS)
-    figure = new_figure(11.0, 0.85 * n_inputs + 0.75 * len(names) + 1.2)
-    panels = figure.subplots(
-        n_inputs + len(names), 1, sharex=True, squeeze=False, height_ratios=[0.85] * n_inputs + [0.75] * len(names)
-    )[:, 0]
+class _Signal(NamedTuple):
+    """A line over time, s, in units that can be read."""
+
+    name: str
+    time: Array
+    values: Array
+    line: dict[str, Any]
+
+
+def timeline_figure(sensors: dict[str, SensorRecord], inspection: Inspection) -> Figure:
+    """Draw inputs, and of each sensor its signals, above how much of them there is, and its marks by kind."""
+    rows: list[_Signal | str] = [*_inputs(inspection)]
+    for name in inspection.presence:
+        rows += [*_signals(name, sensors[name]), name]
+    heights = [_STRIP if isinstance(row, str) else _PANEL for row in rows]
+    figure = new_figure(WIDTH, sum(heights) + 1.0)
+    panels = figure.subplots(len(rows), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
     longest = inspection.span[1] - inspection.span[0]
     scale, unit = (
         (_HOUR, "h") if longest > 2.0 * _HOUR else (_MINUTE, "min") if longest > 20.0 * _MINUTE else (1.0, "s")
     )
-    for column, axes in enumerate(panels[:n_inputs]):
-        _draw_input(axes, inspection, column, scale)
-    for axes, name in zip(panels[n_inputs:], names, strict=True):
-        _draw_strip(axes, inspection, name, scale)
+    for axes, row in zip(panels, rows, strict=True):
+        if isinstance(row, str):
+            _draw_strip(axes, inspection, row, scale)
+        else:
+            _draw_signal(axes, row, scale)
     panels[-1].set_xlim(inspection.span[0] / scale, inspection.span[1] / scale)
     panels[-1].set_xlabel(f"time ({unit})", fontsize=9)
-    present = {mark.kind for mark in inspection.marks}
-    handles: list[Any] = [Patch(color=_PRESENT, label="measurements present")]
-    handles += [Patch(color=colour, label=words) for kind, (colour, _, words) in _KINDS.items() if kind in present]
-    legend_above(figure, handles)
+    legend_above(figure, _handles(inspection))
     return figure
 
 
-def _draw_input(axes: Axes, inspection: Inspection, column: int, scale: float) -> None:
-    quantity = INPUTS[column]
+def _inputs(inspection: Inspection) -> list[_Signal]:
+    signals = []
+    for quantity, values in zip(INPUTS, inspection.inputs.values.T, strict=True):
+        scale = scale_of(quantity)
+        name = f"{quantity.symbol.replace('_', ' ')} ({scale.unit})"
+        signals.append(_Signal(name, inspection.inputs.time, scale.factor * values, _INPUT))
+    return signals
+
+
+def _signals(sensor: str, record: SensorRecord) -> list[_Signal]:
+    """Return those components of a sensor that say anything."""
+    signals = []
+    for quantity, values in zip(SENSORS[sensor], record.values.T, strict=True):
+        if np.isfinite(values).any():
+            scale = scale_of(quantity)
+            name = f"{symbol_math(quantity.symbol)} ({scale.unit})"
+            signals.append(_Signal(name, record.time, scale.factor * values, _SIGNAL))
+    return signals
+
+
+def _handles(inspection: Inspection) -> list[Artist]:
+    """Return the entries of the legend, of what is there."""
+    present = {mark.kind for mark in inspection.marks}
+    handles: list[Artist] = [Patch(color=_PRESENT, label="measurements present")]
+    for kind, look in _KINDS.items():
+        if kind in present:
+            line = {"color": look.color, "marker": look.marker, "markersize": 5.0, "linewidth": 3.0}
+            handles.append(Line2D([], [], label=look.words, **line))
+    return handles
+
+
+def _draw_signal(axes: Axes, signal: _Signal, scale: float) -> None:
     tidy(axes)
-    degrees = quantity.unit == "rad"
-    values = inspection.inputs.values[:, column] * (np.rad2deg(1.0) if degrees else 1.0)
-    time, values = thin(inspection.inputs.time, values, _POINTS)
-    axes.plot(
-        time / scale, values, color=_INPUT_COLOURS[column], linewidth=0.7, drawstyle="steps-post", rasterized=True
-    )
-    _name(axes, f"{quantity.symbol.replace('_', ' ')}\n({'deg' if degrees else unit_text(quantity.unit)})")
+    time, values = thin(signal.time, signal.values, _POINTS)
+    axes.plot(time / scale, values, **signal.line)
+    _name(axes, signal.name)
     axes.locator_params(axis="y", nbins=3)
 
 
@@ -81,11 +132,13 @@ def _draw_strip(axes: Axes, inspection: Inspection, name: str, scale: float) -> 
     axes.stairs(inspection.presence[name], edges, fill=True, color=_PRESENT, alpha=0.55, linewidth=0.0)
     least = _LEAST * (inspection.span[1] - inspection.span[0])
     marks = [mark for mark in inspection.marks if mark.sensor == name]
-    for kind, (colour, height, _) in _KINDS.items():
+    for kind, look in _KINDS.items():
         spans = _drawn([mark for mark in marks if mark.kind == kind], least)
-        boxes = [Rectangle((a / scale, height - 0.5 * _ROW), (b - a) / scale, _ROW) for a, b in spans]
-        axes.add_collection(PatchCollection(boxes, facecolor=colour, edgecolor="none"), autolim=False)
-    counted = {words: sum(mark.kind == kind for mark in marks) for kind, (*_, words) in _KINDS.items()}
+        boxes = [Rectangle((a / scale, look.height - 0.5 * _ROW), (b - a) / scale, _ROW) for a, b in spans]
+        axes.add_collection(PatchCollection(boxes, facecolor=look.color, edgecolor="none"), autolim=False)
+        middles = [0.5 * (a + b) / scale for a, b in spans]
+        axes.plot(middles, [look.height] * len(spans), look.marker, markersize=3.5, color=look.color)
+    counted = {look.words: sum(mark.kind == kind for mark in marks) for kind, look in _KINDS.items()}
     counts = ", ".join(f"{words}: {count}" for words, count in counted.items() if count)
     _name(axes, name)
     if counts:
@@ -106,4 +159,4 @@ def _drawn(marks: list[Mark], least: float) -> list[tuple[float, float]]:
 
 
 def _name(axes: Axes, text: str) -> None:
-    axes.set_ylabel(text, fontsize=8.5, rotation=0, ha="right", va="center", labelpad=8)
+    axes.set_ylabel(text, fontsize=8, rotation=0, ha="right", va="center", labelpad=8)

@@ -10,12 +10,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, new_figure, say
+from auvid_cli.report.figures.style import FILTER_STYLES, head, legend_above, name_panel, new_figure, plain_decades, say
 from auvid_cli.report.notation import filter_label, symbol_math
+from auvid_cli.report.scales import scale_of
 from auvid_cli.validation.results import AHEAD, Prediction
 from auvid_cli.vehicle.parameters import DEPTH, MOTION, MOTION_AND_DEPTH
 
 _COLUMNS = 3
+# What sets the scale, beyond which there is this factor of room.
+_SCALING = ("rmse", "noise", "expected_rmse", "constant_velocity_rmse")
+_MARGIN = 1.4
 _EXPECTED = "0.85"
 _NOISE = {"color": "0.35", "linewidth": 0.9, "linestyle": (0, (1, 2))}
 # Okabe and Ito's, not those of a filter.
@@ -29,7 +33,7 @@ _OTHERS = {
 def horizon_figure(filter_name: str, predictions: Sequence[Prediction]) -> Figure:
     """Draw a panel for each motion state, and the depth if there is any: RMSE over the horizon, both logarithmic.
 
-    Angles are in degrees.
+    What the prior predicts may be worse by orders of magnitude, and does not set the axes.
 
     Parameters
     ----------
@@ -46,11 +50,11 @@ def horizon_figure(filter_name: str, predictions: Sequence[Prediction]) -> Figur
         axes.remove()
     for axes, quantity in zip(panels.flat, quantities, strict=False):
         rows = [row for row in predictions if row.kind == AHEAD and row.signal == quantity.symbol]
-        unit = quantity.unit.replace("rad", "deg")
-        axes.set_ylabel(f"{symbol_math(quantity.symbol)} ({unit})", fontsize=9)
+        scale = scale_of(quantity)
+        axes.set_ylabel(f"RMSE of {symbol_math(quantity.symbol)} ({scale.unit})", fontsize=9)
         head(axes, "")
         if rows:
-            _draw(axes, filter_name, rows, np.rad2deg(1.0) if unit != quantity.unit else 1.0)
+            _draw(axes, filter_name, rows, scale.factor)
         else:
             say(axes, "no measurements ahead")
     for axes in panels.flat[len(quantities) - _COLUMNS : len(quantities)]:
@@ -74,15 +78,25 @@ def _draw(axes: Axes, filter_name: str, rows: Sequence[Prediction], scale: float
     axes.plot(horizons, values("noise"), **_NOISE)
     axes.set_yscale("log")
     axes.set_xscale("log")
-    expected, (low, high) = values("expected_rmse"), axes.get_ylim()
+    expected, (low, high) = values("expected_rmse"), _limits([values(field) for field in _SCALING])
     axes.fill_between(horizons, np.full(len(rows), low), expected, color=_EXPECTED, linewidth=0.0, zorder=1.0)
     axes.set_ylim(low, high)
+    prior = [value for value in values("prior_rmse") if not np.isnan(value)]
+    if prior and min(prior) > high:
+        name_panel(axes, "prior: above the axis")
     axes.set_xticks(horizons, [f"{horizon:g}" for horizon in horizons])
+    plain_decades(axes.yaxis)
     axes.minorticks_off()
     axes.grid(color="0.9", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=8)
     axes.spines[["top", "right"]].set_visible(False)
+
+
+def _limits(series: Sequence[list[float]]) -> tuple[float, float]:
+    """Return limits of a logarithmic axis around all that is positive."""
+    drawn = np.array([value for values in series for value in values if np.isfinite(value) and value > 0.0])
+    return (drawn.min() / _MARGIN, drawn.max() * _MARGIN) if drawn.size else (0.1, 1.0)
 
 
 def _handles(filter_name: str, predictions: Sequence[Prediction]) -> list[Artist]:
@@ -94,6 +108,6 @@ def _handles(filter_name: str, predictions: Sequence[Prediction]) -> list[Artist
     for field, (label, line) in _OTHERS.items():
         if any(getattr(row, field) is not None for row in predictions):
             handles.append(Line2D([], [], label=label, linewidth=1.2, markersize=4.0, **line))
-    handles.append(Line2D([], [], label="noise", **_NOISE))
-    handles.append(Patch(color=_EXPECTED, label="explained"))
+    handles.append(Line2D([], [], label="noise of the sensor", **_NOISE))
+    handles.append(Patch(color=_EXPECTED, label="explained by the stated uncertainty"))
     return handles

@@ -5,7 +5,7 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -16,12 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from auvid_cli.children import parentage
+from auvid_cli.config.figure_format import FigureFormat
 from auvid_cli.errors import FileError
 from auvid_cli.interrupts import block_sigint
 
 Submit = Callable[..., Future[Any]]
 
-# More than a few would wait for each other's memory, and there are only nine figures.
+# More than a few would wait for each other's memory, and there are only a few figures.
 _MOST = 4
 
 
@@ -133,12 +134,14 @@ def _end_with_parent() -> None:
     os._exit(1)
 
 
-def draw_and_save(kind: str, arguments: tuple[Any, ...], folder: Path, name: str) -> list[Path]:
+def draw_and_save(
+    kind: str, arguments: tuple[Any, ...], folder: Path, name: str, formats: Collection[FigureFormat]
+) -> list[Path]:
     """Draw a figure of a kind, see `kinds`, and write it. Only where this is called is matplotlib loaded."""
     from auvid_cli.report.figures.canvas import save
     from auvid_cli.report.figures.kinds import KINDS
 
-    paths = save(KINDS[kind](*arguments), folder, name)
+    paths = save(KINDS[kind](*arguments), folder, name, formats)
     # A figure refers to itself, with all that it shows, and would be there while the next is drawn.
     gc.collect()
     return paths

@@ -3,12 +3,10 @@
 from collections.abc import Mapping, Sequence
 from math import isfinite
 
-import numpy as np
-from numpy.typing import NDArray
-
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation
+from auvid_cli.report.convergence import convergence_of, origin_of
 from auvid_cli.report.layout import mark_explained, marked, results_by_coefficient
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.page.forest import deviations_from
@@ -24,8 +22,6 @@ from auvid_cli.report.table import (
     UnitCell,
     number,
 )
-
-Array = NDArray[np.float64]
 
 # Parts of a run of which the greatest distance of a settling coefficient is drawn: the least is where it crosses zero.
 _SPANS = 300
@@ -92,26 +88,16 @@ def convergence(estimates: Sequence[Estimate], true: Mapping[str, float]) -> Plo
                 continue
             column = estimate.state.index(symbol)
             final = float(estimate.mean[-1, column])
-            origin = true.get(symbol) or final
-            if not isfinite(origin) or origin == 0.0:
+            origin = origin_of(true.get(symbol), final)
+            if origin is None:
                 continue
-            percent = 100.0 * np.abs(estimate.mean[:, column] / origin - 1.0)
-            # A batch estimate is constant, and where it ends it is always.
-            percent[percent == 0.0] = np.nan
-            time, values = _greatest(estimate.time, percent)
+            course = convergence_of(estimate.time, estimate.mean[:, column], origin, _SPANS)
             label = filter_label(estimate.filter)
-            if np.isfinite(values).any():
-                lines.append(PlotLine(label, estimate.filter, time, values))
-                ends.append(f"{label} {number(float(percent[np.isfinite(percent)][-1]), 2)} %")
+            if isfinite(course.last):
+                lines.append(PlotLine(label, estimate.filter, course.time, course.percent))
+                ends.append(f"{label} {number(course.last, 2)} %")
         if lines:
             origin_words = "the truth" if true.get(symbol) else "its final value"
             says = f"Distance of {symbol} from {origin_words}; at the end {', '.join(ends)}."
             plots.append(Plot(symbol, says, "%", lines, log_y=True))
     return Plots(plots, linked="convergence")
-
-
-def _greatest(time: Array, values: Array) -> tuple[Array, Array]:
-    """Return the greatest value of each of equal parts of a series, at its beginning; of few samples all."""
-    length = -(-values.size // _SPANS)
-    begin = np.arange(0, values.size, length)
-    return time[begin], np.fmax.reduceat(values, begin)

@@ -5,15 +5,15 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.angles import wrap
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
 from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.report.free_run_residuals import free_run_residual
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.page.envelope import envelope
 from auvid_cli.report.page.parts import Part, Plot, PlotLine, Plots, Words
-from auvid_cli.report.page.scales import scale_of
+from auvid_cli.report.scales import scale_of
 from auvid_cli.report.sentence import sentence
-from auvid_cli.vehicle.parameters import INPUTS, MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quantity, state_of
+from auvid_cli.vehicle.parameters import INPUTS, SENSORS, Quantity
 
 Array = NDArray[np.float64]
 
@@ -67,10 +67,7 @@ def sensor_plots(
 
 def _residual(sensor: str, quantity: Quantity, time: Array, measured: Array, runs: Mapping[str, FreeRun]) -> list[Plot]:
     """Plot measurements minus free runs, of motion states."""
-    state = state_of(quantity)
-    if state not in MOTION_AND_DEPTH_SYMBOLS:
-        return []
-    column, scale = MOTION_AND_DEPTH_SYMBOLS.index(state), scale_of(quantity)
+    scale = scale_of(quantity)
     known = np.isfinite(measured)
     time, measured = time[known], measured[known]
     some = slice(None, None, 1 + time.size // _MOST_RESIDUALS)
@@ -80,11 +77,9 @@ def _residual(sensor: str, quantity: Quantity, time: Array, measured: Array, run
     height = scale.factor * float(np.ptp(measured))
     beyond = False
     for name, run in runs.items():
-        if run.time.size < 2 or column >= run.motion.shape[1]:
+        left = free_run_residual(quantity, time, measured, run)
+        if left is None:
             continue
-        left = measured - interpolated(time, run, column)
-        if quantity.unit == "rad":
-            left = wrap(left)
         left *= scale.factor
         finite = left[np.isfinite(left)]
         if finite.size:
@@ -99,17 +94,6 @@ def _residual(sensor: str, quantity: Quantity, time: Array, measured: Array, run
         says += " Not all of it is within the axis."
     limits = (-height, height) if height > 0.0 else None
     return [Plot(f"{sensor}: {quantity.symbol}, residual", says, scale.unit, lines, limits=limits)]
-
-
-def interpolated(time: Array, run: FreeRun, column: int) -> Array:
-    """Return a motion state of a free run at other times, s; NaN outside of it and where it is not finite."""
-    finite = np.isfinite(run.motion[:, column])
-    values = np.where(finite, run.motion[:, column], 0.0)
-    if MOTION_AND_DEPTH_SYMBOLS[column] in ("phi", "theta", "psi"):
-        values = np.unwrap(values)
-    result = np.interp(time, run.time, values, left=np.nan, right=np.nan)
-    # Between two samples one of which is not finite nothing is known.
-    return np.where(np.interp(time, run.time, finite.astype(np.float64)) == 1.0, result, np.nan)
 
 
 def _root_mean_square(values: Array) -> float:

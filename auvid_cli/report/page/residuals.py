@@ -12,7 +12,7 @@ from auvid_cli.report.figures.series import spaced
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.page.envelope import envelope
 from auvid_cli.report.page.parts import Part, Plot, PlotLine, Plots, Words
-from auvid_cli.report.page.scales import scale_of
+from auvid_cli.report.scales import scale_of
 from auvid_cli.vehicle.parameters import SENSORS, Quantity
 
 Array = NDArray[np.float64]

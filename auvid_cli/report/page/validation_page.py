@@ -9,8 +9,8 @@ from auvid_cli.report.page.course import course_parts
 from auvid_cli.report.page.parts import Card, Cards, Page, Part, Plot, PlotLine, Plots, Section, TablePart, Words
 from auvid_cli.report.page.provenance import provenance_section
 from auvid_cli.report.page.rows import table_of_rows
-from auvid_cli.report.page.scales import Scale, scale_of
 from auvid_cli.report.page.verdicts import check_parts, judgement_card
+from auvid_cli.report.scales import Scale, scale_of
 from auvid_cli.validation.results import AHEAD, Prediction, Validation
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH
 

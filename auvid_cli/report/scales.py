@@ -1,4 +1,4 @@
-"""Units in which a screen shows quantities."""
+"""Units in which pages and figures show quantities."""
 
 from typing import NamedTuple
 
@@ -20,5 +20,5 @@ _READABLE = {"rad": Scale("°", _DEGREES), "rad/s": Scale("°/s", _DEGREES), "T"
 
 
 def scale_of(quantity: Quantity) -> Scale:
-    """Return the unit of a quantity on the page: angles and rates in degrees."""
+    """Return the unit in which a quantity is shown: angles and rates in degrees."""
     return _READABLE.get(quantity.unit, Scale(unit_text(quantity.unit), 1.0))

@@ -1,0 +1,102 @@
+"""How the estimates of the coefficients settle."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from auvid_cli.data.estimate import Course
+from auvid_cli.report.convergence import convergence_of, origin_of
+from auvid_cli.report.figures.limits import value_range
+from auvid_cli.report.figures.series import spaced
+from auvid_cli.report.figures.style import (
+    BAND_ALPHA,
+    FILTER_STYLES,
+    Room,
+    draw_band,
+    filter_handles,
+    name_panel,
+    name_values,
+    new_panels,
+    plain_decades,
+    say,
+)
+from auvid_cli.report.notation import symbol_math
+
+Array = NDArray[np.float64]
+
+_COLUMNS = 4
+_ROOM = Room(across=0.15)
+_LINE_POINTS, _BAND_POINTS = 200, 100
+# Percents that are drawn at most, and how far below the least of the final bands.
+_HIGHEST, _BELOW = 1e3, 0.03
+
+
+def convergence_figure(symbols: Sequence[str], estimates: list[Course], true: dict[str, float]) -> Figure:
+    """Draw a panel for each coefficient: how far it is from the truth, or from where it ends, in percent of that.
+
+    Parameters
+    ----------
+    symbols : sequence of str
+    estimates : list of Course
+    true : dict
+        By symbol, SI; empty without truth.
+    """
+    handles = [
+        *filter_handles((estimate.filter for estimate in estimates), marked=True),
+        Patch(color="0.5", alpha=2 * BAND_ALPHA, linewidth=0, label="2 standard deviations"),
+    ]
+    span = value_range(*(estimate.time for estimate in estimates)) or (0.0, 1.0)
+    figure, panels = new_panels(len(symbols), _COLUMNS, 1.15, handles, _ROOM, span)
+    limits = _limits(symbols, estimates, true)
+    for place, (axes, symbol) in enumerate(zip(panels, symbols, strict=True)):
+        axes.set_yscale("log")
+        axes.set_ylim(*limits)
+        plain_decades(axes.yaxis)
+        if place % _COLUMNS:
+            axes.tick_params(labelleft=False)
+        _draw_panel(axes, symbol, estimates, true.get(symbol))
+    name_values(figure, f"distance from the {'true' if true else 'final'} value (% of it)")
+    return figure
+
+
+def _draw_panel(axes: Axes, symbol: str, estimates: list[Course], true: float | None) -> None:
+    low, _ = axes.get_ylim()
+    # Of a term that the simulation did not have there is no percent.
+    name_panel(axes, symbol_math(symbol) + (", of its final value" if true == 0.0 else ""))
+    is_empty = True
+    for position, estimate in enumerate(estimates):
+        if symbol not in estimate.state or not estimate.time.size:
+            continue
+        column = estimate.state.index(symbol)
+        mean, deviation = estimate.mean[:, column], estimate.standard_deviation[:, column]
+        origin = origin_of(true, float(mean[-1]))
+        if origin is None:
+            continue
+        is_empty = False
+        style = FILTER_STYLES[estimate.filter]
+        some = spaced(mean.size, _BAND_POINTS)
+        draw_band(axes, estimate.time[some], low, 200.0 * deviation[some] / abs(origin), style)
+        course = convergence_of(estimate.time, mean, origin, _LINE_POINTS)
+        line = style.marked_line(position, course.time.size)
+        axes.plot(course.time, course.percent, **line, zorder=2.0 + 0.1 * position)
+    if is_empty:
+        say(axes, "no estimate")
+
+
+def _limits(symbols: Sequence[str], estimates: list[Course], true: dict[str, float]) -> tuple[float, float]:
+    """Return the least and the greatest percents of all panels, by the bands at the end and at the beginning."""
+    bands = []
+    for estimate in estimates:
+        for symbol in symbols:
+            if symbol in estimate.state and estimate.time.size:
+                column = estimate.state.index(symbol)
+                origin = origin_of(true.get(symbol), float(estimate.mean[-1, column]))
+                ends = 200.0 * estimate.standard_deviation[[0, -1], column] / abs(origin or np.nan)
+                bands.append(ends[ends > 0.0])
+    low, high = value_range(*bands) or (0.1, _HIGHEST)
+    high = min(high, _HIGHEST)
+    return min(_BELOW * low, 0.01 * high), high
