@@ -61,7 +61,7 @@ def main() -> None:
     lines = [f"- {name}: {value}" for name, value in described_machine().items()]
     lines += [
         "",
-        "| parameters | states | CKF, us per event | min - max | x 31 states | TUKF, us per event | min - max | x 31 states |",
+        "| parameters | states | CKF, us per event | min - max | x 31 | TUKF, us per event | min - max | x 31 |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
     for case in cases:
