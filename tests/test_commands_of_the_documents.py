@@ -95,7 +95,7 @@ def test_commands_of_the_readme_and_the_pages_run_in_order_in_one_empty_folder(q
         for program, *arguments in commands(block):
             assert program == "auvid", f"{program} {arguments}: neither auvid nor named in this test"
             if arguments in done:
-                continue  # The quick start says again what the README does.
+                continue  # Said again where it belongs.
             if arguments[:2] == ["import", "--suggest"]:
                 write_log(Path(arguments[2]))
             if arguments[0] == "compare":
