@@ -1,17 +1,17 @@
 """What comes of a log from the field, over seeds, into docs/studies.md: `python -m docs.make_field`, some ten minutes.
 
 Each seed has a survey, a disturbance and a vehicle file of its own; with each is done what docs/own-log.md does, but
-for the noise, which is as it was tuned there on the first of them.
+for the noise, which is as it was tuned there on the first of them. What was found is kept in a file, line by line, and
+seeds that stand there are not done again.
 """
 
-import argparse
 import re
 import tempfile
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 import auvid_cli as auvid
 from auvid_cli.api.judgement import judge
@@ -19,6 +19,7 @@ from auvid_cli.api.logs import suggest_map
 from auvid_cli.api.simulation import simulate_log
 from auvid_cli.config.load import dump_experiment, parse_run
 from auvid_cli.data.dataset import Dataset
+from docs.resumable import all_rows, asked
 from docs.section import replace_section
 
 TUTORIAL = Path(__file__).with_name("own-log.md")
@@ -26,16 +27,9 @@ _FENCE = re.compile(r"```yaml\n(.*?)```\n", re.DOTALL)
 _TURNS = ("v", "r")
 
 
-class Outcome(NamedTuple):
-    """What one seed came to."""
-
-    seed: int
-    grade: str
-    identified: dict[str, tuple[float, float]]
-    vehicle_file: dict[str, tuple[float, float]]
-    within: float | None
-    worst: str
-    sigmas: float
+# What is compared, as a column of the tables of a validation, and what the free run and the prediction ahead are of.
+_COMPARED = {"identified": "rmse", "vehicle_file": "vehicle_file_rmse"}
+_KINDS = {"free": "kind == 'free_run'", "ahead": "kind == 'ahead' and horizon_s == 20"}
 
 
 def settings() -> list[str]:
@@ -52,8 +46,8 @@ def fill_in(text: str) -> str:
     return re.sub(r"# check: no column looks like thrust.*", "surge_force: {constant: 10 N}", text)
 
 
-def outcome(seed: int, folder: Path) -> Outcome:
-    """Go the tutorial's way with one seed."""
+def outcome(seed: int, folder: Path) -> dict[str, object]:
+    """Go the tutorial's way with one seed; an estimate that did not complete predicts nothing."""
     experiment = auvid.load_experiment("field", f"seed={seed}")
     for name, text in simulate_log(experiment).items():
         (folder / name).write_text(text, encoding="utf-8")
@@ -69,70 +63,73 @@ def outcome(seed: int, folder: Path) -> Outcome:
     means = dict(zip(estimate.state, estimate.mean[-1].tolist(), strict=True))
     off = {symbol: abs(means[symbol] - true[symbol]) / deviations[symbol] for symbol in means if symbol in true}
     worst = max(off, key=lambda symbol: off[symbol])
-    grade = judge(estimate)["smoother"].grade
+    row: dict[str, object] = {"grade": judge(estimate)["smoother"].grade.value, "status": estimate.status}
+    row |= {"worst": worst, "sigmas": off[worst]}
     if not estimate.completed:
-        # Nothing is predicted with it.
-        return Outcome(seed, grade, {}, {}, None, worst, off[worst])
+        return row
     unseen = _with(survey, *map(str, files), "identification.use.spans=[[321, null]]")
     rows = auvid.validate(unseen, estimate, training=seen).to_pandas()["validation"].query("signal in @_TURNS")
+    for kind, query in _KINDS.items():
+        for what, column in _COMPARED.items():
+            for signal, value in rows.query(query).set_index("signal")[column].items():
+                row[f"{kind}_{what}_{signal}"] = value
     ahead = rows.query("kind == 'ahead'")
-    identified, vehicle_file = (
-        {
-            signal: (
-                rows.query("signal == @signal and kind == 'free_run'")[which].item(),
-                ahead.query("signal == @signal and horizon_s == 20")[which].item(),
-            )
-            for signal in _TURNS
-        }
-        for which in ("rmse", "vehicle_file_rmse")
-    )
-    within = float(np.average(ahead["share_within_band"], weights=ahead["measurements"]))
-    return Outcome(seed, grade, identified, vehicle_file, within, worst, off[worst])
+    row["within"] = float(np.average(ahead["share_within_band"], weights=ahead["measurements"]))
+    return row
+
+
+def found(_case: str, seed: int) -> pd.DataFrame:
+    """Do one seed: a row."""
+    with tempfile.TemporaryDirectory() as folder:
+        return pd.DataFrame([outcome(seed, Path(folder))])
 
 
 def _with(dataset: Dataset, *overrides: str) -> Dataset:
     return replace(dataset, experiment=parse_run(dump_experiment(dataset.experiment), "survey", overrides))
 
 
-def _row(of: Outcome) -> str:
-    pairs = ((of.identified, of.vehicle_file, signal, k) for k in (0, 1) for signal in _TURNS)
-    errors = " | ".join(f"{ours[s][k]:.4f} | {theirs[s][k]:.4f}" if ours else " | " for ours, theirs, s, k in pairs)
-    worst, within = of.worst.replace("|", r"\|"), "" if of.within is None else f"{100 * of.within:.0f}"
-    return f"| {of.seed} | {of.grade} | {errors} | {within} | {of.sigmas:.1f} ({worst}) |"
+def _cell(value: float, form: str) -> str:
+    return "" if np.isnan(value) else format(value, form)
 
 
-def _summary(found: list[Outcome]) -> str:
-    ended = [of for of in found if of.within is not None]
-    free, ahead = (
-        sum(all(of.identified[s][k] < of.vehicle_file[s][k] for s in _TURNS) for of in ended) for k in (0, 1)
+def _line(row: pd.Series) -> str:
+    errors = " | ".join(
+        _cell(row[f"{kind}_{what}_{signal}"], ".4f") for kind in _KINDS for signal in _TURNS for what in _COMPARED
     )
-    held = sum(of.within is not None and 85 <= round(100 * of.within) <= 99 for of in found)
+    worst = f"{row['sigmas']:.1f} ({row['worst']})".replace("|", r"\|")
+    return f"| {row['seed']} | {row['grade']} | {errors} | {_cell(100 * row['within'], '.0f')} | {worst} |"
+
+
+def _summary(rows: pd.DataFrame) -> str:
+    free, ahead = (
+        int(
+            np.logical_and.reduce(
+                [rows[f"{kind}_identified_{s}"] < rows[f"{kind}_vehicle_file_{s}"] for s in _TURNS]
+            ).sum()
+        )
+        for kind in _KINDS
+    )
     counts = {
         "Better than the vehicle file in sway and yaw rate, in the free run": free,
         "20 s ahead": ahead,
-        "Bands that hold 85 to 99 %": held,
-        "No coefficient beyond 5 standard deviations": sum(of.sigmas <= 5.0 for of in found),
-        "Called sound": sum(of.grade == "sound" for of in found),
+        "Bands that hold 85 to 99 %": rows["within"].round(2).between(0.85, 0.99).sum(),
+        "No coefficient beyond 5 standard deviations": (rows["sigmas"] <= 5.0).sum(),
+        "Called sound": (rows["grade"] == "sound").sum(),
     }
-    return f"Of {len(found)} seeds. " + "; ".join(f"{what}: {count}" for what, count in counts.items()) + "."
+    return f"Of {len(rows)} seeds. " + "; ".join(f"{what}: {count}" for what, count in counts.items()) + "."
 
 
 def main() -> None:
     """Go through all seeds and write the section."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=20)
-    found = []
-    for seed in range(1, parser.parse_args().seeds + 1):
-        with tempfile.TemporaryDirectory() as folder:
-            found.append(outcome(seed, Path(folder)))
-        print(_row(found[-1]), flush=True)
+    seeds, file = asked(__doc__, "field", 20)
+    rows = all_rows(file, [("field", seed) for seed in range(1, seeds + 1)], found).sort_values("seed")
     lines = [
-        _summary(found),
+        _summary(rows),
         "",
         "| seed | judged | sway, free | file's | yaw rate, free | file's | sway, 20 s | file's | yaw rate, 20 s "
         "| file's | within band % | largest error / sd |",
         "| ---: | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- |",
-        *map(_row, found),
+        *(_line(row) for _, row in rows.iterrows()),
     ]
     replace_section("field", "\n".join(lines), "studies")
 

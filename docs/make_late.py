@@ -1,13 +1,13 @@
 """Inputs at 10 Hz, held and 50 ms late, over seeds, into docs/studies.md: `python -m docs.make_late`, some minutes.
 
-The vehicle moves with inputs at 100 Hz; ten a second are recorded, and stamped 50 ms after they were given.
+The vehicle moves with inputs at 100 Hz; ten a second are recorded, and stamped 50 ms after they were given. What was
+found is kept in a file, line by line, and seeds that stand there are not done again.
 """
 
-import argparse
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
+import pandas as pd
 
 import auvid_cli as auvid
 from auvid_cli.api.judgement import judge
@@ -15,6 +15,7 @@ from auvid_cli.config.load import dump_experiment, parse_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
+from docs.resumable import all_rows, asked
 from docs.section import replace_section
 
 # s. Each input of the vehicle's own holds for 10 ms, which straight lines between records do not, so that by these the
@@ -40,7 +41,8 @@ _WAYS = {
 }
 
 
-class Outcome(NamedTuple):
+@dataclass(frozen=True)
+class Outcome:
     """What a seed came to: the grade, the coefficient that is farthest off, and the delay that was found, ms."""
 
     grade: str
@@ -75,40 +77,39 @@ def _delay(estimate: Estimate) -> tuple[float, ...]:
     return 1e3 * float(estimate.mean[-1, row]), 1e3 * float(estimate.standard_deviation[-1, row])
 
 
-def _row(manoeuvre: str, way: str, found: list[Outcome]) -> str:
-    right = [of for of in found if of.sigmas <= _WRONG]
-    grades = [of.grade for of in found]
-    counts = ", ".join(f"{grades.count(grade)} {grade}" for grade in dict.fromkeys(sorted(grades)))
-    deceived = sum(of.grade == "sound" and of.sigmas > _WRONG for of in found)
-    errors = [abs(of.delay - 1e3 * (_HELD - _LATE)) for of in found if of.delay is not None]
-    deviations = [of.deviation for of in found if of.deviation is not None]
-    delay = f"{max(errors):.1f} (± {np.median(deviations):.1f})" if errors else ""
-    median = np.median([of.sigmas for of in found])
-    return f"| {manoeuvre} | {way} | {len(right)} | {counts} | {deceived} | {median:.3g} | {delay} |"
+def found(manoeuvre: str, seed: int) -> pd.DataFrame:
+    """Identify one seed in each way: a row for each."""
+    run = auvid.load_experiment("spiral", f"seed={seed}", f"manoeuvre=manoeuvres/{manoeuvre}.yaml", *_RUN)
+    dataset = auvid.simulate(run)
+    late = replace(dataset, inputs=replace(dataset.inputs, time=dataset.inputs.time + _LATE))
+    return pd.DataFrame([{"way": way, **asdict(outcome(late, *settings))} for way, settings in _WAYS.items()])
+
+
+def _line(manoeuvre: str, way: str, rows: pd.DataFrame) -> str:
+    right, sound = rows["sigmas"] <= _WRONG, rows["grade"] == "sound"
+    counts = ", ".join(f"{count} {grade}" for grade, count in rows["grade"].value_counts().sort_index().items())
+    errors = (rows["delay"] - 1e3 * (_HELD - _LATE)).abs().dropna()
+    delay = f"{errors.max():.1f} (± {rows['deviation'].median():.1f})" if len(errors) else ""
+    median = rows["sigmas"].median()
+    return f"| {manoeuvre} | {way} | {right.sum()} | {counts} | {(sound & ~right).sum()} | {median:.3g} | {delay} |"
 
 
 def main() -> None:
     """Go through all seeds and write the section."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=20)
-    seeds, rows = range(1, parser.parse_args().seeds + 1), []
-    for manoeuvre in _MANOEUVRES:
-        found: dict[str, list[Outcome]] = {way: [] for way in _WAYS}
-        for seed in seeds:
-            run = auvid.load_experiment("spiral", f"seed={seed}", f"manoeuvre=manoeuvres/{manoeuvre}.yaml", *_RUN)
-            dataset = auvid.simulate(run)
-            late = replace(dataset, inputs=replace(dataset.inputs, time=dataset.inputs.time + _LATE))
-            for way, settings in _WAYS.items():
-                found[way].append(outcome(late, *settings))
-            print(manoeuvre, seed, *(of[-1] for of in found.values()), flush=True)
-        rows += [_row(manoeuvre, way, outcomes) for way, outcomes in found.items()]
+    seeds, file = asked(__doc__, "late", 20)
+    runs = [(manoeuvre, seed) for seed in range(1, seeds + 1) for manoeuvre in _MANOEUVRES]
+    rows = all_rows(file, runs, found)
     lines = [
-        f"Seeds 1 to {len(seeds)}. Right: no coefficient beyond {_WRONG:g} standard deviations.",
+        f"Seeds 1 to {rows['seed'].max()}. Right: no coefficient beyond {_WRONG:g} standard deviations.",
         "",
         "| manoeuvre | inputs | right | judged | wrong, and sound | largest error / sd, median "
         "| delay off by at most, ms (± sd) |",
         "| --- | --- | ---: | --- | ---: | ---: | --- |",
-        *rows,
+        *(
+            _line(str(case), way, rows[(rows["case"] == case) & (rows["way"] == way)])
+            for case in _MANOEUVRES
+            for way in _WAYS
+        ),
     ]
     replace_section("late", "\n".join(lines), "studies")
 
