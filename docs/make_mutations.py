@@ -1,18 +1,20 @@
 """One good log written otherwise in many ways, into docs/studies.md: `python -m docs.make_mutations`, half an hour.
 
 Of each: whether `import --suggest` restores it; and, by the map of the good log, what `inspect` fails and whether
-`identify` calls wrong coefficients sound.
+`identify` calls wrong coefficients sound. What was found is kept in a file, line by line, and what stands there is not
+done again.
 """
 
-import argparse
+import atexit
 import re
 import tempfile
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from functools import cache
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 import auvid_cli as auvid
@@ -25,6 +27,7 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import AuvidError
 from auvid_cli.vehicle.kinematics import GRAVITY, body_to_earth
 from auvid_cli.vehicle.parameters import SENSORS
+from docs.resumable import all_rows, asked
 from docs.section import replace_section
 
 Columns = dict[str, NDArray[np.float64]]
@@ -135,7 +138,8 @@ PAIRS = (
 )
 
 
-class Outcome(NamedTuple):
+@dataclass(frozen=True)
+class Outcome:
     """What comes of a log: whether a suggested map restores it; by the map of the good log the rest.
 
     Attributes
@@ -152,11 +156,6 @@ class Outcome(NamedTuple):
     named: str
     grade: str
     sigmas: float | None
-
-    @property
-    def deceives(self) -> bool:
-        """Say whether a wrong estimate is called sound."""
-        return self.grade == "sound" and self.sigmas is not None and self.sigmas > _WRONG
 
 
 class GoodLog:
@@ -252,48 +251,53 @@ class GoodLog:
         return grade, max(abs(found[symbol] - self.true[symbol]) / deviations[symbol] for symbol in self.true)
 
 
-def _row(names: tuple[str, ...], of: Outcome) -> str:
-    off, named = "" if of.sigmas is None else f"{of.sigmas:.3g}", of.named.replace("|", r"\|")
+CASES: dict[str, tuple[str, ...]] = {"as it is": ()}
+CASES |= {" and ".join(names): names for names in (*((name,) for name in SINGLE), *PAIRS)}
+
+
+@cache
+def good_log(seed: int) -> GoodLog:
+    """Return the good log of a seed, in a folder that is there as long as this program."""
+    folder = tempfile.TemporaryDirectory()
+    atexit.register(folder.cleanup)
+    return GoodLog(seed, Path(folder.name))
+
+
+def found(case: str, seed: int) -> pd.DataFrame:
+    """Go through one way to write it: a row."""
+    return pd.DataFrame([asdict(good_log(seed).outcome(CASES[case]))])
+
+
+def _line(row: pd.Series) -> str:
+    off, named = "" if np.isnan(row["sigmas"]) else f"{row['sigmas']:.3g}", row["named"].replace("|", r"\|")
     short = named if len(named) <= 100 else f"{named[:97]}..."
-    return f"| {' and '.join(names) or 'as it is'} | {'yes' if of.restored else 'no'} | {short} | {of.grade} | {off} |"
+    return f"| {row['case']} | {'yes' if row['restored'] else 'no'} | {short} | {row['grade']} | {off} |"
 
 
-def _summary(found: Mapping[tuple[str, ...], Outcome]) -> str:
-    outcomes = [outcome for names, outcome in found.items() if names]
-    wrong = [of for of in outcomes if of.sigmas is None or of.sigmas > _WRONG]
-    restored, named, sound = (
-        sum(values)
-        for values in (
-            (of.restored for of in outcomes),
-            (bool(of.named) for of in wrong),
-            (of.deceives for of in wrong),
-        )
-    )
-    unseen = sum(not (of.restored or of.named) for of in wrong)
+def _summary(rows: pd.DataFrame) -> str:
+    mutated = rows[rows["case"] != "as it is"]
+    wrong = mutated[mutated["sigmas"].isna() | (mutated["sigmas"] > _WRONG)]
+    named = wrong["named"] != ""
+    sound = (wrong["grade"] == "sound") & wrong["sigmas"].notna()
+    unseen = mutated[~mutated["restored"] & (mutated["named"] == "")]
     return (
-        f"Of {len(outcomes)} ways to write it otherwise `--suggest` restores {restored}. By the map of the good log "
-        f"{len(wrong)} give no estimate or a wrong one, of which the import refuses or `inspect` names {named}, and "
-        f"`identify` calls {sound} sound; neither restored nor named: {unseen}."
+        f"Of {len(mutated)} ways to write it otherwise `--suggest` restores {mutated['restored'].sum()}. By the map of "
+        f"the good log {len(wrong)} give no estimate or a wrong one, of which the import refuses or `inspect` names "
+        f"{named.sum()}, and `identify` calls {sound.sum()} sound; neither restored nor named, of all: {len(unseen)}."
     )
 
 
 def main() -> None:
     """Go through all of them and write the section."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=1)
-    seed = parser.parse_args().seed
-    found: dict[tuple[str, ...], Outcome] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        good = GoodLog(seed, Path(folder))
-        for names in ((), *((name,) for name in SINGLE), *PAIRS):
-            found[names] = good.outcome(names)
-            print(_row(names, found[names]), flush=True)
+    seeds, file = asked(__doc__, "mutations", 1)
+    runs = [(case, seed) for seed in range(1, seeds + 1) for case in CASES]
+    rows = all_rows(file, runs, found).fillna({"named": ""})
     lines = [
-        f"Seed {seed}. {_summary(found)}",
+        f"Seeds 1 to {rows['seed'].max()}. {_summary(rows)}",
         "",
         "| written otherwise | restored | named by the map of the good log | identified | largest error / sd |",
         "| --- | --- | --- | --- | ---: |",
-        *(_row(names, outcome) for names, outcome in found.items()),
+        *(_line(row) for _, row in rows.iterrows()),
     ]
     replace_section("mutations", "\n".join(lines), "studies")
 

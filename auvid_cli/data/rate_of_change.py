@@ -18,6 +18,16 @@ def rate_of_change(values: Array, interval: float, half: int) -> Array:
     return rate
 
 
+def response_to_rates(rates: Array, interval: float, half: int) -> Array:
+    """Return what `rate_of_change` makes of an angle that changes by these rates, linear from sample to sample."""
+    smoothed = np.full(rates.size, np.nan)
+    if rates.size > 2 * half:
+        # The angle's change from one sample to the next is added by each weight of a later one.
+        later = interval * np.cumsum(_weights(interval, half))[:-1]
+        smoothed[half : rates.size - half] = np.convolve(rates, np.convolve(later, [0.5, 0.5]), "valid")
+    return smoothed
+
+
 def rate_noise(interval: float, half: int) -> float:
     """Return the standard deviation of such a slope over that of white noise of the samples, 1/s."""
     return float(np.linalg.norm(_weights(interval, half)))

@@ -7,22 +7,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.check import Check
-from auvid_cli.inspection.grid import Signals, change, smoothed
+from auvid_cli.inspection.fin_answers import promised_answer
+from auvid_cli.inspection.grid import Signals, smoothed
 from auvid_cli.inspection.inspection import cannot_tell, judged
-from auvid_cli.inspection.kinematic_ties import rates_by_sensor
-from auvid_cli.inspection.responses import AXES, LEAST_DEFLECTION, RotationAxis, answer_window, moment
+from auvid_cli.inspection.responses import AXES, LEAST_DEFLECTION, RotationAxis, answer_window
+from auvid_cli.inspection.small_motion import SmallMotion
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
 
-# s: a lag that there seems to be where there is none, by a gyroscope and by how an angle changes, besides half of the
-# time for which inputs are held, and by how much more of some vehicles; what slow fins may be behind; the longest that
-# is looked for.
-_BY_RATE, _BY_ANGLE, _OF_SOME, _EARLIEST, _LONGEST = 0.1, 0.2, 0.1, 0.6, 3.0
+# s: a lag that there seems to be where there is none: where the turning is as the vehicle file promises, or that share
+# of the vehicle's time constant; where the file has no coefficients; where it promises another turning than there is.
+# What slow fins may be behind, and the longest that is looked for.
+_PROMISED, _OF_TIME_CONSTANT, _UNKNOWN, _OTHERWISE, _EARLIEST, _LONGEST = 0.075, 0.05, 0.3, 0.6, 0.6, 3.0
+# Partial correlation of what is promised with the turning as it was.
+_AS_PROMISED = 0.9
 # Share of a fin's deflection by which it changes within a lag that matters.
 _MATTERS = 0.1
 # Partial correlation of an answer that tells a lag, and how much likelier, as a logarithm, another lag must be.
 _LEAST_CORRELATION, _LIKELIER = 0.4, 10.0
+# Standard deviations by which a lag is longer than usual.
+_SIGMAS = 2.0
 _FEWEST_WINDOWS, _MOST_ROWS = 15, 10_000
 _MOST_EXPLAINED, _ROUNDING = 1.0 - 1e-9, 1e-9
 _OTHER_FIN = {"elevator": "rudder", "rudder": "elevator"}
@@ -41,6 +46,8 @@ class Alignment(NamedTuple):
         By how much the faster of the fins changes within the delay, of its RMS about its mean.
     usual : float
         Delay, s, that there seems to be where there is none.
+    error : float
+        Standard deviation of the delay, s, as far as noise goes.
     is_clear : bool
         Whether no delay beyond the usual is likelier than this one, by however little.
     gain : float
@@ -50,27 +57,25 @@ class Alignment(NamedTuple):
     delay: float | None
     exchanged: bool | None
     share: float = 0.0
-    usual: float = _BY_ANGLE
+    usual: float = _UNKNOWN
+    error: float = 0.0
     is_clear: bool = True
     gain: float = 0.0
 
     @property
-    def latest(self) -> float:
-        """Return the delay, s, beyond which no vehicle is."""
-        return self.usual + _OF_SOME
-
-    @property
     def is_delayed(self) -> bool:
         """Say whether inputs come later or earlier than what is left of a lag in sound data."""
-        return self.delay is not None and abs(self.delay) > self.usual
+        return self.delay is not None and abs(self.delay) - _SIGMAS * self.error > self.usual
 
     @property
     def spoils(self) -> bool:
         """Say whether that makes coefficients of the fins wrong."""
-        return self.delay is not None and self.share > _MATTERS and not -_EARLIEST <= self.delay <= self.latest
+        return (
+            self.delay is not None and self.is_delayed and self.share > _MATTERS and not -_EARLIEST <= self.delay < 0.0
+        )
 
 
-def input_alignment(signals: Signals, time_constant: float | None, held: float = 0.0) -> Alignment:
+def input_alignment(signals: Signals, motion: SmallMotion | None, time_constant: float | None) -> Alignment:
     """Find the assignment of the fins and the one delay of all inputs that explain the turning best.
 
     Whatever is regressed here, signs do not count: they are judged when the inputs are where they belong.
@@ -78,17 +83,23 @@ def input_alignment(signals: Signals, time_constant: float | None, held: float =
     Parameters
     ----------
     signals : Signals
+    motion : SmallMotion or None
+        Of the vehicle file, if it says enough: then the delay between an input and its answer that the vehicle itself
+        makes is none.
     time_constant : float or None
         s, of the vehicle, if it is known.
-    held : float
-        s, from an input to the next.
     """
-    by_rate = any(signals.has(axis.rate) for axis in AXES)
-    most = (_BY_RATE if by_rate else _BY_ANGLE) + 0.5 * min(held, _BY_ANGLE)
     roll, *fins = AXES
     crossed_fins = [axis._replace(given=_OTHER_FIN[axis.given]) for axis in fins]
-    by_roll, as_named, crossed = (_likelihood(signals, axes, time_constant) for axes in ([roll], fins, crossed_fins))
-    as_named, crossed = as_named + by_roll, crossed + by_roll
+    by_roll, as_named, crossed = (
+        _likelihood(signals, axes, motion, time_constant) for axes in ([roll], fins, crossed_fins)
+    )
+    best = max(as_named.correlation, crossed.correlation, by_roll.correlation)
+    if motion is None:
+        most = _UNKNOWN
+    else:
+        most = max(_PROMISED, _OF_TIME_CONSTANT * (time_constant or 0.0)) if best >= _AS_PROMISED else _OTHERWISE
+    as_named, crossed = (each.of_lags + by_roll.of_lags for each in (as_named, crossed))
     if not max(as_named.max(), crossed.max()) > 0.0:
         return Alignment(None, None)
     exchanged = bool(crossed.max() > as_named.max() + _LIKELIER)
@@ -98,29 +109,34 @@ def input_alignment(signals: Signals, time_constant: float | None, held: float =
     is_clear = bool(usual[likeliest] or likelihood[likeliest] > likelihood[usual].max() + _LIKELIER)
     if not is_clear:
         likeliest = int(np.where(usual, likelihood, -np.inf).argmax())
-    cells = float(delays[likeliest]) + _peak(likelihood, likeliest)
+    beyond, error = _peak(likelihood, likeliest)
+    cells = float(delays[likeliest]) + beyond
     gain = float(likelihood[likeliest] - likelihood[delays.size // 2])
-    share = _share(signals, round(cells))
-    return Alignment(cells * signals.grid.step, exchanged, share, most, is_clear, gain)
+    share = _share(signals, cells)
+    return Alignment(cells * signals.grid.step, exchanged, share, most, error * signals.grid.step, is_clear, gain)
 
 
-def _share(signals: Signals, cells: int) -> float:
+def _share(signals: Signals, cells: float) -> float:
     """Return by how much of its RMS about its mean the faster fin changes within so many cells."""
-    shares = [0.0]
+    shares, whole = [0.0], max(round(abs(cells)), 1)
     for fin in _OTHER_FIN:
         deflection = signals.values[fin]
-        if (spread := float(np.nanstd(deflection))) > LEAST_DEFLECTION and cells:
-            shares.append(float(np.sqrt(np.nanmean(np.square(_earlier(deflection, cells) - deflection)))) / spread)
+        if (spread := float(np.nanstd(deflection))) > LEAST_DEFLECTION:
+            changes = float(np.sqrt(np.nanmean(np.square(_earlier(deflection, whole) - deflection))))
+            shares.append(changes / spread * min(abs(cells) / whole, 1.0))
     return max(shares)
 
 
-def _peak(likelihood: Array, at: int) -> float:
-    """Return how far beyond one of evenly spaced values, a peak, the parabola through it and its neighbours peaks."""
+def _peak(likelihood: Array, at: int) -> tuple[float, float]:
+    """Return how far beyond one of evenly spaced log-likelihoods the parabola about it peaks, and its deviation there.
+
+    Both are 0 where there is no such peak.
+    """
     if not 0 < at < likelihood.size - 1 or likelihood[at] < max(likelihood[at - 1], likelihood[at + 1]):
-        return 0.0
+        return 0.0, 0.0
     before, here, after = likelihood[at - 1 : at + 2]
     curvature = before - 2.0 * here + after
-    return float(0.5 * (before - after) / curvature) if curvature < 0.0 else 0.0
+    return (float(0.5 * (before - after) / curvature), float((-curvature) ** -0.5)) if curvature < 0.0 else (0.0, 0.0)
 
 
 def aligned(signals: Signals, alignment: Alignment) -> Signals:
@@ -139,8 +155,7 @@ def alignment_checks(alignment: Alignment) -> list[Check]:
     """Judge the delay of the inputs and which fin is which."""
     assignment = "r answers rudder, q elevator"
     delay_limit = (
-        f"<= {alignment.usual:.2g} s; fails {alignment.latest:.2g} s late or {_EARLIEST:g} s early if a fin changes "
-        f"by {_MATTERS:.0%} in it"
+        f"<= {alignment.usual:.2g} s; fails if a fin changes by {_MATTERS:.0%} in more, or {_EARLIEST:g} s early"
     )
     if alignment.delay is None or alignment.exchanged is None:
         reason = "no turning answers an input"
@@ -162,8 +177,9 @@ def alignment_checks(alignment: Alignment) -> list[Check]:
             statistic=f"{unclear}inputs {late}, in which a fin changes by {alignment.share:.0%}",
             threshold=delay_limit,
             passed=_verdict(alignment),
-            advice=f"{why}: state it (`identification.delays={{inputs: {-delay:.2g} s}}`), or shift the times. Signs "
-            "were judged as if they were shifted.",
+            advice=f"{why}: state it (`identification.delays={{inputs: {-delay:.2g} s}}`), or shift the times; inputs "
+            "of which only samples are recorded seem half an interval late (`identification.inputs.between: linear`). "
+            "Signs were judged as if they were shifted.",
         ),
         judged(
             "inputs",
@@ -183,21 +199,29 @@ def _verdict(alignment: Alignment) -> bool | None:
     return not alignment.is_delayed
 
 
-def _likelihood(signals: Signals, axes: Sequence[RotationAxis], time_constant: float | None) -> Array:
-    """Say how much likelier some answers are than none, as a logarithm, for each of the `_lags`."""
-    total = np.zeros(_lags(signals).size)
+class _Likelihood(NamedTuple):
+    """How much likelier some answers are than none, as a logarithm, for each of the `_lags`; the best correlation."""
+
+    of_lags: Array
+    correlation: float
+
+
+def _likelihood(
+    signals: Signals, axes: Sequence[RotationAxis], motion: SmallMotion | None, time_constant: float | None
+) -> _Likelihood:
+    total, best = np.zeros(_lags(signals).size), 0.0
     for axis in axes:
-        correlation, windows = _correlations(signals, axis, time_constant)
+        correlation, windows = _correlations(signals, axis, motion, time_constant)
+        best = max(best, float(np.abs(correlation).max()))
         if np.abs(correlation).max() >= _LEAST_CORRELATION:
             total -= 0.5 * windows * np.log1p(-np.minimum(correlation**2, _MOST_EXPLAINED))
-    return total
+    return _Likelihood(total, best)
 
 
-def _correlations(signals: Signals, axis: RotationAxis, time_constant: float | None) -> tuple[Array, float]:
-    """Correlate, in part, the change of a rate and the mean input that was stamped so much later.
-
-    Beside it stand the means of what else turns the vehicle: unlike in `responses.response_fits`, where they are those
-    at the begin, so that a linear answer without delay fits best without delay.
+def _correlations(
+    signals: Signals, axis: RotationAxis, motion: SmallMotion | None, time_constant: float | None
+) -> tuple[Array, float]:
+    """Correlate, in part, the change of a rate and what an input that was stamped so much later makes of it.
 
     Returns
     -------
@@ -206,32 +230,23 @@ def _correlations(signals: Signals, axis: RotationAxis, time_constant: float | N
     windows : float
         How many averages do not overlap.
     """
-    lags, force = _lags(signals), moment(signals, axis)
-    rate = next(iter(rates_by_sensor(signals, axis.rate).values()), None)
-    if force is None or rate is None:
+    lags = _lags(signals)
+    answer = promised_answer(signals, axis, motion, answer_window(signals, axis, time_constant))
+    if answer is None:
         return np.zeros(lags.size), 0.0
-    window = answer_window(signals, axis, time_constant)
-    beside = [rate, *(signals.values[s] for s in axis.beside if signals.has(s) and s not in INPUT_SYMBOLS)]
-    rows = np.stack([change(rate, window), *(_between_centres(each, window) for each in beside)])
-    force = _between_centres(force, window)
+    rows = np.stack([answer.change, *answer.beside])
     # Known at every lag.
     complete = np.isfinite(rows).all(axis=0)
-    complete &= np.isfinite(_earlier(smoothed(force, lags.size), int(lags[0])))
+    complete &= np.isfinite(_earlier(smoothed(answer.promised, lags.size), int(lags[0])))
     at = np.flatnonzero(complete)
-    windows = at.size / window
+    windows = at.size / answer.window
     if windows < _FEWEST_WINDOWS:
         return np.zeros(lags.size), 0.0
     at = at[:: 1 + at.size // _MOST_ROWS]
     beside = np.stack([np.ones(at.size), *rows[1:, at]], axis=1)
     basis, _ = np.linalg.qr(beside / np.maximum(np.abs(beside).max(axis=0), np.finfo(np.float64).tiny))
-    answer = _left(rows[0, at], basis)
-    return np.array([answer @ _left(force[at + lag], basis) for lag in lags]), windows
-
-
-def _between_centres(values: Array, window: int) -> Array:
-    """Average from the middle of each cell to that of the one `window` cells later, as `change` goes."""
-    means = smoothed(values, window)
-    return 0.5 * (means + _earlier(means, 1))
+    changed = _left(rows[0, at], basis)
+    return np.array([changed @ _left(answer.promised[at + lag], basis) for lag in lags]), windows
 
 
 def _left(values: Array, basis: Array) -> Array:

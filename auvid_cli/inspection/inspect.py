@@ -19,6 +19,7 @@ from auvid_cli.inspection.current import drift, is_current, through_water
 from auvid_cli.inspection.data_checks import data_checks
 from auvid_cli.inspection.excitation import excitation_checks, fitness_checks
 from auvid_cli.inspection.excursions import excursion_checks
+from auvid_cli.inspection.fin_answers import motion_of, strength_checks
 from auvid_cli.inspection.forces import force_checks
 from auvid_cli.inspection.grid import Signals, signals_of
 from auvid_cli.inspection.inspection import Inspection, Mark, judged
@@ -74,8 +75,8 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     time_constant = length / speed if speed is not None else None
     found = drift(signals)
     in_water = through_water(signals, found)
-    held = float(np.median(np.diff(dataset.inputs.time))) if dataset.inputs.time.size > 1 else 0.0
-    alignment = input_alignment(in_water, time_constant, held)
+    motion = motion_of(in_water, dataset.experiment.vehicle)
+    alignment = input_alignment(in_water, motion, time_constant)
     checks += [*input_timing_checks(dataset.inputs, time_constant), *alignment_checks(alignment)]
     checks += force_checks(signals, dataset.experiment.vehicle)
     rotations = rotation_checks(aligned(in_water, alignment), time_constant)
@@ -85,6 +86,8 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     errors = lasting_errors(signals, sound)
     checks += [*rotations, *velocities, *_stability(signals), *lasting_error_checks(errors)]
     # Of sensors that contradict each other none is a witness.
+    if not any(check.passed is False and check.subject in sound for check in [*rotations, *velocities]):
+        checks += strength_checks(aligned(in_water, alignment), motion, time_constant)
     if not any(check.passed is False and check.subject in sound for check in rotations):
         swings, away = excursion_checks(signals, stepped)
         checks += swings

@@ -25,12 +25,15 @@ class Regression(NamedTuple):
         Partial.
     spread : float
         Standard deviation of what the others do not explain of the regressor.
+    independent : float
+        How many windows would tell as much if each told the same: few where a single event tells all.
     """
 
     gain: float
     error: float
     correlation: float
     spread: float
+    independent: float
 
 
 def fit(values: Array, regressor: Array, others: Sequence[Array], window: int) -> Regression | None:
@@ -65,22 +68,28 @@ def fit(values: Array, regressor: Array, others: Sequence[Array], window: int) -
             break
         weighted = _weighted(y, x, beside, np.minimum(1.0, scale / np.maximum(residual, scale)))
     if not weighted.power > 0.0:
-        return Regression(0.0, np.inf, 0.0, 0.0)
+        return Regression(0.0, np.inf, 0.0, 0.0, 0.0)
     correlation = (
         weighted.gain * np.sqrt(weighted.power / weighted.power_of_values) if weighted.power_of_values > 0.0 else 0.0
     )
     error = np.sqrt(weighted.variance / weighted.power / (windows - len(rows)))
-    return Regression(weighted.gain, float(error), float(correlation), float(np.sqrt(weighted.power)))
+    return Regression(
+        weighted.gain, float(error), float(correlation), float(np.sqrt(weighted.power)), weighted.evenness * windows
+    )
 
 
 class _Weighted(NamedTuple):
-    """A weighted least-squares fit; powers are those of what the others leave."""
+    """A weighted least-squares fit; powers are those of what the others leave.
+
+    Evenness is the share of samples that would tell as much if each told the same.
+    """
 
     gain: float
     residual: Array
     variance: float
     power: float
     power_of_values: float
+    evenness: float
 
 
 def _weighted(y: Array, x: Array, beside: Array, weights: Array) -> _Weighted:
@@ -90,7 +99,9 @@ def _weighted(y: Array, x: Array, beside: Array, weights: Array) -> _Weighted:
     # What is left of a signal that the others hold whole is rounding.
     gain, power = (float(share @ (x_left * y_left)) / power, power) if power > 1e-20 * float(x @ x) else (0.0, 0.0)
     residual = y_left - gain * x_left
-    return _Weighted(gain, residual, float(share @ residual**2), power, float(share @ y_left**2))
+    told = share * x_left**2
+    evenness = power**2 / (x.size * float(told @ told)) if power > 0.0 else 0.0
+    return _Weighted(gain, residual, float(share @ residual**2), power, float(share @ y_left**2), evenness)
 
 
 def _unit(values: Array) -> Array:

@@ -1,0 +1,63 @@
+"""How strongly fins act is held against the vehicle file, where the data tell it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from auvid_cli.data.rate_of_change import rate_of_change, response_to_rates
+from auvid_cli.inspection.inspect import inspect_dataset
+
+RUDDER, ELEVATOR = ("rudder", "strength"), ("elevator", "strength")
+
+
+def verdicts(dataset):
+    return {(check.subject, check.check): check for check in inspect_dataset(dataset).checks}
+
+
+def size(check):
+    return float(check.statistic.split()[0])
+
+
+def with_fins(dataset, factor):
+    return replace(dataset, inputs=replace(dataset.inputs, values=dataset.inputs.values * [factor, factor, 1.0, 1.0]))
+
+
+@pytest.mark.parametrize("factor", [0.5, -0.5, 2.0])
+def test_fins_in_another_unit_are_named_by_what_the_vehicle_file_promises(factor, sound_run):
+    dataset = sound_run()
+    sound, changed = verdicts(dataset), verdicts(with_fins(dataset, factor))
+    for key in (RUDDER, ELEVATOR):
+        assert sound[key].passed is True
+        assert size(sound[key]) == pytest.approx(1.0, abs=0.12)
+        assert changed[key].passed is False
+        assert size(changed[key]) == pytest.approx(size(sound[key]) / abs(factor), rel=0.02)
+        assert "`scale`" in changed[key].advice
+
+
+def test_twice_the_coefficients_in_the_file_look_like_half_the_effect(sound_run):
+    dataset = sound_run()
+    values = dataset.experiment.vehicle.all_coefficients()
+    doubled = {symbol: value * (2.0 if symbol.endswith(("dr", "de")) else 1.0) for symbol, value in values.items()}
+    vehicle = dataset.experiment.vehicle.with_coefficients(doubled)
+    told = replace(dataset, experiment=dataset.experiment.model_copy(update={"vehicle": vehicle}))
+    assert verdicts(told)[RUDDER].passed is False
+    assert size(verdicts(told)[RUDDER]) == pytest.approx(0.5 * size(verdicts(dataset)[RUDDER]), rel=0.02)
+
+
+def test_a_fin_that_hardly_moves_or_a_file_without_coefficients_tells_no_strength(sound_run):
+    dataset = sound_run()
+    empty = dataset.experiment.vehicle.model_copy(
+        update={"coefficients": type(dataset.experiment.vehicle.coefficients)()}
+    )
+    told = replace(dataset, experiment=dataset.experiment.model_copy(update={"vehicle": empty}))
+    assert not {RUDDER, ELEVATOR} & {*verdicts(told)}
+    assert ELEVATOR not in verdicts(sound_run("zigzag_20_20"))
+
+
+def test_rates_are_smoothed_as_the_change_of_their_angle_is(rng):
+    """The angle is the exact integral of rates that are linear from sample to sample."""
+    rates, step = rng.standard_normal(200), 0.1
+    angle = np.append(0.0, np.cumsum(0.5 * step * (rates[:-1] + rates[1:])))
+    assert_allclose(response_to_rates(rates, step, 5), rate_of_change(angle, step, 5), atol=1e-12)
