@@ -293,7 +293,7 @@ def main() -> None:
     runs = [(case, seed) for seed in range(1, seeds + 1) for case in CASES]
     rows = all_rows(file, runs, found).fillna({"named": ""})
     lines = [
-        f"Seeds 1 to {rows['seed'].max()}. {_summary(rows)}",
+        f"Seed{'' if seeds == 1 else 's 1 to'} {seeds}. {_summary(rows)}",
         "",
         "| written otherwise | restored | named by the map of the good log | identified | largest error / sd |",
         "| --- | --- | --- | --- | ---: |",

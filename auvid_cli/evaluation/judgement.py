@@ -25,7 +25,7 @@ from auvid_cli.evaluation.causes import (
 )
 from auvid_cli.evaluation.consistency import status_of
 from auvid_cli.evaluation.remedies import remedy_of_divergence, remedy_of_nonlinearity
-from auvid_cli.evaluation.signs import pushing_drag, unlike_the_vehicle_file
+from auvid_cli.evaluation.signs import out_of_proportion, pushing_drag, unlike_the_vehicle_file
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
 from auvid_cli.identification.faults import remedy_of_fault
 
@@ -126,7 +126,7 @@ def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | No
         return Judgement(Grade.UNJUDGED, "nobody has judged it, for there is no estimate of the smoother", remedy)
     if not reference.completed:
         return Judgement(Grade.UNJUDGED, f"the iterated smoother, which would judge it, {reference.status}")
-    return doubt or _doubt_of_distance(estimate, reference) or _doubt_of_signs(estimate) or Judgement(Grade.SOUND)
+    return doubt or _doubt_of_distance(estimate, reference) or _doubt_of_vehicle(estimate) or Judgement(Grade.SOUND)
 
 
 def _doubt_of_data(reference: Estimate) -> Judgement | None:
@@ -191,14 +191,18 @@ def _doubt_of_distance(estimate: Estimate, reference: Estimate) -> Judgement | N
     return Judgement(Grade.DOUBTFUL, reason, "use the smoother's estimate")
 
 
-def _doubt_of_signs(estimate: Estimate) -> Judgement | None:
-    """Say what no noise explains: data whose signs are turned are as consistent as those that are right."""
+def _doubt_of_vehicle(estimate: Estimate) -> Judgement | None:
+    """Say what no noise explains: data whose signs or units are others are as consistent as those that are right."""
     if pushing := pushing_drag(estimate, _NO_CHANCE):
         reason = f"drag that pushes ({', '.join(pushing)})"
         return Judgement(Grade.DOUBTFUL, reason, "a sign is turned in the data, or the model lacks a term")
     if turned := unlike_the_vehicle_file(estimate, _NO_CHANCE):
         reason = f"{', '.join(turned)} have another sign than the vehicle file states"
         remedy = "turn the sign of that fin in the map (sign: -1), or in the vehicle file if its fins count so"
+        return Judgement(Grade.DOUBTFUL, reason, remedy)
+    if far := out_of_proportion(estimate, _NO_CHANCE):
+        reason = f"{', '.join(f'{symbol} is {times:.2g} times' for symbol, times in far.items())} what the file states"
+        remedy = "look at unit and scale of that fin in the map; if they are right, mend the vehicle file"
         return Judgement(Grade.DOUBTFUL, reason, remedy)
     return None
 

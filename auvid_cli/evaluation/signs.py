@@ -1,4 +1,4 @@
-"""Signs that an identified coefficient cannot have, or that contradict the vehicle file: one is turned in the data."""
+"""What an identified coefficient cannot be, or what contradicts the vehicle file: data with another sign or unit."""
 
 from collections.abc import Mapping
 
@@ -8,6 +8,10 @@ from auvid_cli.vehicle.coefficients import DRAG_SYMBOLS
 # Drag along each axis takes energy. Positive rudder pushes the stern to starboard, a positive stern plane pushes it up.
 DRAG = dict.fromkeys(DRAG_SYMBOLS, -1)
 FINS = {"Y_uudr": 1, "N_uudr": -1, "Z_uude": -1, "M_uude": -1}
+
+# Moments of fins, and times those of the vehicle file that coefficients a third off hardly come to.
+_MOMENTS = ("N_uudr", "M_uude")
+_WEAKEST, _STRONGEST = 0.55, 1.8
 
 
 def pushing_drag(estimate: Estimate, sigmas: float) -> list[str]:
@@ -24,6 +28,19 @@ def unlike_the_vehicle_file(estimate: Estimate, sigmas: float) -> list[str]:
     """Return those of fins that have another sign than the vehicle file states."""
     stated = estimate.experiment.vehicle.coefficients.by_symbol()
     return _contradicting(estimate, {symbol: stated[symbol] for symbol in FINS if symbol in stated}, sigmas)
+
+
+def out_of_proportion(estimate: Estimate, sigmas: float) -> dict[str, float]:
+    """Return moments of fins that are surely far from those of the vehicle file, as multiples of these."""
+    stated = estimate.experiment.vehicle.coefficients.by_symbol()
+    values, deviations = estimate.final_coefficients(), estimate.final_deviations()
+    found = {}
+    for symbol in _MOMENTS:
+        if symbol in deviations and stated.get(symbol):
+            times, unsure = abs(values[symbol] / stated[symbol]), sigmas * deviations[symbol] / abs(stated[symbol])
+            if times - unsure > _STRONGEST or times + unsure < _WEAKEST:
+                found[symbol] = times
+    return found
 
 
 def _contradicting(estimate: Estimate, signs: Mapping[str, float], sigmas: float) -> list[str]:

@@ -231,3 +231,16 @@ def test_of_few_only_their_size_is_judged(rng):
 
 def test_of_none_nothing_is_said(rng):
     assert whiteness(white(rng, n=0)) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("times", "grade"), [(0.2, Grade.DOUBTFUL), (0.7, Grade.SOUND), (1.6, Grade.SOUND), (2.0, Grade.DOUBTFUL)]
+)
+def test_fins_far_stronger_or_weaker_than_the_vehicle_file_states_are_doubtful(times, grade, hand_made, rng):
+    stated = hand_made([0, 1], {"N_uudr": [0.0, 1.0]}).experiment.vehicle.all_coefficients()["N_uudr"]
+    estimate = hand_made([0, 1], {"N_uudr": [0.0, times * stated]}, innovations={"dvl": white(rng)})
+    judgement = judge([replace(estimate, filter="smoother")])["smoother"]
+    assert judgement.grade is grade
+    if grade is Grade.DOUBTFUL:
+        assert judgement.reason == f"N_uudr is {times:.2g} times what the file states"
+        assert "unit and scale" in judgement.remedy

@@ -52,9 +52,8 @@ def test_cross_flow_acts_as_the_line_that_fits_it_best_over_gaussian_motion():
     slope = np.sqrt(8.0 / np.pi) * spread
     calm, lively = (linear(vehicle, {"v": each}).by_state for each in (0.0, spread))
     without = vehicle.with_coefficients(vehicle.all_coefficients() | {"Y_v|v|": 0.0, "N_v|v|": 0.0})
-    linear = vehicle.all_coefficients()
-    as_lift = {"Y_uvl": linear["Y_uvl"] + linear["Y_v|v|"] * slope / SPEED}
-    as_lift |= {"N_uvl": linear["N_uvl"] + linear["N_v|v|"] * slope / SPEED}
+    true = vehicle.all_coefficients()
+    as_lift = {f"{row}_uvl": true[f"{row}_uvl"] + true[f"{row}_v|v|"] * slope / SPEED for row in "YN"}
     expected = linear(without.with_coefficients(without.all_coefficients() | as_lift), {}).by_state
     assert_allclose(lively[:, 1], expected[:, 1], rtol=1e-9, atol=1e-12)
     assert not np.allclose(lively[:, 1], calm[:, 1], rtol=5e-2)
