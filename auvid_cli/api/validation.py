@@ -13,7 +13,9 @@ __all__ = ["predict", "unseen_segments", "validate"]
 
 
 @typed
-def validate(data: Dataset | Sequence[Dataset], estimate: Estimate, training: Dataset | None = None) -> Validation:
+def validate(
+    data: Dataset | Sequence[Dataset], estimate: Estimate, training: Dataset | None = None, *, anew: bool = False
+) -> Validation:
     """Say how well an identified model predicts data that it has not seen, and whether its uncertainty is honest.
 
     Parameters
@@ -25,6 +27,9 @@ def validate(data: Dataset | Sequence[Dataset], estimate: Estimate, training: Da
     training : Dataset, optional
         That the estimate was made from: a copy of it, or of a part, is then refused as well. Data that were in no file
         are recognised in no other way. And by how much predictions of them are worse than stated is part of the bands.
+    anew : bool
+        Whether thrust, fin trims and ballast, as far as they are estimated, are found anew in each run, also where the
+        estimate has them as constants: a trim of one day is seldom that of another.
 
     Returns
     -------
@@ -45,4 +50,4 @@ def validate(data: Dataset | Sequence[Dataset], estimate: Estimate, training: Da
     """
     datasets = [data] if isinstance(data, Dataset) else data
     unseen = [segment for dataset in datasets for segment in unseen_segments(dataset, estimate, training)]
-    return predict(unseen, estimate, training)
+    return predict(unseen, estimate, training, anew=anew)

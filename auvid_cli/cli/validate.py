@@ -32,6 +32,9 @@ def validate(
         typer.Argument(metavar="DATASET", help="Dataset files (.h5) of other runs than it was made from."),
     ],
     use: UseOption = None,
+    anew: Annotated[
+        bool, typer.Option("--anew", help="Find thrust, fin trims and ballast anew in each run, constants too.")
+    ] = False,
     output: OutputOption = None,
     overwrite: OverwriteOption = False,
     figure_format: FigureFormatOption = None,
@@ -72,7 +75,7 @@ def validate(
         put_copy(dataset_files[0], datasets[0], folder, inputs, overwrite)
         keep_apart(tables_and_figures(folder), inputs)
         with terminal.stage("predict"):
-            validation = predict(segments, estimate, training)
+            validation = predict(segments, estimate, training, anew=anew)
         tables = validation.tables()
         laid_out = page, lambda: validation_page(validation)
         paths = write_and_draw(

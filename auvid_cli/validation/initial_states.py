@@ -87,26 +87,27 @@ class InitialStates:
     noise_factor: float = 1.0
 
 
-def with_model(dataset: Dataset, estimate: Estimate) -> Dataset:
+def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Dataset:
     """Return the data as the model sees them: its vehicle, coefficients, ballast, fins, thrust, settings; no truth.
 
-    Of ballast, fins and thrust those that walk are left to the filter that finds where predictions start.
+    Of ballast, fins and thrust those that walk are left to the filter that finds where predictions start, or all of
+    them if they are to be found anew.
     """
     earlier, identification = estimate.experiment, estimate.experiment.identification
-    walking = walks_from_run_to_run(identification)
+    own = own_of_each_run(identification, anew)
     vehicle = earlier.vehicle.with_coefficients(estimate.final_coefficients())
     inputs = as_acting(dataset.inputs, identification)
     actuators = estimate.final_actuators()
-    if BiasName.THRUST in walking:
+    if BiasName.THRUST in own:
         actuators = actuators._replace(thrust=AS_STATED.thrust)
-    if BiasName.FIN_TRIM in walking:
+    if BiasName.FIN_TRIM in own:
         actuators = AS_STATED._replace(thrust=actuators.thrust)
     values = actuators.acting(inputs.values)
-    ballast = NO_BALLAST if BiasName.BALLAST in walking else estimate.final_ballast()
+    ballast = NO_BALLAST if BiasName.BALLAST in own else estimate.final_ballast()
     ballasted = ballast.added_to(earlier.vehicle.known_parameters())
     entries = {symbol: VehicleEntry(value=value) for symbol, value in ballasted.items()}
     parameters = earlier.vehicle.parameters.model_copy(update=entries)
-    kept = tuple(block for block in identification.estimate.biases if block not in _OF_THE_MODEL or block in walking)
+    kept = tuple(block for block in identification.estimate.biases if block not in _OF_THE_MODEL or block in own)
     changes = {
         "coefficients": (),
         "prior": Prior(),
@@ -125,10 +126,14 @@ def with_model(dataset: Dataset, estimate: Estimate) -> Dataset:
     return replace(dataset, truth=None, experiment=experiment, inputs=replace(inputs, values=values), sensors=sensors)
 
 
-def walks_from_run_to_run(settings: Identification) -> tuple[BiasName, ...]:
-    """Name what of the vehicle settings take to walk, and so to begin anew in each run."""
+def own_of_each_run(settings: Identification, anew: bool = False) -> tuple[BiasName, ...]:
+    """Name what of the vehicle begins anew in each run: what settings take to walk, or all that they estimate."""
     blocks = {name: getattr(settings.estimate, name.value).blocks() for name in settings.estimate.biases}
-    return tuple(name for name in _OF_THE_MODEL if any(block.walk > 0.0 for block in blocks.get(name, ())))
+    return tuple(
+        name
+        for name in _OF_THE_MODEL
+        if any(block.walk > 0.0 or (anew and not block.shifts) for block in blocks.get(name, ()))
+    )
 
 
 def filtered_initial_states(prepared: PreparedData, wanted: Array) -> InitialStates:

@@ -23,7 +23,7 @@ from auvid_cli.validation.horizon_prediction import Bundle, Collected, evenly_sp
 from auvid_cli.validation.initial_states import (
     InitialStates,
     filtered_initial_states,
-    walks_from_run_to_run,
+    own_of_each_run,
     with_model,
 )
 from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
@@ -62,7 +62,11 @@ class _Followed(NamedTuple):
 
 
 def validate(
-    segments: Sequence[Dataset], estimate: Estimate, training: Dataset | None = None, starts: int = STARTS
+    segments: Sequence[Dataset],
+    estimate: Estimate,
+    training: Dataset | None = None,
+    starts: int = STARTS,
+    anew: bool = False,
 ) -> Validation:
     """Predict manoeuvres with an identified model; no truth is looked at.
 
@@ -78,6 +82,9 @@ def validate(
         horizon, is then part of the bands.
     starts : int
         Most starts of predictions ahead, over all segments.
+    anew : bool
+        Whether thrust, fin trims and ballast, as far as they are estimated, are those of each run, also where the
+        estimate has them as constants.
 
     Raises
     ------
@@ -87,7 +94,7 @@ def validate(
     if not estimate.completed:
         raise DataError(f"the estimate {estimate.status}: it is no model to be validated")
     models = models_of(estimate)
-    followed, too_short = _follow(segments, estimate, starts)
+    followed, too_short = _follow(segments, estimate, starts, anew)
     if not followed:
         raise DataError(too_short[0])
     sizes = signal_sizes([segment.signals for segment in followed])
@@ -95,7 +102,7 @@ def validate(
     rng = np.random.default_rng(estimate.experiment.seed)
     bundle = _bundle(models, drawn_coefficients(estimate, DRAWS, rng), estimate.coefficient_set.symbols)
     collected = _predict(followed, bundle, rng)
-    growth = {} if training is None else _growth(training, estimate, bundle, starts, rng).in_motion(sizes)
+    growth = {} if training is None else _growth(training, estimate, bundle, starts, rng, anew).in_motion(sizes)
     rows = [*free_run_rows(free, sizes), *rows_ahead(collected, bundle.names, sizes, growth)]
     numbers = [
         number
@@ -104,7 +111,7 @@ def validate(
     ]
     remarks = [
         *too_short,
-        *_remarks(segments[0], estimate, [segment.states for segment in followed], collected.blown_up),
+        *_remarks(segments[0], estimate, [segment.states for segment in followed], collected.blown_up, anew),
         *_unknown_growth(training),
         *_without_a_gyroscope(followed),
         *_taken_as_level(numbers, sizes),
@@ -122,9 +129,11 @@ def validate(
     )
 
 
-def _follow(segments: Sequence[Dataset], estimate: Estimate, starts: int) -> tuple[list[_Followed], list[str]]:
+def _follow(
+    segments: Sequence[Dataset], estimate: Estimate, starts: int, anew: bool
+) -> tuple[list[_Followed], list[str]]:
     """Filter each segment, with its share of the starts; say which are too short."""
-    prepared = [prepare(with_model(segment, estimate)) for segment in segments]
+    prepared = [prepare(with_model(segment, estimate, anew)) for segment in segments]
     signals = [measured_signals(data.measuring) for data in prepared]
     spans = [_span(data, measured) for data, measured in zip(prepared, signals, strict=True)]
     total, followed, too_short = sum(end - begin for begin, end in spans), list[_Followed](), list[str]()
@@ -156,11 +165,11 @@ def _predict(
 
 
 def _growth(
-    training: Dataset, estimate: Estimate, bundle: Bundle, starts: int, rng: np.random.Generator
+    training: Dataset, estimate: Estimate, bundle: Bundle, starts: int, rng: np.random.Generator, anew: bool
 ) -> ErrorGrowth:
     """Find by how much predictions of an estimate's own data are worse than stated."""
     own = replace(training, experiment=estimate.experiment)
-    followed, _ = _follow(used_segments(own, measuring_sensors(own)), estimate, starts)
+    followed, _ = _follow(used_segments(own, measuring_sensors(own)), estimate, starts, anew)
     sizes = signal_sizes([segment.signals for segment in followed])
     plain, shaken = (_predict(followed, bundle, rng, noise).samples for noise in (False, True))
     return error_growth(plain, shaken, sizes)
@@ -188,17 +197,17 @@ def _bundle(models: Models, drawn: Array | None, symbols: Sequence[str]) -> Bund
 
 
 def _remarks(
-    dataset: Dataset, estimate: Estimate, states: Sequence[InitialStates], blown_up: NDArray[np.bool_]
+    dataset: Dataset, estimate: Estimate, states: Sequence[InitialStates], blown_up: NDArray[np.bool_], anew: bool
 ) -> Iterator[str]:
     if other := other_vehicle(dataset, estimate):
         yield (
             f"the dataset states another vehicle ({', '.join(other)} differ); the model is the estimate's, of "
             f"{estimate.experiment.vehicle.name}"
         )
-    if walking := walks_from_run_to_run(estimate.experiment.identification):
+    if own := own_of_each_run(estimate.experiment.identification, anew):
         yield (
-            f"{', '.join(walking)}: of each run its own, as the filter that finds the starts has it by then (free run: "
-            "by the end), for it walks"
+            f"{', '.join(own)}: of each run its own, as the filter that finds the starts has it by then (free run: "
+            f"by the end), {'as asked for' if anew else 'for it walks'}"
         )
     if (noise_factor := max(found.noise_factor for found in states)) > 1.0:
         yield (

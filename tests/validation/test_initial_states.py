@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.identification.prepared_data import prepare
-from auvid_cli.validation.initial_states import filtered_initial_states, with_model
+from auvid_cli.validation.initial_states import filtered_initial_states, own_of_each_run, with_model
 from auvid_cli.vehicle.ballast import Ballast
 
 WHITE = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
@@ -91,7 +91,9 @@ def test_ballast_that_was_found_is_part_of_the_model(zigzag, with_coefficients, 
         assert model.identification.estimate.biases == ("gyro",)
 
 
-def test_a_trim_that_walks_is_found_in_the_run_that_is_predicted(simulated_with, with_coefficients, experiment_with):
+def test_a_trim_that_walks_or_is_asked_for_is_found_in_the_run_that_is_predicted(
+    simulated_with, with_coefficients, experiment_with
+):
     """Of the estimate's own run it was -2 deg; of this one it is 1.5 deg, and its ballast 4 N more."""
     blocks = "{biases: [fin_trim, ballast], fin_trim: {walk: 1e-5}, ballast: {buoyancy_walk: 1e-3}}"
     trimmed = simulated_with(ZIGZAG, WHITE, "manoeuvre.fin_trim={rudder: 1.5 deg}")
@@ -103,13 +105,20 @@ def test_a_trim_that_walks_is_found_in_the_run_that_is_predicted(simulated_with,
         for asked in ("{biases: [fin_trim, ballast]}", blocks)
     )
     assert_allclose(with_model(trimmed, constant).inputs.values[:, 0], trimmed.inputs.values[:, 0] - np.deg2rad(2.0))
-    own = with_model(trimmed, walking)
-    assert_allclose(own.inputs.values, trimmed.inputs.values)
-    assert own.experiment.vehicle.known_parameters() == trimmed.experiment.vehicle.known_parameters()
-    states = filtered_initial_states(prepare(own), np.array([5.0, 35.0]))
-    late = states.vehicle[-1] - [1.0, np.deg2rad(1.5), 0.0, 0.0, 0.0]
-    assert np.abs(late / np.maximum(states.vehicle_deviation[-1], 1e-9)).max() < 4.0
-    assert states.vehicle_deviation[-1, 1] < np.deg2rad(0.1)
-    assert states.final_vehicle[1] == pytest.approx(np.deg2rad(1.5), abs=np.deg2rad(0.3))
+    for own in (with_model(trimmed, walking), with_model(trimmed, constant, anew=True)):
+        assert_allclose(own.inputs.values, trimmed.inputs.values)
+        assert own.experiment.vehicle.known_parameters() == trimmed.experiment.vehicle.known_parameters()
+        states = filtered_initial_states(prepare(own), np.array([5.0, 35.0]))
+        late = states.vehicle[-1] - [1.0, np.deg2rad(1.5), 0.0, 0.0, 0.0]
+        assert np.abs(late / np.maximum(states.vehicle_deviation[-1], 1e-9)).max() < 4.0
+        assert states.vehicle_deviation[-1, 1] < np.deg2rad(0.1)
+        assert states.final_vehicle[1] == pytest.approx(np.deg2rad(1.5), abs=np.deg2rad(0.3))
     blind = filtered_initial_states(prepare(with_model(trimmed, constant)), np.array([5.0, 35.0]))
     assert_allclose(blind.vehicle, np.tile([1.0, 0.0, 0.0, 0.0, 0.0], (2, 1)))
+
+
+def test_only_what_walks_is_of_each_run_its_own_unless_all_is_asked_for(experiment_with):
+    asked = "{biases: [fin_trim, ballast, gyro, delay], ballast: {buoyancy_walk: 1e-3}}"
+    settings = experiment_with(f"identification.estimate={asked}").identification
+    assert own_of_each_run(settings) == ("ballast",)
+    assert own_of_each_run(settings, anew=True) == ("fin_trim", "ballast")
