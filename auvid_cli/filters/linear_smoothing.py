@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from auvid_cli.filters.problem import Gaussian, ModelData, Process, Sensors, Timeline
+from auvid_cli.filters.process_noise import noise_variance
 from auvid_cli.filters.segments import JointProblem, with_parameters
 from auvid_cli.filters.smoothing_backward import Adjoint, backward
 from auvid_cli.filters.smoothing_forward import (
@@ -255,7 +256,8 @@ class LinearSmoothing:
     def _forward(
         self, timeline: Timeline, about: Linearised, state: State, trace: Trace
     ) -> tuple[int, float, float, float]:
-        return forward(self._data, timeline, about, state, trace, self._work)
+        noise = noise_variance(self._process, timeline)
+        return forward(self._data.sensors, noise, timeline, about, state, trace, self._work)
 
 
 def is_led_to(first: Timeline) -> bool:

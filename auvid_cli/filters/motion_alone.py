@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
-from auvid_cli.filters.problem import Gaussian, ModelData, Timeline
+from auvid_cli.filters.problem import Gaussian, Timeline
+from auvid_cli.filters.process_noise import noise_variance
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoothing_forward import Linearised, Trace, Work, forward, new_state
 from auvid_cli.filters.square_root_state import State
@@ -58,7 +59,6 @@ class MotionAlone:
         self._problem, self._smoothing, self._filtered, self._segment = problem, smoothing, filtered, segment
         self._step = filtered.final.mean[: problem.n_parameters]
         n_components = problem.sensors.matrix.shape[1]
-        self._data = ModelData.of(problem.process, problem.sensors)
         self._work = Work.of(problem.process, problem.n_moving, n_components)
         self._start = new_state(self._beginning(), n_components)
 
@@ -80,7 +80,8 @@ class MotionAlone:
     def _filter(self, timeline: Timeline, about: Linearised, state: State) -> MotionChunk:
         motion, by_parameters = _given_parameters(about, self._step)
         trace, before = Trace.of(motion), state.covariance()
-        good, *_ = forward(self._data, timeline, motion, state, trace, self._work)
+        noise = noise_variance(self._problem.process, timeline)
+        good, *_ = forward(self._problem.sensors, noise, timeline, motion, state, trace, self._work)
         assert good == timeline.time.size, "a filter that knows more goes as far"
         return MotionChunk(timeline, about, motion, by_parameters, before, trace)
 

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
+from auvid_cli.filters.decay import forgetting
 from auvid_cli.filters.descent import minimise
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory
 from auvid_cli.filters.noise_scores import NoiseGroup, NoiseScores, noise_scores
@@ -95,6 +96,10 @@ class _Likelihood:
         answer = minimise(self.smoothing, trajectory, max_passes)
         return trajectory if answer is None else answer[0].trajectory
 
+    def forget_along(self, trajectory: Trajectory) -> None:
+        """Let process noise be forgotten as fast as motion is along a trajectory."""
+        self._problem = forgetting(self._problem, trajectory)
+
     def _with(self, logarithms: Array) -> None:
         self._present = scaled(self._problem, self._groups, np.exp(logarithms))
         self.smoothing.change_noise(self._present.process, self._present.sensors)
@@ -132,10 +137,12 @@ def most_likely_noise(
     if not answers:
         return None
     trajectory, x, converged = answers[0][0].trajectory, np.zeros(len(groups)), False
+    likelihood.forget_along(trajectory)
     as_stated = likelihood.at(x, trajectory)
     for _ in range(_MOST_ROUNDS):
         before, x = x, _climb(likelihood, x, trajectory)
         trajectory = likelihood.follow(trajectory, x, max_passes)
+        likelihood.forget_along(trajectory)
         if converged := bool(np.abs(x - before).max() < _SAME):
             break
     filtered = likelihood.filter(x, trajectory)

@@ -20,6 +20,7 @@ from auvid_cli.compilation import compiled
 from auvid_cli.filters.fault_scores import FaultEffects, shown_faults
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
 from auvid_cli.filters.problem import TIMELINE, Timeline
+from auvid_cli.filters.process_noise import noise_variance
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoothing_backward import (
     ADJOINT,
@@ -135,10 +136,10 @@ def _add_chunk(
 ) -> FaultEffects:
     """Add what a chunk says to the slopes; return twice its most probable noise of each group."""
     pushed, added = (np.zeros((*a.shape, len(groups))) for a in (told.process, told.sensor))
-    elapsed = np.diff(np.concatenate([[0.0], np.cumsum(timeline.substep_duration)])[timeline.substep_offset])
+    of_process = noise_variance(problem.process, timeline)
     for g, group in enumerate(groups):
         moving = list(group.moving)
-        variance = problem.process.noise_density[moving] ** 2 * elapsed[:, None]
+        variance = of_process[:, moving]
         slope[g] += (variance * (told.process[:, moving] ** 2 - told.of_process[:, moving])).sum()
         pushed[:, moving, g] = 2.0 * variance * told.process[:, moving]
         if group.sensor >= 0:

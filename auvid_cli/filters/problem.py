@@ -63,6 +63,9 @@ class Process(NamedTuple):
         What a nonlinear sensor measures of a block of states, under the inputs that hold from then on.
     linearise : compiled function of `LINEARISATION_SIGNATURE`
         What it measures of one state, shape (c,), and the derivative of that, shape (c, n).
+    decay : ndarray, shape (n_moving,) or (0,)
+        1/s; how fast each moving state forgets what drives it, see `auvid_cli.filters.process_noise`. Smoothers of the
+        data go by it where it is known.
     """
 
     advance: Any
@@ -73,6 +76,7 @@ class Process(NamedTuple):
     scratch_size: int = 0
     observe: Any = nothing_nonlinear
     linearise: Any = nothing_to_linearise
+    decay: Array = np.zeros(0)
 
 
 class Sensors(NamedTuple):

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.filters.decay import forgetting
 from auvid_cli.filters.descent import minimise
 from auvid_cli.filters.fault_scores import Faults, score_faults
 from auvid_cli.filters.huber import SET_ASIDE
@@ -91,10 +92,16 @@ def run_smoother(
     rivals = [other for rival, _ in others if (other := other_minimum(best, rival)) is not None]
     if len(problem.segments) > 1:
         rivals += answers_of_segments(problem, best)
-    found = without_motion(problem, smoothing, best, max_passes) if marginal else (best, None)
-    if found is None:
-        return _failed(problem)
-    answer, unsettled = found
+    answer, unsettled = best, None
+    if marginal:
+        # As noise was found, see `auvid_cli.filters.noise_likelihood`.
+        problem = forgetting(problem, best.trajectory)
+        smoothing.change_noise(problem.process, problem.sensors)
+        again = smoothing.filter(best.trajectory)
+        found = None if again is None else without_motion(problem, smoothing, again, max_passes)
+        if found is None:
+            return _failed(problem)
+        answer, unsettled = found
     outcome = _hand_over(smoothing, problem.sensors, answer, on_chunk, is_answer=marginal)
     if outcome.failure != OK:
         return outcome

@@ -17,6 +17,7 @@ from auvid_cli.filters.measurement import wrapped
 from auvid_cli.filters.problem import (
     LINEARISATION_SIGNATURE,
     MODEL_DATA,
+    SENSORS_TYPE,
     TIMELINE,
     TRANSITION_SIGNATURE,
     Gaussian,
@@ -216,11 +217,11 @@ def linearise_process(transition, data, timeline, about, work):
                     about.transition[event, i, j] = work.matrix[n_parameters + i, j]
 
 
-@compiled(types.boolean(_matrix, _vector, types.float64, STATE, WORK), reassociate=True, internal=True)
-def _predict(transition, noise_density, elapsed, state, work):
+@compiled(types.boolean(_matrix, _vector, STATE, WORK), reassociate=True, internal=True)
+def _predict(transition, noise, state, work):
     """Move mean and factor of the deviation; False if there is no factor."""
     n, mean, columns, rows, moved = state.n, state.mean, state.columns, work.rows, work.product
-    n_moving = noise_density.size
+    n_moving = noise.size
     n_parameters = n - n_moving
     spread = work.spread
     for i in range(spread.shape[0]):
@@ -250,7 +251,7 @@ def _predict(transition, noise_density, elapsed, state, work):
             columns[j, n_parameters + i] = moved[i, j]
         for j in range(n_moving):
             spread[i, j] = moved[i, n_parameters + j]
-        spread[i, n_moving + i] = noise_density[i] * np.sqrt(elapsed)
+        spread[i, n_moving + i] = np.sqrt(noise[i])
     if not triangularise(spread, n_moving, work.lower):
         return False
     for j in range(n_moving):
@@ -334,16 +335,18 @@ def _write_down(event, state, n_parameters, trace):
 
 @compiled(
     types.Tuple((types.int64, types.float64, types.float64, types.float64))(
-        MODEL_DATA, TIMELINE, LINEARISED, STATE, TRACE, WORK
+        SENSORS_TYPE, _matrix, TIMELINE, LINEARISED, STATE, TRACE, WORK
     ),
     reassociate=True,
 )
-def forward(data, timeline, about, state, trace, work):
+def forward(sensors, noise, timeline, about, state, trace, work):
     """Filter the deviations from a trajectory through a chunk of the data.
 
     Parameters
     ----------
-    data : ModelData
+    sensors : Sensors
+    noise : ndarray, shape (n_events, n_moving)
+        Variance of what process noise leaves at each event.
     timeline : Timeline
     about : Linearised
     state : State
@@ -363,19 +366,15 @@ def forward(data, timeline, about, state, trace, work):
     log_determinant : float
         Sum of the logarithms of the innovations' variances, by their weights.
     """
-    n, noise_density, sensors = state.n, data.noise_density, data.sensors
-    n_moving = noise_density.size
+    n, n_moving = state.n, noise.shape[1]
     n_parameters = n - n_moving
     cost, least, log_determinant = 0.0, 0.0, 0.0
     for event in range(timeline.time.size):
         first, last = timeline.substep_offset[event], timeline.substep_offset[event + 1]
         if last > first:
-            elapsed = 0.0
-            for substep in range(first, last):
-                elapsed += timeline.substep_duration[substep]
             for i in range(n_moving):
-                cost += about.defect[event, i] * about.defect[event, i] / (noise_density[i] ** 2 * elapsed)
-            if not _predict(about.transition[event], noise_density, elapsed, state, work):
+                cost += about.defect[event, i] * about.defect[event, i] / noise[event, i]
+            if not _predict(about.transition[event], noise[event], state, work):
                 return event, cost, least, log_determinant
             for i in range(n_moving):
                 state.mean[n_parameters + i] += about.defect[event, i]

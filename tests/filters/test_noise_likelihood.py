@@ -2,12 +2,22 @@
 
 import numpy as np
 import pytest
+from numba import njit
 from numpy.testing import assert_allclose
+from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal
 
 from auvid_cli.filters.linear_smoothing import LinearSmoothing, Trajectory
 from auvid_cli.filters.noise_likelihood import _climb, _intervals, _Likelihood, most_likely_noise, scaled
 from auvid_cli.filters.noise_scores import NoiseGroup
+from auvid_cli.filters.problem import (
+    PROCESS_SIGNATURE,
+    TRANSITION_SIGNATURE,
+    Gaussian,
+    Process,
+    Sensors,
+    Timeline,
+)
 from auvid_cli.filters.segments import JointProblem
 
 GROUPS = (NoiseGroup(moving=(0, 1)), NoiseGroup(moving=(2, 3)), NoiseGroup(sensor=0))
@@ -45,6 +55,65 @@ def test_noise_that_is_stated_wrongly_is_found(linear_problem, moments_of_measur
     within = (found.low <= 1.0 / wrong) & (1.0 / wrong <= found.high)
     assert within.sum() >= len(groups) - 1
     assert (np.abs(np.log(found.factor * wrong))[1:] < 1.0).all()
+
+
+@njit(PROCESS_SIGNATURE)
+def _fade(moving, parameters, inputs, constants, selection, n_lanes, duration, scratch):
+    """A velocity that forgets at a rate that is known."""
+    for k in range(n_lanes):
+        moving[k] *= np.exp(-constants[0] * duration)
+
+
+@njit(TRANSITION_SIGNATURE)
+def _fading(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
+    left = np.exp(-constants[0] * substep_duration.sum())
+    matrix[1, 0], matrix[1, 1] = 0.0, left
+    mean[1] *= left
+
+
+def test_density_is_that_of_noise_that_acts_all_along(rng):
+    """A velocity forgets much from one measurement to the next; its exact likelihood says how it is driven."""
+    n, interval, rate, noise = 400, 0.5, 1.6, 0.1
+    left = np.exp(-rate * interval)
+
+    def spread(density):
+        return density * np.sqrt((1.0 - left**2) / (2.0 * rate))
+
+    x, measured = 0.0, np.zeros(n)
+    for k in range(n):
+        x = left * x + spread(1.0) * rng.standard_normal() if k else rng.standard_normal()
+        measured[k] = x + noise * rng.standard_normal()
+
+    def minus_twice_log_likelihood(logarithm):
+        total, mean, variance = 0.0, 0.0, 1.0
+        for k in range(n):
+            if k:
+                mean, variance = left * mean, left**2 * variance + spread(np.exp(logarithm)) ** 2
+            s = variance + noise**2
+            total += (measured[k] - mean) ** 2 / s + np.log(s)
+            mean, variance = mean + variance / s * (measured[k] - mean), variance * noise**2 / s
+        return total
+
+    exact = np.exp(minimize_scalar(minus_twice_log_likelihood, (-1.0, 0.0, 1.0)).x)
+    timeline = Timeline(
+        time=interval * np.arange(n),
+        substep_offset=np.arange(n + 1) - (np.arange(n + 1) > 0),
+        substep_duration=np.full(n - 1, interval),
+        substep_input=np.zeros(n - 1, dtype=np.int64),
+        inputs=np.zeros((1, 1)),
+        event_input=np.zeros(n, dtype=np.int64),
+        measurement_offset=np.arange(n + 1),
+        measurement_sensor=np.zeros(n, dtype=np.int8),
+        measurement=measured[:, None],
+    )
+    # The parameter does nothing.
+    process = Process(_fade, _fading, np.array([rate]), np.zeros(0, dtype=np.int64), np.array([2.0]))
+    linear = np.zeros((1, 1), dtype=np.bool_)
+    sensors = Sensors(np.array([[[0.0, 1.0]]]), np.full((1, 1), noise**2), linear, linear[0])
+    problem = JointProblem(process, sensors, [[timeline]], Gaussian(np.zeros(2), np.eye(2)))
+    found = most_likely_noise(problem, [NoiseGroup(moving=(0,))], 20)
+    assert 2.0 * found.factor[0] == pytest.approx(exact, rel=0.01)
+    assert 2.0 * found.low[0] < 1.0 < 2.0 * found.high[0]
 
 
 @pytest.mark.parametrize("linear_problem", [2], indirect=True)
