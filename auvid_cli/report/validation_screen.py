@@ -12,7 +12,7 @@ from auvid_cli.report.screen import print_checks
 from auvid_cli.report.screen_table import narrowed, printed, screen_table
 from auvid_cli.report.sentence import sentence
 from auvid_cli.report.table import Cell, Column, Table
-from auvid_cli.validation.results import AHEAD, FREE_RUN, ManoeuvreNumber, Prediction, Validation
+from auvid_cli.validation.results import AHEAD, FREE_RUN, NO_WIDER, ManoeuvreNumber, Prediction, Validation
 
 _DIGITS = 3
 # What gives way where the terminal is narrow, first to last.
@@ -58,8 +58,11 @@ def _conclusion(validation: Validation) -> str:
     }
     unpredicted = {signal for signals in worse.values() for signal in signals}
     predicted = [s for s in dict.fromkeys(row.signal for row in validation.predictions) if s not in unpredicted]
-    if validation.checks.failed() or not predicted:
+    failed = {check.check for check in validation.checks if check.passed is False}
+    if failed - {NO_WIDER} or not predicted:
         conclusion = "does not predict these data."
+    elif failed:
+        conclusion = f"predicts {', '.join(predicted) + ' of ' if unpredicted else ''}these data, with bands too wide."
     elif unpredicted:
         conclusion = f"predicts {', '.join(predicted)} of these data."
     else:

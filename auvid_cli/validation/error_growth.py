@@ -9,12 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.validation.horizon_prediction import HORIZONS, Sample
+from auvid_cli.validation.horizon_prediction import HORIZONS, LARGEST, Sample
+from auvid_cli.validation.independence import independent_errors
 from auvid_cli.validation.signals import SignalSize
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS
 
 # So many errors say how large they are to a fifth.
 _FEWEST = 20
+# Standard deviations of a mean square by which it is more than chance.
+_SIGMAS = 2.0
 # What an error of a signal grows with: an angle's with its rate, that of the depth with what pitches and heaves; turns
 # in either plane slow a vehicle down and roll it.
 _TURNS = ("v", "w", "q", "r")
@@ -28,10 +31,15 @@ _GROWS_WITH = {
 }
 
 
+# A turn to either side, or up or down, slows a vehicle down by the same: what a model lacks there is of second order.
+_BY_SQUARES = "u"
+
+
 class ErrorGrowth(NamedTuple):
     """Variance of errors beyond what is stated, and how much the vehicle moved while they were made.
 
-    What a model lacks is felt in proportion to the motion: drag that is missing, lift that is not linear.
+    What a model lacks is felt in proportion to the motion: drag that is missing, lift that is not linear; in surge, to
+    the square of what turns.
 
     Attributes
     ----------
@@ -48,11 +56,15 @@ class ErrorGrowth(NamedTuple):
     moved: dict[str, float]
 
     def in_motion(self, sizes: Mapping[str, SignalSize]) -> dict[tuple[str, float], float]:
-        """Return the variance for other data beyond process noise, SI: in proportion to what moves there."""
+        """Return the variance for other data beyond process noise, SI: as there is more, or less, that moves."""
         moved = _moved(sizes)
         ratio = {symbol: moved[symbol] / self.moved[symbol] for symbol in moved if symbol in self.moved}
+
+        def grown(symbol: str, other: str) -> float:
+            return ratio[other] ** 2 if symbol == _BY_SQUARES != other else ratio[other]
+
         scale = {
-            symbol: max((ratio[other] for other in _GROWS_WITH.get(symbol, (symbol,)) if other in ratio), default=1.0)
+            symbol: max((grown(symbol, k) for k in _GROWS_WITH.get(symbol, (symbol,)) if k in ratio), default=1.0)
             for symbol in sizes
         }
         return {
@@ -63,7 +75,7 @@ class ErrorGrowth(NamedTuple):
 
 
 def error_growth(samples: Sequence[Sample], shaken: Sequence[Sample], sizes: Mapping[str, SignalSize]) -> ErrorGrowth:
-    """Find by how much mean squares of errors exceed what is stated; never less than at a shorter horizon.
+    """Find by how much mean squares of errors exceed what is stated, but by chance; never less than at a shorter one.
 
     Horizons beyond the data, and those that too few starts reach, get what the longest one has.
 
@@ -85,12 +97,24 @@ def error_growth(samples: Sequence[Sample], shaken: Sequence[Sample], sizes: Map
                 for sample, other in zip(samples, shaken, strict=True)
                 if (MOTION_AND_DEPTH_SYMBOLS[sample.target.column], sample.target.horizon) == (symbol, horizon)
             ]
-            excess = [(plain.target.measurement - plain.named[0]) ** 2 - plain.variance for plain, _ in pairs]
             added = [other.variance - plain.variance for plain, other in pairs]
-            if len(pairs) >= _FEWEST and np.isfinite([excess, added]).all():
-                largest, noise = max(largest, float(np.mean(excess))), max(noise, float(np.mean(added)))
+            excess = _excess([plain for plain, _ in pairs])
+            if len(pairs) >= _FEWEST and np.isfinite([excess, *added]).all():
+                largest, noise = max(largest, excess), max(noise, float(np.mean(added)))
             variance[symbol, horizon], by_process_noise[symbol, horizon] = largest, noise
     return ErrorGrowth(variance, by_process_noise, _moved(sizes))
+
+
+def _excess(samples: Sequence[Sample]) -> float:
+    """Return by how much the mean square of errors exceeds the stated variance; zero if it would now and then."""
+    if not samples:
+        return 0.0
+    errors = np.array([sample.target.measurement - sample.named[0] for sample in samples])
+    stated = np.array([sample.variance for sample in samples])
+    if not (np.abs(errors) < LARGEST).all():
+        return np.nan
+    excess, by_chance = float(np.mean(errors**2 - stated)), np.sqrt(2.0 / independent_errors(errors))
+    return 0.0 if excess < _SIGMAS * by_chance * stated.mean() else excess
 
 
 def _moved(sizes: Mapping[str, SignalSize]) -> dict[str, float]:

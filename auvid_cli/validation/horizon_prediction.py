@@ -10,6 +10,7 @@ from auvid_cli.config.augmented_states import BiasName
 from auvid_cli.evaluation.measurement_errors import measured_motion
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.validation.fit import PredictionFit
+from auvid_cli.validation.independence import independent_errors
 from auvid_cli.validation.initial_states import InitialStates
 from auvid_cli.validation.motion_prediction import Disturbed, Shaken, move_side_by_side, unchanged_motion
 from auvid_cli.validation.results import AHEAD, Prediction
@@ -23,7 +24,7 @@ HORIZONS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 # A horizon needs so many starts whose measurements it reaches.
 FEWEST_STARTS = 10
 # Beyond this a motion counts as blown up: its square is still a number.
-_LARGEST = 1e100
+LARGEST = 1e100
 # The measurement that is compared comes at the horizon or, at the latest, so many times as long after the start.
 _LATEST = 1.5
 _SIGMAS = 2.0
@@ -181,7 +182,7 @@ def _disturbed(
 
 def _variance(drawn: Array, centre: float) -> float:
     """Return the mean square about the identified model of the draws that did not blow up; NaN if they are too few."""
-    sound = drawn[np.abs(drawn) < _LARGEST]
+    sound = drawn[np.abs(drawn) < LARGEST]
     return float(np.square(sound - centre).mean()) if sound.size > 0.5 * drawn.size else np.nan
 
 
@@ -210,7 +211,7 @@ def rows_ahead(
             whole = fits["identified"]._replace(spread=len(samples) * size.variance)
             deviation = np.sqrt([sample.variance + growth.get((symbol, horizon), 0.0) for sample in samples])
             has_band = bool(np.isfinite(deviation).all() and fits["identified"].rmse is not None)
-            within = np.abs(measured - predicted[:, 0]) <= _SIGMAS * deviation
+            errors = (measured - predicted[:, 0]) / deviation if has_band else np.zeros(0)
             yield Prediction(
                 symbol,
                 MOTION_AND_DEPTH[column].unit,
@@ -224,7 +225,8 @@ def rows_ahead(
                 fits["vehicle_file"].rmse if "vehicle_file" in fits else None,
                 PredictionFit.of(measured, np.array([sample.unchanged for sample in samples])).rmse,
                 float(np.sqrt(np.square(deviation).mean())) if has_band else None,
-                float(within.mean()) if has_band else None,
+                float((np.abs(errors) <= _SIGMAS).mean()) if has_band else None,
                 drawn,
                 blown_up,
+                independent_errors(errors) if has_band else None,
             )

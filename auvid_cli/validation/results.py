@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from auvid_cli.evaluation.judgement import Judgement
 
 FREE_RUN, AHEAD = "free_run", "ahead"
+# The check that a model fails which is better than it says.
+NO_WIDER = "no wider than its errors"
 
 
 class Prediction(NamedTuple):
@@ -43,6 +45,8 @@ class Prediction(NamedTuple):
     draws, draws_blown_up : int or None
         Sets of coefficients drawn from the estimate's covariance, and how many of these blew up on the way from
         one of the starts or another; those are in no band.
+    independent : float or None
+        Of how many independent errors those of all starts say as much, see `auvid_cli.validation.independence`.
     """
 
     signal: str
@@ -60,6 +64,7 @@ class Prediction(NamedTuple):
     share_within_band: float | None = None
     draws: int | None = None
     draws_blown_up: int | None = None
+    independent: float | None = None
 
 
 class ManoeuvreNumber(NamedTuple):

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from auvid_cli.data.check import Check
 from auvid_cli.validation.initial_states import LARGEST_NIS
-from auvid_cli.validation.results import AHEAD, Prediction
+from auvid_cli.validation.results import AHEAD, NO_WIDER, Prediction
 
 # Standard deviations of a measurement from which an error is more than noise.
 _SIGMAS = 3.0
@@ -18,6 +18,8 @@ _SMALLEST_SHARE, _LARGEST_SHARE = 0.85, 0.995
 _FEWEST = 60
 # A band of which the stated noise of the measurement is so much says nothing of the model where it is too wide.
 _MOSTLY_NOISE = 0.7
+# Of so many independent errors a band that is right leaves out at least one with a probability of 95 %, 1 - 0.95^59.
+_ENOUGH = 59.0
 
 
 def verdicts(
@@ -129,29 +131,30 @@ def _band(name: str, rows: Sequence[Prediction]) -> list[Check]:
 
 
 def _not_too_wide(name: str, rows: Sequence[Prediction]) -> Check:
-    """Note, by signal and over all horizons, bands that are never left.
+    """Judge, by signal and over all horizons, whether bands are never left.
 
-    That is no failure: the coefficients' error is the same from every start, and may be less than their deviation.
+    The coefficients' error is the same from every start, and may be less than their deviation: only signals count of
+    which, at some horizon, enough errors are independent.
     """
     within: dict[str, float] = {}
     for signal in dict.fromkeys(row.signal for row in rows):
         own = [row for row in rows if row.signal == signal and (row.expected_rmse or 0.0) * _MOSTLY_NOISE > row.noise]
+        if not any((row.independent or 0.0) >= _ENOUGH for row in own):
+            continue
         if count := sum(row.measurements for row in own):
             within[signal] = sum((row.share_within_band or 0.0) * row.measurements for row in own) / count
-    check = "no wider than its errors"
     if not within:
-        statistic, threshold = "bands are mostly noise", "more than noise"
-        return Check.of(name, "ahead", check, statistic=statistic, threshold=threshold, passed=True, advice="")
+        statistic, threshold = "-", f"{_ENOUGH:g} independent errors of more than noise"
+        return Check.of(name, "ahead", NO_WIDER, statistic=statistic, threshold=threshold, passed=True, advice="")
     return Check.of_values(
         name,
         "ahead",
-        check,
+        NO_WIDER,
         within,
         limit=_LARGEST_SHARE,
         meaning="of the errors within two sigma",
-        advice="The model is better than its bands: by chance, or there is less process noise than stated (`auvid "
-        "tune`).",
-        fails=False,
+        advice="The model is better than its bands: there is less process noise than stated (`auvid tune`), or its own "
+        "data were harder to predict.",
     )
 
 

@@ -30,11 +30,20 @@ def test_what_exceeds_the_stated_variance_grows_with_the_motion():
     assert growth.in_motion(own)["v", 1.0] == pytest.approx(0.13)
 
 
-def test_turns_carry_errors_of_surge():
+def test_turns_carry_errors_of_surge_by_their_square_and_those_of_roll_as_they_are():
     own, other = ({"u": signal(0.01, 0.1), "r": signal(0.01, spread)} for spread in (0.1, 0.2))
+    for symbol, expected in {"u": 16.0 * 0.09, "p": 4.0 * 0.09}.items():
+        sizes = [{symbol: signal(0.01, 0.1)} | each for each in (own, other)]
+        errors = samples(symbol, 1.0, [0.3] * 40, 0.0)
+        growth = error_growth(errors, errors, sizes[0])
+        assert growth.in_motion(sizes[1])[symbol, 1.0] == pytest.approx(expected, rel=0.05)
+        assert growth.in_motion(sizes[0])[symbol, 1.0] == pytest.approx(0.09)
+
+
+def test_of_surge_itself_errors_grow_with_it():
+    own, other = ({"u": signal(0.01, spread), "r": signal(0.01, 0.1)} for spread in (0.1, 0.2))
     errors = samples("u", 1.0, [0.3] * 40, 0.0)
-    growth = error_growth(errors, errors, own)
-    assert growth.in_motion(other)["u", 1.0] == pytest.approx(4.0 * 0.09, rel=0.05)
+    assert error_growth(errors, errors, own).in_motion(other)["u", 1.0] == pytest.approx(4.0 * 0.09, rel=0.05)
 
 
 def test_errors_that_are_expected_or_few_add_nothing():

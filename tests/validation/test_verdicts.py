@@ -6,9 +6,11 @@ from auvid_cli.validation.results import AHEAD, Prediction
 from auvid_cli.validation.verdicts import verdicts
 
 
-def row(signal="r", horizon=1.0, rmse=0.02, prior=1.0, unchanged=0.5, share=0.95, expected=0.01, count=100):
+def row(
+    signal="r", horizon=1.0, rmse=0.02, prior=1.0, unchanged=0.5, share=0.95, expected=0.01, count=100, independent=60.0
+):
     errors = 90.0, rmse, prior, None, unchanged, expected
-    return Prediction(signal, "rad/s", AHEAD, horizon, count, 0.01, *errors, share, 50, 0)
+    return Prediction(signal, "rad/s", AHEAD, horizon, count, 0.01, *errors, share, 50, 0, independent)
 
 
 def verdict_on(check, rows, excursion=None, nis=None, status="completed"):
@@ -51,12 +53,19 @@ def test_errors_beyond_the_band_fail():
     assert verdict_on("explained by its uncertainty", [row(), row("v", share=0.5, count=20)]).passed is True
 
 
-def test_a_band_that_is_never_left_is_noted_where_it_is_more_than_noise():
+def test_a_band_that_is_never_left_fails_where_it_is_more_than_noise():
     rows = [row(share=1.0), row("v", share=1.0, expected=0.05), row("v", 5.0, share=0.98, expected=0.05)]
     assert verdict_on("no wider than its errors", rows[:1]).passed is True
     assert verdict_on("no wider than its errors", rows).passed is True
     verdict = verdict_on("no wider than its errors", rows[:2])
-    assert (verdict.passed, verdict.statistic) == (None, "v 1")
+    assert (verdict.passed, verdict.statistic) == (False, "v 1")
+
+
+def test_a_band_that_few_independent_errors_never_left_may_be_right():
+    rows = [row("v", horizon, share=1.0, expected=0.05, independent=50.0) for horizon in (1.0, 5.0)]
+    assert verdict_on("no wider than its errors", rows).passed is True
+    one_says_enough = [*rows, row("v", 10.0, share=1.0, expected=0.05)]
+    assert verdict_on("no wider than its errors", one_says_enough).passed is False
 
 
 def test_running_away_and_losing_the_motion_fail():
