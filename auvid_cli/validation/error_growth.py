@@ -8,11 +8,14 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from auvid_cli.validation.horizon_prediction import HORIZONS, LARGEST, Sample
 from auvid_cli.validation.independence import independent_errors
 from auvid_cli.validation.signals import SignalSize
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS
+
+Array = NDArray[np.float64]
 
 # So many errors say how large they are to a fifth.
 _FEWEST = 20
@@ -90,31 +93,55 @@ def error_growth(samples: Sequence[Sample], shaken: Sequence[Sample], sizes: Map
     """
     variance, by_process_noise = {}, {}
     for symbol in sizes:
-        largest, noise = 0.0, 0.0
+        of_signal = [
+            (sample, other)
+            for sample, other in zip(samples, shaken, strict=True)
+            if MOTION_AND_DEPTH_SYMBOLS[sample.target.column] == symbol
+        ]
+        seen = _Errors.by_horizon([sample for sample, _ in of_signal])
+        grows, largest, noise = _is_more_than_chance([*seen.values()]), 0.0, 0.0
         for horizon in HORIZONS:
-            pairs = [
-                (sample, other)
-                for sample, other in zip(samples, shaken, strict=True)
-                if (MOTION_AND_DEPTH_SYMBOLS[sample.target.column], sample.target.horizon) == (symbol, horizon)
-            ]
-            added = [other.variance - plain.variance for plain, other in pairs]
-            excess = _excess([plain for plain, _ in pairs])
-            if len(pairs) >= _FEWEST and np.isfinite([excess, *added]).all():
-                largest, noise = max(largest, excess), max(noise, float(np.mean(added)))
+            if horizon in seen:
+                added = [
+                    other.variance - plain.variance for plain, other in of_signal if plain.target.horizon == horizon
+                ]
+                largest = max(largest, seen[horizon].excess if grows else 0.0)
+                noise = max(noise, float(np.mean(added)))
             variance[symbol, horizon], by_process_noise[symbol, horizon] = largest, noise
     return ErrorGrowth(variance, by_process_noise, _moved(sizes))
 
 
-def _excess(samples: Sequence[Sample]) -> float:
-    """Return by how much the mean square of errors exceeds the stated variance; zero if it would now and then."""
-    if not samples:
-        return 0.0
-    errors = np.array([sample.target.measurement - sample.named[0] for sample in samples])
-    stated = np.array([sample.variance for sample in samples])
-    if not (np.abs(errors) < LARGEST).all():
-        return np.nan
-    excess, by_chance = float(np.mean(errors**2 - stated)), np.sqrt(2.0 / independent_errors(errors))
-    return 0.0 if excess < _SIGMAS * by_chance * stated.mean() else excess
+class _Errors(NamedTuple):
+    """Errors of one signal at one horizon, SI, from start to start, and their variance as stated."""
+
+    error: Array
+    stated: Array
+
+    @classmethod
+    def by_horizon(cls, samples: Sequence[Sample]) -> "dict[float, _Errors]":
+        """Collect those of the horizons that enough starts reach, and at which nothing blew up."""
+        found = {}
+        for horizon in HORIZONS:
+            own = [sample for sample in samples if sample.target.horizon == horizon]
+            error = np.array([sample.target.measurement - sample.named[0] for sample in own])
+            stated = np.array([sample.variance for sample in own])
+            if len(own) >= _FEWEST and (np.abs(error) < LARGEST).all() and np.isfinite(stated).all():
+                found[horizon] = cls(error, stated)
+        return found
+
+    @property
+    def excess(self) -> float:
+        """Return by how much their mean square exceeds what is stated."""
+        return float(np.mean(self.error**2 - self.stated))
+
+
+def _is_more_than_chance(horizons: Sequence[_Errors]) -> bool:
+    """Say whether squares of a signal's errors, over all horizons, exceed what is stated by more than they scatter."""
+    shares = [each.error / np.sqrt(each.stated) for each in horizons]
+    if not shares:
+        return False
+    independent = sum(independent_errors(share) for share in shares)
+    return float(np.mean(np.concatenate(shares) ** 2)) - 1.0 > _SIGMAS * np.sqrt(2.0 / independent)
 
 
 def _moved(sizes: Mapping[str, SignalSize]) -> dict[str, float]:

@@ -141,11 +141,15 @@ def test_it_predicts_a_zigzag_that_it_has_never_seen(loosely_identified, recorde
     fits = {row.signal: row.fit_percent for row in found.predictions if row.kind == "free_run"}
     assert fits["v"] > 90.0
     assert min(fits["r"], fits["psi"]) > 80.0
-    # Errors grow as on run E, in proportion to the motion; but for surge and roll, of which that model has other terms.
-    assert [check.check for check in found.checks if check.passed is False] == ["explained by its uncertainty"]
+    # Errors grow as on run E, in proportion to the motion; but for roll, of which that model has other terms. Heave and
+    # pitch, of which nothing is missing, have the process noise that stands for what is missing of sway and yaw.
+    failed = {check.check: check.statistic for check in found.checks if check.passed is False}
+    assert set(failed) == {"explained by its uncertainty", "no wider than its errors"}
+    assert failed["explained by its uncertainty"].startswith("p at")
+    assert set(failed["no wider than its errors"].split()[::2]) == {"w", "q"}
     held = {(row.signal, row.horizon_s): row.share_within_band for row in found.predictions if row.kind == "ahead"}
-    assert min(held[signal, horizon] for signal in "vwqr" for horizon in (0.5, 5.0, 50.0)) > 0.85
-    assert held["u", 50.0] < 0.85
+    assert min(held[signal, horizon] for signal in "uvwqr" for horizon in (0.5, 5.0, 50.0)) > 0.85
+    assert held["p", 5.0] < 0.85
 
 
 def test_run_e_is_refused_as_validation_of_itself(loosely_identified, training):
