@@ -1,6 +1,7 @@
 """The site of the documentation: built as CONTRIBUTING says, warnings as errors; without any network."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -11,9 +12,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from docs.equations import SuperFencesException, mathml
+from docs.site_markdown import SuperFencesException, mathml
 
 ROOT = Path(__file__).parents[1]
+CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
 DOCS = ROOT / "docs"
 # What a browser fetches by itself; links that a person follows are others.
 FETCHED = {"audio", "embed", "iframe", "img", "link", "object", "script", "source", "track", "video"}
@@ -76,11 +78,42 @@ def test_equations_are_drawn_by_the_browser_alone(site):
     assert "```" not in drawn
 
 
+def test_bars_in_the_code_of_a_table_have_no_backslash(site):
+    text = re.sub("<pre>.*?</pre>", "", (site / "theory.html").read_text(encoding="utf-8"), flags=re.DOTALL)
+    assert "<code>Y_v|v|</code>" in text
+    assert "\\|" not in text
+
+
 def test_search_finds_pages_by_their_words(site):
     items = json.loads((site / "search.json").read_text(encoding="utf-8"))["items"]
     assert {"how-to/tune-noise.html", "glossary.html"} <= {
         item["location"].partition("#")[0] for item in items if "process noise" in item["text"].lower()
     }
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: apt-get install chromium, or name one by CHROMIUM")
+def test_a_reader_without_a_network_searches_and_finds(site):
+    sync_api = pytest.importorskip("playwright.sync_api")
+    complaints = []
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        tab = browser.new_page(viewport={"width": 400, "height": 900}, offline=True)
+        tab.on("console", lambda message: complaints.append(message.text))
+        tab.on("pageerror", lambda error: complaints.append(str(error)))
+        tab.on(
+            "request",
+            lambda request: request.url.startswith(("file:", "data:", "blob:")) or complaints.append(request.url),
+        )
+        tab.goto((site / "theory.html").as_uri())
+        assert tab.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        font = "document.fonts.load('1em \"Noto Sans Math\"').then(found => found.length)"
+        assert tab.evaluate(font) == 1
+        tab.keyboard.press("Control+k")
+        tab.keyboard.type("normalised innovation squared")
+        tab.get_by_text(re.compile(r"^[1-9]\d* results?$")).wait_for(timeout=10_000)
+        browser.close()
+    assert complaints == []
 
 
 @pytest.mark.parametrize(
@@ -91,7 +124,7 @@ def test_what_is_wrong_on_a_page_ends_the_build(tmp_path, text, ends):
     settings = yaml.safe_load(
         re.sub(r"!!python/name:\S+|(?s:\nnav:.*)", "", (DOCS / "mkdocs.yml").read_text(encoding="utf-8"))
     )
-    settings["markdown_extensions"] = ["docs.equations"]
+    settings["markdown_extensions"] = ["docs.site_markdown"]
     (tmp_path / "mkdocs.yml").write_text(yaml.safe_dump(settings), encoding="utf-8")
     (tmp_path / "index.md").write_text(f"# Page\n\n{text}\n", encoding="utf-8")
     assert build(tmp_path).returncode == ends
