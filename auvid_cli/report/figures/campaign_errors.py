@@ -3,8 +3,10 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
@@ -23,6 +25,10 @@ _HATCHES = ("", "////", "xxxx", "....")
 _WIDTH = 0.8
 _MOST_PANELS = 12
 _LARGEST = 1e3
+# Runs that have quartiles.
+_FEWEST = 4
+# From the bottom of an axis to its top, at least this factor.
+_LEAST_SPAN = 4.0
 
 
 def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, str]) -> Figure:
@@ -50,34 +56,68 @@ def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, s
             of_filter = cell[cell["filter"] == name]
             by_level = [of_filter if along is None else of_filter[of_filter[along] == level] for level in levels]
             places = np.arange(len(levels), dtype=np.float64) + _WIDTH * ((k + 0.5) / len(looks) - 0.5)
-            _draw_boxes(axes, by_level, places, 0.85 * _WIDTH / len(looks), look)
+            width, marker = 0.85 * _WIDTH / len(looks), FILTER_STYLES[filters[name]].marker
+            _draw_runs(axes, by_level, places, width, look, marker)
             _write_losses(axes, by_level, places)
         _tidy_errors(axes)
         head(axes, title)
     axes_list[-1].set_xticks(range(len(levels)), [plain(setting_text(level)) for level in levels])
     axes_list[-1].set_xlabel(plain(along or ""), fontsize=9)
-    words = ["box: quartiles, whiskers: 5 to 95 %"]
+    _leave_room(axes_list)
+    most = int(ended(runs).groupby([runs["filter"], *(runs[column] for column in columns)]).sum().max())
+    words = ["a mark for each run" if most < _FEWEST else "box: quartiles, whiskers: 5 to 95 %"]
     words += ["red: share that did not end"] * (not ended(runs).all())
     words += [f"{len(cells) - len(panels)} more combinations: see the tables"] * (len(cells) > len(panels))
-    handles = [Patch(label=plain(name), **look) for name, look in looks.items()]
+    handles: list[Artist] = [Patch(label=plain(name), **look) for name, look in looks.items()]
+    if most < _FEWEST:
+        handles = [
+            Line2D(
+                [],
+                [],
+                marker=FILTER_STYLES[filters[name]].marker,
+                color=look["facecolor"],
+                linestyle="",
+                label=plain(name),
+                markeredgecolor="black",
+            )
+            for name, look in looks.items()
+        ]
     legend_above(figure, [*handles, *(Patch(label=text, color="none") for text in words)])
     return figure
 
 
-def _draw_boxes(axes: Axes, by_level: list["pd.DataFrame"], places: Array, width: float, look: dict[str, Any]) -> None:
-    errors = (runs["steady_state_error_percent"].dropna().to_numpy() for runs in by_level)
+def _draw_runs(
+    axes: Axes, by_level: list["pd.DataFrame"], places: Array, width: float, look: dict[str, Any], marker: str
+) -> None:
+    """Draw a box of the errors at each level or, where they are too few for quartiles, a mark for each."""
+    errors = [runs["steady_state_error_percent"].dropna().clip(upper=_LARGEST).to_numpy() for runs in by_level]
+    few = [place for place, values in enumerate(errors) if values.size < _FEWEST]
+    for place in few:
+        at = np.full(errors[place].size, places[place])
+        axes.plot(at, errors[place], marker, color=look["facecolor"], markeredgecolor="black", markersize=6.0)
+    many = [place for place in range(len(errors)) if place not in few]
+    if not many:
+        return
     boxes = axes.boxplot(
-        [np.minimum(values, _LARGEST) for values in errors],
-        positions=places,
+        [errors[place] for place in many],
+        positions=places[many],
         widths=width,
         whis=(5, 95),
         manage_ticks=False,
         patch_artist=True,
         medianprops={"color": "white", "linewidth": 1.0},
-        flierprops={"markersize": 2.0, "markeredgecolor": "0.5"},
+        flierprops={"marker": marker, "markersize": 3.0, "markeredgecolor": "0.3", "markerfacecolor": "none"},
     )
     for box in boxes["boxes"]:
         box.set(**look)
+
+
+def _leave_room(panels: NDArray[Any]) -> None:
+    """Let errors that hardly differ look alike: an axis spans a factor of four at least."""
+    low, high = panels[0].get_ylim()
+    if 0.0 < low < high < _LEAST_SPAN * low:
+        room = np.sqrt(_LEAST_SPAN * low / high)
+        panels[0].set_ylim(low / room, high * room)
 
 
 def _write_losses(axes: Axes, by_level: list["pd.DataFrame"], places: Array) -> None:
@@ -136,7 +176,7 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
         decades = np.log10(np.minimum(error, _LARGEST))
         image = axes.imshow(decades, vmin=lowest, vmax=highest, cmap="viridis_r", aspect="auto")
         for i, j in np.ndindex(len(rows), len(cols)):
-            text = f"{error[i, j]:.2g}" if np.isfinite(error[i, j]) else "-"
+            text = _rounded(float(error[i, j])) if np.isfinite(error[i, j]) else "-"
             text += f"\n{lost[i, j]:.0%} lost" if lost[i, j] > 0.0 else ""
             text += f"\n{belied[i, j]:.0%} incons." if belied[i, j] > 0.0 else ""
             is_dark = decades[i, j] > 0.5 * (lowest + highest)
@@ -151,8 +191,13 @@ def map_figure(table: "pd.DataFrame", columns: list[str], filters: dict[str, str
     if image is not None:
         bar = figure.colorbar(image, ax=panels.tolist(), shrink=0.8)
         bar.set_label("median error (%),\ndarker is larger", fontsize=8)
-        bar.ax.yaxis.set_major_formatter(lambda decades, _: f"{10.0**decades:.2g}")
+        bar.ax.yaxis.set_major_formatter(lambda decades, _: _rounded(10.0**decades))
     return figure
+
+
+def _rounded(percent: float) -> str:
+    """Write two digits, not as a power of ten."""
+    return f"{float(f'{percent:.2g}'):g}"
 
 
 def _looks(filters: dict[str, str]) -> dict[str, dict[str, Any]]:

@@ -31,8 +31,9 @@ Array = NDArray[np.float64]
 _COLUMNS = 4
 _ROOM = Room(across=0.15)
 _LINE_POINTS, _BAND_POINTS = 200, 100
-# Percents that are drawn at most, and how far below the least of the final bands.
-_HIGHEST, _BELOW = 1e3, 0.03
+# Percents that are drawn at most unless lines end higher, how far above where they end, below the least of the final
+# bands, and from the bottom to the top.
+_HIGHEST, _ABOVE, _BELOW, _SPAN = 1e3, 3.0, 0.03, 1e9
 
 
 def convergence_figure(symbols: Sequence[str], estimates: list[Course], true: dict[str, float]) -> Figure:
@@ -88,15 +89,21 @@ def _draw_panel(axes: Axes, symbol: str, estimates: list[Course], true: float | 
 
 
 def _limits(symbols: Sequence[str], estimates: list[Course], true: dict[str, float]) -> tuple[float, float]:
-    """Return the least and the greatest percents of all panels, by the bands at the end and at the beginning."""
-    bands = []
-    for estimate in estimates:
+    """Return the least and the greatest percents of all panels: by the bands at both ends, and by where lines end."""
+    # A filter that diverged would squash the others, so it counts only where it is alone.
+    counting = [estimate for estimate in estimates if estimate.completed] or estimates
+    bands, ends = [], []
+    for estimate in counting:
         for symbol in symbols:
             if symbol in estimate.state and estimate.time.size:
                 column = estimate.state.index(symbol)
-                origin = origin_of(true.get(symbol), float(estimate.mean[-1, column]))
-                ends = 200.0 * estimate.standard_deviation[[0, -1], column] / abs(origin or np.nan)
-                bands.append(ends[ends > 0.0])
+                final = float(estimate.mean[-1, column])
+                origin = origin_of(true.get(symbol), final)
+                if origin is not None:
+                    deviation = estimate.standard_deviation[[0, -1], column]
+                    bands.append(200.0 * deviation[deviation > 0.0] / abs(origin))
+                    ends.append(np.array([100.0 * abs(final / origin - 1.0)]))
     low, high = value_range(*bands) or (0.1, _HIGHEST)
-    high = min(high, _HIGHEST)
-    return min(_BELOW * low, 0.01 * high), high
+    _, last = value_range(*ends) or (0.0, 0.0)
+    high = max(min(high, _HIGHEST), min(_ABOVE * last, _HIGHEST**2))
+    return min(max(_BELOW * low, high / _SPAN), 0.01 * high), high

@@ -20,8 +20,10 @@ from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, SENSORS, Quan
 
 Array = NDArray[np.float64]
 
-# Parts of a run of which the residuals are averaged.
-_SPANS = 120
+# Parts of a run of which the residuals are averaged at most, and samples that each has about, at least.
+_MOST_PARTS, _FEWEST = 120, 3
+# Of the means of all filters, so many percent set the scale, where noise does not.
+_MOST = 95.0
 _NOISE = "0.85"
 
 
@@ -47,12 +49,11 @@ def free_run_figure(sensors: dict[str, SensorRecord], runs: dict[str, FreeRun]) 
     handles: list[Artist] = [*filter_handles(runs, marked=True)]
     wanted = _panels(sensors)
     begin, end = value_range(*(panel.time for panel in wanted)) or (0.0, 1.0)
-    edges = np.linspace(begin, max(end, begin + 1e-3), _SPANS + 1)
     handles.append(Patch(color=_NOISE, linewidth=0, label="±2 standard deviations of the means, of noise alone"))
     figure, panels = new_panels(len(wanted), 3, 1.7, handles, Room(), (begin, end))
     for axes, panel in zip(panels, wanted, strict=True):
-        _draw_panel(axes, panel, runs, edges)
-    name_values(figure, f"measured - free run, mean over {edges[1] - edges[0]:.2g} s")
+        _draw_panel(axes, panel, runs, (begin, max(end, begin + 1e-3)))
+    name_values(figure, "means of measured - free run")
     return figure
 
 
@@ -68,12 +69,14 @@ def _panels(sensors: dict[str, SensorRecord]) -> list[_Panel]:
     return sorted(found, key=lambda panel: MOTION_AND_DEPTH_SYMBOLS.index(state_of(panel.quantity)))
 
 
-def _draw_panel(axes: Axes, panel: _Panel, runs: dict[str, FreeRun], edges: Array) -> None:
+def _draw_panel(axes: Axes, panel: _Panel, runs: dict[str, FreeRun], span: tuple[float, float]) -> None:
     scale = scale_of(panel.quantity)
     name_panel(axes, f"{symbol_math(panel.quantity.symbol)}, {panel.sensor} ({scale.unit})")
+    parts = int(np.clip(panel.time.size // _FEWEST, 1, _MOST_PARTS))
+    edges = np.linspace(*span, parts + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    place = np.clip(np.searchsorted(edges, panel.time, side="right") - 1, 0, _SPANS - 1)
-    count = np.bincount(place, minlength=_SPANS).astype(np.float64)
+    place = np.clip(np.searchsorted(edges, panel.time, side="right") - 1, 0, parts - 1)
+    count = np.bincount(place, minlength=parts).astype(np.float64)
     count[count == 0.0] = np.nan
     noise = 2.0 * scale.factor * panel.noise / np.sqrt(count)
     axes.fill_between(middle, -noise, noise, color=_NOISE, linewidth=0, zorder=1.0)
@@ -82,13 +85,18 @@ def _draw_panel(axes: Axes, panel: _Panel, runs: dict[str, FreeRun], edges: Arra
         left = free_run_residual(panel.quantity, panel.time, panel.values, run)
         if left is None:
             continue
-        mean = scale.factor * np.bincount(place, left, _SPANS) / count
+        mean = scale.factor * np.bincount(place, left, parts) / count
         means.append(mean)
-        axes.plot(middle, mean, **FILTER_STYLES[name].marked_line(position, _SPANS), zorder=2.0 + 0.1 * position)
+        axes.plot(middle, mean, **FILTER_STYLES[name].marked_line(position, parts), zorder=2.0 + 0.1 * position)
     if value_range(*means) is None:
         say(axes, "no free run")
         return
-    # Of a model that blew up no more is shown than of what was measured.
-    height = scale.factor * float(np.ptp(panel.values)) or 1.0
-    within = [mean[np.abs(mean) <= height] for mean in means]
-    axes.set_ylim(*around(value_range(noise, -noise), value_range(*within)))
+    axes.set_ylim(*_limits(noise, means))
+
+
+def _limits(noise: Array, means: list[Array]) -> tuple[float, float]:
+    """Leave room for the noise and for most of what is usual of the best model: one that blew up would hide it."""
+    sizes = [np.percentile(np.abs(mean[np.isfinite(mean)]), _MOST) for mean in means if np.isfinite(mean).any()]
+    largest = max(float(np.nanmax(noise)), 1.3 * float(min(sizes)))
+    every = value_range(*means)
+    return around((-largest, largest), every)

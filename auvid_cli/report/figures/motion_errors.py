@@ -29,8 +29,8 @@ from auvid_cli.vehicle.parameters import MOTION, Quantity
 Array = NDArray[np.float64]
 
 _POINTS = 250
-# Half the height of a panel in usual bands.
-_HIGHEST = 2.0
+# Half the height of a panel in usual bands, or in usual errors: those that so many percent do not reach.
+_HIGHEST, _MOST = 2.0, 90.0
 
 
 def motion_error_figure(truth: TruthRecord, estimates: list[Course]) -> Figure:
@@ -72,7 +72,12 @@ def _draw_panel(axes: Axes, quantity: Quantity, time: Array, true: Array, estima
 
 
 def _height(drawn: list[tuple[Array, Array]]) -> float:
-    """Return half the height of a panel: all errors, but no more than a few times the usual band of the widest."""
-    usual = max((float(np.nanmedian(band)) for _, band in drawn if np.isfinite(band).any()), default=0.0)
+    """Return half the height of a panel: all errors, but no more than a few times what is usual later on."""
+    usual = 0.0
+    for error, band in drawn:
+        for values, share in ((band, 50.0), (np.abs(error), _MOST)):
+            late = values[values.size // 2 :]
+            late = late[np.isfinite(late)]
+            usual = max(usual, float(np.percentile(late, share)) if late.size else 0.0)
     _, largest = value_range(*(np.abs(error) for error, _ in drawn)) or (0.0, 0.0)
     return max(1.2 * usual, min(1.1 * largest, _HIGHEST * usual)) or 1.1 * largest or 1.0

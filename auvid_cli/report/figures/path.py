@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 
 _HEIGHT = 5.8
 _POINTS, _POINTS_IN_SPACE = 1000, 500
+# From its start a path is drawn, in extents of the first.
+_FARTHEST = 2.0
 _SHADOW: dict[str, Any] = {"color": "0.75", "linewidth": 0.8}
 _ENDS = (("start", "o", "white"), ("end", "s", "0.4"))
 
@@ -82,12 +84,22 @@ def _tracks(truth: TruthRecord | None, estimates: list[Course]) -> list[_Track]:
             position = truth.position[known]
             start = position[0]
             tracks.append(_Track("true", truth.time[known], position, TRUE_LINE))
-    for estimate in estimates:
+    # Those that ended set the scale where there is no truth.
+    for estimate in sorted(estimates, key=lambda estimate: not estimate.completed):
         position = start + dead_reckoned(estimate.time, estimate.mean[:, -N_MOTION:])
+        if tracks:
+            position = _as_far_as_others(position, tracks[0].position)
         if len(position) > 1:
             line = FILTER_STYLES[estimate.filter].line()
             tracks.append(_Track(filter_label(estimate.filter), estimate.time[: len(position)], position, line))
     return tracks
+
+
+def _as_far_as_others(position: Array, first: Array) -> Array:
+    """Cut a path, of a filter that diverged, where it has left the surroundings of the first."""
+    room = _FARTHEST * max(float(np.ptp(first, axis=0).max()), 1.0)
+    beyond = np.linalg.norm(position - first[0], axis=1) > room
+    return position[: int(beyond.argmax())] if beyond.any() else position
 
 
 def _draw_in_space(axes: Axes3D, tracks: list[_Track]) -> None:
