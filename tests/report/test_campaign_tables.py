@@ -95,6 +95,17 @@ def test_one_axis_or_none_has_boxes_too():
         assert len(axes.patches) == 1
 
 
+def test_runs_too_few_for_quartiles_are_drawn_one_by_one():
+    rows = rows_of("ckf", 1.0, "slow", 1.0, 0)
+    runs = find(rows[rows["seed"] == 1], []).runs
+    figure = spread_figure(runs, [], {"ckf": "ckf"})
+    (axes,) = figure.axes
+    assert [list(line.get_ydata()) for line in axes.lines] == [[pytest.approx(1.01)]]
+    low, high = axes.get_ylim()
+    assert high / low >= 3.9, "a difference of nothing does not fill the axis"
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["ckf", "a mark for each run"]
+
+
 def test_a_campaign_of_which_all_runs_were_lost_is_told_as_well(tmp_path):
     rows = pd.concat([rows_of(name, 1.0, "slow", 1.0, SEEDS) for name in ("ckf", "ekf")], ignore_index=True)
     findings = find(rows, ["rate", "identification.prior.factor"])

@@ -34,10 +34,10 @@ def mission_figure(
     grid = figure.add_gridspec(3, 2, width_ratios=[1.0, 1.1])
     fins, thrust, depth = (figure.add_subplot(grid[row, 0]) for row in range(3))
     track, bars = figure.add_subplot(grid[:2, 1]), figure.add_subplot(grid[2, 1])
-    for column, name, color in ((0, "rudder", _DESIGNED), (1, "elevator", _SPIRAL)):
-        fins.plot(time, np.rad2deg(inputs[:, column]), color=color, linewidth=0.9, label=name)
+    for column, name, color, dashes in ((0, "rudder", _DESIGNED, "-"), (1, "elevator", _SPIRAL, (0, (4, 1.5)))):
+        fins.plot(time, np.rad2deg(inputs[:, column]), color=color, linewidth=0.9, linestyle=dashes, label=name)
     thrust.plot(time, inputs[:, 2], color="black", linewidth=0.9)
-    _label(fins, "fins (deg)")
+    _label(fins, "fins (°)")
     _label(thrust, "thrust (N)")
     legend_above(figure, fins.lines)
     low, middle, high = band.position[:, 2].T
@@ -82,4 +82,4 @@ def _draw_percents(axes: Axes, symbols: tuple[str, ...], percents: dict[str, Arr
     axes.tick_params(labelsize=7)
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_ylabel("expected sd (%)", fontsize=9)
-    axes.legend(frameon=False, fontsize=8, ncols=2, loc="upper right")
+    axes.legend(frameon=False, fontsize=8, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0)

@@ -25,6 +25,8 @@ MISSING = "—"
 _LONG = 40
 # Whole names: those of a vehicle's own terms may begin like one of these.
 _NAMED = re.compile(rf"(?<![\w|])(?:{'|'.join(map(re.escape, sorted(SYMBOLS, key=len, reverse=True)))})(?![\w|])")
+# Between a name, or a sign, and the number that ends what is said of it.
+_TIED = re.compile(r"(?<=[\w|=±<>]) (?=[-+]?\d[\d.e+-]*(?:[,;)]|$))")
 _GREEK = {"phi": "φ", "theta": "θ", "psi": "ψ", "delta": "δ"}
 
 
@@ -69,6 +71,11 @@ def with_symbols(text: str) -> list[tuple[str, str]]:
         pieces.append((text[last : match.start()] + letter, below))
         last = match.end()
     return [*pieces, (text[last:], "")]
+
+
+def tied(text: str) -> str:
+    """Let no line end between a name and its number."""
+    return _TIED.sub("\N{NO-BREAK SPACE}", text)
 
 
 def shown(cell: Cell) -> ShownCell:

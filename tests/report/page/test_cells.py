@@ -1,6 +1,6 @@
 import pytest
 
-from auvid_cli.report.page.cells import heading_rows, shown, symbol_parts, with_symbols
+from auvid_cli.report.page.cells import heading_rows, shown, symbol_parts, tied, with_symbols
 from auvid_cli.report.table import Column, PlusMinus, Symbol, Table, Unidentified, UnitCell
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
@@ -69,3 +69,17 @@ def test_groups_stand_above_their_columns():
         ("RMSE, paper", 1, 1),
     ]
     assert [h.text for h in lower] == ["EKF", "CKF", "EKF"]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("theta 1, phi 1, psi 0.999", "theta~1, phi~1, psi~0.999"),
+        ("theta by surge_force 0.321, phi by p -1e-05", "theta by surge_force~0.321, phi by p~-1e-05"),
+        ("0.9879 to 1.012 (chi-squared, 99%), tolerance 0.05", "0.9879 to 1.012 (chi-squared, 99%), tolerance~0.05"),
+        ("<= 4", "<=~4"),
+        ("over 20 lags", "over 20 lags"),
+    ],
+)
+def test_no_line_ends_between_a_name_and_its_number(text, expected):
+    assert tied(text) == expected.replace("~", "\N{NO-BREAK SPACE}")
