@@ -91,12 +91,12 @@ def _draw_panel(axes: Axes, panel: _Panel, runs: dict[str, FreeRun], span: tuple
     if value_range(*means) is None:
         say(axes, "no free run")
         return
-    axes.set_ylim(*_limits(noise, means))
+    axes.set_ylim(*_limits(noise, means, scale.factor * float(np.ptp(panel.values))))
 
 
-def _limits(noise: Array, means: list[Array]) -> tuple[float, float]:
-    """Leave room for the noise and for most of what is usual of the best model: one that blew up would hide it."""
+def _limits(noise: Array, means: list[Array], height: float) -> tuple[float, float]:
+    """Leave room for the noise, and for most of what the best model leaves, up to the height of what was measured."""
     sizes = [np.percentile(np.abs(mean[np.isfinite(mean)]), _MOST) for mean in means if np.isfinite(mean).any()]
-    largest = max(float(np.nanmax(noise)), 1.3 * float(min(sizes)))
+    largest = max(float(np.nanmax(noise)), min(1.3 * float(min(sizes)), height))
     every = value_range(*means)
     return around((-largest, largest), every)

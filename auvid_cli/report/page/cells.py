@@ -73,7 +73,7 @@ def with_symbols(text: str) -> list[tuple[str, str]]:
     return [*pieces, (text[last:], "")]
 
 
-def tied(text: str) -> str:
+def with_ties(text: str) -> str:
     """Let no line end between a name and its number."""
     return _TIED.sub("\N{NO-BREAK SPACE}", text)
 

@@ -1,6 +1,6 @@
 import pytest
 
-from auvid_cli.report.page.cells import heading_rows, shown, symbol_parts, tied, with_symbols
+from auvid_cli.report.page.cells import heading_rows, shown, symbol_parts, with_symbols, with_ties
 from auvid_cli.report.table import Column, PlusMinus, Symbol, Table, Unidentified, UnitCell
 from auvid_cli.vehicle.coefficients import SYMBOLS
 
@@ -82,4 +82,4 @@ def test_groups_stand_above_their_columns():
     ],
 )
 def test_no_line_ends_between_a_name_and_its_number(text, expected):
-    assert tied(text) == expected.replace("~", "\N{NO-BREAK SPACE}")
+    assert with_ties(text) == expected.replace("~", "\N{NO-BREAK SPACE}")
