@@ -1,12 +1,13 @@
 """auvid design."""
 
+from contextlib import ExitStack
 from pathlib import Path
-from time import monotonic
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from auvid_cli.cli.design_options import envelope_of, place_of, quantity_of, refuse_what_stands
+from auvid_cli.cli.design_search import Limits, search_on, spread_over
 from auvid_cli.cli.options import (
     ExperimentArgument,
     FigureFormatOption,
@@ -19,9 +20,6 @@ from auvid_cli.cli.options import (
 )
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.errors import ConfigError
-
-if TYPE_CHECKING:
-    from auvid_cli.api.design import Reached, Task
 
 
 def _limit(name: str, what: str) -> typer.models.OptionInfo:
@@ -37,6 +35,7 @@ def design(
     pitch: Annotated[str | None, _limit("pitch", "Largest pitch. Default: 40 deg.")] = None,
     roll: Annotated[str | None, _limit("roll", "Largest roll. Default: 40 deg.")] = None,
     speed: Annotated[str | None, _limit("speed", "Least speed. Default: 0.4 of the cruise.")] = None,
+    energy: Annotated[str | None, _limit("energy", "Largest work of the thrust, without losses. Default: any.")] = None,
     fins: Annotated[str | None, _limit("fins", "Largest fin angle. Default: the manoeuvre's limits.")] = None,
     fin_rate: Annotated[str | None, _limit("fin-rate", "Largest fin rate. Default: the manoeuvre's limits.")] = None,
     chosen: Annotated[
@@ -52,6 +51,15 @@ def design(
         Path | None,
         typer.Option("--at", metavar="ESTIMATE", help="Draw vehicles from this estimate (.h5).", show_default=False),
     ] = None,
+    given: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--given",
+            metavar="DATASET",
+            help="Count what this dataset (.h5) says as known already; repeatable.",
+            show_default=False,
+        ),
+    ] = None,
     spread: Annotated[
         str | None,
         _limit("spread", "Draw vehicles so far about the vehicle file's values. Default: as it states, else 30 %."),
@@ -62,6 +70,15 @@ def design(
         int | None,
         typer.Option(
             "--generations", metavar="N", min=1, help="Search so many generations instead.", show_default=False
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler",
+            metavar="ADDRESS",
+            help="Dask scheduler, such as tcp://10.0.0.1:8786. Default: the cores of this machine.",
+            show_default=False,
         ),
     ] = None,
     origin: Annotated[
@@ -80,7 +97,8 @@ def design(
 
     Manoeuvres are tried on vehicles drawn about what is known, with process noise, in an envelope that all of them
     keep. What comes out is compared with spiral, doublets and zigzag on vehicles that the search has not seen; where
-    the spiral is as good, it is written. Ctrl-C ends the search and keeps the best so far.
+    the spiral is as good, it is written. Ctrl-C ends the search and keeps the best so far; one that was killed goes on
+    by the same command.
     """
     with reporting_errors():
         from auvid_cli.config.load import find_experiment, load_with_files
@@ -90,8 +108,9 @@ def design(
         loaded, read = load_with_files(find_experiment(experiment), overrides(settings, seed))
         place, paths = place_of(origin), [output / name for name in _FILES]
         refuse_what_stands(paths, overwrite)
-        keep_apart(paths, [*read, *([] if at is None else [at])])
-        envelope = envelope_of(box=box, depth=depth, pitch=pitch, roll=roll, speed=speed)
+        sources = [*([] if at is None else [at]), *(given or ())]
+        keep_apart([*paths, output / _STATE], [*read, *sources])
+        envelope = envelope_of(box=box, depth=depth, pitch=pitch, roll=roll, speed=speed, energy=energy)
         limit = None if generations else quantity_of("budget", budget, "s")
         length = quantity_of("duration", duration, "s")
         fin_angle = None if fins is None else quantity_of("fins", fins, "rad", 1.6)
@@ -101,7 +120,7 @@ def design(
             raise ConfigError(f"--criterion {criterion}: expected D or worst")
         with terminal.compiling():
             from auvid_cli.api import design as api
-            from auvid_cli.api.files import read_estimate
+            from auvid_cli.api.files import read_dataset, read_estimate
             from auvid_cli.report.design_screen import print_design, sentences
             from auvid_cli.report.figures.draw import drawing
         wish = api.Wish(
@@ -114,11 +133,18 @@ def design(
             draws,
             share,
         )
-        with api.designing(loaded, wish, None if at is None else read_estimate(at)) as task:
+        with ExitStack() as stack:
+            spread_out = None if scheduler is None else stack.enter_context(spread_over(scheduler))
+            estimate = None if at is None else read_estimate(at)
+            data = {str(path): read_dataset(path) for path in given or ()}
+            task = stack.enter_context(api.designing(loaded, wish, estimate, data, spread_out))
             terminal.say(f"{loaded.vehicle.name}: {draws} drawn from {task.belief.origin}")
             for name in api.left_out(loaded):
                 terminal.say(f"note: not counted: {name}")
-            reached = _search(task, terminal, limit, generations)
+            for path in data:
+                terminal.say(f"known already: what {path} says")
+            key = api.search_key(loaded, wish, sources)
+            reached = search_on(task, terminal, Limits(generations, limit), output / _STATE, key, overwrite)
             with terminal.stage("compare"):
                 result = api.conclude(task, reached)
                 gain = "the spiral itself" if result.is_own else f"x{result.gain:.2f} over the spiral"
@@ -135,27 +161,4 @@ def design(
 
 
 _FILES = "manoeuvre.yaml", "inputs.csv", "track.geojson", "timeline.md", "checklist.md", "result.md"
-
-
-def _search(task: "Task", terminal: Terminal, limit: float | None, generations: int | None) -> "Reached":
-    """Look for better manoeuvres until the time or the generations are over, or somebody interrupts."""
-    from auvid_cli.api.design import searching
-
-    start, latest = monotonic(), None
-    with terminal.progress("design") as (bar,):
-        try:
-            for progress in searching(task):
-                latest, elapsed = progress, monotonic() - start
-                note = f", {progress.evaluations} manoeuvres, x{task.gain_of(progress.best):.2f} so far"
-                if generations is not None:
-                    bar(progress.generation, generations, note)
-                elif limit is not None:
-                    bar(min(elapsed, limit), limit, note)
-                if progress.generation == generations or (limit is not None and elapsed >= limit):
-                    break
-        except KeyboardInterrupt:
-            if latest is None:
-                raise
-            terminal.say("interrupted: the best so far is kept")
-    assert latest is not None, "a search has a first generation"
-    return latest
+_STATE = "search.json"

@@ -1,4 +1,4 @@
-"""What a designed run may not leave: room, attitude, speed."""
+"""What a designed run may not leave: room, attitude, speed, energy."""
 
 from typing import Annotated
 
@@ -21,4 +21,7 @@ class Envelope(Settings):
     roll: Annotated[_Inclination, Field(description="largest roll, either way")] = float(np.deg2rad(40.0))
     speed: Annotated[
         float | None, Amount("m/s"), Field(gt=0, description="least speed after the start; else 0.4 of the cruise")
+    ] = None
+    energy: Annotated[
+        float | None, Amount("J"), Field(gt=0, description="largest work of the thrust, without losses; else any")
     ] = None

@@ -34,6 +34,7 @@ EXAMPLES = {
     "rad/s": ("an angular rate", "0.2 deg/s"),
     "N": ("a force", "466 N"),
     "N*m": ("a moment", "2 N*m"),
+    "J": ("an energy", "20 kJ"),
     "kg": ("a mass", "47.5 kg"),
     "kg/m^3": ("a density", "1025 kg/m^3"),
     "1": ("a share", "50 %"),

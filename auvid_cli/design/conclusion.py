@@ -1,6 +1,6 @@
 """What came of a search: the designed run beside those that are usually sailed, on vehicles that it has not seen."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from auvid_cli.design.search import Reached
 from auvid_cli.design.task import Task
 from auvid_cli.design.trials import Trial, sail, sizes_of
 from auvid_cli.design.variables import candidates
-from auvid_cli.errors import ConfigError
+from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.simulation.true_motion import Truth
 
 Array = NDArray[np.float64]
@@ -23,8 +23,8 @@ WORTH_WHILE = 1.1
 # Of a coefficient's size, %: what is known worse is named, and at least the worst three.
 _BADLY, _NAMED = 20.0, 3
 _TOGETHER, _HARDLY = 0.95, 0.5
-# Parts of a run after which it is said how much is known.
-_PARTS = 4
+# Parts of a run after which it is said how much is known, and how many times as long it might be.
+_PARTS, _LONGER = 4, (2.0, 4.0)
 
 
 class Poor(NamedTuple):
@@ -57,7 +57,8 @@ class Design(NamedTuple):
     soonest : float or None
         After so many seconds of that run as much is known as the experiment's own tells in the whole; None if never.
     growth : tuple of (float, float)
-        After so many seconds of that run the geometric mean of the standard deviations, %.
+        After so many seconds of that run the geometric mean of the standard deviations, %; last, of runs of its kind
+        that are twice and four times as long, as far as they can be sailed.
     progress : Reached
     symbols : tuple of str
         Of the coefficients.
@@ -105,7 +106,7 @@ def conclude(task: Task, progress: Reached) -> Design:
         truth,
         posterior,
         _soonest(posterior, of_own[1], chosen),
-        _growth(posterior, sizes_of(task.nominal), chosen),
+        (*_growth(posterior, sizes_of(task.nominal), chosen), *_longer(task, manoeuvre, chosen)),
         progress,
         task.belief.symbols,
     )
@@ -140,6 +141,16 @@ def _growth(posterior: Posterior, sizes: Array, chosen: Sequence[int]) -> tuple[
     percent = 100.0 * posterior.deviation[np.ix_(ticks, chosen)] / sizes[chosen]
     means = np.exp(np.log(percent).mean(axis=1))
     return tuple(zip(posterior.time[ticks].tolist(), means.tolist(), strict=True))
+
+
+def _longer(task: Task, manoeuvre: AnyManoeuvre, chosen: Sequence[int]) -> Iterator[tuple[float, float]]:
+    for times in _LONGER:
+        try:
+            _, posterior = _nominal_run(task, manoeuvre.model_copy(update={"duration": times * manoeuvre.duration}))
+        except SimulationError:
+            return
+        percent = 100.0 * posterior.deviation[-1, chosen] / sizes_of(task.nominal)[chosen]
+        yield float(posterior.time[-1]), float(np.exp(np.log(percent).mean()))
 
 
 def _poor(task: Task, posterior: Posterior, percent: Array, chosen: Sequence[int]) -> tuple[Poor, ...]:

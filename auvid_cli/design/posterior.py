@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from auvid_cli.compilation import compiled
 from auvid_cli.config.experiment import Experiment
@@ -34,12 +35,15 @@ class Knowledge(NamedTuple):
     measured_density : ndarray, shape (9,)
         Of the noise of what measures each motion state: its standard deviation by the root of its rate; infinite where
         nothing does.
+    covariance : ndarray, shape (m, m)
+        Of the coefficients before the run, in units of `prior_std`.
     """
 
     prior_std: Array
     initial_std: Array
     noise_density: Array
     measured_density: Array
+    covariance: Array
 
 
 class Posterior(NamedTuple):
@@ -60,8 +64,14 @@ class Posterior(NamedTuple):
     covariance: Array
 
 
-def knowledge_of(experiment: Experiment) -> Knowledge:
+def knowledge_of(experiment: Experiment, in_hand: Array | None = None) -> Knowledge:
     """Collect what the settings of an experiment say of priors and noise.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    in_hand : ndarray, shape (m, m), optional
+        Fisher information of earlier data about the vehicle's coefficients, SI.
 
     Notes
     -----
@@ -76,12 +86,25 @@ def knowledge_of(experiment: Experiment) -> Knowledge:
         for quantity, deviation in zip(SENSORS[name], settings.stated_standard_deviation(), strict=True):
             density[MOTION_SYMBOLS.index(quantity.symbol)] = deviation / np.sqrt(settings.rate)
     noise, initial = identification.process_noise, identification.initial_motion
+    prior_std = np.array(
+        [priors[s].standard_deviation if s in estimated else 0.0 for s in vehicle.coefficient_set.symbols]
+    )
     return Knowledge(
-        np.array([priors[s].standard_deviation if s in estimated else 0.0 for s in vehicle.coefficient_set.symbols]),
+        prior_std,
         np.repeat([initial.velocity, initial.rate, initial.attitude], 3),
         np.repeat([noise.velocity, noise.rate, noise.attitude], 3),
         density,
+        _known_before(prior_std, in_hand),
     )
+
+
+def _known_before(prior_std: Array, in_hand: Array | None) -> Array:
+    """Return the covariance in units of the prior: that of the prior, or of the prior and earlier data."""
+    free = prior_std > 0.0
+    if in_hand is None:
+        return np.diag(free.astype(float))
+    information = np.eye(prior_std.size) + in_hand * np.outer(prior_std, prior_std)
+    return np.linalg.inv(information).astype(np.float64) * np.outer(free, free)
 
 
 def left_out(experiment: Experiment) -> list[str]:
@@ -128,7 +151,7 @@ class _Workspace(NamedTuple):
 
 
 _WORKSPACE = types.NamedTuple((_matrix, _matrix, _matrix, _vector, _vector, _matrix, _vector), _Workspace)
-_KNOWLEDGE = types.NamedUniTuple(_vector, len(Knowledge._fields), Knowledge)
+_KNOWLEDGE = types.NamedTuple((_vector, _vector, _vector, _vector, _matrix), Knowledge)
 
 
 @compiled(types.void(_vector, _WORKSPACE), internal=True)
@@ -213,7 +236,7 @@ def posterior_along(truth: Truth, knowledge: Knowledge) -> Posterior:
     m = knowledge.prior_std.size
     terms = m - N_COEFFICIENTS
     work = _Workspace(
-        np.diag(np.concatenate([(knowledge.prior_std > 0.0).astype(float), knowledge.initial_std**2])),
+        np.ascontiguousarray(block_diag(knowledge.covariance, np.diag(knowledge.initial_std**2))),
         np.zeros((N_MOTION, m + N_MOTION)),
         np.zeros((N_MOTION, m)),
         np.zeros(m + N_MOTION),

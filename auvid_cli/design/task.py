@@ -1,5 +1,6 @@
 """What is to be designed, and the vehicles that it is designed for and judged by."""
 
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,10 @@ Array = NDArray[np.float64]
 HELD_OUT = 8
 # Random streams: of the vehicles that are seen, of those that are not, and of those that the band of a track is from.
 _SEEN, _UNSEEN, _BAND = 1, 2, 3
+
+
+# Fisher information about the vehicle's coefficients, SI, shape (m, m), at values of them by symbol.
+InHand = Callable[[Mapping[str, float]], Array]
 
 
 class Wish(NamedTuple):
@@ -94,7 +99,13 @@ class Task(NamedTuple):
         return trial.mean_gain_over(self.own)
 
 
-def set_task(experiment: Experiment, wish: Wish, estimate: Estimate | None = None, spread: Map = map) -> Task:
+def set_task(
+    experiment: Experiment,
+    wish: Wish,
+    estimate: Estimate | None = None,
+    in_hand: InHand | None = None,
+    spread: Map = map,
+) -> Task:
     """Draw vehicles and lay out what a search may vary.
 
     Parameters
@@ -103,6 +114,8 @@ def set_task(experiment: Experiment, wish: Wish, estimate: Estimate | None = Non
     wish : Wish
     estimate : Estimate, optional
         Of an earlier run: vehicles are drawn from it.
+    in_hand : callable, optional
+        What earlier data say of the coefficients, see `InHand`.
     spread : callable
         As `map`, see `Bench`.
 
@@ -118,7 +131,9 @@ def set_task(experiment: Experiment, wish: Wish, estimate: Estimate | None = Non
     if odd := [symbol for symbol in wish.chosen if symbol not in estimated]:
         raise ConfigError(f"--for {odd[0]}: is not estimated in this experiment; there are {', '.join(estimated)}")
     belief = belief_of_vehicle(vehicle, wish.spread) if estimate is None else belief_of_estimate(estimate, vehicle)
-    knowledge, chosen = knowledge_of(experiment), wish.chosen or estimated
+    mean = dict(zip(belief.symbols, belief.mean.tolist(), strict=True))
+    known, chosen = None if in_hand is None else in_hand(mean), wish.chosen or estimated
+    knowledge = knowledge_of(experiment, known)
 
     def bench(number: int, stream: int, limits: Envelope, least: float) -> Bench:
         vehicles = drawn_vehicles(vehicle, belief, number, [experiment.seed, stream])
@@ -131,7 +146,7 @@ def set_task(experiment: Experiment, wish: Wish, estimate: Estimate | None = Non
         belief,
         knowledge,
         chosen,
-        vehicle.with_coefficients(dict(zip(belief.symbols, belief.mean.tolist(), strict=True))),
+        vehicle.with_coefficients(mean),
         space_about(own, vehicle.size.length, -belief.mean[belief.symbols.index("X_u|u|")], envelope),
         slowest,
         seen,

@@ -1,6 +1,7 @@
 """A manoeuvre tried on many drawn vehicles: what it would tell of each, and whether it stays in its envelope."""
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -100,7 +101,7 @@ class Trial(NamedTuple):
             return np.exp(np.log(home).mean(axis=0))
 
 
-# As the built-in `map`, perhaps by several threads.
+# As the built-in `map`, perhaps by several threads or machines.
 Map = Callable[[Callable[[Any], Flight], Iterable[Any]], Iterable[Flight]]
 
 
@@ -119,7 +120,7 @@ class Bench:
     slowest : float
         m/s.
     spread : callable
-        As `map`; the compiled core lets other threads run.
+        As `map`; the compiled core lets other threads run, and all that it is given can travel to other machines.
     """
 
     def __init__(
@@ -139,7 +140,7 @@ class Bench:
 
     def try_out(self, manoeuvre: AnyManoeuvre) -> Trial:
         """Let all vehicles sail a manoeuvre."""
-        flights = list(self._map(lambda vehicle: self._fly(vehicle, manoeuvre), self._vehicles))
+        flights = list(self._map(partial(fly, manoeuvre=manoeuvre, knowledge=self._knowledge), self._vehicles))
         home = [flight.extent for flight in flights if flight.extent is not None]
         return Trial(
             manoeuvre,
@@ -148,23 +149,31 @@ class Bench:
             [excess(extent, self._envelope, self._slowest) for extent in home],
         )
 
-    def _fly(self, drawn: tuple[VehicleSettings, Array], manoeuvre: AnyManoeuvre) -> Flight:
-        vehicle, sizes = drawn
-        try:
-            truth = sail(vehicle, manoeuvre)
-        except SimulationError:
-            return Flight(np.full(sizes.size, np.nan), None)
-        posterior = posterior_along(truth, self._knowledge)
-        percent = 100.0 * posterior.deviation[-1] / sizes
-        if not np.isfinite(percent).all():
-            raise SimulationError(f"the covariance of {vehicle.name} was lost to rounding; state a narrower prior")
-        return Flight(percent, extent_of(truth, manoeuvre.excitation.fade_in))
-
     def _measure(self, flight: Flight) -> float:
         if flight.extent is None:
             return np.inf
         logarithms = np.log(flight.percent[self._chosen])
         return float(logarithms.mean() if self._criterion == "D" else logarithms.max())
+
+
+def fly(drawn: tuple[VehicleSettings, Array], manoeuvre: AnyManoeuvre, knowledge: Knowledge) -> Flight:
+    """Let one vehicle, with the sizes of its coefficients, sail a manoeuvre, and say what that would tell.
+
+    Raises
+    ------
+    SimulationError
+        If rounding has the last word.
+    """
+    vehicle, sizes = drawn
+    try:
+        truth = sail(vehicle, manoeuvre)
+    except SimulationError:
+        return Flight(np.full(sizes.size, np.nan), None)
+    posterior = posterior_along(truth, knowledge)
+    percent = 100.0 * posterior.deviation[-1] / sizes
+    if not np.isfinite(percent).all():
+        raise SimulationError(f"the covariance of {vehicle.name} was lost to rounding; state a narrower prior")
+    return Flight(percent, extent_of(truth, manoeuvre.excitation.fade_in))
 
 
 def sail(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre) -> Truth:

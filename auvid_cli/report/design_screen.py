@@ -68,7 +68,10 @@ def sentences(design: "Design") -> list[str]:
         lines.append(
             f"After {design.soonest:.0f} of {design.posterior.time[-1]:.0f} s it has told what the spiral tells in all."
         )
-    course = ", ".join(f"{percent:.2g} % after {time:.0f} s" for time, percent in design.growth)
+    end = design.posterior.time[-1]
+    course = ", ".join(f"{percent:.2g} % after {time:.0f} s" for time, percent in design.growth if time <= end)
     lines.append(f"Mean sd with the vehicle as it is believed to be: {course}.")
+    if longer := [f"{percent:.2g} % in {time:.0f} s" for time, percent in design.growth if time > end]:
+        lines.append(f"A longer run of this kind, if there is room for it: {', '.join(longer)}.")
     lines += [f"{poor.symbol} stays at {poor.percent:.2g} %: {poor.why}." for poor in design.poor]
     return lines

@@ -1,14 +1,20 @@
 """`auvid design`."""
 
+import json
+import re
+
 import pytest
+from distributed import LocalCluster
 
 from auvid_cli.api import design as api
 from auvid_cli.config.load import find_experiment, load_experiment
+from auvid_cli.data.dataset_file import write_dataset
+from auvid_cli.simulation.simulate import simulate
 
 from .conftest import assert_one_clear_complaint, auvid
 
 QUICK = "remus100", "--duration", "20 s", "--draws", "1", "--generations", "1"
-FILES = {"manoeuvre.yaml", "inputs.csv", "track.geojson", "timeline.md", "checklist.md", "result.md"}
+FILES = {"manoeuvre.yaml", "inputs.csv", "track.geojson", "timeline.md", "checklist.md", "result.md", "search.json"}
 
 
 @pytest.fixture(autouse=True)
@@ -32,8 +38,8 @@ def test_a_crew_gets_its_files_and_reads_how_good_the_run_is(tmp_path):
 def test_an_interrupt_keeps_the_best_so_far(tmp_path, monkeypatch):
     search = api.searching
 
-    def interrupted(task):
-        yield next(search(task))
+    def interrupted(task, before):
+        yield next(search(task, before))
         raise KeyboardInterrupt
 
     monkeypatch.setattr(api, "searching", interrupted)
@@ -56,12 +62,60 @@ def test_an_interrupt_keeps_the_best_so_far(tmp_path, monkeypatch):
         (("--for", "N_x"), ("--for N_x: is not estimated",)),
         (("--box", "5 m", "--generations", "1"), ("relax --box",)),
         (("--at", "nowhere.h5"), ("nowhere.h5",)),
+        (("--given", "nowhere.h5"), ("nowhere.h5",)),
+        (("--energy", "3 m"), ("--energy: expected an energy such as 20 kJ",)),
+        (("--energy", "1 J", "--generations", "1"), ("relax --energy", "kJ'")),
     ],
 )
 def test_what_cannot_be_is_one_line_that_names_the_option(options, words, tmp_path):
     result = auvid("design", "remus100", "--duration", "20 s", "--draws", "1", *options, cwd=tmp_path)
     assert_one_clear_complaint(result, *words)
     assert not (tmp_path / "mission/manoeuvre.yaml").exists()
+
+
+def test_the_same_command_goes_on_where_a_search_was_ended_and_another_is_refused(tmp_path):
+    assert auvid("design", *QUICK, cwd=tmp_path).exit_code == 0
+    further = auvid("design", *QUICK[:-1], "2", "--overwrite", cwd=tmp_path)
+    assert further.exit_code == 0, further.output
+    assert "goes on after 1 generations" in further.stdout
+    state = tmp_path / "mission/search.json"
+    assert len(json.loads(state.read_text())["costs"]) == 2
+    for path in (tmp_path / "mission").iterdir():
+        if path.is_file() and path != state:
+            path.unlink()
+    other = auvid("design", *QUICK, "--seed", "5", cwd=tmp_path)
+    assert_one_clear_complaint(other, "search.json is of a search with other settings", "--overwrite")
+    state.write_text('{"kind": "auvid design search", "costs": [[1], []]}')
+    assert_one_clear_complaint(auvid("design", *QUICK, cwd=tmp_path), "search.json: is damaged")
+
+
+def test_what_data_in_hand_say_counts_as_known(tmp_path):
+    write_dataset(tmp_path / "dive.h5", simulate(remus("manoeuvre.duration=30 s")))
+    plain = auvid("design", *QUICK, cwd=tmp_path)
+    informed = auvid("design", *QUICK, "--given", "dive.h5", "--output", "second", cwd=tmp_path)
+    assert informed.exit_code == 0, informed.output
+    assert "known already: what dive.h5 says" in informed.stdout
+    means = [float(re.search(r"be: ([\d.]+) % after 5 s", result.stdout)[1]) for result in (plain, informed)]
+    assert means[1] < 0.7 * means[0]
+    write_dataset(
+        tmp_path / "few.h5", simulate(remus("manoeuvre.duration=5 s", "identification.coefficients=[N_uudr]"))
+    )
+    refused = auvid("design", *QUICK, "--given", "few.h5", "--output", "third", cwd=tmp_path)
+    assert_one_clear_complaint(refused, "--given few.h5: holds X_u|u|", "identification.coefficients")
+
+
+def remus(*overrides):
+    return load_experiment(find_experiment("remus100"), overrides)
+
+
+def test_workers_of_a_dask_scheduler_find_the_same(tmp_path):
+    assert auvid("design", *QUICK, "--output", "here", cwd=tmp_path).exit_code == 0
+    with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
+        scheduler = "--scheduler", cluster.scheduler_address
+        there = auvid("design", *QUICK, "--output", "there", *scheduler, cwd=tmp_path)
+    assert there.exit_code == 0, there.output
+    texts = [(tmp_path / folder / "manoeuvre.yaml").read_text() for folder in ("here", "there")]
+    assert texts[0] == texts[1]
 
 
 def test_what_a_filter_would_use_besides_is_said_not_to_count(tmp_path):

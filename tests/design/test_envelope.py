@@ -11,7 +11,7 @@ from auvid_cli.design.envelope import Extent, excess, extent_of, least_speed, ti
 from auvid_cli.errors import ConfigError
 from auvid_cli.simulation.true_motion import Truth
 
-UNITS = {"box": "m", "depth": "m", "pitch": "rad", "roll": "rad", "speed": "m/s"}
+UNITS = {"box": "m", "depth": "m", "pitch": "rad", "roll": "rad", "speed": "m/s", "energy": "J"}
 
 
 def test_an_extent_is_that_of_the_track_and_of_the_speed_after_the_start():
@@ -19,16 +19,19 @@ def test_an_extent_is_that_of_the_track_and_of_the_speed_after_the_start():
     motion, position = np.zeros((5, 9)), np.zeros((5, 3))
     motion[:, 0], motion[:, 6], motion[:, 7] = [0.1, 1.5, 1.4, 1.3, 1.6], [0, -0.4, 0.2, 0, 0], [0, 0, 0.1, -0.3, 0]
     position[:, 0], position[:, 1], position[:, 2] = [0, 5, 9, 7, 3], [0, -4, -9, -12, -8], [0, -1, 2, 4, 3]
-    truth = Truth(time, np.zeros((5, 4)), motion, position, np.zeros((5, 6)), np.zeros(0), np.zeros(0))
-    assert extent_of(truth, fade_in=1.0) == Extent(12.0, 5.0, 0.3, 0.4, 1.3)
+    inputs = np.zeros((5, 4))
+    # Each holds to the next time, the last no longer.
+    inputs[:, 2] = [100.0, -40.0, 50.0, 0.0, 999.0]
+    truth = Truth(time, inputs, motion, position, np.zeros((5, 6)), np.zeros(0), np.zeros(0))
+    assert extent_of(truth, fade_in=1.0) == Extent(12.0, 5.0, 0.3, 0.4, 1.3, 140.0)
 
 
 numbers = st.floats(0.05, 1.4)
 
 
-@given(st.builds(Extent, st.floats(1, 900), st.floats(1, 90), numbers, numbers, st.floats(0.05, 3)))
+@given(st.builds(Extent, st.floats(1, 900), st.floats(1, 90), numbers, numbers, st.floats(0.05, 3), st.floats(1, 1e5)))
 def test_with_the_limits_that_are_named_a_run_passes(extent):
-    envelope, slowest = Envelope(), 0.6
+    envelope, slowest = Envelope(energy=2e4), 0.6
     named = to_relax([extent], envelope, slowest)
     options = [option.strip().split(" ", 1) for option in named.split(",")] if named else []
     limits = {name.lstrip("-"): text.strip("'") for name, text in options}
@@ -39,11 +42,13 @@ def test_with_the_limits_that_are_named_a_run_passes(extent):
 
 
 def test_what_passes_with_a_margin_passes_without(remus):
-    envelope = Envelope()
+    envelope = Envelope(energy=2e4)
     tighter, faster = tightened(envelope, 0.6)
-    edge = Extent(tighter.box, tighter.depth, tighter.pitch, tighter.roll, faster)
+    edge = Extent(tighter.box, tighter.depth, tighter.pitch, tighter.roll, faster, tighter.energy)
     assert not any(excess(edge, envelope, 0.6).values())
-    outside = excess(Extent(envelope.box, envelope.depth, envelope.pitch, envelope.roll, 0.6), tighter, faster)
+    outside = excess(
+        Extent(envelope.box, envelope.depth, envelope.pitch, envelope.roll, 0.6, envelope.energy), tighter, faster
+    )
     assert all(share > 0.04 for share in outside.values())
 
 

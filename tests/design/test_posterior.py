@@ -16,12 +16,12 @@ from auvid_cli.vehicle.coefficients import SYMBOLS
 def run(experiment_with):
     """Function: the experiment and its posterior, of a short spiral."""
 
-    def posterior(*overrides):
+    def posterior(*overrides, knowledge=None):
         experiment = experiment_with("manoeuvre.duration=30 s", "sensors.attitude.source=direct", *overrides)
         manoeuvre = experiment.manoeuvre.model_copy(update={"input_rate": 20.0})
         plan = make_plan(manoeuvre)
         truth = simulate_motion(experiment.vehicle, manoeuvre, plan, np.zeros((plan.time.size, 6)), 0.025)
-        return experiment, posterior_along(truth, knowledge_of(experiment))
+        return experiment, posterior_along(truth, knowledge or knowledge_of(experiment))
 
     return posterior
 
@@ -43,6 +43,29 @@ def test_it_is_that_of_a_linear_smoother_about_measured_motion(run, overrides):
     ratio = posterior.deviation[-1] / np.sqrt(np.diagonal(covariance))
     assert np.abs(np.log(ratio)).max() < 0.15
     assert abs(np.log(ratio).mean()) < 0.03
+
+
+def test_what_earlier_data_say_counts_as_if_they_were_part_of_the_run(run):
+    """Information adds: with an independent one as large as the run's own it is twice that, beside the prior's."""
+    experiment, first = run()
+    prior = knowledge_of(experiment).prior_std
+    in_hand = np.linalg.inv(first.covariance) - np.diag(prior**-2)
+    knowledge = knowledge_of(experiment, in_hand)
+    before = np.diagonal(knowledge.covariance) * prior**2
+    np.testing.assert_allclose(before, np.diagonal(first.covariance), rtol=1e-4)
+    _, both = run(knowledge=knowledge)
+    summed = np.linalg.inv(2.0 * in_hand + np.diag(prior**-2))
+    np.testing.assert_allclose(both.deviation[-1], np.sqrt(np.diagonal(summed)), rtol=0.02)
+
+
+def test_what_is_held_stays_held_whatever_earlier_data_say(experiment_with):
+    experiment = experiment_with("identification.coefficients=[N_uudr, N_url]")
+    knowledge = knowledge_of(experiment, np.eye(len(SYMBOLS)))
+    few = [SYMBOLS.index(symbol) for symbol in ("N_uudr", "N_url")]
+    others = np.delete(np.arange(len(SYMBOLS)), few)
+    assert not knowledge.covariance[others].any()
+    assert not knowledge.covariance[:, others].any()
+    assert (np.diagonal(knowledge.covariance)[few] < 1.0).all()
 
 
 def test_what_is_held_is_known_and_makes_the_rest_surer(run):

@@ -30,6 +30,25 @@ def test_a_search_never_loses_ground_and_the_same_seed_finds_the_same(reached):
     assert again.best.manoeuvre == steps[0].best.manoeuvre
 
 
+def test_a_search_that_was_interrupted_goes_on_as_if_it_had_not_been(reached):
+    task, steps = reached
+    tried = []
+
+    class Counting:
+        def try_out(self, manoeuvre):
+            tried.append(manoeuvre)
+            return task.seen.try_out(manoeuvre)
+
+    resumed = search(task.space, Counting(), 1, steps[0].costs)
+    where_it_was, next_step = next(resumed), next(resumed)
+    assert (where_it_was.generation, where_it_was.evaluations) == (1, 13)
+    assert where_it_was.best.manoeuvre == steps[0].best.manoeuvre
+    assert next_step.costs == steps[1].costs
+    assert next_step.best.manoeuvre == steps[1].best.manoeuvre
+    # The start, the best again, and the second generation.
+    assert len(tried) == 14
+
+
 def test_what_is_found_is_judged_on_other_vehicles_beside_what_is_usually_sailed(reached):
     task, steps = reached
     design = conclude(task, steps[-1])
@@ -40,7 +59,7 @@ def test_what_is_found_is_judged_on_other_vehicles_beside_what_is_usually_sailed
     assert design.is_own == (design.gain < WORTH_WHILE)
     assert len(design.poor) >= 3
     times, means = zip(*design.growth, strict=True)
-    assert times == pytest.approx((5.0, 10.0, 15.0, 20.0), abs=0.1)
+    assert times == pytest.approx((5.0, 10.0, 15.0, 20.0, 40.0, 80.0), abs=0.1)
     assert sorted(means, reverse=True) == [*means]
     worst = design.trials["spiral" if design.is_own else "designed"].percent()
     assert design.poor[0].percent == worst.max()

@@ -22,7 +22,7 @@ KEPT, LEFT = dict.fromkeys(("box", "roll"), 0.0), {"box": 0.0, "roll": 0.2}
 
 def trial(percent, *, outside=0, lost=0):
     """Four vehicles, some of which leave the envelope and some of which are lost."""
-    extent = Extent(100.0, 20.0, 0.3, 0.4, 1.0)
+    extent = Extent(100.0, 20.0, 0.3, 0.4, 1.0, 5e3)
     flights = [Flight(np.full(3, percent), None if k < lost else extent) for k in range(4)]
     measure = np.array([np.inf if k < lost else np.log(percent) for k in range(4)])
     return Trial(None, flights, measure, [LEFT if k < outside else KEPT for k in range(4 - lost)])
