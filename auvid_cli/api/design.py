@@ -27,10 +27,11 @@ from auvid_cli.design.mission import (
 from auvid_cli.design.posterior import left_out
 from auvid_cli.design.search import Reached, search
 from auvid_cli.design.task import Task, Wish, band, set_task
-from auvid_cli.design.trials import Map
+from auvid_cli.design.trials import Flight, Map
 
 __all__ = [
     "Design",
+    "Flight",
     "Map",
     "Mission",
     "Reached",

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from auvid_cli.cli.design_options import envelope_of, place_of, quantity_of, refuse_what_stands
-from auvid_cli.cli.design_search import Limits, search_on, spread_over
+from auvid_cli.cli.design_search import SearchLimits, search_on, spread_over
 from auvid_cli.cli.options import (
     ExperimentArgument,
     FigureFormatOption,
@@ -144,7 +144,7 @@ def design(
             for path in data:
                 terminal.say(f"known already: what {path} says")
             key = api.search_key(loaded, wish, sources)
-            reached = search_on(task, terminal, Limits(generations, limit), output / _STATE, key, overwrite)
+            reached = search_on(task, terminal, SearchLimits(generations, limit), output / _STATE, key, overwrite)
             with terminal.stage("compare"):
                 result = api.conclude(task, reached)
                 gain = "the spiral itself" if result.is_own else f"x{result.gain:.2f} over the spiral"

@@ -4,15 +4,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 from auvid_cli.cli.terminal import Terminal
 
 if TYPE_CHECKING:
-    from auvid_cli.api.design import Map, Reached, Task
+    from auvid_cli.api.design import Flight, Map, Reached, Task
 
 
-class Limits(NamedTuple):
+class SearchLimits(NamedTuple):
     """When a search ends: after so many generations, or where these are None after so long, s."""
 
     generations: int | None
@@ -31,17 +31,20 @@ def spread_over(scheduler: str) -> "Iterator[Map]":
     from auvid_cli.campaign.engine import cluster_client
 
     with cluster_client(scheduler, None) as client:
-        yield lambda work, items: client.gather(client.map(work, list(items), pure=False))
+        # A client of this process is not awaited.
+        yield lambda work, items: cast("list[Flight]", client.gather(client.map(work, list(items), pure=False)))
 
 
-def search_on(task: "Task", terminal: Terminal, limits: Limits, file: Path, key: str, overwrite: bool) -> "Reached":
+def search_on(
+    task: "Task", terminal: Terminal, limits: SearchLimits, file: Path, key: str, overwrite: bool
+) -> "Reached":
     """Look for better manoeuvres until the limits are reached, or somebody interrupts.
 
     Parameters
     ----------
     task : Task
     terminal : Terminal
-    limits : Limits
+    limits : SearchLimits
         Of this search and that from which it goes on together.
     file : pathlib.Path
         State of the search, written after each generation; if it is there, the search goes on from it.

@@ -63,7 +63,7 @@ def test_an_interrupt_keeps_the_best_so_far(tmp_path, monkeypatch):
         (("--box", "5 m", "--generations", "1"), ("relax --box",)),
         (("--at", "nowhere.h5"), ("nowhere.h5",)),
         (("--given", "nowhere.h5"), ("nowhere.h5",)),
-        (("--energy", "3 m"), ("--energy: expected an energy such as 20 kJ",)),
+        (("--energy", "3 m"), ("--energy: expected an energy such as '20 kJ'",)),
         (("--energy", "1 J", "--generations", "1"), ("relax --energy", "kJ'")),
     ],
 )
