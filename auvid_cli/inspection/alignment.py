@@ -10,6 +10,7 @@ from auvid_cli.data.check import Check
 from auvid_cli.inspection.fin_answers import promised_answer
 from auvid_cli.inspection.grid import Signals, smoothed
 from auvid_cli.inspection.inspection import cannot_tell, judged
+from auvid_cli.inspection.lags import peak, shifted
 from auvid_cli.inspection.responses import AXES, LEAST_DEFLECTION, RotationAxis, answer_window
 from auvid_cli.inspection.small_motion import SmallMotion
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
@@ -109,7 +110,7 @@ def input_alignment(signals: Signals, motion: SmallMotion | None, time_constant:
     is_clear = bool(usual[likeliest] or likelihood[likeliest] > likelihood[usual].max() + _LIKELIER)
     if not is_clear:
         likeliest = int(np.where(usual, likelihood, -np.inf).argmax())
-    beyond, error = _peak(likelihood, likeliest)
+    beyond, error = peak(likelihood, likeliest)
     cells = float(delays[likeliest]) + beyond
     gain = float(likelihood[likeliest] - likelihood[delays.size // 2])
     share = _share(signals, cells)
@@ -122,21 +123,9 @@ def _share(signals: Signals, cells: float) -> float:
     for fin in _OTHER_FIN:
         deflection = signals.values[fin]
         if (spread := float(np.nanstd(deflection))) > LEAST_DEFLECTION:
-            changes = float(np.sqrt(np.nanmean(np.square(_earlier(deflection, whole) - deflection))))
+            changes = float(np.sqrt(np.nanmean(np.square(shifted(deflection, whole) - deflection))))
             shares.append(changes / spread * min(abs(cells) / whole, 1.0))
     return max(shares)
-
-
-def _peak(likelihood: Array, at: int) -> tuple[float, float]:
-    """Return how far beyond one of evenly spaced log-likelihoods the parabola about it peaks, and its deviation there.
-
-    Both are 0 where there is no such peak.
-    """
-    if not 0 < at < likelihood.size - 1 or likelihood[at] < max(likelihood[at - 1], likelihood[at + 1]):
-        return 0.0, 0.0
-    before, here, after = likelihood[at - 1 : at + 2]
-    curvature = before - 2.0 * here + after
-    return (float(0.5 * (before - after) / curvature), float((-curvature) ** -0.5)) if curvature < 0.0 else (0.0, 0.0)
 
 
 def aligned(signals: Signals, alignment: Alignment) -> Signals:
@@ -147,7 +136,7 @@ def aligned(signals: Signals, alignment: Alignment) -> Signals:
     if alignment.is_delayed and alignment.delay is not None:
         cells = round(alignment.delay / signals.grid.step)
         for symbol in INPUT_SYMBOLS:
-            value[symbol] = _earlier(value[symbol], cells)
+            value[symbol] = shifted(value[symbol], cells)
     return signals._replace(values=value)
 
 
@@ -237,7 +226,7 @@ def _correlations(
     rows = np.stack([answer.change, *answer.beside])
     # Known at every lag.
     complete = np.isfinite(rows).all(axis=0)
-    complete &= np.isfinite(_earlier(smoothed(answer.promised, lags.size), int(lags[0])))
+    complete &= np.isfinite(shifted(smoothed(answer.promised, lags.size), int(lags[0])))
     at = np.flatnonzero(complete)
     windows = at.size / answer.window
     if windows < _FEWEST_WINDOWS:
@@ -254,12 +243,6 @@ def _left(values: Array, basis: Array) -> Array:
     left = values - basis @ (basis.T @ values)
     length = float(np.linalg.norm(left))
     return left / length if length > _ROUNDING * float(np.linalg.norm(values)) else 0.0 * left
-
-
-def _earlier(values: Array, cells: int) -> Array:
-    """Shift values so many cells earlier, or later if negative; NaN where nothing is known."""
-    lost = np.full(min(abs(cells), values.size), np.nan)
-    return np.concatenate([values[cells:], lost] if cells > 0 else [lost, values[: values.size + cells]])
 
 
 def _lags(signals: Signals) -> NDArray[np.int64]:

@@ -26,6 +26,7 @@ from auvid_cli.inspection.inspection import Inspection, Mark, judged
 from auvid_cli.inspection.kinematic_ties import attitude_rates
 from auvid_cli.inspection.lasting_errors import lasting_error_checks, lasting_errors
 from auvid_cli.inspection.likely_causes import causes_by_evidence, causes_check
+from auvid_cli.inspection.sensor_delays import sensor_delay_checks
 from auvid_cli.inspection.single_sensor import measurement_checks
 from auvid_cli.inspection.steps import angle_steps, gimbal_check, step_check
 from auvid_cli.inspection.timing import input_timing_checks, timing_checks
@@ -85,6 +86,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     velocities = velocity_checks(aligned(signals, alignment), length, time_constant, ahead)
     errors = lasting_errors(signals, sound)
     checks += [*rotations, *velocities, *_stability(signals), *lasting_error_checks(errors)]
+    checks += sensor_delay_checks(signals)
     # Of sensors that contradict each other none is a witness.
     if not any(check.passed is False and check.subject in sound for check in [*rotations, *velocities]):
         checks += strength_checks(aligned(in_water, alignment), motion, time_constant)

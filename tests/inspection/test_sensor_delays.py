@@ -1,0 +1,64 @@
+"""Sensors that kinematics tie to each other tell which of them is stamped late."""
+
+import numpy as np
+import pytest
+
+from auvid_cli.inspection.inspect import inspect_dataset
+from auvid_cli.inspection.lags import likeliest_lag, peak, shifted
+
+PAIRS = {"gyroscope": "attitude", "depth": "attitude", "dvl": "accelerometer"}
+
+
+@pytest.fixture(scope="module")
+def logged(simulated_with):
+    """A run with all sensors at 10 Hz."""
+    sensors = [f"sensors.{name}.rate=10 Hz" for name in ("gyroscope", "accelerometer", "dvl")]
+    return simulated_with(
+        "manoeuvre.duration=100 s",
+        "sensors.attitude={source: direct, rate: 10 Hz, noise: 0.1 deg}",
+        "sensors.depth={rate: 10 Hz, noise: 1 cm}",
+        *sensors,
+    )
+
+
+def verdicts(dataset):
+    return {(check.subject, check.check): check for check in inspect_dataset(dataset).checks}
+
+
+def test_sound_sensors_are_in_time(logged):
+    found = verdicts(logged)
+    for sensor, other in PAIRS.items():
+        assert found[sensor, f"delay against {other}"].passed is True
+
+
+@pytest.mark.parametrize("seconds", [0.3, -0.3])
+@pytest.mark.parametrize("sensor", PAIRS)
+def test_a_late_sensor_is_named_with_its_delay(sensor, seconds, logged, changed):
+    def late(time, _):
+        time += seconds
+
+    check = verdicts(changed(logged, sensor, late))[sensor, f"delay against {PAIRS[sensor]}"]
+    assert check.passed is False
+    named, size = check.statistic.split(" is ")
+    assert named == (sensor if seconds > 0.0 else PAIRS[sensor])
+    assert float(size.split()[0]) == pytest.approx(abs(seconds), abs=0.06)
+
+
+def test_sensors_that_contradict_each_other_tell_no_delay(logged, changed):
+    def nothing_of_the_sort(_, values):
+        values[:] = np.random.default_rng(2).standard_normal(values.shape)
+
+    assert ("gyroscope", "delay against attitude") not in verdicts(changed(logged, "gyroscope", nothing_of_the_sort))
+
+
+def test_a_parabola_is_found_at_its_peak():
+    at = np.arange(-4.0, 5.0)
+    lag, deviation = likeliest_lag(-0.5 * ((at - 1.3) / 0.7) ** 2)
+    assert (lag, deviation) == pytest.approx((1.3, 0.7))
+    assert peak(at, 8) == (0.0, 0.0)
+
+
+def test_shifts_leave_what_is_unknown_missing():
+    np.testing.assert_array_equal(shifted(np.arange(4.0), 1), [1.0, 2.0, 3.0, np.nan])
+    np.testing.assert_array_equal(shifted(np.arange(4.0), -2), [np.nan, np.nan, 0.0, 1.0])
+    np.testing.assert_array_equal(shifted(np.arange(2.0), 5), [np.nan, np.nan])
