@@ -86,11 +86,12 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     velocities = velocity_checks(aligned(signals, alignment), length, time_constant, ahead)
     errors = lasting_errors(signals, sound)
     checks += [*rotations, *velocities, *_stability(signals), *lasting_error_checks(errors)]
-    checks += sensor_delay_checks(signals)
     # Of sensors that contradict each other none is a witness.
     if not any(check.passed is False and check.subject in sound for check in [*rotations, *velocities]):
         checks += strength_checks(aligned(in_water, alignment), motion, time_constant)
-    if not any(check.passed is False and check.subject in sound for check in rotations):
+    contradicted = any(check.passed is False and check.subject in sound for check in rotations)
+    checks += sensor_delay_checks(signals, time_constant, contradicted)
+    if not contradicted:
         swings, away = excursion_checks(signals, stepped)
         checks += swings
         marks += away

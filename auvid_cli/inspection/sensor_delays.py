@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 # s: what filters of an attitude reference may make, what spoils coefficients of any vehicle, the longest looked for.
 _USUAL, _LARGEST, _LONGEST = 0.075, 0.15, 1.5
+# Share of the vehicle's time constant, its length over its speed: a depth sensor that far aft sees depth so much later.
+_AFT = 0.25
 # How well signals agree that tell a lag.
 _LEAST_CORRELATION, _FEWEST = 0.8, 15.0
 
@@ -30,13 +32,28 @@ class _Pair(NamedTuple):
     expected: Array
 
 
-def sensor_delay_checks(signals: Signals) -> list[Check]:
-    """Judge how much later than others each sensor is stamped, where signals agree well enough to tell it."""
+def sensor_delay_checks(signals: Signals, time_constant: float | None, contradicted: bool) -> list[Check]:
+    """Judge how much later than others each sensor is stamped, where signals agree well enough to tell it.
+
+    Parameters
+    ----------
+    signals : Signals
+    time_constant : float or None
+        s, of the vehicle, if it is known.
+    contradicted : bool
+        Whether rates and angles contradict each other: then only their own delay is judged.
+    """
     window = attitude_window(signals)
     by_sensors: dict[tuple[str, str], list[_Pair]] = {}
     for pair in _pairs(signals, window // 2):
+        if contradicted and pair.sensor != "gyroscope":
+            continue
         by_sensors.setdefault((pair.sensor, pair.other), []).append(pair)
-    checks = (_check(signals, *sensors, pairs, window) for sensors, pairs in by_sensors.items())
+    largest = {"depth": _LARGEST + _AFT * (time_constant or 0.0)}
+    checks = (
+        _check(signals, sensor, other, pairs, window, largest.get(sensor, _LARGEST))
+        for (sensor, other), pairs in by_sensors.items()
+    )
     return [check for check in checks if check is not None]
 
 
@@ -56,7 +73,7 @@ def _pairs(signals: Signals, half: int) -> Iterator[_Pair]:
         yield _Pair("dvl", "accelerometer", changing, response_to_rates(left, step, half))
 
 
-def _check(signals: Signals, sensor: str, other: str, pairs: list[_Pair], window: int) -> Check | None:
+def _check(signals: Signals, sensor: str, other: str, pairs: list[_Pair], window: int, largest: float) -> Check | None:
     lags = np.arange(-round(_LONGEST / signals.grid.step), round(_LONGEST / signals.grid.step) + 1)
     likelihood = np.zeros(lags.size)
     for pair in pairs:
@@ -73,10 +90,11 @@ def _check(signals: Signals, sensor: str, other: str, pairs: list[_Pair], window
         sensor,
         f"delay against {other}",
         statistic=f"{late} is {abs(lag):.2f} +- {unsure:.1g} s later than {early}",
-        threshold=f"<= {_USUAL:g} s; fails beyond {_LARGEST:g} s",
-        passed=False if beyond > _LARGEST else None if beyond > _USUAL else True,
+        threshold=f"<= {_USUAL:g} s; fails beyond {largest:.2g} s",
+        passed=False if beyond > largest else None if beyond > _USUAL else True,
         advice=f"{late} is stamped late, or {early} early: shift the times, state it (`identification.delays`), or let "
-        "it be found (`identification.estimate.biases: [delay]`).",
+        "it be found (`identification.estimate.biases: [delay]`)."
+        + (" Or the depth sensor sits ahead or aft." if sensor == "depth" else ""),
     )
 
 

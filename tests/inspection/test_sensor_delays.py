@@ -31,7 +31,7 @@ def test_sound_sensors_are_in_time(logged):
         assert found[sensor, f"delay against {other}"].passed is True
 
 
-@pytest.mark.parametrize("seconds", [0.3, -0.3])
+@pytest.mark.parametrize("seconds", [0.4, -0.4])
 @pytest.mark.parametrize("sensor", PAIRS)
 def test_a_late_sensor_is_named_with_its_delay(sensor, seconds, logged, changed):
     def late(time, _):
