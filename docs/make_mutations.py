@@ -292,6 +292,7 @@ def main() -> None:
     seeds, file = asked(__doc__, "mutations", 1)
     runs = [(case, seed) for seed in range(1, seeds + 1) for case in CASES]
     rows = all_rows(file, runs, found).fillna({"named": ""})
+    rows = rows.sort_values("case", key=lambda cases: cases.map([*CASES].index), kind="stable")
     lines = [
         f"Seed{'' if seeds == 1 else 's 1 to'} {seeds}. {_summary(rows)}",
         "",
