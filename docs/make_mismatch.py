@@ -36,6 +36,7 @@ class Case(NamedTuple):
 
 
 CASES = {
+    "a moment of |v| r": Case(("vehicle.terms=[{name: N_|v|r, row: N, factors: ['|v|', r], value: -150}]",)),
     "mass 3 % more": Case(("vehicle.parameters.m=48.98268 kg",)),
     "buoyancy 10 % less": Case(("vehicle.parameters.B=419.72640264 N",)),
     "buoyancy 10 % less, `ballast`": Case(
