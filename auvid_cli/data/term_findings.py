@@ -30,13 +30,15 @@ class ScoredTerm(NamedTuple):
         Of its coefficient if it alone were added, SI: of one that was tried by a fit to all data, of the others by the
         linear problem about the fit without them, which is rough where that is far off.
     gain : float
-        In log-likelihood of the data that the model is fitted to, by the linear problem.
+        In log-likelihood of the data that the model is fitted to, by the linear problem: rough.
     made_up_share : float
         Of what it does to the data, what the model's own coefficients make up for: 1 if they do so wholly.
     like : str
         Others that these data hardly tell from it.
     held_out_gain : float or None
         In log-likelihood of the data that were held out, from refitting with it; None where it was not tried.
+    evidence_gain : float or None
+        In log-likelihood of all data, whatever the coefficients and the motion, from refitting with it.
     found : bool
     """
 
@@ -50,6 +52,7 @@ class ScoredTerm(NamedTuple):
     made_up_share: float
     like: str
     held_out_gain: float | None
+    evidence_gain: float | None
     found: bool
 
     @property

@@ -15,7 +15,7 @@ def print_terms(console: Console, findings: TermFindings) -> None:
     """Print what was looked at, and what came of it."""
     columns = (
         *(Column(header, numeric=False) for header in ("look", "term")),
-        *(Column(header) for header in ("size", "+-", "gain", "made up %", "held-out gain")),
+        *(Column(header) for header in ("size", "+-", "gain", "made up %", "held-out gain", "gain of all")),
         Column("verdict", numeric=False),
     )
     rows = [_row(term) for term in findings.scored]
@@ -23,7 +23,8 @@ def print_terms(console: Console, findings: TermFindings) -> None:
     console.print(
         Text(
             f"{findings.n_candidates} candidates, fitted to {_of(findings.fitted)}, held out {_of(findings.held_out)}. "
-            "Gain: in log-likelihood; made up: of what the term does, the share that the model's own coefficients hide."
+            "Gain: in log-likelihood, before a fit with the term and after it; made up: of what the term does, the "
+            "share that the model's own coefficients hide."
         )
     )
     for term in findings.found:
@@ -34,7 +35,7 @@ def print_terms(console: Console, findings: TermFindings) -> None:
 
 def _row(term: ScoredTerm) -> list[Cell]:
     sizes: list[Cell] = [term.size, term.standard_deviation, term.gain, 100.0 * term.made_up_share]
-    return [str(term.look), term.term, *sizes, term.held_out_gain, _verdict(term)]
+    return [str(term.look), term.term, *sizes, term.held_out_gain, term.evidence_gain, _verdict(term)]
 
 
 def _verdict(term: ScoredTerm) -> str:
@@ -54,5 +55,5 @@ def _conclusion(findings: TermFindings) -> str:
         return f"Found: {', '.join(term.term for term in findings.found)}."
     tried = [term for term in findings.scored if term.held_out_gain is not None]
     if tried:
-        return "Nothing is proposed: what fits best does not make the held-out data likelier."
-    return "Nothing is proposed: no candidate explains more than chance among so many."
+        return "Nothing is proposed: no candidate makes the held-out data, and all data, likelier than chance does."
+    return "Nothing is proposed: no candidate explains anything."
