@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 
 # Gain by the linear problem that makes a term worth a fit: two sigma, for it is rough.
 _LEAST_GAIN = 2.0
-# Correlation beyond which two terms are hardly told apart; how many of a look are tried that are, how many like the
-# best of these, and how many are told of.
-_ALIKE, _TRIED, _TRIED_LIKE_IT, _TOLD = 0.95, 3, 4, 5
+# Correlation beyond which two terms are hardly told apart, and beyond which one may stand for the other; how many of a
+# look are tried that are told apart, how many near the best of these, and how many are told of.
+_ALIKE, _NEAR, _TRIED, _TRIED_NEAR, _TOLD = 0.95, 0.7, 3, 3, 5
 
 
 def search_terms(
@@ -38,11 +38,10 @@ def search_terms(
 
     Again and again all candidates are scored beside the terms found so far, about the fit, and about one that may
     depart from its equations as far as the data ask: coefficients that are bent to stand for a term that is missing
-    hide it. The model is fitted with each of the best, and with what is hardly told from the best of these, for such
-    scores are rough where what is missing is large.
-    A term is found if it makes the held-out data likelier, and all data by more than the best of so many candidates
-    does by chance; of several that which makes all data likeliest. Terms found before that add nothing beside it are
-    given up again.
+    hide it. The model is fitted with each of the best, and with what comes nearest to the best of these, for such
+    scores are rough where what is missing is large. A term is found if it makes the held-out data likelier, and all
+    data by more than the best of so many candidates does by chance; of several that which makes all data likeliest.
+    Terms found before that add nothing beside it are given up again.
 
     Parameters
     ----------
@@ -128,14 +127,14 @@ class _Scored(NamedTuple):
         return chosen
 
     def fits(self, first: list[int], fit: Callable[[Coefficient], Model | None]) -> dict[int, Model]:
-        """Fit some, then again and again what is hardly told from the best of the fits."""
+        """Fit some, then again and again what is nearest to the best of the fits."""
         fits, tried, next_ones = dict[int, Model](), set[int](), list(dict.fromkeys(first))
         while next_ones:
             fits |= {k: there for k in next_ones if (there := fit(self.candidates[k])) is not None}
             tried.update(next_ones)
             best = max(fits, key=lambda k: fits[k].whole.log_evidence, default=None)
-            alike = [] if best is None else [k for k in self.order if self._like(best)[k]]
-            next_ones = [k for k in alike[: 1 + _TRIED_LIKE_IT] if k not in tried]
+            near = [] if best is None else self._near(best)
+            next_ones = [k for k in near[:_TRIED_NEAR] if k not in tried]
         return fits
 
     def rows(self, look: int, here: Model, fits: Mapping[int, Model], found: int | None) -> Iterator[ScoredTerm]:
@@ -154,6 +153,10 @@ class _Scored(NamedTuple):
 
     def _like(self, k: int) -> NDArray[np.bool_]:
         return np.abs(correlation(self.scores, k)) > _ALIKE
+
+    def _near(self, k: int) -> list[int]:
+        likeness = np.abs(correlation(self.scores, k))
+        return [int(j) for j in np.argsort(-likeness) if j != k and likeness[j] > _NEAR]
 
 
 def _new(candidates: Sequence[Coefficient], settings: RunSettings) -> tuple[Coefficient, ...]:
