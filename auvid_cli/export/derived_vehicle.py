@@ -5,8 +5,8 @@ from typing import Any
 import yaml
 
 from auvid_cli.config.vehicle import Drawing
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
-from auvid_cli.vehicle.geometry import DerivedValue, coefficients_from_geometry
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS, Coefficient
+from auvid_cli.vehicle.geometry import DERIVED_TERMS, DerivedValue, coefficients_from_geometry
 from auvid_cli.vehicle.kinematics import GRAVITY
 from auvid_cli.vehicle.parameters import PARAMETERS
 
@@ -33,7 +33,6 @@ def derived_vehicle_yaml(drawing: Drawing) -> str:
     vehicle = {
         "name": drawing.name,
         "source": "hull, fins and mass alone; formulas by their numbers in auvid's theory",
-        "notes": [_beyond(each) for each in derived.values() if each.is_beyond_the_table],
         "size": {
             "length": f"{size.length!r} m",
             "diameter": f"{size.diameter!r} m",
@@ -42,6 +41,7 @@ def derived_vehicle_yaml(drawing: Drawing) -> str:
         "geometry": geometry.model_dump(mode="json", exclude_none=True),
         "parameters": {quantity.symbol: known[quantity.symbol] for quantity in PARAMETERS},
         "coefficients": {coefficient.symbol: known[coefficient.symbol] for coefficient in COEFFICIENTS},
+        "terms": [_term(each) | _derived_entry(derived[each.symbol]) for each in DERIVED_TERMS],
     }
     # A line for each entry, however long.
     return yaml.safe_dump(vehicle, sort_keys=False, width=10**6, default_flow_style=None, allow_unicode=True)
@@ -60,8 +60,6 @@ def _derived_entry(value: DerivedValue) -> dict[str, Any]:
     }
 
 
-def _beyond(value: DerivedValue) -> str:
-    return (
-        f"{value.name} = {value.mean!r} {value.unit}, give or take {value.standard_deviation!r} ({value.formula}; "
-        f"{value.source}) has no place among the {len(COEFFICIENTS)} coefficients."
-    )
+def _term(coefficient: Coefficient) -> dict[str, Any]:
+    row = EQUATION_ROWS[coefficient.row]
+    return {"name": coefficient.symbol, "row": row, "factors": list(coefficient.factors)}

@@ -69,7 +69,7 @@ _README = """\
 
 | file | what it is |
 | --- | --- |
-| `vehicle.yaml` | size, mass, inertia, added mass and 22 coefficients, each with where it is from |
+| `vehicle.yaml` | size, mass, inertia, added mass and coefficients, each with where it is from |
 | `sensors.yaml` | rates and noise of the sensors |
 | `experiment.yaml` | a spiral that suits the vehicle, and how to identify |
 | `map.yaml` | a template: what is what in a log of yours |

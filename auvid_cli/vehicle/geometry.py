@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auvid_cli.vehicle.added_mass import roll_added_inertia, spheroid_factors, strip_added_mass, surge_added_mass
-from auvid_cli.vehicle.coefficients import COEFFICIENTS
+from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS
 from auvid_cli.vehicle.parameters import PARAMETERS
 from auvid_cli.vehicle.shape import Geometry
 from auvid_cli.vehicle.steady_flow import (
@@ -21,15 +21,16 @@ from auvid_cli.vehicle.steady_flow import (
     fin_lift,
     hull_lift,
 )
+from auvid_cli.vehicle.term_library import term
 
 # Times the drag of the bare hull, where nobody says what sticks out of it.
 _WITH_UNKNOWN_APPENDAGES = 2.2
 # Of differences of large integrals: of the integral of the sizes.
 _OF_GROSS = 0.3
 _DIGITS = 4
-# Its unit is none of the tables': it has no place among the 22 coefficients.
-_BEYOND = {"K_up": "kg*m/rad"}
-_UNITS = {quantity.symbol: quantity.unit for quantity in (*PARAMETERS, *COEFFICIENTS)} | _BEYOND
+# Beyond the 22 coefficients: terms of a vehicle's own.
+DERIVED_TERMS = (term(EQUATION_ROWS.index("K"), ("u", "p")),)
+_UNITS = {quantity.symbol: quantity.unit for quantity in (*PARAMETERS, *COEFFICIENTS, *DERIVED_TERMS)}
 
 
 class DerivedValue(NamedTuple):
@@ -54,11 +55,6 @@ class DerivedValue(NamedTuple):
     standard_deviation: float
     formula: str
     source: str
-
-    @property
-    def is_beyond_the_table(self) -> bool:
-        """Say whether it is of a term that the 22 coefficients leave out."""
-        return self.name in _BEYOND
 
 
 class _Formula(NamedTuple):
@@ -105,7 +101,7 @@ def coefficients_from_geometry(geometry: Geometry, mass: float, speed: float = 1
     Returns
     -------
     tuple of DerivedValue
-        Inertia and added mass, the 22 coefficients, and K_up, which has no place among these.
+        Inertia and added mass, the 22 coefficients, and the coefficients of `DERIVED_TERMS`.
     """
     groups = (
         _inertia(geometry, mass),

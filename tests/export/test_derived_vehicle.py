@@ -3,8 +3,10 @@ import yaml
 
 from auvid_cli.config.load import find_experiment, load_experiment, parse_drawing
 from auvid_cli.config.plausibility import doubts
+from auvid_cli.config.prior import Prior
 from auvid_cli.errors import ConfigError
 from auvid_cli.export.derived_vehicle import derived_vehicle_yaml
+from auvid_cli.identification.prior import coefficient_priors
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import PARAMETER_SYMBOLS
 
@@ -32,7 +34,7 @@ def vehicle(text, tmp_path_factory):
 
 
 def test_it_is_a_whole_vehicle_that_looks_right(vehicle):
-    assert tuple(vehicle.all_coefficients()) == SYMBOLS
+    assert tuple(vehicle.all_coefficients()) == (*SYMBOLS, "K_up")
     assert set(vehicle.known_parameters()) == set(PARAMETER_SYMBOLS)
     assert doubts(vehicle) == []
     known = vehicle.known_parameters()
@@ -43,21 +45,30 @@ def test_it_is_a_whole_vehicle_that_looks_right(vehicle):
 def test_its_numbers_are_exactly_those_of_its_geometry(vehicle):
     """So that a simulation of this file and a prior from its geometry are known to be the same."""
     stated = vehicle.known_parameters() | vehicle.all_coefficients()
-    unsure = vehicle.parameters.deviations() | vehicle.coefficients.deviations()
-    derived = [each for each in vehicle.derived_values() if not each.is_beyond_the_table]
+    unsure = vehicle.parameters.deviations() | vehicle.stated_deviations()
+    derived = vehicle.derived_values()
     assert {each.name: each.mean for each in derived} == {each.name: stated[each.name] for each in derived}
     assert {each.name: each.standard_deviation for each in derived} == unsure
 
 
 def test_each_number_has_a_line_with_formula_and_source(text, vehicle):
     lines = {line.split(":")[0].strip(): line for line in text.splitlines()}
+    lines |= {term["name"]: str(term) for term in yaml.safe_load(text)["terms"]}
     for each in vehicle.derived_values():
-        if not each.is_beyond_the_table:
-            assert f"derived: {each.formula}".replace("'", "''") in lines[each.name]
-            assert each.source in lines[each.name]
-    (note,) = yaml.safe_load(text)["notes"]
-    assert note.startswith("K_up = -")
-    assert "G16" in note
+        assert f"derived: {each.formula}".replace("'", "''") in lines[each.name]
+        assert each.source in lines[each.name]
+
+
+def test_roll_damping_by_speed_is_a_term_of_which_the_geometry_is_the_prior(text, vehicle):
+    (entry,) = yaml.safe_load(text)["terms"]
+    assert (entry["name"], entry["row"], entry["factors"]) == ("K_up", "K", ["u", "p"])
+    (derived,) = (each for each in vehicle.derived_values() if each.name == "K_up")
+    prior = coefficient_priors(vehicle, Prior(mean="geometry"))["K_up"]
+    assert prior == (derived.mean, derived.standard_deviation)
+    assert prior == coefficient_priors(vehicle, Prior(mean="vehicle"))["K_up"]
+    # Four fins of 80 cm^2, their middles some 8 cm off the axis where the tail is thin: rho/2 S c_L r^2, c_L about 3.
+    by_hand = -4 * 512.5 * 0.008 * 3.0 * 0.08**2
+    assert by_hand * 1.5 < prior.mean < by_hand / 1.5
 
 
 def test_mistakes_in_a_drawing_are_all_named():

@@ -52,7 +52,7 @@ def test_a_shipped_vehicle_survives_it_at_the_speed_of_its_thrust(vehicle_file):
 def test_a_vehicle_that_turns_too_fast_gets_less_of_it(monkeypatch):
     monkeypatch.setattr("auvid_cli.start.first_spiral._SHORTEST", 60.0)
     vehicle = outlined(1, 0.2, 22, 0.08, 0.006)
-    assert 0.0 < first_spiral(vehicle, 3.0).vigour < 1.0
+    assert 0.0 < first_spiral(vehicle, 4.0).vigour < 1.0
     with pytest.raises(
         ConfigError, match=r"boat: does not survive the gentlest spiral at 20 m/s \(.*\); name a lower --speed"
     ):

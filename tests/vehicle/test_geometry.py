@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.vehicle.added_mass import roll_added_inertia, spheroid_factors, strip_added_mass, surge_added_mass
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
-from auvid_cli.vehicle.geometry import coefficients_from_geometry
+from auvid_cli.vehicle.geometry import DERIVED_TERMS, coefficients_from_geometry
 from auvid_cli.vehicle.hull import MyringLengths, hull_of_radii, myring_hull, nose_cylinder_tail_hull
 from auvid_cli.vehicle.shape import Appendage, Geometry, TailFins
 from auvid_cli.vehicle.steady_flow import bare_hull_drag, cross_flow, fin_lift, hull_lift
@@ -119,7 +119,8 @@ def test_every_number_is_derived_once_in_the_unit_of_the_tables():
     assert [each.name for each in derived if each.name in SYMBOLS] == list(SYMBOLS)
     units = {each.name: each.unit for each in derived}
     assert all(units[coefficient.symbol] == coefficient.unit for coefficient in COEFFICIENTS)
-    assert [each.name for each in derived if each.is_beyond_the_table] == ["K_up"]
+    assert [units[term.symbol] for term in DERIVED_TERMS] == ["kg*m/rad"]
+    assert [term.equation for term in DERIVED_TERMS] == ["K += K_up u p"]
     assert all(each.standard_deviation > 0.0 and each.formula.startswith("G") and each.source for each in derived)
 
 
