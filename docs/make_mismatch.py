@@ -88,7 +88,8 @@ def table(rows: pd.DataFrame) -> list[str]:
                 own = each[(each["signal"] == signal) & (each["horizon_s"] == horizon)]
                 share = (own["share_within_band"].fillna(0.0) * own["measurements"]).sum() / own["measurements"].sum()
                 cells.append(f"{share:.0%}" if _LEAST <= share <= _MOST else f"**{share:.0%}**")
-        lines.append(f"| {case} | {each['seed'].nunique()} | {' | '.join(cells)} |")
+        label = str(case).replace("|", r"\|")
+        lines.append(f"| {label} | {each['seed'].nunique()} | {' | '.join(cells)} |")
     return lines
 
 
