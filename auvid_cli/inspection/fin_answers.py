@@ -59,7 +59,8 @@ def motion_of(signals: Signals, vehicle: VehicleSettings) -> SmallMotion | None:
     across = {symbol: signals.values[symbol] for symbol in "vw" if signals.has(symbol)}
     by_sensor = {symbol: rates_by_sensor(signals, symbol) for symbol in "pqr"}
     across |= {symbol: next(iter(rates.values())) for symbol, rates in by_sensor.items() if rates}
-    return small_motion(vehicle, speed, {symbol: float(np.nanstd(values)) for symbol, values in across.items()})
+    sizes = {s: float(np.nanstd(values)) for s, values in across.items() if np.isfinite(values).any()}
+    return small_motion(vehicle, speed, sizes)
 
 
 def promised_answer(

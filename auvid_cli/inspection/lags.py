@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 def shifted(values: Array, cells: int) -> Array:
     """Shift values so many cells earlier, or later if negative; NaN where nothing is known."""
     lost = np.full(min(abs(cells), values.size), np.nan)
-    return np.concatenate([values[cells:], lost] if cells > 0 else [lost, values[: values.size + cells]])
+    return np.concatenate([values[cells:], lost] if cells > 0 else [lost, values[: max(values.size + cells, 0)]])
 
 
 def peak(likelihood: Array, at: int) -> tuple[float, float]:

@@ -21,6 +21,11 @@ _USUAL, _LARGEST, _LONGEST = 0.075, 0.15, 1.5
 _AFT = 0.25
 # How well signals agree that tell a lag.
 _LEAST_CORRELATION, _FEWEST = 0.8, 15.0
+# What looks like a delay and is none.
+_OTHERWISE = {
+    "depth": " Or the depth sensor sits ahead or aft.",
+    "dvl": " Or the DVL sits ahead or aft of the accelerometer.",
+}
 
 
 class _Pair(NamedTuple):
@@ -49,7 +54,8 @@ def sensor_delay_checks(signals: Signals, time_constant: float | None, contradic
         if contradicted and pair.sensor != "gyroscope":
             continue
         by_sensors.setdefault((pair.sensor, pair.other), []).append(pair)
-    largest = {"depth": _LARGEST + _AFT * (time_constant or 0.0)}
+    # A DVL ahead of the accelerometer swings like one that is late: of these two a lag is only noted.
+    largest = {"depth": _LARGEST + _AFT * (time_constant or 0.0), "dvl": np.inf}
     checks = (
         _check(signals, sensor, other, pairs, window, largest.get(sensor, _LARGEST))
         for (sensor, other), pairs in by_sensors.items()
@@ -90,11 +96,10 @@ def _check(signals: Signals, sensor: str, other: str, pairs: list[_Pair], window
         sensor,
         f"delay against {other}",
         statistic=f"{late} is {abs(lag):.2f} +- {unsure:.1g} s later than {early}",
-        threshold=f"<= {_USUAL:g} s; fails beyond {largest:.2g} s",
+        threshold=f"<= {_USUAL:g} s" + (f"; fails beyond {largest:.2g} s" if np.isfinite(largest) else ""),
         passed=False if beyond > largest else None if beyond > _USUAL else True,
         advice=f"{late} is stamped late, or {early} early: shift the times, state it (`identification.delays`), or let "
-        "it be found (`identification.estimate.biases: [delay]`)."
-        + (" Or the depth sensor sits ahead or aft." if sensor == "depth" else ""),
+        "it be found (`identification.estimate.biases: [delay]`)." + _OTHERWISE.get(sensor, ""),
     )
 
 

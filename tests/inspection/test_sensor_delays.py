@@ -38,7 +38,8 @@ def test_a_late_sensor_is_named_with_its_delay(sensor, seconds, logged, changed)
         time += seconds
 
     check = verdicts(changed(logged, sensor, late))[sensor, f"delay against {PAIRS[sensor]}"]
-    assert check.passed is False
+    # A DVL ahead of the accelerometer looks like one that is late.
+    assert check.passed is (None if sensor == "dvl" else False)
     named, size = check.statistic.split(" is ")
     assert named == (sensor if seconds > 0.0 else PAIRS[sensor])
     assert float(size.split()[0]) == pytest.approx(abs(seconds), abs=0.06)
@@ -61,4 +62,5 @@ def test_a_parabola_is_found_at_its_peak():
 def test_shifts_leave_what_is_unknown_missing():
     np.testing.assert_array_equal(shifted(np.arange(4.0), 1), [1.0, 2.0, 3.0, np.nan])
     np.testing.assert_array_equal(shifted(np.arange(4.0), -2), [np.nan, np.nan, 0.0, 1.0])
-    np.testing.assert_array_equal(shifted(np.arange(2.0), 5), [np.nan, np.nan])
+    for cells in (5, -3, -5):
+        np.testing.assert_array_equal(shifted(np.arange(2.0), cells), [np.nan, np.nan])
