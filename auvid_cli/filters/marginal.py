@@ -22,6 +22,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
+from auvid_cli.filters.decay import forgetting
 from auvid_cli.filters.descent import minimise
 from auvid_cli.filters.fault_scores import FaultEffects, Faults, score_faults
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory
@@ -49,6 +50,49 @@ _CHANGE = 1e-4
 _SMALL = 0.05
 # Times the prior's spread of parameters that are held, and passes in which the motion follows these.
 _HELD, _PASSES = 1e-8, 10
+
+
+class MarginalAnswer(NamedTuple):
+    """The most probable parameters whatever the motion was, and what they were found by.
+
+    Attributes
+    ----------
+    problem : JointProblem
+        Whose process noise is forgotten as fast as the motion is, see `auvid_cli.filters.decay`.
+    answer : Filtered
+    unsettled : Unsettled or None
+        As of `without_motion`.
+    """
+
+    problem: JointProblem
+    answer: Filtered
+    unsettled: Unsettled | None
+
+
+def marginal_answer(
+    problem: JointProblem, smoothing: LinearSmoothing, joint: Filtered, max_steps: int
+) -> MarginalAnswer | None:
+    """Go from the joint answer to the most probable parameters, by process noise as `auvid tune` finds it.
+
+    Parameters
+    ----------
+    problem : JointProblem
+    smoothing : LinearSmoothing
+        Of the problem; afterwards of that of the answer.
+    joint : Filtered
+        About the joint answer.
+    max_steps : int
+
+    Returns
+    -------
+    MarginalAnswer or None
+        None where the motion cannot follow the parameters.
+    """
+    forgotten = forgetting(problem, joint.trajectory)
+    smoothing.change_noise(forgotten.process, forgotten.sensors)
+    again = smoothing.filter(joint.trajectory)
+    found = None if again is None else without_motion(forgotten, smoothing, again, max_steps)
+    return None if found is None else MarginalAnswer(forgotten, *found)
 
 
 def without_motion(

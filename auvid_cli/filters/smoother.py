@@ -13,13 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.filters.decay import forgetting
 from auvid_cli.filters.descent import minimise
 from auvid_cli.filters.fault_scores import Faults, score_faults
 from auvid_cli.filters.huber import SET_ASIDE
 from auvid_cli.filters.influences import corrected_smoothing
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Smoothed, Trajectory, is_led_to
-from auvid_cli.filters.marginal import marginal_scores, without_motion
+from auvid_cli.filters.marginal import marginal_answer, marginal_scores
 from auvid_cli.filters.other_answers import answers_of_segments, other_minimum
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import (
@@ -94,14 +93,10 @@ def run_smoother(
         rivals += answers_of_segments(problem, best)
     answer, unsettled = best, None
     if marginal:
-        # As noise was found, see `auvid_cli.filters.noise_likelihood`.
-        problem = forgetting(problem, best.trajectory)
-        smoothing.change_noise(problem.process, problem.sensors)
-        again = smoothing.filter(best.trajectory)
-        found = None if again is None else without_motion(problem, smoothing, again, max_passes)
+        found = marginal_answer(problem, smoothing, best, max_passes)
         if found is None:
             return _failed(problem)
-        answer, unsettled = found
+        problem, answer, unsettled = found
     outcome = _hand_over(smoothing, problem.sensors, answer, on_chunk, is_answer=marginal)
     if outcome.failure != OK:
         return outcome

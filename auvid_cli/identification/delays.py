@@ -20,7 +20,7 @@ from auvid_cli.data.dataset import InputRecord
 from auvid_cli.errors import DataError
 from auvid_cli.filters.fault_scores import score_faults
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
-from auvid_cli.filters.marginal import marginal_scores, without_motion
+from auvid_cli.filters.marginal import marginal_answer, marginal_scores
 from auvid_cli.filters.problem import FaultScores
 from auvid_cli.filters.smoother import most_probable
 from auvid_cli.identification.actuators import FINS
@@ -212,11 +212,12 @@ def _fit(prepared: PreparedData, symbols: Sequence[str]) -> _Fit | None:
     answers = most_probable(problem, smoothing, max_passes)
     if not answers:
         return None
-    joint, _ = answers[0]
-    found = without_motion(problem, smoothing, joint, max_passes) if settings.is_marginal else (joint, None)
-    if found is None:
-        return None
-    answer, _ = found
+    answer, _ = answers[0]
+    if settings.is_marginal:
+        found = marginal_answer(problem, smoothing, answer, max_passes)
+        if found is None:
+            return None
+        problem, answer, _ = found
     own = smoothing, answer, faults
     scores = marginal_scores(problem, *own) if settings.is_marginal else score_faults(*own)
     events = sum(len(chunk) for segment in answer.trajectory.moving for chunk in segment)
