@@ -1,6 +1,7 @@
 """Shared by all tests: experiments from the shipped settings, and one simulated run."""
 
 import os
+import shutil
 
 # Before NumPy is loaded: its own threads wait for work by turning, beside the workers of the tests a third of the time.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
@@ -74,6 +75,33 @@ def simulated_with(experiment_with):
         return simulate(experiment_with(*overrides))
 
     return run
+
+
+@pytest.fixture(scope="session")
+def multisine_with(simulated_with):
+    """Function: 40 s of a multisine with few measurements, and overrides."""
+    quick = (
+        "manoeuvre=manoeuvres/multisine.yaml",
+        "manoeuvre.duration=40 s",
+        "manoeuvre.initial_speed=3.9 m/s",
+        "sensors.attitude={source: direct, rate: 5 Hz}",
+        "sensors.gyroscope.rate=10 Hz",
+        "sensors.dvl.rate=5 Hz",
+    )
+    return lambda *overrides: simulated_with(*quick, *overrides)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Debian's Chromium, or one that CHROMIUM names."""
+    sync_api = pytest.importorskip("playwright.sync_api")
+    path = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
+    if path is None:
+        pytest.skip("no Chromium: apt-get install chromium, or name one by CHROMIUM")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield browser
+        browser.close()
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,6 @@
 """The site of the documentation: built as CONTRIBUTING says, warnings as errors; without any network."""
 
 import json
-import os
 import re
 import shutil
 import subprocess
@@ -15,7 +14,6 @@ import yaml
 from docs.site_markdown import SuperFencesException, mathml
 
 ROOT = Path(__file__).parents[1]
-CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
 DOCS = ROOT / "docs"
 # What a browser fetches by itself; links that a person follows are others.
 FETCHED = {"audio", "embed", "iframe", "img", "link", "object", "script", "source", "track", "video"}
@@ -92,27 +90,23 @@ def test_search_finds_pages_by_their_words(site):
 
 
 @pytest.mark.browser
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: apt-get install chromium, or name one by CHROMIUM")
-def test_a_reader_without_a_network_searches_and_finds(site):
-    sync_api = pytest.importorskip("playwright.sync_api")
+def test_a_reader_without_a_network_searches_and_finds(site, browser):
     complaints = []
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        tab = browser.new_page(viewport={"width": 400, "height": 900}, offline=True)
-        tab.on("console", lambda message: complaints.append(message.text))
-        tab.on("pageerror", lambda error: complaints.append(str(error)))
-        tab.on(
-            "request",
-            lambda request: request.url.startswith(("file:", "data:", "blob:")) or complaints.append(request.url),
-        )
-        tab.goto((site / "theory.html").as_uri())
-        assert tab.evaluate("document.documentElement.scrollWidth <= innerWidth")
-        font = "document.fonts.load('1em \"Noto Sans Math\"').then(found => found.length)"
-        assert tab.evaluate(font) == 1
-        tab.keyboard.press("Control+k")
-        tab.keyboard.type("normalised innovation squared")
-        tab.get_by_text(re.compile(r"^[1-9]\d* results?$")).wait_for(timeout=10_000)
-        browser.close()
+    tab = browser.new_page(viewport={"width": 400, "height": 900}, offline=True)
+    tab.on("console", lambda message: complaints.append(message.text))
+    tab.on("pageerror", lambda error: complaints.append(str(error)))
+    tab.on(
+        "request",
+        lambda request: request.url.startswith(("file:", "data:", "blob:")) or complaints.append(request.url),
+    )
+    tab.goto((site / "theory.html").as_uri())
+    assert tab.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    font = "document.fonts.load('1em \"Noto Sans Math\"').then(found => found.length)"
+    assert tab.evaluate(font) == 1
+    tab.keyboard.press("Control+k")
+    tab.keyboard.type("normalised innovation squared")
+    tab.get_by_text(re.compile(r"^[1-9]\d* results?$")).wait_for(timeout=10_000)
+    tab.close()
     assert complaints == []
 
 

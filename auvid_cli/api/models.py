@@ -3,12 +3,12 @@
 from pathlib import Path
 
 from auvid_cli.api.argument_types import typed
-from auvid_cli.api.preparation import refuse_estimates_of_others, refuse_to_replace
+from auvid_cli.api.preparation import estimate_and_file, refuse_estimates_of_others, refuse_to_replace
 from auvid_cli.config.format_name import FormatName
 from auvid_cli.config.named import named
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.estimate_file import read_estimate, read_reference
+from auvid_cli.data.estimate_file import read_reference
 from auvid_cli.data.files import keep_apart, write_text
 from auvid_cli.data.netcdf import digest
 from auvid_cli.errors import ConfigError
@@ -116,12 +116,10 @@ def export_model(dataset: Dataset, estimate: Estimate | str | Path, target: str,
     >>> "def " in text
     True
     """
-    form, source = named(FormatName, target, "form of a model"), None
-    if not isinstance(estimate, Estimate):
-        source = Path(estimate)
-        estimate = read_estimate(source)
-    refuse_estimates_of_others(dataset, [estimate])
-    export = Export(dataset, estimate, form, source)
+    form = named(FormatName, target, "form of a model")
+    found, source = estimate_and_file(estimate)
+    refuse_estimates_of_others(dataset, [found])
+    export = Export(dataset, found, form, source)
     text = export.text(Path(export.file_name if file is None else file))
     if file is not None:
         keep_apart([Path(file)], [] if source is None else [source])

@@ -5,11 +5,12 @@ from pathlib import Path
 
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
+from auvid_cli.data.estimate_file import read_estimate
 from auvid_cli.data.netcdf import digest
 from auvid_cli.errors import DataError, FileError
 from auvid_cli.identification.prepared_data import PreparedData, prepare
 
-__all__ = ["prepare", "prepare_checked", "refuse_estimates_of_others", "refuse_to_replace"]
+__all__ = ["estimate_and_file", "prepare", "prepare_checked", "refuse_estimates_of_others", "refuse_to_replace"]
 
 
 def prepare_checked(dataset: Dataset, *estimates: Estimate) -> PreparedData:
@@ -22,6 +23,13 @@ def prepare_checked(dataset: Dataset, *estimates: Estimate) -> PreparedData:
     """
     refuse_estimates_of_others(dataset, estimates)
     return prepare(dataset)
+
+
+def estimate_and_file(estimate: Estimate | str | Path) -> tuple[Estimate, Path | None]:
+    """Return an estimate in memory as it is, or that of a file, and the file."""
+    if isinstance(estimate, Estimate):
+        return estimate, None
+    return read_estimate(Path(estimate)), Path(estimate)
 
 
 def refuse_estimates_of_others(dataset: Dataset, estimates: Iterable[Estimate]) -> None:

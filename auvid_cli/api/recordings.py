@@ -4,11 +4,11 @@ from pathlib import Path
 
 from auvid_cli import __version__
 from auvid_cli.api.argument_types import typed
-from auvid_cli.api.preparation import refuse_estimates_of_others, refuse_to_replace
+from auvid_cli.api.preparation import estimate_and_file, refuse_estimates_of_others, refuse_to_replace
 from auvid_cli.config.load import dump_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.data.estimate_file import read_estimate, read_reference
+from auvid_cli.data.estimate_file import read_reference
 from auvid_cli.data.files import keep_apart
 from auvid_cli.evaluation.judgement import judge_one
 from auvid_cli.export.formats import file_stem
@@ -102,12 +102,9 @@ def export_run(dataset: Dataset, estimate: Estimate | str | Path, file: str | Pa
     >>> auvid.export_run(dataset, estimate, "dive.mcap").name
     'dive.mcap'
     """
-    source = None
-    if not isinstance(estimate, Estimate):
-        source = Path(estimate)
-        estimate = read_estimate(source)
-    refuse_estimates_of_others(dataset, [estimate])
-    export = RunExport(dataset, estimate, source)
+    found, source = estimate_and_file(estimate)
+    refuse_estimates_of_others(dataset, [found])
+    export = RunExport(dataset, found, source)
     keep_apart([Path(file)], [] if source is None else [source])
     refuse_to_replace(dataset, Path(file))
     export.write(Path(file))

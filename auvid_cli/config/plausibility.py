@@ -20,6 +20,8 @@ _LEAST_INERTIA, _LARGEST_INERTIA = 0.1, 5.0
 # Of what a drawing says against the rest of the file, and of the slenderness for which its formulas are.
 _LARGEST_SIZE_ERROR, _LARGEST_VOLUME_ERROR, _LARGEST_OFFSET = 0.05, 0.25, 0.1
 LEAST_SLENDERNESS, LARGEST_SLENDERNESS = 4.0, 15.0
+# Times as strong as a vehicle file says fins are: what coefficients that are a third off hardly come to.
+WEAKEST_FINS, STRONGEST_FINS = 0.55, 1.8
 
 
 class Doubt(NamedTuple):

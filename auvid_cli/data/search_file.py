@@ -1,9 +1,10 @@
 """How far the search for a manoeuvre has come, in a file from which it goes on."""
 
 import json
-from math import isfinite
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, NamedTuple
+
+from pydantic import AfterValidator, BaseModel, Field, FiniteFloat, ValidationError
 
 from auvid_cli.data.files import write_text
 from auvid_cli.errors import FileError
@@ -29,6 +30,24 @@ class SearchState(NamedTuple):
     costs: tuple[tuple[float, ...], ...]
 
 
+def _alike(costs: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+    if len({len(generation) for generation in costs}) > 1:
+        raise ValueError("generations of different sizes")
+    return costs
+
+
+_Costs = Annotated[tuple[FiniteFloat, ...], Field(min_length=1)]
+
+
+class _Held(BaseModel, strict=True):
+    """What stands in a file."""
+
+    kind: Annotated[str, Field(pattern=f"^{_KIND}$")]
+    key: str
+    elapsed: FiniteFloat
+    costs: Annotated[tuple[_Costs, ...], Field(min_length=1), AfterValidator(_alike)]
+
+
 def write_search(path: Path, state: SearchState) -> None:
     """Write a file whole or not at all.
 
@@ -49,27 +68,11 @@ def read_search(path: Path) -> SearchState | None:
         If it is something else, or damaged.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        held = _Held.model_validate_json(path.read_bytes())
     except FileNotFoundError:
         return None
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
         raise FileError(f"{path}: cannot be read: {error}") from None
-    try:
-        held = json.loads(text)
-    except (ValueError, RecursionError):
-        held = None
-    if not (isinstance(held, dict) and held.get("kind") == _KIND and _is_whole(held)):
-        raise FileError(f"{path}: is damaged, or no state of a search; take it away to search anew")
-    return SearchState(held["key"], float(held["elapsed"]), tuple(map(tuple, held["costs"])))
-
-
-def _is_whole(held: dict[str, Any]) -> bool:
-    costs = held.get("costs")
-    if not (isinstance(held.get("key"), str) and _is_number(held.get("elapsed")) and isinstance(costs, list)):
-        return False
-    sizes = {len(each) if isinstance(each, list) else 0 for each in costs}
-    return len(sizes) == 1 and 0 not in sizes and all(_is_number(cost) for each in costs for cost in each)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    except ValidationError:
+        raise FileError(f"{path}: is damaged, or no state of a search; take it away to search anew") from None
+    return SearchState(held.key, held.elapsed, held.costs)

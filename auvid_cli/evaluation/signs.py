@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from auvid_cli.config.plausibility import STRONGEST_FINS, WEAKEST_FINS
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.vehicle.coefficients import DRAG_SYMBOLS
 
@@ -9,9 +10,8 @@ from auvid_cli.vehicle.coefficients import DRAG_SYMBOLS
 DRAG = dict.fromkeys(DRAG_SYMBOLS, -1)
 FINS = {"Y_uudr": 1, "N_uudr": -1, "Z_uude": -1, "M_uude": -1}
 
-# Moments of fins, and times those of the vehicle file that coefficients a third off hardly come to.
+# Moments of fins.
 _MOMENTS = ("N_uudr", "M_uude")
-_WEAKEST, _STRONGEST = 0.55, 1.8
 
 
 def pushing_drag(estimate: Estimate, sigmas: float) -> list[str]:
@@ -38,7 +38,7 @@ def out_of_proportion(estimate: Estimate, sigmas: float) -> dict[str, float]:
     for symbol in _MOMENTS:
         if symbol in deviations and stated.get(symbol):
             times, unsure = abs(values[symbol] / stated[symbol]), sigmas * deviations[symbol] / abs(stated[symbol])
-            if times - unsure > _STRONGEST or times + unsure < _WEAKEST:
+            if times - unsure > STRONGEST_FINS or times + unsure < WEAKEST_FINS:
                 found[symbol] = times
     return found
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.config.plausibility import STRONGEST_FINS, WEAKEST_FINS
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.check import Check
 from auvid_cli.data.rate_of_change import response_to_rates
@@ -23,8 +24,8 @@ Array = NDArray[np.float64]
 # What moves along with a rate, the others held, and the input that it answers, whatever the columns are called.
 _STATES = {"p": ("p", "phi"), "q": ("w", "q", "theta"), "r": ("v", "r")}
 _ANSWERED = {axis.rate: axis.given for axis in AXES}
-# Times as strong as promised: what coefficients that are a third off hardly come to.
-_WEAKEST, _STRONGEST, _SIGMAS = 0.55, 1.8, 3.0
+# Standard deviations by which a strength is beyond what is plausible.
+_SIGMAS = 3.0
 # What tells a strength: partial correlation, share of the change that the input explains, and windows that are as good
 # as independent. Fewer are of one turn, or of a fin that only answers the motion.
 _LEAST_CORRELATION, _LEAST_SHARE, _FEWEST_WINDOWS = 0.9, 0.3, 40.0
@@ -149,8 +150,8 @@ def _strength(signals: Signals, axis: RotationAxis, motion: SmallMotion, time_co
         axis.given,
         "strength",
         statistic=f"{abs(fitted.gain):.2f} +- {fitted.error:.1g} times what the vehicle file makes of it",
-        threshold=f"{_WEAKEST:g} to {_STRONGEST:g} times",
-        passed=low <= _STRONGEST and high >= _WEAKEST,
+        threshold=f"{WEAKEST_FINS:g} to {STRONGEST_FINS:g} times",
+        passed=low <= STRONGEST_FINS and high >= WEAKEST_FINS,
         advice=f"The vehicle answers {axis.given} {abs(fitted.gain):.2g} times as strongly as its file says: look at "
         f"unit and `scale` of {axis.given} in the map, and at its coefficients, mass and inertia in the vehicle file. "
         "Data alone cannot tell a fin that deflects half as far from one that is twice as effective.",

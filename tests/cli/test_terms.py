@@ -9,14 +9,6 @@ from auvid_cli.api.files import read_dataset
 from auvid_cli.cli.app import app
 from auvid_cli.data.dataset_file import write_dataset
 
-QUICK = (
-    "manoeuvre=manoeuvres/multisine.yaml",
-    "manoeuvre.duration=40 s",
-    "manoeuvre.initial_speed=3.9 m/s",
-    "sensors.attitude={source: direct, rate: 5 Hz}",
-    "sensors.gyroscope.rate=10 Hz",
-    "sensors.dvl.rate=5 Hz",
-)
 PLANTED = 'vehicle.terms=[{name: "N_|v|r", row: N, factors: ["|v|", r], value: -1500}]'
 
 
@@ -26,9 +18,9 @@ def run(monkeypatch):
     return lambda *arguments: CliRunner().invoke(app, ["terms", *map(str, arguments)])
 
 
-def test_what_is_found_stands_in_a_file_that_identify_takes(simulated_with, tmp_path, run):
+def test_what_is_found_stands_in_a_file_that_identify_takes(multisine_with, tmp_path, run):
     file = tmp_path / "dataset.h5"
-    write_dataset(file, simulated_with(*QUICK, PLANTED))
+    write_dataset(file, multisine_with(PLANTED))
     result = run(file, "--set", "vehicle.terms=[]", "--most", "1")
     assert result.exit_code == 0, result.output
     assert "Found: N_|v|r." in result.output
@@ -43,9 +35,9 @@ def test_what_is_found_stands_in_a_file_that_identify_takes(simulated_with, tmp_
     assert {row["held_out_gain"] == "" for row in rows} == {True, False}
 
 
-def test_where_nothing_is_missing_nothing_is_proposed_and_no_file_written(simulated_with, tmp_path, run):
+def test_where_nothing_is_missing_nothing_is_proposed_and_no_file_written(multisine_with, tmp_path, run):
     file = tmp_path / "dataset.h5"
-    write_dataset(file, simulated_with(*QUICK))
+    write_dataset(file, multisine_with())
     result = run(file)
     assert result.exit_code == 0, result.output
     assert "Nothing is proposed" in result.output

@@ -5,18 +5,9 @@ import numpy as np
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.term_models import split
 
-QUICK = (
-    "manoeuvre=manoeuvres/multisine.yaml",
-    "manoeuvre.duration=40 s",
-    "manoeuvre.initial_speed=3.9 m/s",
-    "sensors.attitude={source: direct, rate: 5 Hz}",
-    "sensors.gyroscope.rate=10 Hz",
-    "sensors.dvl.rate=5 Hz",
-)
 
-
-def test_a_third_of_the_time_is_held_out_wherever_segments_end(simulated_with, with_settings):
-    dataset = with_settings(simulated_with(*QUICK), "identification.use.spans=[[0, 12], [20, 26], [30, 36]]")
+def test_a_third_of_the_time_is_held_out_wherever_segments_end(multisine_with, with_settings):
+    dataset = with_settings(multisine_with(), "identification.use.spans=[[0, 12], [20, 26], [30, 36]]")
     fitted, held_out = split(prepare(dataset))
     first, second = fitted
     assert np.allclose([*first, *second], [0.0, 12.0, 20.0, 24.0], atol=0.2)

@@ -11,20 +11,12 @@ from auvid_cli.identification.term_search import search_terms
 
 TRUE = -1500.0
 PLANTED = f'vehicle.terms=[{{name: "N_|v|r", row: N, factors: ["|v|", r], value: {TRUE}}}]'
-QUICK = (
-    "manoeuvre=manoeuvres/multisine.yaml",
-    "manoeuvre.duration=40 s",
-    "manoeuvre.initial_speed=3.9 m/s",
-    "sensors.attitude={source: direct, rate: 5 Hz}",
-    "sensors.gyroscope.rate=10 Hz",
-    "sensors.dvl.rate=5 Hz",
-)
 
 
 @pytest.fixture(scope="module")
-def planted(simulated_with):
+def planted(multisine_with):
     """Data of a vehicle with the term, and the model without."""
-    return _without_terms(simulated_with(*QUICK, PLANTED))
+    return _without_terms(multisine_with(PLANTED))
 
 
 def _without_terms(dataset):
@@ -67,14 +59,14 @@ def test_looking_does_not_go_on_beside_what_is_found(findings):
     assert "N_|v|r" not in {term.term for term in second}
 
 
-def test_nothing_is_found_where_nothing_is_missing(simulated_with):
-    findings = search_terms(prepare(simulated_with(*QUICK)), most=1)
+def test_nothing_is_found_where_nothing_is_missing(multisine_with):
+    findings = search_terms(prepare(multisine_with()), most=1)
     assert findings.found == ()
     assert findings.experiment.vehicle.terms == ()
     assert max(term.gain for term in findings.scored) == findings.scored[0].gain
 
 
-def test_data_that_nothing_follows_say_nothing_of_terms(simulated_with, with_settings):
-    dataset = with_settings(simulated_with(*QUICK), "identification.smoother.max_passes=1")
+def test_data_that_nothing_follows_say_nothing_of_terms(multisine_with, with_settings):
+    dataset = with_settings(multisine_with(), "identification.smoother.max_passes=1")
     with pytest.raises(DataError, match="the smoother does not settle"):
         search_terms(prepare(dataset))

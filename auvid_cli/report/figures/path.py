@@ -25,8 +25,7 @@ from auvid_cli.report.figures.style import (
     tidy,
 )
 from auvid_cli.report.notation import filter_label
-from auvid_cli.vehicle.dead_reckoning import dead_reckoned
-from auvid_cli.vehicle.parameters import N_MOTION
+from auvid_cli.report.travelled_paths import travelled, travelled_paths
 
 Array = NDArray[np.float64]
 
@@ -77,21 +76,14 @@ def path_figure(truth: TruthRecord | None, estimates: list[Course]) -> Figure:
 
 def _tracks(truth: TruthRecord | None, estimates: list[Course]) -> list[_Track]:
     tracks: list[_Track] = []
-    start = np.zeros(3)
-    if truth is not None:
-        known = np.isfinite(truth.position).all(axis=1)
-        if known.any():
-            position = truth.position[known]
-            start = position[0]
-            tracks.append(_Track("true", truth.time[known], position, TRUE_LINE))
     # Those that ended set the scale where there is no truth.
-    for estimate in sorted(estimates, key=lambda estimate: not estimate.completed):
-        position = start + dead_reckoned(estimate.time, estimate.mean[:, -N_MOTION:])
-        if tracks:
-            position = _as_far_as_others(position, tracks[0].position)
-        if len(position) > 1:
-            line = FILTER_STYLES[estimate.filter].line()
-            tracks.append(_Track(filter_label(estimate.filter), estimate.time[: len(position)], position, line))
+    for track in travelled_paths(truth, sorted(estimates, key=lambda estimate: not estimate.completed)):
+        position = _as_far_as_others(track.position, tracks[0].position) if tracks else track.position
+        if track.filter is None:
+            tracks.append(_Track("true", track.time, position, TRUE_LINE))
+        elif len(position) > 1:
+            line = FILTER_STYLES[track.filter].line()
+            tracks.append(_Track(filter_label(track.filter), track.time[: len(position)], position, line))
     return tracks
 
 
@@ -145,9 +137,8 @@ def _upwards(tracks: list[_Track]) -> list[_Track]:
 def _draw_profile(axes: Axes, tracks: list[_Track]) -> None:
     for track in _upwards(tracks):
         some = spaced(len(track.position), _POINTS)
-        north, east, down = track.position[some].T
-        travelled = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(north), np.diff(east)))])
-        _draw(axes, travelled, down, track)
+        position = track.position[some]
+        _draw(axes, travelled(position), position[:, 2], track)
     axes.set_ylim(*_range(tracks[0].position[:, 2])[::-1])
     axes.set_xlabel("distance along the track (m)", fontsize=9)
     axes.set_ylabel("depth (m)", fontsize=9)

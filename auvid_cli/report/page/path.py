@@ -11,7 +11,7 @@ from auvid_cli.report.figures.series import spaced
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.page.parts import Part, PathTrack, Space, Words
 from auvid_cli.report.page.picture import Axis, Picture, Shape, frame, stroke
-from auvid_cli.vehicle.dead_reckoning import dead_reckoned
+from auvid_cli.report.travelled_paths import travelled, travelled_paths
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
@@ -40,22 +40,10 @@ def path_parts(truth: TruthRecord | None, estimates: Sequence[Estimate]) -> list
 
 def _tracks(truth: TruthRecord | None, estimates: Sequence[Estimate]) -> list[PathTrack]:
     tracks = []
-    start = np.zeros(3)
-    if truth is not None:
-        position = truth.position[np.isfinite(truth.position).all(axis=1)]
-        if position.size:
-            start = position[0]
-            tracks.append(PathTrack("truth", "true", _some(position)))
-    for estimate in estimates:
-        position = dead_reckoned(estimate.time, estimate.course(MOTION_SYMBOLS).mean)
-        if len(position) > 1:
-            tracks.append(PathTrack(filter_label(estimate.filter), estimate.filter, _some(start + position)))
+    for track in travelled_paths(truth, (estimate.course(MOTION_SYMBOLS) for estimate in estimates)):
+        names = ("truth", "true") if track.filter is None else (filter_label(track.filter), track.filter)
+        tracks.append(PathTrack(*names, track.position[spaced(len(track.position), _MOST_POINTS)]))
     return tracks
-
-
-def _some(position: Array) -> Array:
-    """Return evenly spaced positions, the first and the last among them."""
-    return position[spaced(len(position), _MOST_POINTS)]
 
 
 def _legend(tracks: Sequence[PathTrack]) -> list[tuple[str, str]]:
@@ -79,7 +67,7 @@ def _plan(tracks: Sequence[PathTrack]) -> Picture:
 
 def _profile(tracks: Sequence[PathTrack]) -> Picture:
     """Draw depth, growing downwards, over the distance along the track."""
-    along = [_travelled(track.position) for track in tracks]
+    along = [travelled(track.position) for track in tracks]
     depths = np.concatenate([track.position[:, 2] for track in tracks])
     room = max(_MARGIN * float(np.ptp(depths)), 0.5)
     across = Axis(0.0, max(float(max(x[-1] for x in along)), 1.0), _LEFT, _WIDTH - _RIGHT)
@@ -90,7 +78,3 @@ def _profile(tracks: Sequence[PathTrack]) -> Picture:
     ]
     says = f"Depth from {depths.min():.3g} to {depths.max():.3g} m along {across.high:.4g} m of track."
     return Picture("Profile", says, _WIDTH, _HEIGHT, shapes, _legend(tracks))
-
-
-def _travelled(position: Array) -> Array:
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(position[:, :2], axis=0).T))])

@@ -1,8 +1,5 @@
 """Pages in a real browser: Debian's Chromium, or one that CHROMIUM names."""
 
-import os
-import shutil
-
 import pytest
 
 from auvid_cli.report.page.render import render_page
@@ -10,21 +7,8 @@ from auvid_cli.report.page.write_page import write_page
 
 from .test_render import page_of
 
-sync_api = pytest.importorskip("playwright.sync_api")
-CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: apt-get install chromium, or name one by CHROMIUM"),
-]
+pytestmark = pytest.mark.browser
 NARROW, WIDE = {"width": 400, "height": 900}, {"width": 1280, "height": 900}
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")
