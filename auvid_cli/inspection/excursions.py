@@ -67,7 +67,9 @@ def _turned(signals: Signals) -> Array | None:
     tilt = value.get("phi", nothing), value.get("theta", nothing)
     rate = euler_rates(rates, np.column_stack((*tilt, nothing)))[:, 2]
     finite = np.isfinite(rate)
-    return np.where(finite, np.cumsum(np.where(finite, rate, 0.0)) * signals.grid.step, np.nan)
+    known = np.where(finite, rate, 0.0)
+    # To the middle of each cell, where its heading is: in a fast turn half a cell is degrees.
+    return np.where(finite, (np.cumsum(known) - 0.5 * known) * signals.grid.step, np.nan)
 
 
 def _turn_alike(signals: Signals, heading: Array, reference: Array) -> bool:

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.inspection.inspect import inspect_dataset
+from auvid_cli.simulation.simulate import simulate
 
 
 def swing(column):
@@ -37,3 +39,12 @@ def test_against_another_heading_where_there_is_no_gyroscope(sound_run, changed)
     bare = replace(dataset, sensors=sensors)
     assert fails_of(bare) == {}
     assert list(fails_of(changed(bare, "attitude", swing(2)))) == [("attitude", "excursions of psi from heading")]
+
+
+def test_a_vehicle_that_turns_to_and_fro_fast_has_none():
+    """LAUV in a zigzag: up to 40 deg/s, of which half a cell of the comparison is degrees."""
+    dataset = simulate(
+        load_experiment(find_experiment("lauv"), ("manoeuvre=manoeuvres/zigzag_20_20.yaml", "manoeuvre.duration=80 s"))
+    )
+    assert np.rad2deg(np.abs(dataset.truth.motion[:, 5]).max()) > 30.0
+    assert not any("excursions" in check for _, check in fails_of(dataset))
