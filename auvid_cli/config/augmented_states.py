@@ -7,7 +7,7 @@ ballast and what disturbs the motion, which no sensor measures.
 
 from enum import StrEnum
 from math import inf, sqrt
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple, get_args
 
 from pydantic import Field
 
@@ -33,9 +33,12 @@ FIN_TRIMS = (
 )
 EXCESS_BUOYANCY = Quantity("excess_buoyancy", "N", "buoyancy less weight, beyond the stated", "g(eta), eq. (13)")
 # Of inputs how much later than stated they act, of a sensor how much later than they were taken samples are stamped.
-DELAYS = {
-    name: Quantity(f"delay_{name}", "s", f"delay of the {name} beyond the stated", "measurement")
-    for name in ("inputs", "dvl", "gyroscope", "attitude", "magnetometer", "depth")
+DelayedName = Literal[
+    "inputs", "dvl", "gyroscope", "attitude", "accelerometer", "magnetometer", "magnetic_field", "depth"
+]
+DELAYS: dict[str, Quantity] = {
+    name: Quantity(f"delay_{name}", "s", f"delay of the {name.replace('_', ' ')} beyond the stated", "measurement")
+    for name in get_args(DelayedName)
 }
 TRIM_MOMENT = Quantity("trim_moment", "N*m", "moment of a level vehicle, bow up, beyond the stated", "g(eta), eq. (13)")
 THRUST_SCALE = Quantity("thrust_scale", "1", "scale error of the stated surge force", "tau_propulsion")
@@ -289,7 +292,7 @@ class DelayError(Settings):
     """How much later than stated inputs act, or than they were taken samples of a sensor are stamped; constant."""
 
     of: Annotated[
-        tuple[Literal["inputs", "dvl", "gyroscope", "attitude", "magnetometer", "depth"], ...],
+        tuple[DelayedName, ...],
         Field(min_length=1, description="whose delays are sought, beyond those that `identification.delays` states"),
     ] = ("inputs",)
     spread: Annotated[float, Amount("s"), Field(gt=0, le=10, description="standard deviation before any data")] = 0.1
@@ -351,7 +354,7 @@ _ON_ALL_AXES = EstimatedDisturbance(
 )
 ERROR_BLOCKS = AugmentedStates(
     biases=tuple(BiasName),
-    delay=DelayError(of=("inputs", "dvl", "gyroscope", "attitude", "magnetometer", "depth")),
+    delay=DelayError(of=get_args(DelayedName)),
     disturbance=_ON_ALL_AXES,
     dvl_arm=DvlArm(axes=("x", "y", "z")),
 ).blocks()

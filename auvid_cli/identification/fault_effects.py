@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 _CURRENTS = tuple(quantity.symbol for quantity in CURRENT)
 _BALLAST = EXCESS_BUOYANCY.symbol, TRIM_MOMENT.symbol
+_NOWHERE = (0.0, 0.0, 0.0)
 _THRUST_INPUT = INPUT_SYMBOLS.index("surge_force")
 _FINS = tuple(INPUT_SYMBOLS.index(name) for name in ("rudder", "elevator"))
 
@@ -61,7 +62,8 @@ class VehicleFaults:
     def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
         """Say what they do to a chunk of a segment, along a trajectory."""
         vehicle, found = self._problem.coefficients, self._problem.held | self._identified(about.parameters)
-        model = FaultedVehicle(self._problem.known, factors(found, of_vehicle=vehicle), vehicle.terms)
+        coefficients = factors(found, of_vehicle=vehicle)
+        model = FaultedVehicle(self._problem.known, coefficients, vehicle.terms, *self._mounted())
         rate = self._problem.segments[segment].timelines.input_rate
         states = np.vstack([about.before, about.moving])
         motion = states[:, self._motion_rows]
@@ -108,9 +110,13 @@ class VehicleFaults:
             if "accelerometer" in at_measurements:
                 # What changes the motion is measured besides.
                 pull = fault.effect(model, at_measurements["accelerometer"])
-                arm = np.array(self._problem.measuring["accelerometer"].position)
-                added[measured["accelerometer"], :3, f] = pull[:, :3] + np.cross(pull[:, 3:6], arm)
+                added[measured["accelerometer"], :3, f] = model.at_accelerometer(pull)
         return FaultEffects(pushed, added)
+
+    def _mounted(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Return where the accelerometer sits, and the field of the earth; none where nothing measures it."""
+        force, field = (self._problem.measuring.get(name) for name in ("accelerometer", "magnetic_field"))
+        return _NOWHERE if force is None else force.position, _NOWHERE if field is None else field.earth_field
 
     def _identified(self, parameters: Array) -> dict[str, float]:
         """Return parameters by symbol, SI, as filters see them."""

@@ -18,7 +18,7 @@ from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.ballast import Ballast
 from auvid_cli.vehicle.coefficients import SIGNALS, Coefficient, Regressor
 from auvid_cli.vehicle.dynamics import N_BLOCK, N_FACTORS, N_SLOPE, motion_derivative, vehicle_constants
-from auvid_cli.vehicle.kinematics import body_to_earth, current_in_body_axes
+from auvid_cli.vehicle.kinematics import GRAVITY, body_to_earth, current_in_body_axes, earth_to_body
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION, SENSORS
 from auvid_cli.vehicle.term_library import term
@@ -26,6 +26,8 @@ from auvid_cli.vehicle.term_library import term
 Array = NDArray[np.float64]
 
 _N_BALLAST = len(Ballast._fields)
+# s; before and after an instant, to find how fast what is felt there changes.
+_SHORT = 1e-4
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
@@ -80,15 +82,42 @@ class FaultedVehicle:
         From `auvid_cli.vehicle.dynamics.factors`.
     terms : sequence of Coefficient
         Those of the vehicle's own.
+    arm : sequence of float
+        Where the accelerometer sits, m; see `auvid_cli.data.dataset.SensorRecord`, as of the next.
+    earth_field : sequence of float
+        T.
     """
 
-    def __init__(self, parameters: Mapping[str, float], coefficients: Array, terms: Sequence[Coefficient] = ()) -> None:
+    def __init__(
+        self,
+        parameters: Mapping[str, float],
+        coefficients: Array,
+        terms: Sequence[Coefficient] = (),
+        arm: Sequence[float] = (0.0, 0.0, 0.0),
+        earth_field: Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> None:
         self._parameters, self._coefficients, self._terms = parameters, coefficients, terms
         self._constants = vehicle_constants(parameters, terms)
+        self._arm, self._earth_field = np.array(arm), np.array(earth_field)
 
     def rates(self, motion: Array, inputs: Array, ballast: Array) -> Array:
         """Return how fast motions change, shape (n, 9)."""
         return self._rates(motion, inputs, ballast, self._constants)
+
+    def at_accelerometer(self, rates: Array) -> Array:
+        """Return the part of rates of motion that it feels where it sits, shape (n, 3), m/s^2."""
+        return np.asarray(rates[:, :3] + np.cross(rates[:, 3:6], self._arm), dtype=np.float64)
+
+    def specific_force(self, motion: Array, inputs: Array, ballast: Array) -> Array:
+        """Return what an accelerometer measures, shape (n, 3), m/s^2."""
+        turning = motion[:, 3:6]
+        carried = np.cross(turning, motion[:, :3] + np.cross(turning, self._arm))
+        weight = earth_to_body(motion[:, 6:9], np.tile([0.0, 0.0, GRAVITY], (len(motion), 1)))
+        return self.at_accelerometer(self.rates(motion, inputs, ballast)) + carried - weight
+
+    def magnetic_field(self, motion: Array) -> Array:
+        """Return what a magnetometer measures along three axes, shape (n, 3), T."""
+        return earth_to_body(motion[:, 6:9], np.tile(self._earth_field, (len(motion), 1)))
 
     def by_parameter(self, at: Motion, **steps: float) -> Array:
         """Return by how much more they change if known parameters are so much greater."""
@@ -166,6 +195,19 @@ def _current(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
 
 def _offset(given: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: model.by_inputs(at, np.eye(4)[given])
+
+
+def _late_force(model: FaultedVehicle, at: Motion) -> Array:
+    before, after = (
+        model.specific_force(at.motion + by * at.rates, at.inputs + by * at.input_rate, at.ballast)
+        for by in (-_SHORT, _SHORT)
+    )
+    return (before - after) / (2.0 * _SHORT)
+
+
+def _late_field(model: FaultedVehicle, at: Motion) -> Array:
+    # In a vehicle that turns what stands still in the earth turns back.
+    return np.asarray(np.cross(at.motion[:, 3:6], model.magnetic_field(at.motion)), dtype=np.float64)
 
 
 def missing_term(term: Coefficient) -> Fault:
@@ -264,12 +306,16 @@ FAULTS: tuple[Fault, ...] = (
 )
 
 # Delays that are looked for where settings ask for it; those of an angle or a depth are not tested for unasked, since
-# errors of an AHRS, which last, look like them.
+# errors of an AHRS, which last, look like them, nor those of the sensors that an AHRS hears.
 DELAY_FAULTS: dict[str, Fault] = {fault.state: fault for fault in FAULTS if fault.unit == "s"} | {
-    DELAYS[sensor].symbol: Fault(f"delay of the {sensor}", "s", "", DELAYS[sensor].symbol, sensor, effect)
+    DELAYS[sensor].symbol: Fault(
+        f"delay of the {sensor.replace('_', ' ')}", "s", "", DELAYS[sensor].symbol, sensor, effect
+    )
     for sensor, effect in (
         ("attitude", lambda model, at: -at.rates[:, 6:9]),
+        ("accelerometer", _late_force),
         ("magnetometer", lambda model, at: -at.rates[:, 8:9]),
+        ("magnetic_field", _late_field),
         ("depth", lambda model, at: -body_to_earth(at.motion[:, 6:9], at.motion[:, :3])[:, 2:]),
     )
 }

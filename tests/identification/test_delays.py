@@ -90,6 +90,32 @@ def test_an_unknown_delay_makes_coefficients_unsure(late, prepared, with_setting
     assert max(sought[symbol] / known[symbol] for symbol in known) > 1.1
 
 
+def test_delays_of_raw_sensors_are_found_to_ten_milliseconds(simulated_with):
+    """Of an accelerometer off the origin and of a magnetometer of three axes, in place of an AHRS."""
+    late = {"accelerometer": 0.04, "magnetic_field": -0.03}
+    dataset = simulated_with(
+        "manoeuvre.duration=12 s",
+        "sensors.accelerometer={rate: 20 Hz, noise: 1 cm/s^2, position: [0.4 m, -0.2 m, 0.1 m]}",
+        "sensors.magnetometer=null",
+        "sensors.attitude.source=direct",
+        "sensors.magnetic_field={rate: 20 Hz, noise: 0.1 uT, strength: 48 uT, declination: 2 deg, dip: 64 deg}",
+        "sensors.gyroscope.rate=20 Hz",
+        "identification.integration_step=0.05 s",
+        "identification.attitude_from=inertial",
+        f"identification.estimate={{biases: [delay], delay: {{of: [{', '.join(late)}]}}}}",
+    )
+    end = dataset.inputs.time[-1]
+    shifted = {
+        name: replace(dataset.sensors[name], time=dataset.sensors[name].time + by).between(0.0, end)
+        for name, by in late.items()
+    }
+    found = settle_delays(prepare(replace(dataset, sensors=dataset.sensors | shifted))).delays
+    assert found.symbols == ("delay_accelerometer", "delay_magnetic_field")
+    error = np.abs(found.value - [*late.values()])
+    assert (error < 0.01).all()
+    assert (error < 3.0 * found.deviation).all()
+
+
 def test_what_is_unsure_of_a_delay_is_carried_over_as_to_any_unknown():
     """Against the covariance of a linear function of independent errors."""
     rng = np.random.default_rng(1)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.vehicle import VehicleEntry
@@ -21,7 +22,7 @@ from auvid_cli.identification.process import vehicle_process
 from auvid_cli.vehicle.actuators import ActuatorErrors
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
 from auvid_cli.vehicle.dynamics import factors, vehicle_constants
-from auvid_cli.vehicle.kinematics import dvl_axes, rotation_matrix
+from auvid_cli.vehicle.kinematics import GRAVITY, dvl_axes, rotation_matrix
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import INERTIAL
 
@@ -80,6 +81,53 @@ def test_a_late_angle_is_what_was(sensor, rows, model, at):
 def test_a_late_depth_is_less_by_what_the_vehicle_has_sunk(model, at):
     down = [(rotation_matrix(motion[6:9]) @ motion[:3])[2] for motion in at.motion]
     assert_allclose(DELAY_FAULTS["delay_depth"].effect(model, at), -np.array(down)[:, None], atol=1e-12)
+
+
+def moved_on(model, at, duration):
+    """Where a vehicle is later, in some steps of Runge and Kutta, while its inputs go on to change."""
+    motion, steps = at.motion.copy(), 4
+    step, begin = duration / steps, 0.0
+
+    def rates(state, time):
+        return model.rates(state, at.inputs + time * at.input_rate, at.ballast)
+
+    for _ in range(steps):
+        first = rates(motion, begin)
+        second = rates(motion + 0.5 * step * first, begin + 0.5 * step)
+        third = rates(motion + 0.5 * step * second, begin + 0.5 * step)
+        fourth = rates(motion + step * third, begin + step)
+        motion, begin = motion + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth), begin + step
+    return motion
+
+
+def test_a_late_accelerometer_feels_what_was(known, at, experiment_with):
+    """Of a trajectory: how the velocity of the place where it sits changes in the earth, less gravity, turned back."""
+    arm, step = np.array([0.4, -0.2, 0.1]), 2e-3
+    model = FaultedVehicle(known, factors(experiment_with().vehicle.all_coefficients()), arm=arm)
+    motions = [moved_on(model, at, k * step) for k in (-2, -1, 0, 1, 2)]
+    turns = [np.array([rotation_matrix(attitude) for attitude in motion[:, 6:9]]) for motion in motions]
+    before, _, now, _, after = (
+        np.einsum("nij,nj->ni", turn, motion[:, :3] + np.cross(motion[:, 3:6], arm))
+        for turn, motion in zip(turns, motions, strict=True)
+    )
+    gravity = [0.0, 0.0, GRAVITY]
+    felt = [
+        np.einsum("nji,nj->ni", turns[k], (end - begin) / (2.0 * step) - gravity)
+        for k, begin, end in ((1, before, now), (3, now, after))
+    ]
+    assert_allclose(model.specific_force(*at[:2], at.ballast), np.mean(felt, axis=0), atol=1e-3)
+    expected = (felt[0] - felt[1]) / (2.0 * step)
+    assert_allclose(DELAY_FAULTS["delay_accelerometer"].effect(model, at), expected, atol=1e-3 * np.abs(expected).max())
+
+
+def test_a_late_magnetic_field_is_what_was(known, at, experiment_with):
+    """By scipy's turns, in a rigid body that turns on as it does."""
+    earth, step = np.array([2e-5, 1e-6, 4e-5]), 1e-4
+    model = FaultedVehicle(known, factors(experiment_with().vehicle.all_coefficients()), earth_field=earth)
+    attitude = Rotation.from_euler("ZYX", at.motion[:, [8, 7, 6]])
+    early, late = ((attitude * Rotation.from_rotvec(by * at.motion[:, 3:6])).inv().apply(earth) for by in (-step, step))
+    assert_allclose(model.magnetic_field(at.motion), attitude.inv().apply(earth), atol=1e-18)
+    assert_allclose(DELAY_FAULTS["delay_magnetic_field"].effect(model, at), (early - late) / (2.0 * step), atol=1e-12)
 
 
 def test_late_inputs_act_as_they_were(model, at):
