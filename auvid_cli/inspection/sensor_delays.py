@@ -1,6 +1,7 @@
 """Whether sensors that kinematics tie to each other are stamped by the same clock: rates, angles, depth, velocity."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +20,9 @@ Array = NDArray[np.float64]
 _USUAL, _LARGEST, _LONGEST = 0.075, 0.15, 1.5
 # Share of the vehicle's time constant, its length over its speed: a depth sensor that far aft sees depth so much later.
 _AFT = 0.25
-# How well signals agree that tell a lag.
-_LEAST_CORRELATION, _FEWEST = 0.8, 15.0
+# How well signals agree that tell a lag, and how much likelier, as a logarithm, than any delay a
+# turned sign must be.
+_LEAST_CORRELATION, _FEWEST, _LIKELIER = 0.8, 15.0, 10.0
 # What looks like a delay and is none.
 _OTHERWISE = {
     "depth": " Or the depth sensor sits ahead or aft.",
@@ -29,12 +31,21 @@ _OTHERWISE = {
 
 
 class _Pair(NamedTuple):
-    """What a sensor says, and what others make of it, both smoothed over as long."""
+    """What a sensor says, and what others make of it, both smoothed over as long.
+
+    Attributes
+    ----------
+    sensor, other : str
+    measured, expected : ndarray
+    turned : mapping of ndarray
+        What others make of it if the sign of one of them, whose symbol it is, is turned: that looks like a delay.
+    """
 
     sensor: str
     other: str
     measured: Array
     expected: Array
+    turned: Mapping[str, Array] = MappingProxyType({})
 
 
 def sensor_delay_checks(signals: Signals, time_constant: float | None, contradicted: bool) -> list[Check]:
@@ -71,7 +82,8 @@ def _pairs(signals: Signals, half: int) -> Iterator[_Pair]:
     dive = diving_speed(signals)
     if dive is not None and signals.has("down", "w"):
         measured = rate_of_change(value["down"], step, half)
-        yield _Pair("depth", "attitude", measured, response_to_rates(dive.total(), step, half))
+        stated, turned = (response_to_rates(dive.total() - 2.0 * by * dive.others[0], step, half) for by in (0.0, 1.0))
+        yield _Pair("depth", "attitude", measured, stated, {"w": turned})
     for velocity, force in measured_forces(signals).items():
         # What is left of the specific force beside gravity and the turning is the change of a velocity.
         left = value[f"f{'xyz'['uvw'.index(velocity)]}"] - sum(force.others)
@@ -81,11 +93,16 @@ def _pairs(signals: Signals, half: int) -> Iterator[_Pair]:
 
 def _check(signals: Signals, sensor: str, other: str, pairs: list[_Pair], window: int, largest: float) -> Check | None:
     lags = np.arange(-round(_LONGEST / signals.grid.step), round(_LONGEST / signals.grid.step) + 1)
-    likelihood = np.zeros(lags.size)
+    usual = np.abs(lags) * signals.grid.step <= _USUAL
+    likelihood, turned = np.zeros(lags.size), list[str]()
     for pair in pairs:
-        correlations, cells = _correlations(pair, lags)
-        if cells / window >= _FEWEST and correlations.max() >= _LEAST_CORRELATION:
-            likelihood -= 0.5 * cells / window * np.log1p(-(np.clip(correlations, 0.0, 1.0 - 1e-9) ** 2))
+        best = _likelihood(pair.measured, pair.expected, lags, window)
+        for symbol, expected in pair.turned.items():
+            other_way = _likelihood(pair.measured, expected, lags, window)
+            if other_way[usual].max() > best.max() + _LIKELIER:
+                best = other_way
+                turned.append(symbol)
+        likelihood += best
     if not likelihood.any():
         return None
     cells, error = likeliest_lag(likelihood)
@@ -95,7 +112,8 @@ def _check(signals: Signals, sensor: str, other: str, pairs: list[_Pair], window
     return judged(
         sensor,
         f"delay against {other}",
-        statistic=f"{late} is {abs(lag):.2f} +- {unsure:.1g} s later than {early}",
+        statistic=f"{late} is {abs(lag):.2f} +- {unsure:.1g} s later than {early}"
+        + (f", if the sign of {', '.join(turned)} is turned, as it seems" if turned else ""),
         threshold=f"<= {_USUAL:g} s" + (f"; fails beyond {largest:.2g} s" if np.isfinite(largest) else ""),
         passed=False if beyond > largest else None if beyond > _USUAL else True,
         advice=f"{late} is stamped late, or {early} early: shift the times, state it (`identification.delays`), or let "
@@ -103,14 +121,20 @@ def _check(signals: Signals, sensor: str, other: str, pairs: list[_Pair], window
     )
 
 
-def _correlations(pair: _Pair, lags: NDArray[np.int64]) -> tuple[Array, int]:
-    """Correlate what is measured so many cells later with what is expected, at cells that are known at every lag."""
-    rows = np.stack([shifted(pair.measured, int(lag)) for lag in lags])
-    complete = np.isfinite(rows).all(axis=0) & np.isfinite(pair.expected)
-    known = int(complete.sum())
-    if known < 2:
-        return np.zeros(lags.size), 0
-    rows, expected = rows[:, complete], pair.expected[complete]
+def _likelihood(measured: Array, expected: Array, lags: NDArray[np.int64], window: int) -> Array:
+    """Say for each lag how much likelier the signals are together than apart, as a logarithm; 0 if they hardly agree.
+
+    What is measured so many cells later is correlated with what is expected, at cells that are known at every lag.
+    """
+    rows = np.stack([shifted(measured, int(lag)) for lag in lags])
+    complete = np.isfinite(rows).all(axis=0) & np.isfinite(expected)
+    windows = int(complete.sum()) / window
+    if windows < _FEWEST:
+        return np.zeros(lags.size)
+    rows, expected = rows[:, complete], expected[complete]
     rows, expected = rows - rows.mean(axis=1, keepdims=True), expected - expected.mean()
     sizes = np.linalg.norm(rows, axis=1) * np.linalg.norm(expected)
-    return np.divide(rows @ expected, sizes, out=np.zeros(lags.size), where=sizes > 0.0), known
+    correlations = np.divide(rows @ expected, sizes, out=np.zeros(lags.size), where=sizes > 0.0)
+    if correlations.max() < _LEAST_CORRELATION:
+        return np.zeros(lags.size)
+    return -0.5 * windows * np.log1p(-(np.clip(correlations, 0.0, 1.0 - 1e-9) ** 2))

@@ -21,6 +21,17 @@ def logged(simulated_with):
     )
 
 
+@pytest.fixture(scope="module")
+def heaving(multisine_with):
+    """A run with as much heave as the sinking by pitch."""
+    return multisine_with(
+        "manoeuvre.duration=60 s",
+        "manoeuvre.initial_speed=2 m/s",
+        "sensors.depth={rate: 10 Hz, noise: 1 cm}",
+        "sensors.dvl.noise=5 mm/s",
+    )
+
+
 def verdicts(dataset):
     return {(check.subject, check.check): check for check in inspect_dataset(dataset).checks}
 
@@ -43,6 +54,26 @@ def test_a_late_sensor_is_named_with_its_delay(sensor, seconds, logged, changed)
     named, size = check.statistic.split(" is ")
     assert named == (sensor if seconds > 0.0 else PAIRS[sensor])
     assert float(size.split()[0]) == pytest.approx(abs(seconds), abs=0.06)
+
+
+def test_a_heave_counted_upwards_is_a_sign_and_no_delay(heaving, changed):
+    def upwards(_, values):
+        values[:, 2] *= -1.0
+
+    found = verdicts(changed(heaving, "dvl", upwards))
+    assert found["dvl", "w against depth"].passed is False
+    check = found["depth", "delay against attitude"]
+    assert check.passed is True
+    assert "if the sign of w is turned" in check.statistic
+
+
+def test_a_late_depth_is_a_delay_and_no_sign(heaving, changed):
+    def late(time, _):
+        time += 0.8
+
+    check = verdicts(changed(heaving, "depth", late))["depth", "delay against attitude"]
+    assert check.passed is False
+    assert "the sign" not in check.statistic
 
 
 def test_sensors_that_contradict_each_other_tell_no_delay(logged, changed):
