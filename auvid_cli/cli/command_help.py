@@ -5,6 +5,7 @@ from inspect import cleandoc
 from typing import Any
 
 from rich.markup import escape
+from typer import BadParameter
 from typer.core import TyperCommand, TyperGroup
 
 # What the parser of a command takes: both names of the help.
@@ -17,6 +18,14 @@ class Command(TyperCommand):
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the parameters, as typer's own."""
         return _without_types(super().get_params(ctx))
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse words; what pydantic puts before its complaints says nothing to whoever reads them."""
+        try:
+            return super().parse_args(ctx, args)
+        except BadParameter as error:
+            error.message = error.message.removeprefix("Value error, ")
+            raise
 
 
 class Group(TyperGroup):

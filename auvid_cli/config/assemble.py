@@ -6,7 +6,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 
-from auvid_cli.config.position import ConfigSource, KeyPath, Mistake, Position
+from auvid_cli.config.position import OVERRIDE, ConfigSource, KeyPath, Mistake, Position
 from auvid_cli.config.shipped import shipped_files, shipped_part
 from auvid_cli.config.tree import DEEPEST, Tree, read_tree
 from auvid_cli.printable import shortened
@@ -150,7 +150,7 @@ def parse_override(override: str) -> tuple[KeyPath, Tree]:
 
 
 def _place(override: str) -> Position:
-    return Position(ConfigSource(f"--set {shortened(override, 200)}", Path()))
+    return Position(ConfigSource(f"{OVERRIDE}{shortened(override, 200)}", Path()))
 
 
 def _all_at(tree: Tree, at: Position) -> Tree:

@@ -8,6 +8,8 @@ from pathlib import Path
 KeyPath = tuple[str | int, ...]
 """Keys and list indices from the top of the settings down to one of them."""
 
+# What the name of a source begins with that is an override.
+OVERRIDE = "--set "
 WIDTH = 100
 MOST_SHOWN = 50
 LONGEST_SHOWN = 600
@@ -80,7 +82,10 @@ class Mistake:
         return replace(self, path=path + self.path)
 
     def __str__(self) -> str:
-        return ": ".join(part for part in (str(self.at), dotted(self.path), self.message) if part)
+        # An override begins with its key.
+        path = dotted(self.path)
+        said = str(self.at).startswith(f"{OVERRIDE}{path}=")
+        return ": ".join(part for part in (str(self.at), "" if said else path, self.message) if part)
 
 
 def dotted(path: KeyPath) -> str:

@@ -67,3 +67,13 @@ def test_no_paragraph_is_broken_where_the_source_is():
         if not following.strip():
             break
         assert len(line.rstrip()) + 1 + len(following.split()[0]) > 78
+
+
+@pytest.mark.parametrize(
+    "arguments", [("run", "--filter", "foo"), ("export", "a.h5", "--to", "foo"), ("list", "foo")], ids=lambda a: a[0]
+)
+def test_a_word_that_is_no_choice_is_answered_with_those_there_are(arguments):
+    result = auvid(*arguments)
+    said = " ".join(words(result.stderr))
+    assert result.exit_code == 2
+    assert ": 'foo' is not one of '" in said

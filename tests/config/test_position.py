@@ -35,9 +35,12 @@ def test_control_characters_do_not_reach_the_terminal():
 
 
 def test_source_without_lines():
-    assert (
-        mistakes_text([Mistake(Position(ConfigSource("--set a=b", Path())), ("a",), "wrong")]) == "--set a=b: a: wrong"
-    )
+    assert mistakes_text([Mistake(Position(ConfigSource("--set a=b", Path())), ("a",), "wrong")]) == "--set a=b: wrong"
+
+
+def test_what_an_override_does_not_name_is_named():
+    inner = Mistake(Position(ConfigSource("--set a={b: 1}", Path())), ("a", "b"), "wrong")
+    assert mistakes_text([inner]) == "--set a={b: 1}: a.b: wrong"
 
 
 def test_many_and_long_mistakes_are_told_shortly():
