@@ -33,7 +33,7 @@ def terms(
 ) -> None:
     """Find terms that the model lacks: products of velocities and fins that explain what its fit leaves of the data.
 
-    The iterated smoother is fitted to the first two thirds of the data. Of some two hundred candidates the best
+    The smoother is fitted to the first two thirds of the data. Of some two hundred candidates the best
     few, and what comes nearest to the best of them, are added and fitted, one at a time; the best of these is kept
     only if it makes the last third likelier; then come the next. What is found stands in terms.yaml, which `auvid
     identify` takes behind --set.

@@ -32,7 +32,7 @@ def tune(
 ) -> None:
     """Find the noise that makes the data most likely: how far the model may be trusted, and with --sensors these.
 
-    Process noise is what the model leaves out. The iterated smoother follows the data again and again, with more noise
+    Process noise is what the model leaves out. The smoother follows the data again and again, with more noise
     and with less. What it finds is in tuned.yaml, which `auvid identify` takes behind --set.
     """
     with reporting_errors():

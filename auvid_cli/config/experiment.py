@@ -95,7 +95,7 @@ class OutputErrorSettings(Settings):
 
 
 class SmootherSettings(Settings):
-    """Iterated smoother: the most probable trajectory and coefficients, with process noise."""
+    """Smoother: the most probable trajectory and coefficients, with process noise."""
 
     max_passes: Annotated[
         int, Field(ge=1, strict=True, description="how often the data may be filtered, from each start")
@@ -181,7 +181,7 @@ class Identification(Settings):
     ] = "none"
     judge: Annotated[
         bool,
-        Field(description="fit the iterated smoother whether or not it is asked for, to judge the others by it"),
+        Field(description="fit the smoother whether or not it is asked for, to judge the others by it"),
     ] = True
     ekf: EkfSettings = EkfSettings()
     ukf: UkfSettings = UkfSettings()
@@ -277,7 +277,7 @@ class Identification(Settings):
         return tuple(name for name in self.filters if self.gate is None or not name.in_one_batch) or self.filters
 
     def with_judge(self, filters: Sequence[FilterName]) -> tuple[FilterName, ...]:
-        """Add the iterated smoother, which judges the others; not where a gate is set, which it cannot have."""
+        """Add the smoother, which judges the others; not where a gate is set, which it cannot have."""
         judges = self.judge and self.gate is None and JUDGE not in filters
         return (*dict.fromkeys(filters), *([JUDGE] if judges else []))
 

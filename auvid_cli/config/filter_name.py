@@ -38,9 +38,11 @@ class FilterName(StrEnum):
             case FilterName.UKF:
                 return "Unscented Kalman filter with the scaled transformation."
             case FilterName.SMOOTHER:
-                return "Iterated smoother: the most probable coefficients and motion of all data; judges the others."
+                return "Smoother: the most probable coefficients and motion of all data; judges the others."
             case FilterName.OUTPUT_ERROR:
-                return "Output-error method: fit of coefficients and initial motion, without process noise."
+                return (
+                    "Output-error method (OE in tables): fit of coefficients and initial motion, without process noise."
+                )
             case _:
                 assert_never(self)
 

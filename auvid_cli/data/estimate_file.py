@@ -248,7 +248,7 @@ def read_estimate(path: Path) -> Estimate:
 
 
 def read_reference(path: Path, estimate: Estimate) -> Estimate | None:
-    """Read the iterated smoother's estimate of the same data that stands beside another one; None if there is none.
+    """Read the smoother's estimate of the same data that stands beside another one; None if there is none.
 
     Raises
     ------

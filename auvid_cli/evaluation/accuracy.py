@@ -40,7 +40,7 @@ class CoefficientResult(NamedTuple):
         Whether its share of the value, see `shares_of_value`, is small enough, and the estimate is sound.
     bound_with_process_noise : float or None
         Least standard deviation by the data alone if process noise moves the vehicle, see
-        `auvid_cli.evaluation.bounds`; None without an estimate of the iterated smoother.
+        `auvid_cli.evaluation.bounds`; None without an estimate of the smoother.
     corrected_standard_deviation : float or None
         With allowance for the autocorrelation of what is left unexplained; None of a filter that is no batch estimator.
     """

@@ -147,7 +147,7 @@ def bounds_with_process_noise(prepared: PreparedData, reference: Estimate) -> di
     prepared : PreparedData
         From which the estimate was made.
     reference : Estimate
-        Of the iterated smoother.
+        Of the smoother.
     """
     problem = augmented_problem(prepared.with_settings(reference.experiment))
     n = problem.layout.n_parameters

@@ -1,7 +1,7 @@
 """One judgement of an estimate, whether or not there is a truth: whether its coefficients may be used.
 
 What a filter says of itself tells little: off a well-behaved manoeuvre it reaches the end with white innovations and
-wrong coefficients. What tells is its distance to the iterated smoother's answer, and of the smoother's answer whether
+wrong coefficients. What tells is its distance to the smoother's answer, and of the smoother's answer whether
 its innovations look like a fault that the model does not know.
 """
 
@@ -95,7 +95,7 @@ def judge(estimates: Sequence[Estimate]) -> dict[str, Judgement]:
     Parameters
     ----------
     estimates : sequence of Estimate
-        One of them of the iterated smoother, if the others are to be judged.
+        One of them of the smoother, if the others are to be judged.
     """
     reference = reference_among(estimates)
     doubt = None if reference is None or not reference.completed else _doubt_of_data(reference)
@@ -103,12 +103,12 @@ def judge(estimates: Sequence[Estimate]) -> dict[str, Judgement]:
 
 
 def reference_among(estimates: Sequence[Estimate]) -> Estimate | None:
-    """Return the iterated smoother's estimate, by which the others are judged; None if there is none."""
+    """Return the smoother's estimate, by which the others are judged; None if there is none."""
     return next((estimate for estimate in estimates if estimate.filter == JUDGE), None)
 
 
 def judge_one(estimate: Estimate, reference: Estimate | None) -> Judgement:
-    """Judge an estimate by that of the iterated smoother of the same data, if there is one."""
+    """Judge an estimate by that of the smoother of the same data, if there is one."""
     return judge([estimate] if reference is None else [estimate, reference])[estimate.filter]
 
 
@@ -125,7 +125,7 @@ def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | No
         remedy = "fit it as well (--filter smoother, without identification.gate)"
         return Judgement(Grade.UNJUDGED, "nobody has judged it, for there is no estimate of the smoother", remedy)
     if not reference.completed:
-        return Judgement(Grade.UNJUDGED, f"the iterated smoother, which would judge it, {reference.status}")
+        return Judgement(Grade.UNJUDGED, f"the smoother, which would judge it, {reference.status}")
     return doubt or _doubt_of_distance(estimate, reference) or _doubt_of_vehicle(estimate) or Judgement(Grade.SOUND)
 
 
@@ -187,7 +187,7 @@ def _doubt_of_distance(estimate: Estimate, reference: Estimate) -> Judgement | N
     farthest = max(distances, key=lambda symbol: distances[symbol], default=None)
     if farthest is None or distances[farthest] <= FARTHEST:
         return None
-    reason = f"{farthest} is {distances[farthest]:.1f} of its standard deviations from what the iterated smoother finds"
+    reason = f"{farthest} is {distances[farthest]:.1f} of its standard deviations from what the smoother finds"
     return Judgement(Grade.DOUBTFUL, reason, "use the smoother's estimate")
 
 

@@ -156,7 +156,7 @@ def model_found_by(
     estimate_sha256 : str
         Of its file; empty if there is none.
     reference : Estimate, optional
-        Of the iterated smoother from the same data, by which it is judged.
+        Of the smoother from the same data, by which it is judged.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def identified_model(
         Cramer-Rao's by symbol, as far as they are known.
     origin : Origin
     reference : Estimate, optional
-        Of the iterated smoother from the same data, by which it is judged.
+        Of the smoother from the same data, by which it is judged.
 
     Raises
     ------

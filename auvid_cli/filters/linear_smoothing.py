@@ -1,4 +1,4 @@
-"""Linear smoothing problems about trajectories: what a step of the iterated smoother solves.
+"""Linear smoothing problems about trajectories: what a step of the smoother solves.
 
 Forward goes a filter of the deviations, see `auvid_cli.filters.smoothing_forward`, through all segments and chunks;
 backward its adjoint, see `auvid_cli.filters.smoothing_backward`. Segments share the parameters: the filter carries

@@ -52,8 +52,8 @@ def unit_latex(unit: str) -> str:
 
 
 def filter_label(name: str) -> str:
-    """Write a filter's name as it is read: EKF and so on; IEKS for the smoother, OE for the output-error method."""
-    return {"output_error": "OE", "smoother": "IEKS"}.get(name, name.upper())
+    """Write a filter's name as it is read: EKF and so on; OE for the output-error method, the smoother in full."""
+    return {"output_error": "OE", "smoother": "smoother"}.get(name, name.upper())
 
 
 def setting_text(value: object) -> str:

@@ -61,7 +61,7 @@ def test_a_fault_is_named_with_what_to_do_and_the_exit_code_says_so(tmp_path):
     result = auvid("run", *JUDGED, "--set", "sensors.gyroscope.bias=0.2 deg/s", "--filter", "smoother", cwd=tmp_path)
     assert result.exit_code == 1
     said = " ".join(result.stdout.split())
-    assert re.search(r"IEKS (doubtful: the data look like a fault: bias of [pqr]|inconsistent)", said)
+    assert re.search(r"smoother (doubtful: the data look like a fault: bias of [pqr]|inconsistent)", said)
     worst = max(table(tmp_path, "faults"), key=lambda row: abs(float(row["z"])))
     assert worst["fault"] in ("bias of p", "bias of q", "bias of r")
     assert abs(float(worst["size"])) == pytest.approx(0.0035, rel=0.3)

@@ -157,7 +157,7 @@ def test_one_far_from_the_smoother_is_doubtful_by_its_worst_coefficient(ckf, smo
         judgements = judge([replace(ckf, mean=mean), smoother])
         assert judgements["ckf"].grade is grade
         assert judgements["smoother"].grade is Grade.SOUND
-    assert judgements["ckf"].reason == "N_url is 2.3 of its standard deviations from what the iterated smoother finds"
+    assert judgements["ckf"].reason == "N_url is 2.3 of its standard deviations from what the smoother finds"
     assert judgements["ckf"].remedy == "use the smoother's estimate"
 
 

@@ -1,4 +1,4 @@
-"""The iterated smoother against dense least squares over the whole trajectory."""
+"""The smoother against dense least squares over the whole trajectory."""
 
 from types import SimpleNamespace
 

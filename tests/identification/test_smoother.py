@@ -1,4 +1,4 @@
-"""The iterated smoother on vehicles: right where filters go astray, the same where they do not."""
+"""The smoother on vehicles: right where filters go astray, the same where they do not."""
 
 from dataclasses import replace
 

@@ -39,7 +39,7 @@ def forest(evaluation: Evaluation) -> list[Picture]:
     distances = _from_truth(evaluation) if has_truth else _from_first(evaluation, filters)
     if not distances:
         return []
-    against = "the truth" if has_truth else filter_label(filters[0])
+    against = "the truth" if has_truth else f"the {filter_label(filters[0])}"
     shown = filters if has_truth else filters[1:]
     symbols = list(dict.fromkeys(distance.symbol for distance in distances))
     across = Axis(-_WIDEST, _WIDEST, _LEFT, _WIDTH - 16.0)

@@ -61,7 +61,7 @@ def test_without_a_truth_filters_are_compared_with_the_first(dataset):
     recorded = replace(dataset, truth=None)
     evaluation = evaluation_of(recorded, [make_estimate("smoother", offset=0.0), make_estimate("ckf", offset=0.02)])
     (drawing,) = forest(evaluation)
-    assert drawing.title == "Distance from IEKS"
+    assert drawing.title == "Distance from the smoother"
     assert [label for _, label in drawing.legend] == ["CKF"]
     assert forest(evaluation_of(recorded, [make_estimate("ckf")])) == []
 

@@ -50,7 +50,7 @@ def test_recorded_data_have_a_page_without_a_truth(known):
     ]
     page = run_page(recorded, estimates, evaluation_of(recorded, estimates), [check_of("ckf", True)])
     elements = Elements(render_page(page))
-    assert "Distance from IEKS" in elements.texts("h3")
+    assert "Distance from the smoother" in elements.texts("h3")
     assert not any("Table IV" in heading for heading in elements.texts("h3"))
     assert "truth not known" in page.subtitle
 
