@@ -176,23 +176,30 @@ def report_to(
 ) -> int:
     """Write tables, page and figures, print the summary; the exit code says whether an estimate is judged against."""
     with terminal.compiling():
+        from auvid_cli.report.csv_tables import write_csv_tables
         from auvid_cli.report.page.run_page import run_page
         from auvid_cli.report.page.write_page import write_page
-        from auvid_cli.report.screen import print_files, print_summary
+        from auvid_cli.report.screen import print_check_counts, print_files, print_summary
         from auvid_cli.report.write import write_tables
     figures.add_estimates(evaluator.dataset, estimates)
     with terminal.stage("evaluate"):
         evaluation = evaluator.evaluate(estimates)
     figures.add_free_runs(evaluator.dataset, evaluation)
+    with terminal.stage("check"):
+        verdicts = evaluator.check(estimates)
     paths = write_tables(evaluation, folder / "tables")
+    paths += write_csv_tables({"checks": verdicts.rows()}, folder / "tables")
     print_summary(terminal.out, evaluation)
+    print_check_counts(terminal.out, verdicts)
+    if any(not verdict.passed for verdict in verdicts):
+        terminal.say(f"what is noted, and what to do: auvid check {shlex.quote(str(folder))}")
     with terminal.stage("page"):
         # While others draw.
-        page = run_page(evaluator.dataset, estimates, evaluation, evaluator.check(estimates))
+        page = run_page(evaluator.dataset, estimates, evaluation, verdicts)
         shown = write_page(page, page_in(folder))
     with terminal.progress("figures") as (progress,):
         paths += figures.finish(progress)
-    remove_former(folder, paths, [estimate.filter for estimate in estimates])
+    remove_former(folder, paths)
     print_files(terminal.out, paths)
     terminal.say(f"all on one page: {shown}")
     if show:

@@ -59,6 +59,7 @@ class Check(NamedTuple):
         values: Mapping[str, float],
         *,
         limit: float,
+        unit: str = "",
         meaning: str,
         advice: str,
         fails: bool = True,
@@ -68,8 +69,8 @@ class Check(NamedTuple):
         sign = -1.0 if is_least else 1.0
         ordered = sorted(values, key=lambda name: -sign * values[name])
         beyond = [name for name in ordered if not sign * values[name] <= sign * limit]
-        statistic = ", ".join(f"{name} {values[name]:.3g}" for name in beyond or ordered[:1])
-        threshold = f"{'>=' if is_least else '<='} {limit:.3g} {meaning}"
+        statistic = ", ".join(f"{name} {values[name]:.3g} {unit}".rstrip() for name in beyond or ordered[:1])
+        threshold = " ".join(filter(None, (">=" if is_least else "<=", f"{limit:.3g}", unit, meaning)))
         passed = True if not beyond else False if fails else None
         return cls.of(
             filter_name, subject, check, statistic=statistic, threshold=threshold, passed=passed, advice=advice

@@ -1,6 +1,5 @@
 """A results folder: what auvid writes there, and nothing that a user put there."""
 
-import csv
 import re
 from collections.abc import Collection, Iterable
 from pathlib import Path
@@ -93,15 +92,9 @@ def remove(paths: Iterable[Path]) -> None:
         path.unlink(missing_ok=True)
 
 
-def remove_former(folder: Path, drawn: Collection[Path], filters: Collection[str]) -> None:
-    """Take away what earlier reports drew and the present one did not, and verdicts on filters that are not there."""
+def remove_former(folder: Path, drawn: Collection[Path]) -> None:
+    """Take away what earlier reports drew and the present one did not."""
     remove(path for path in _figures(folder, _REPORT_FIGURES) if path not in drawn)
-    checks = folder / "tables" / "checks.csv"
-    if checks.is_file():
-        with checks.open(newline="", encoding="utf-8") as file:
-            is_former = any(row.get("filter") not in filters for row in csv.DictReader(file))
-        if is_former:
-            checks.unlink()
 
 
 def _figures(folder: Path, names: Iterable[str]) -> list[Path]:

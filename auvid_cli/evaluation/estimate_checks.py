@@ -35,6 +35,8 @@ _AT_LIMIT = 0.01
 # Times the natural magnitude of a plain body of that size.
 _LARGEST_SIZE = 30.0
 _SIGMAS = 3.0
+# The verdict that repeats the judgement.
+JUDGED = "sound"
 _CONFIDENCE = 0.99
 
 
@@ -110,7 +112,7 @@ def _sound(estimate: Estimate, judgement: Judgement) -> Check:
     return Check.of(
         estimate.filter,
         "coefficients",
-        "sound",
+        JUDGED,
         statistic=str(judgement.grade),
         threshold=str(Grade.SOUND),
         passed=None if judgement.grade is Grade.UNJUDGED else judgement.grade is Grade.SOUND,
@@ -154,7 +156,7 @@ def _against_bounds(estimate: Estimate, bounds: Bounds, causes: list[Cause]) -> 
             ratio[symbol] = 1.0 if deviation == least == np.inf else deviation / least
     if not ratio:
         return []
-    meaning = "times the least standard deviation that data and prior allow"
+    meaning = "the least standard deviation that data and prior allow"
     above = "The data hold more than this filter got out of them: lower the process noise, or use output_error."
     if causes:
         above = f"Process noise takes its part, and must, for these data look like {causes_text(causes)}."
@@ -171,6 +173,7 @@ def _against_bounds(estimate: Estimate, bounds: Bounds, causes: list[Cause]) -> 
             "near the bound",
             ratio,
             limit=_LARGEST_OF_BOUND,
+            unit="times",
             meaning=meaning,
             advice=above,
             fails=False,
@@ -181,6 +184,7 @@ def _against_bounds(estimate: Estimate, bounds: Bounds, causes: list[Cause]) -> 
             "not below the bound",
             ratio,
             limit=_LEAST_OF_BOUND,
+            unit="times",
             meaning=meaning,
             advice=below,
             is_least=True,
@@ -264,7 +268,8 @@ def _plausibility(estimate: Estimate) -> list[Check]:
             "size",
             magnitudes,
             limit=_LARGEST_SIZE,
-            meaning="times the natural magnitude of a body of this size",
+            unit="times",
+            meaning="the natural magnitude of a body of this size",
             advice="Too large for the vehicle: look at units, mass, length, and at what else is marked here.",
         ),
     ]
@@ -302,7 +307,8 @@ def _against_truth(estimate: Estimate, truth: TruthRecord) -> list[Check]:
             "within 3 sigma of truth",
             sigmas,
             limit=_SIGMAS,
-            meaning="standard deviations from the truth",
+            unit="sd",
+            meaning="from the truth",
             advice="The filter is surer of these than it should be: sensor errors that last (AHRS, bias), or wide "
             "priors.",
         ),

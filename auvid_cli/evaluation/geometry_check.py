@@ -31,9 +31,10 @@ def near_its_geometry(estimate: Estimate) -> list[Check]:
             "near its geometry",
             distances,
             limit=_SIGMAS,
-            meaning="standard deviations from what hull and fins let expect",
+            unit="sd",
+            meaning="from what hull and fins let expect",
             advice="Look at the geometry in the vehicle file, at units and signs, and at what is marked beside; if all "
-            "is right, this vehicle is another than its drawing.",
+            "is right, this vehicle is another than its drawing, and the estimate stands.",
             fails=False,
         )
     ]

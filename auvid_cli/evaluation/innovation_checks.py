@@ -48,10 +48,6 @@ def _nis(filter_name: str, sensor: str, innovations: Innovations) -> Check:
         f"The data contradict the model or the stated noise of {sensor}: look at what `explained by noise` names, for "
         "outliers, wrong signs, and terms that the model lacks. Do not use the coefficients."
     )
-    too_small = (
-        f"The stated noise of {sensor} is larger than its scatter. On purpose for an AHRS, whose errors last; "
-        "otherwise state less, and learn more."
-    )
     return Check.of(
         filter_name,
         sensor,
@@ -59,7 +55,15 @@ def _nis(filter_name: str, sensor: str, innovations: Innovations) -> Check:
         statistic=f"{nis:.4g}",
         threshold=f"{low:.4g} to {high:.4g} (chi-squared, {_CONFIDENCE:.0%}), tolerance {_TOLERANCE}",
         passed=passed,
-        advice=too_small if passed is None else too_large,
+        advice=_told_larger(sensor) if passed is None else too_large,
+    )
+
+
+def _told_larger(sensor: str) -> str:
+    """Say what to do where more noise is stated than there is: of each verdict that this explains the same."""
+    return (
+        f"The stated noise of {sensor} is larger than its scatter. Of an AHRS, whose errors last and follow the "
+        "motion, that is on purpose, and there is nothing to do; of another sensor state less, and learn more."
     )
 
 
@@ -169,7 +173,7 @@ def _uncorrelated(
     check = Check.of_values(filter_name, sensor, name, correlations, limit=limit, meaning=meaning, advice=advice)
     tally = innovations.tally()
     small = tally.squares.sum() < 0.25 * tally.components.sum()
-    return check._replace(passed=None) if check.passed is False and small else check
+    return check._replace(passed=None, advice=_told_larger(sensor)) if check.passed is False and small else check
 
 
 def _normalised(innovations: Innovations, column: int) -> Array:

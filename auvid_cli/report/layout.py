@@ -36,6 +36,10 @@ _ERROR_OF = (
     "Error %: how far the mean over the last tenth of the run lies from the true value; an estimate beside it is that "
     "at the end."
 )
+NIS_MEANS = (
+    "NIS: squares of the innovations by their stated variance, mean of a component. 1: noise is as stated. More: data "
+    "and model disagree. Less: more noise is stated than there is, as it is on purpose of an AHRS."
+)
 _CORRECTED = (
     "Corrected sd: standard deviation with allowance for residuals that are correlated in time, where that makes it "
     f"more than {_WIDER - 1.0:.0%} larger."
@@ -256,7 +260,7 @@ def consistency(evaluation: Evaluation) -> Table:
         "Consistency: mean normalised innovation squared per component",
         (Column("NIS of", numeric=False), Column("99 % of chance"), *_columns("Mean NIS", filters)),
         rows,
-        notes=tuple(rejections(evaluation)),
+        notes=(NIS_MEANS, *rejections(evaluation)),
     )
 
 

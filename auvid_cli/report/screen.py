@@ -9,12 +9,14 @@ from rich.console import Console
 from rich.table import Table as ScreenTable
 from rich.text import Text
 
+from auvid_cli.config.filter_name import JUDGE
 from auvid_cli.data.check import Check
 from auvid_cli.evaluation.assessment import Identifiability
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.bounds import assessment_sentences, bounds_table, holding_sentence
 from auvid_cli.report.judgements import judgement_sentences
 from auvid_cli.report.layout import (
+    NIS_MEANS,
     consistency,
     estimates,
     mark_explained,
@@ -22,14 +24,13 @@ from auvid_cli.report.layout import (
     runs,
     unobserved,
 )
-from auvid_cli.report.notation import filter_label
 from auvid_cli.report.screen_table import encodable, fits, narrowed, screen_table
+from auvid_cli.report.shared_checks import SharedCheck, advices, counts_in_words, shared_checks, whose
 from auvid_cli.report.table import ERROR_DIGITS, Cell, Column, Table
 
 # What gives way where the terminal is narrow, first to last.
 _LEAST_OF_BOUNDS = "goes with", "unit", "value", "bound", "mostly from"
 _VERDICTS = {True: "pass", False: "FAIL", None: "note"}
-_COUNTED = {"FAIL": "failed", "note": "noted"}
 _STYLES = {"FAIL": "bold red", "note": "yellow"}
 
 
@@ -52,6 +53,7 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
     for text in judgement_sentences(evaluation.judgements(), with_sound=False):
         console.print(Text(text))
     console.print(screen_table(console, consistency(evaluation), ERROR_DIGITS + 1, unbroken=("NIS of",)))
+    console.print(Text(NIS_MEANS))
     explained = [encodable(console, text) for text in notes]
     for text in [*explained, *evaluation.remarks, *unobserved(evaluation), *rejections(evaluation)]:
         console.print(Text(text))
@@ -65,44 +67,52 @@ def print_files(console: Console, files: Sequence[Path]) -> None:
 
 
 def print_checks(console: Console, checks: Sequence[Check], passed: bool) -> None:
-    """Print verdicts that did not pass, with what to do about them, and count the others.
+    """Count verdicts, and print those that did not pass, once for all estimates that share them, with what to do.
 
     Parameters
     ----------
     console : rich.console.Console
     checks : sequence of Check
-        Advice that is the same for several filters stands there once.
     passed : bool
-        Whether those that passed are printed as well.
+        Whether all are printed, also those that passed, and of every estimate by itself.
     """
-    names = dict.fromkeys(check.filter for check in checks)
-    for name in names:
-        of_filter = [check for check in checks if check.filter == name]
-        counts = Counter(_VERDICTS[check.passed] for check in of_filter)
-        others = "".join(f", {counts[verdict]} {said}" for verdict, said in _COUNTED.items() if counts[verdict])
-        console.print(Text(f"{_whose(name)}: {counts['pass']} of {len(of_filter)} passed{others}"))
-        if shown := [check for check in of_filter if passed or not check.passed]:
-            console.print(screen_table(console, _checks(shown), styles=_STYLES))
-    whose: dict[tuple[str, str], list[str]] = {}
-    for check in checks:
-        if not check.passed:
-            whose.setdefault((f"{check.check} of {check.subject}", check.advice), []).append(_whose(check.filter))
-    for (what, advice), labels in whose.items():
-        only = f" ({', '.join(labels)})" if len(labels) < len(names) else ""
-        console.print(Text(f"{what}{only}: {advice}"))
+    names = list(dict.fromkeys(check.filter for check in checks))
+    shared = shared_checks(checks)
+    print_check_counts(console, checks)
+    if passed:
+        for name in names:
+            console.print(Text(f"{whose([name])}:"))
+            own = [SharedCheck(check, (name,)) for check in checks if check.filter == name]
+            console.print(screen_table(console, _checks(own, [name]), styles=_STYLES))
+    elif shared:
+        console.print(screen_table(console, _checks(shared, names), styles=_STYLES))
+        if len(names) > 1:
+            shown = whose([JUDGE if JUDGE in names else names[0]])
+            console.print(Text(f"Found is of the {shown}, where it is among those; of each estimate with --verbose."))
+            console.print()
+    for advice in advices(shared):
+        only = f" ({whose(advice.filters)})" if len(advice.filters) < len(names) else ""
+        console.print(Text(f"{advice.what}{only}: {advice.text}"))
         console.print()
 
 
-def _whose(name: str) -> str:
-    return filter_label(name) if name else "data"
+def print_check_counts(console: Console, checks: Sequence[Check]) -> None:
+    """Print how many verdicts passed, failed, or are worth knowing."""
+    for line in counts_in_words(checks):
+        console.print(Text(line))
 
 
-def _checks(checks: Sequence[Check]) -> Table:
-    columns = tuple(Column(header, numeric=False) for header in ("", "of", "check", "found", "may be"))
+def _checks(shared: Sequence[SharedCheck], names: Sequence[str]) -> Table:
+    columns = tuple(Column(header, numeric=False) for header in ("", "estimator", "of", "check", "found", "may be"))
     rows: list[list[Cell]] = [
-        [_VERDICTS[check.passed], check.subject, check.check, check.statistic, check.threshold] for check in checks
+        [
+            *(_VERDICTS[check.passed], "all" if len(filters) == len(names) else whose(filters)),
+            *(check.subject, check.check, check.statistic, check.threshold),
+        ]
+        for check, filters in shared
     ]
-    return Table("checks", "Checks", columns, rows)
+    table = Table("checks", "Checks", columns, rows)
+    return table if any(len(each.filters) < len(names) for each in shared) else table.without("estimator")
 
 
 def print_identifiability(console: Console, identifiability: Identifiability) -> None:

@@ -46,7 +46,8 @@ def verdicts(
         "stable",
         excursion,
         limit=_LARGEST_EXCURSION,
-        meaning="times the reach of the measurements",
+        unit="times",
+        meaning="the reach of the measurements",
         advice="Left to itself the model runs away. A vehicle that is unstable in open loop does so too: judge it by "
         "the predictions ahead; else the coefficients are wrong.",
     )
@@ -105,7 +106,8 @@ def _better(name: str, other: str, rows: Sequence[Prediction], rmse_of: Callable
         f"better than {other}",
         _worst(ratios),
         limit=_LARGEST_RATIO,
-        meaning="times its error, where that is no noise",
+        unit="times",
+        meaning="its error, where that is no noise",
         advice="The model is no use there: the coefficients behind that motion are wrong, or the vehicle has changed.",
     )
 

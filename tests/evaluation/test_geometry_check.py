@@ -28,7 +28,7 @@ def test_what_is_beyond_four_standard_deviations_is_a_remark(found, experiment_w
     (far,) = found(N_uudr=fin.mean + 4.5 * np.hypot(fin.standard_deviation, 0.25), Y_uvl=derived["Y_uvl"].mean)
     assert near.passed
     assert far.passed is None
-    assert far.statistic == "N_uudr 4.5"
+    assert far.statistic == "N_uudr 4.5 sd"
 
 
 def test_nothing_is_said_where_no_geometry_is_stated(hand_made, experiment_with):

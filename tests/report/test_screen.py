@@ -71,7 +71,21 @@ def test_advice_that_is_the_same_for_several_filters_stands_there_once():
     checks = [verdict(name, "NIS", False, "Mend it.") for name in ("ckf", "tukf")]
     text = checks_printed([*checks, verdict("ckf", "gap", None, "Look."), verdict("tukf", "gap", True)], passed=False)
     assert text.count("NIS of dvl: Mend it.") == 1
+    # Of each a row, with whose it is.
+    assert text.count("FAIL") == 1
+    assert [line.split()[:4] for line in text.splitlines() if line.startswith(" note")] == [
+        ["note", "CKF", "dvl", "gap"]
+    ]
     assert "gap of dvl (CKF): Look." in text
+
+
+def test_all_verdicts_of_every_filter_are_printed_if_asked_for():
+    checks = [verdict(name, "NIS", False, "Mend it.") for name in ("ckf", "tukf")]
+    assert checks_printed(checks, passed=True).count("FAIL") == 2
+
+
+def test_the_words_of_nis_stand_below_it(evaluation):
+    assert "1: noise is as stated" in " ".join(printed(evaluation, 80).split())
 
 
 def test_without_truth_estimates_and_deviations_only(evaluation):

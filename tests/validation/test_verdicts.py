@@ -28,7 +28,7 @@ def test_a_better_model_passes():
 def test_one_horizon_at_which_nothing_done_is_better_fails():
     verdict = verdict_on("better than constant velocity", [row(), row("v", 5.0, rmse=0.6), row("v", 10.0, rmse=1.5)])
     assert verdict.passed is False
-    assert verdict.statistic == "v at 10 s 3"
+    assert verdict.statistic == "v at 10 s 3 times"
 
 
 def test_where_there_is_only_noise_to_predict_nobody_has_to_win():

@@ -27,6 +27,8 @@ _LONG = 40
 _NAMED = re.compile(rf"(?<![\w|])(?:{'|'.join(map(re.escape, sorted(SYMBOLS, key=len, reverse=True)))})(?![\w|])")
 # Between a name, or a sign, and the number that ends what is said of it.
 _TIED = re.compile(r"(?<=[\w|=±<>]) (?=[-+]?\d[\d.e+-]*(?:[,;)]|$))")
+# A backtick without its like is text.
+_CODE = re.compile(r"`([^`]+)`")
 _GREEK = {"phi": "φ", "theta": "θ", "psi": "ψ", "delta": "δ"}
 
 
@@ -60,6 +62,12 @@ def symbol_parts(symbol: str) -> tuple[str, str]:
     match = re.fullmatch(r"(.+?)_\{(.*)\}", text)
     letter, below = match.groups() if match else (text, "")
     return letter, below.replace("_", "")
+
+
+def with_code(text: str) -> list[tuple[str, bool]]:
+    """Cut a text at what stands between backticks: pieces, each with whether it is code."""
+    pieces = _CODE.split(text)
+    return [(piece, bool(place % 2)) for place, piece in enumerate(pieces) if piece]
 
 
 def with_symbols(text: str) -> list[tuple[str, str]]:

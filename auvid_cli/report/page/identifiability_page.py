@@ -32,7 +32,7 @@ def identifiability_page(dataset: Dataset, identifiability: Identifiability, whe
     symbols = [bound.coefficient for bound in identifiability.bounds]
     sections = (
         Section("verdict", "Verdict", [_verdict(identifiability), *_words(identifiability)]),
-        Section("bounds", "Bounds", [TablePart(bounds_table(identifiability), sortable=True), _bars(identifiability)]),
+        Section("bounds", "Bounds", [_bars(identifiability), TablePart(bounds_table(identifiability), sortable=True)]),
         Section("duration", "Bounds over the duration", _growth(identifiability)),
         Section("correlation", "What is known only together", _correlation(symbols, identifiability)),
         provenance_section(dataset),

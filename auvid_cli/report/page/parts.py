@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 
 # Columns of text that a narrow screen has room for.
 _MOST_WORDED = 4
+# Rows that are shown at once; of a longer table the rest is scrolled to.
+_MOST_ROWS = 24
 
 
 class PlotLine(NamedTuple):
@@ -123,6 +125,11 @@ class TablePart(NamedTuple):
     def is_worded(self) -> bool:
         """Say whether it is mostly text, which has no room in columns on a narrow screen."""
         return sum(not column.numeric for column in self.table.columns) > _MOST_WORDED
+
+    @property
+    def is_tall(self) -> bool:
+        """Say whether it would push what stands below it out of sight."""
+        return len(self.table.rows) > _MOST_ROWS
 
 
 class Matrix(NamedTuple):

@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from auvid_cli import __version__
 from auvid_cli.printable import one_line, printable, printable_lines
-from auvid_cli.report.page.cells import heading_rows, shown, symbol_parts, with_symbols, with_ties
+from auvid_cli.report.page.cells import heading_rows, shown, symbol_parts, with_code, with_symbols, with_ties
 from auvid_cli.report.page.packed import PackedArrays
 from auvid_cli.report.page.parts import Page, Part, PlotLine, Plots, Section, Space
 
@@ -93,6 +93,7 @@ def _environment() -> Environment:
         "cell": shown,
         "heading_rows": heading_rows,
         "symbol": symbol_parts,
+        "with_code": with_code,
         "with_symbols": with_symbols,
         "line": one_line,
         "with_ties": with_ties,

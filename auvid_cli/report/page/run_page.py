@@ -16,7 +16,7 @@ from auvid_cli.report.page.parts import Page, Part, Section, TablePart, Words
 from auvid_cli.report.page.path import path_parts
 from auvid_cli.report.page.provenance import provenance_section
 from auvid_cli.report.page.residuals import innovation_parts
-from auvid_cli.report.page.verdicts import check_parts, judgement_cards
+from auvid_cli.report.page.verdicts import check_parts, judgement_parts
 
 # The table of bounds is in the list of coefficients.
 _IN_THE_LIST = ("estimates", "bounds")
@@ -38,10 +38,10 @@ def run_page(dataset: Dataset, estimates: Sequence[Estimate], evaluation: Evalua
     tables = [table for table in lay_out(evaluation, with_paper=True) if table.key not in _IN_THE_LIST]
     listed: list[Part] = []
     if evaluation.coefficients:
-        listed = [TablePart(coefficient_list(evaluation, shares), sortable=True), *forest(evaluation)]
+        listed = [*forest(evaluation), TablePart(coefficient_list(evaluation, shares), sortable=True)]
     remarks = [Words(evaluation.remarks, listed=True)] if evaluation.remarks else []
     sections = (
-        Section("verdict", "Verdict", [judgement_cards(evaluation), *remarks]),
+        Section("verdict", "Verdict", [*judgement_parts(evaluation, checks), *remarks]),
         Section("coefficients", "Coefficients", listed),
         Section("convergence", "Convergence", _convergence(estimates, true)),
         Section("correlation", "What is known only together", _correlation(estimates)),

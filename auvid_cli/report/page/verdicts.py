@@ -1,62 +1,102 @@
 """Whether each estimate may be used, and what to do where it may not."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
+from auvid_cli.config.filter_name import JUDGE
 from auvid_cli.data.check import Check
+from auvid_cli.evaluation.estimate_checks import JUDGED
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.evaluation.judgement import Judgement
+from auvid_cli.report.layout import NIS_MEANS
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.page.parts import Card, Cards, Part, TablePart, Words
 from auvid_cli.report.sentence import sentence
+from auvid_cli.report.shared_checks import Advice, advices, counts_in_words, shared_checks, whose
 from auvid_cli.report.table import ERROR_DIGITS, Cell, Column, Table, number
 
 _VERDICTS = {True: "pass", False: "FAIL", None: "note"}
+# Verdicts, with what to do, that stand beside the cards; all stand in the list of checks.
+_MOST_TOLD = 6
 
 
-def judgement_cards(evaluation: Evaluation) -> Cards:
-    """Return a verdict for each filter: one sentence with what to do, and the numbers that everybody asks for."""
+def judgement_parts(evaluation: Evaluation, checks: Sequence[Check]) -> list[Part]:
+    """Return a verdict for each filter, with the numbers that everybody asks for, and what checks have to say.
+
+    A verdict is one sentence with what to do.
+    """
     judgements = evaluation.judgements()
+    told = shared_checks(check for check in checks if check.check != JUDGED)
     cards = []
     for row in evaluation.summary:
-        numbers = {"mean NIS": number(row.mean_nis, ERROR_DIGITS + 1), "processor time": f"{row.cpu_time_s:.2g} s"}
+        numbers: dict[str, str | None] = {}
         if row.average_steady_state_error_percent is not None:
             error = number(row.average_steady_state_error_percent, ERROR_DIGITS + 1)
-            numbers = {"average error": error and f"{error} %", **numbers}
-        cards.append(judgement_card(row.filter, judgements[row.filter], {k: v for k, v in numbers.items() if v}))
-    return Cards(cards)
+            numbers["average error"] = error and f"{error} %"
+        for each in evaluation.consistency:
+            if each.filter == row.filter:
+                numbers[f"NIS of {each.sensor}"] = number(each.mean_nis, ERROR_DIGITS)
+        numbers["processor time"] = f"{row.cpu_time_s:.2g} s"
+        own = [each.check.passed for each in told if row.filter in each.filters]
+        shown = {name: text for name, text in numbers.items() if text}
+        cards.append(judgement_card(row.filter, judgements[row.filter], shown, own.count(False), own.count(None)))
+    names = [row.filter for row in evaluation.summary]
+    sentences = [_in_words(advice, names) for advice in advices(told)]
+    if len(sentences) > _MOST_TOLD:
+        sentences[_MOST_TOLD:] = [f"{len(sentences) - _MOST_TOLD} more stand below, in the list of checks."]
+    says: list[Part] = [Words(sentences, listed=True)] if sentences else []
+    return [Cards(cards), *says, Words([NIS_MEANS])]
 
 
-def judgement_card(filter_name: str, judgement: Judgement, numbers: dict[str, str]) -> Card:
-    """Return the verdict on one filter."""
+def judgement_card(
+    filter_name: str, judgement: Judgement, numbers: dict[str, str], failed: int = 0, noted: int = 0
+) -> Card:
+    """Return the verdict on one filter, given how many checks failed or are worth knowing."""
     label = filter_label(filter_name)
-    says = (
-        sentence(judgement.advice) if judgement.advice else f"Use the estimate of {label}: nothing speaks against it."
-    )
+    if judgement.advice:
+        says = sentence(judgement.advice)
+    elif failed:
+        says = f"It is judged sound, yet {failed} check{'s' * (failed > 1)} failed: first do what stands below."
+    else:
+        says = f"Use it; its checks have {noted} note{'s' * (noted > 1)}, to be read below." if noted else "Use it."
     return Card(label, filter_name, str(judgement.grade), says, numbers)
 
 
+def _in_words(advice: Advice, names: Sequence[str]) -> str:
+    """Say what failed or is worth knowing, of whom, and what to do."""
+    of_all = len(advice.filters) == len(names) > 1
+    found = f" ({advice.shared[0].check.statistic})" if len(advice.shared) == 1 else ""
+    verb = "Failed" if advice.failed else "Noted"
+    return f"{verb} of {'all' if of_all else whose(advice.filters)}: {advice.what}{found}. {advice.text}"
+
+
 def check_parts(checks: Iterable[Check]) -> list[Part]:
-    """Return verdicts as a table, those that did not pass first, with what to do about them."""
-    ordered = sorted(checks, key=lambda check: (check.passed is True, check.passed is None))
+    """Return verdicts as tables: what did not pass, once for all estimates that share it, with advice; and the rest."""
+    ordered = list(checks)
     if not ordered:
         return []
-    filters = any(check.filter for check in ordered)
+    names = list(dict.fromkeys(check.filter for check in ordered))
+    filters = any(names)
     headers = ("verdict", *(["estimator"] if filters else []), "of", "check", "found", "may be", "what to do")
-    rows: list[list[Cell]] = [
-        [
+
+    def row(check: Check, of: Sequence[str]) -> list[Cell]:
+        of_whom = "all" if len(of) == len(names) > 1 else whose(of)
+        return [
             _VERDICTS[check.passed],
-            *([filter_label(check.filter)] if filters else []),
+            *([of_whom] if filters else []),
             *(check.subject, check.check, check.statistic, check.threshold, check.advice),
         ]
-        for check in ordered
-    ]
-    counts = {word: sum(check.passed is passed for check in ordered) for passed, word in _VERDICTS.items()}
+
+    told = [row(each.check, each.filters) for each in shared_checks(ordered)]
+    passed = [row(check, [check.filter])[:-1] for check in ordered if check.passed]
     columns = tuple(Column(header, numeric=False) for header in headers)
-    told = counts["FAIL"] + counts["note"]
-    parts: list[Part] = [Words([f"{counts['FAIL']} failed, {counts['note']} worth knowing, {counts['pass']} passed."])]
+    parts: list[Part] = [Words([f"{counted}." for counted in counts_in_words(ordered)])]
     if told:
-        parts.append(TablePart(Table("noteworthy", "Failed or worth knowing", columns, rows[:told]), sortable=True))
-    if counts["pass"]:
-        passed = Table("passed", f"Passed: {counts['pass']}", columns[:-1], [row[:-1] for row in rows[told:]])
-        parts.append(TablePart(passed, sortable=True, folded=True))
+        found = "Found is of the smoother, where it is among those." if len(names) > 1 else ""
+        notes = (found,) if found and JUDGE in names else ()
+        parts.append(
+            TablePart(Table("noteworthy", "Failed or worth knowing", columns, told, notes=notes), sortable=True)
+        )
+    if passed:
+        table = Table("passed", f"Passed: {len(passed)}", columns[:-1], passed)
+        parts.append(TablePart(table, sortable=True, folded=True))
     return parts

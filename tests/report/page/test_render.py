@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.errors import FileError
 from auvid_cli.printable import one_line
+from auvid_cli.report.page.cells import with_code
 from auvid_cli.report.page.parts import (
     Card,
     Cards,
@@ -197,3 +198,20 @@ def test_the_licence_of_what_is_brought_along_is_on_the_page(page):
 def test_every_filter_has_its_colour_in_light_and_dark(name):
     assert _asset("page.css").count(f"--{name}: #") == 2
     assert f".{name} {{ color: var(--{name}); }}" in _asset("page.css")
+
+
+def test_what_stands_between_backticks_is_code_and_stays_text():
+    words = "Set `a.b=<i>` of X_u|u|, or `none; a lone ` is text."
+    elements = Elements(render_page(Page("t", "s", [Section("k", "K", [Words([words])])])))
+    assert elements.texts("code") == ["a.b=<i>", "none; a lone "]
+    assert elements.texts("i") == []
+    assert with_code("a lone ` of it") == [("a lone ` of it", False)]
+
+
+def test_a_long_table_is_scrolled_within_so_that_what_follows_is_near():
+    def region(rows):
+        table = Table("key", "Title", (Column("a"),), [[1.0]] * rows)
+        elements = Elements(render_page(Page("t", "s", [Section("k", "K", [TablePart(table)])])))
+        return next(one["class"] for one in elements.attributes("div") if one.get("role") == "region")
+
+    assert (region(24), region(25)) == ("scroll", "scroll tall")

@@ -1,0 +1,67 @@
+"""What stands at the head of a page: whether estimates may be used, and what checks have to say."""
+
+import pytest
+
+from auvid_cli.data.check import Check
+from auvid_cli.report.page.parts import Cards, TablePart, Words
+from auvid_cli.report.page.verdicts import check_parts, judgement_parts
+
+
+def verdict(name, check, passed, advice="Mend it."):
+    return Check.of(name, "dvl", check, statistic="K_p|p| 9 sd", threshold="2", passed=passed, advice=advice)
+
+
+def cards_and_words(evaluation, checks):
+    cards, *words = judgement_parts(evaluation, checks)
+    assert isinstance(cards, Cards)
+    return {card.look: card for card in cards.cards}, [text for part in words for text in part.sentences]
+
+
+@pytest.mark.parametrize(
+    ("passed", "says"),
+    [
+        ([True], "Use it."),
+        ([None, True, None], "Use it; its checks have 2 notes, to be read below."),
+        ([None, False], "It is judged sound, yet 1 check failed: first do what stands below."),
+    ],
+)
+def test_the_sentence_of_a_card_is_no_better_than_the_checks(evaluation, passed, says):
+    checks = [verdict("ckf", f"check {place}", each) for place, each in enumerate(passed)]
+    cards, _ = cards_and_words(evaluation, checks)
+    assert (cards["ckf"].grade, cards["ckf"].says) == ("sound", says)
+    assert cards["ekf"].says == "Use it."
+
+
+def test_what_is_noted_of_all_stands_below_the_cards_once_with_what_to_do(evaluation):
+    checks = [verdict(name, check, None) for name in ("ekf", "ckf", "tukf") for check in ("NIS", "whiteness")]
+    checks += [verdict("ckf", "size", False, "Look at units."), verdict("ekf", "sound", False, "It is far off.")]
+    _, words = cards_and_words(evaluation, checks)
+    assert words[:-1] == [
+        "Failed of CKF: size of dvl (K_p|p| 9 sd). Look at units.",
+        "Noted of all: NIS and whiteness of dvl. Mend it.",
+    ]
+    assert words[-1].startswith("NIS: ")
+
+
+def test_many_verdicts_are_counted_below_the_cards(evaluation):
+    checks = [verdict("ckf", f"check {place}", False, f"Mend {place}.") for place in range(9)]
+    _, words = cards_and_words(evaluation, checks)
+    assert words[6] == "3 more stand below, in the list of checks."
+
+
+def test_the_nis_of_a_card_is_told_by_sensor(evaluation):
+    cards, _ = cards_and_words(evaluation, [])
+    sensors = [name for name in cards["ckf"].numbers if name.startswith("NIS of ")]
+    assert sensors == [f"NIS of {row.sensor}" for row in evaluation.consistency if row.filter == "ckf"]
+    assert "mean NIS" not in cards["ckf"].numbers
+
+
+def test_the_list_of_checks_has_a_row_for_all_that_share_a_verdict():
+    checks = [verdict(name, "NIS", None) for name in ("ckf", "smoother")]
+    checks += [verdict("ckf", "gap", False), verdict("smoother", "gap", True)]
+    words, told, passed = check_parts(checks)
+    assert isinstance(words, Words)
+    assert isinstance(told, TablePart)
+    assert [row[:4] for row in told.table.rows] == [["FAIL", "CKF", "dvl", "gap"], ["note", "all", "dvl", "NIS"]]
+    assert isinstance(passed, TablePart)
+    assert (passed.folded, len(passed.table.rows)) == (True, 1)
