@@ -1,8 +1,7 @@
-"""What comes of a log from the field, over seeds, into docs/studies.md: `python -m docs.make_field`, some ten minutes.
+"""What comes of a log from the field, over seeds, into docs/studies.md: `python -m docs.make_field`, half an hour.
 
-Each seed has a survey, a disturbance and a vehicle file of its own; with each is done what docs/own-log.md does, but
-for the noise, which is as it was tuned there on the first of them. What was found is kept in a file, line by line, and
-seeds that stand there are not done again.
+Each seed has a survey, a disturbance and a vehicle file of its own; with each is done what docs/own-log.md does. What
+was found is kept in a file, line by line, and seeds that stand there are not done again.
 """
 
 import re
@@ -52,12 +51,11 @@ def outcome(seed: int, folder: Path) -> dict[str, object]:
     for name, text in simulate_log(experiment).items():
         (folder / name).write_text(text, encoding="utf-8")
     (folder / "map.yaml").write_text(fill_in(suggest_map(sorted(folder.glob("*.csv")), folder)), encoding="utf-8")
-    files = []
-    for k, text in enumerate(settings()):
-        files.append(folder / f"settings{k}.yaml")
-        files[-1].write_text(text, encoding="utf-8")
-    survey = auvid.import_logs(folder / "map.yaml")
-    seen = _with(survey, *map(str, files), "identification.use.spans=[[0, 320]]")
+    (folder / "lateral.yaml").write_text(settings()[0], encoding="utf-8")
+    survey = _with(auvid.import_logs(folder / "map.yaml"), str(folder / "lateral.yaml"))
+    tuned = auvid.tune(_with(survey, "identification.use.spans=[[0, 320]]"))
+    survey = replace(survey, experiment=tuned.experiment)
+    seen = _with(survey, "identification.use.spans=[[0, 320]]")
     estimate = auvid.identify(seen, "smoother")
     true, deviations = experiment.vehicle.all_coefficients(), estimate.final_deviations()
     means = dict(zip(estimate.state, estimate.mean[-1].tolist(), strict=True))
@@ -67,7 +65,7 @@ def outcome(seed: int, folder: Path) -> dict[str, object]:
     row |= {"worst": worst, "sigmas": off[worst]}
     if not estimate.completed:
         return row
-    unseen = _with(survey, *map(str, files), "identification.use.spans=[[321, null]]")
+    unseen = _with(survey, "identification.use.spans=[[321, null]]")
     rows = auvid.validate(unseen, estimate, training=seen).to_pandas()["validation"].query("signal in @_TURNS")
     for kind, query in _KINDS.items():
         for what, column in _COMPARED.items():

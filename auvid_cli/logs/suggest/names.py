@@ -77,14 +77,14 @@ _REP_103 = {
 }
 
 
-# Words of what somebody wanted, and of tables that hold what a navigation filter made of all sensors.
+# Words of what somebody wanted, and of what a navigation filter made of all sensors: one by itself, or a whole table.
 _SET_POINT = re.compile(
     r"(^|[_./ ])(desired|target|goal|ref|reference|set_?points?|sp|cmd|command(ed|s)?|next)([_./ ]|$)"
 )
-_FILTER_OUTPUT = re.compile(
-    r"global_position_int|local_position|odom|ekf|[xn]kf\d|kalman|estimat|filtered|dead_?reckon"
-    r"|(^|[_./])nav_?(state|solution)"
+_FILTER_MADE = (
+    r"global_position_int|local_position|odom|ekf|[xn]kf\d|kalman|estimat|dead_?reckon|(^|[_./])nav(_|state|solution)"
 )
+_FILTER_OUTPUT, _FILTER_TABLE = re.compile(_FILTER_MADE), re.compile(rf"{_FILTER_MADE}|filtered")
 
 
 class Match(NamedTuple):
@@ -92,6 +92,11 @@ class Match(NamedTuple):
 
     table: str
     columns: dict[str, LogColumn]
+
+    @property
+    def is_filter_output(self) -> bool:
+        """Say whether any of it is by its name what a navigation filter made of all sensors."""
+        return is_filter_output(self.table, *(column.name for column in self.columns.values()))
 
 
 def find_columns(
@@ -127,7 +132,7 @@ def find_columns(
             matching = [c for c in numbers if any(_is_called(name, called) for name in _spoken(table, c))]
             if matching:
                 # Of "velocity.x" and "target.velocity.x" the shorter.
-                matches[component] = min(matching, key=lambda column: len(column.name))
+                matches[component] = min(matching, key=lambda c: (is_filter_output("", c.name), len(c.name)))
         if matches:
             places.append(Match(table, matches))
     return sorted(places, key=lambda place: (*_rank(place), hint in place.table), reverse=True)
@@ -138,13 +143,14 @@ def is_set_point(table: str, name: str) -> bool:
     return _SET_POINT.search(_plain(table)) is not None or _SET_POINT.search(_plain(name)) is not None
 
 
-def is_filter_output(table: str) -> bool:
-    """Say whether a table is by its name what a navigation filter made of all sensors."""
-    return _FILTER_OUTPUT.search(_plain(table)) is not None
+def is_filter_output(table: str, *names: str) -> bool:
+    """Say whether a table, or one of its columns, is by its name what a navigation filter made of all sensors."""
+    made = (_FILTER_OUTPUT.search(_plain(name)) for name in names)
+    return _FILTER_TABLE.search(_plain(table)) is not None or any(made)
 
 
 def _rank(place: Match) -> tuple[bool, int]:
-    return not is_filter_output(place.table), len(place.columns)
+    return not place.is_filter_output, len(place.columns)
 
 
 def named_unit(name: str, unit: str) -> str:

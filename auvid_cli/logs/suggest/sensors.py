@@ -18,7 +18,6 @@ from auvid_cli.logs.suggest.names import (
     SENSOR_NAMES,
     find_columns,
     find_in_logs,
-    is_filter_output,
     standard_message,
 )
 from auvid_cli.logs.suggest.rows import row_entries, time_of
@@ -65,8 +64,8 @@ def find_sensors(logs: Mapping[str, Log]) -> dict[str, FoundSensor]:
     }
     quaternion, angles = find_in_logs(logs, QUATERNION_NAMES), places["attitude"]
     if quaternion is not None and len(quaternion[1].columns) == 4:
-        is_measured = angles is not None and not is_filter_output(angles[1].table)
-        if not (is_measured and is_filter_output(quaternion[1].table)):
+        is_measured = angles is not None and not angles[1].is_filter_output
+        if not (is_measured and quaternion[1].is_filter_output):
             places["attitude"] = quaternion
     found = {}
     for sensor, place in places.items():
@@ -82,7 +81,7 @@ def _apart(logs: Mapping[str, Log], main: Found) -> list[Found]:
     apart = []
     for component, pattern in SENSOR_NAMES["attitude"].items():
         place = None if component in main.numbers else find_in_logs(logs, {component: pattern}, "", "rad")
-        if place is not None and not is_filter_output(place[1].table) and time_of(logs[place[0]], place[1].table)[0]:
+        if place is not None and not place[1].is_filter_output and time_of(logs[place[0]], place[1].table)[0]:
             apart.append(found_in(logs, "attitude", *place))
     return apart
 
@@ -131,7 +130,7 @@ def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], ju
         yield YamlEntry(
             name,
             list(_sensor(logs, sensors, sensor, judged)),
-            comment if is_filter_output(sensor.main.match.table) else "",
+            comment if sensor.main.match.is_filter_output else "",
         )
     if not sensors:
         yield Comment("required: no column looks like a sensor; see docs/how-to/import-logs.md for what may stand here")

@@ -36,7 +36,7 @@ def unused_lines(
             time, _ = time_of(logs[log], table)
             times = time["column"] if isinstance(time, Mapping) else time
             left = _runs(
-                f"{column.name} (a set-point?)" if is_set_point("", column.name) else column.name
+                f"{column.name}{_by_its_name(column.name)}"
                 for column in columns
                 if (log, table, column.name) not in used and column.name != times
             )
@@ -45,6 +45,12 @@ def unused_lines(
                 made = ", set-points" if is_set_point(table, "") else made
                 where = " ".join(part for part in (log if len(logs) > 1 else "", table) if part)
                 yield from _wrapped(f"not used{f' of {where}' if where else ''}{made}: {', '.join(left)}")
+
+
+def _by_its_name(column: str) -> str:
+    if is_set_point("", column):
+        return " (a set-point?)"
+    return " (a navigation filter's?)" if is_filter_output("", column) else ""
 
 
 def _runs(names: Iterable[str]) -> list[str]:

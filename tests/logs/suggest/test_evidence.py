@@ -260,6 +260,15 @@ def test_a_reference_is_no_sensor_and_what_a_filter_made_is_named():
     assert "attitude: # check: by its name what a navigation filter made of others" in alone
 
 
+def test_a_column_that_a_filter_made_is_named_and_comes_after_what_was_measured():
+    velocity, psi = {f"GLOBAL_POSITION_INT.v{axis}": TRUTH[name] for axis, name in zip("xy", "uv", strict=True)}, "psi"
+    text, found = suggested(velocity | {"nav_heading": TRUTH[psi], "heading_filt": TRUTH[psi]})
+    assert "dvl: # check: by its name what a navigation filter made of others" in text
+    assert found["sensors"]["attitude"]["columns"]["psi"] == "heading_filt"
+    assert "attitude: #" not in text
+    assert text.endswith("# not used: nav_heading (a navigation filter's?)\n")
+
+
 def test_several_thrusters_are_not_one_surge_force():
     log = Topics({f"/thruster_{k}/thrust": {"data": TIME} for k in range(4)} | {"/dvl": {"u": TRUTH["u"]}})
     text = suggest([log], Path())
