@@ -10,9 +10,9 @@ from scipy.linalg import block_diag, solve_triangular
 
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from auvid_cli.filters.linear_smoothing import LinearSmoothing
+from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
 from auvid_cli.filters.smoother import follow
-from auvid_cli.identification.augmented import augmented_problem
+from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
 from auvid_cli.identification.delays import delays_about
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.prepared_data import PreparedData
@@ -171,17 +171,10 @@ def information_with_process_noise(prepared: PreparedData, values: Mapping[str, 
         None where no trajectory follows the data with these values and the process noise of the settings.
     """
     augmented = augmented_problem(prepared)
-    layout, mean = augmented.layout, augmented.prior.mean.copy()
-    rows = layout.rows_of("coefficients")
-    mean[rows] = [values[symbol] for symbol in layout.symbols[rows]] / layout.scale[rows]
-    problem = augmented.joint._replace(prior=augmented.prior._replace(mean=mean))
-    smoothing, trajectory = LinearSmoothing(problem), follow(problem)
-    if trajectory is None or (filtered := smoothing.filter(trajectory)) is None:
+    layout = augmented.layout
+    if (about := smoothed_with(augmented, values)) is None:
         return None
-    # Noise that the trajectory follows would seem to move the vehicle.
-    smoothed = replace(trajectory.stepped(smoothing.step(filtered), 1.0), parameters=trajectory.parameters)
-    if (filtered := smoothing.filter(smoothed)) is None:
-        return None
+    smoothing, filtered = about
     n = layout.n_parameters
     covariance = filtered.final.covariance()[:n, :n] * np.outer(layout.scale[:n], layout.scale[:n])
     symbols, factor = layout.symbols[:n], layout.scale[:n, None] * augmented.prior.factor[:n, :n]
@@ -190,6 +183,34 @@ def information_with_process_noise(prepared: PreparedData, values: Mapping[str, 
         factor = np.asarray(block_diag(factor, spread * np.eye(len(delays.symbols))), dtype=np.float64)
         symbols, covariance = (*symbols, *delays.symbols), delays.joint(covariance)
     return _beyond_prior(symbols, factor, covariance)
+
+
+def smoothed_with(augmented: AugmentedProblem, values: Mapping[str, float]) -> tuple[LinearSmoothing, Filtered] | None:
+    """Find the most probable motion with some parameters held.
+
+    Parameters
+    ----------
+    augmented : AugmentedProblem
+    values : mapping
+        Of coefficients and other parameters, SI, by symbol; those that are not there stay as the prior has them.
+
+    Returns
+    -------
+    tuple of LinearSmoothing and Filtered, or None
+        The linear problem about the most probable trajectory; None where nothing follows the data.
+    """
+    layout, mean = augmented.layout, augmented.prior.mean.copy()
+    for row, symbol in enumerate(layout.symbols[: layout.n_parameters]):
+        if symbol in values:
+            mean[row] = values[symbol] / layout.scale[row]
+    problem = augmented.joint._replace(prior=augmented.prior._replace(mean=mean))
+    smoothing, trajectory = LinearSmoothing(problem), follow(problem)
+    if trajectory is None or (filtered := smoothing.filter(trajectory)) is None:
+        return None
+    # Noise that the trajectory follows would seem to move the vehicle.
+    smoothed = replace(trajectory.stepped(smoothing.step(filtered), 1.0), parameters=trajectory.parameters)
+    filtered = smoothing.filter(smoothed)
+    return None if filtered is None else (smoothing, filtered)
 
 
 def _beyond_prior(symbols: tuple[str, ...], factor: Array, covariance: Array) -> DataInformation:

@@ -17,7 +17,10 @@ Array = NDArray[np.float64]
 
 LARGEST_FAULT = 3.5
 """Standard deviations of its size by which a fault may look present; chosen as in `auvid_cli.evaluation.judgement`."""
+# Log-likelihood; as much as a fault that would make the estimate doubtful.
+_WORTH_NAMING = 0.5 * LARGEST_FAULT**2
 _MOST_NAMED = 3
+_LESS = ", or less process noise"
 _TUNE = "`auvid tune` finds how much"
 _TUNE_SENSORS = "`auvid tune --sensors` finds how much"
 
@@ -30,11 +33,14 @@ class Cause(NamedTuple):
     gain : float
         In log-likelihood, if it were taken into account; comparable among the causes of one estimate.
     name, remedy : str
+    lasts : bool
+        Whether it is an error of a sensor that lasts, or motion that nothing explains.
     """
 
     gain: float
     name: str
     remedy: str
+    lasts: bool = False
 
     def __str__(self) -> str:
         return f"{self.name} (gains {self.gain:.0f} in log-likelihood): {self.remedy}"
@@ -53,9 +59,11 @@ def likely_causes(estimate: Estimate) -> list[Cause]:
         for test in estimate.faults
         if not is_other_answer(test)
     ]
-    # As much as a fault that would make the estimate doubtful.
     noises = [noise_cause(*of_sensor) for of_sensor in told_as_noise(estimate)]
-    likely = [cause for cause in [*faults, *noises] if cause.gain > 0.5 * LARGEST_FAULT**2]
+    if any(noise.gain > _WORTH_NAMING and noise.lasts for noise in noises):
+        # What lasts asks for more process noise, whatever the innovations of another sensor look like.
+        noises = [noise._replace(name=noise.name.removesuffix(_LESS)) for noise in noises]
+    likely = [cause for cause in [*faults, *noises] if cause.gain > _WORTH_NAMING]
     return sorted(likely, key=lambda cause: -cause.gain)
 
 
@@ -89,10 +97,10 @@ def noise_cause(sensor: str, innovations: Innovations) -> Cause:
         return Cause(by_size, f"more noise of {sensor} than stated, or more process noise", _TUNE_SENSORS)
     if float(correlation[:, 0] @ samples) < 0.0:
         # What was corrected too far is corrected back.
-        return Cause(by_memory, f"more noise of {sensor} than stated, or less process noise", _TUNE_SENSORS)
+        return Cause(by_memory, f"more noise of {sensor} than stated{_LESS}", _TUNE_SENSORS)
     lasting = f"errors of {sensor} that last, or motion that the model does not explain"
     remedy = f"more process noise ({_TUNE}), or its bias (identification.estimate.biases)"
-    return Cause(by_memory, lasting, remedy)
+    return Cause(by_memory, lasting, remedy, lasts=True)
 
 
 def _explained_by_the_past(correlation: Array) -> float:

@@ -19,6 +19,7 @@ from auvid_cli.evaluation.causes import Cause, causes_text, likely_causes
 from auvid_cli.evaluation.geometry_check import near_its_geometry
 from auvid_cli.evaluation.innovation_checks import innovation_checks
 from auvid_cli.evaluation.judgement import Grade, Judgement, judge, reference_among
+from auvid_cli.evaluation.noise_evidence import far_from_bound
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
 from auvid_cli.evaluation.signs import pushing_drag, reversed_fins
 from auvid_cli.identification.prepared_data import PreparedData
@@ -38,6 +39,7 @@ _SIGMAS = 3.0
 # The verdict that repeats the judgement.
 JUDGED = "sound"
 _CONFIDENCE = 0.99
+_OTHER_BOUND = "The bound is another at the true values: the fit is far from them."
 
 
 def check_estimates(
@@ -84,7 +86,7 @@ def check_estimate(
     checks += [*innovation_checks(dataset, estimate), _unexplained(estimate, causes)]
     if not estimate.completed:
         return checks
-    checks += [*_information(estimate, dataset.truth, bounds), *_against_bounds(estimate, bounds, causes)]
+    checks += [*_information(estimate, dataset.truth, bounds), *_against_bounds(prepared, estimate, bounds, causes)]
     checks += [*_at_limits(estimate), *_plausibility(estimate)]
     checks += [*near_its_geometry(estimate), *_sensor_errors(estimate)]
     if dataset.truth is not None:
@@ -135,7 +137,7 @@ def _unexplained(estimate: Estimate, causes: list[Cause]) -> Check:
     )
 
 
-def _against_bounds(estimate: Estimate, bounds: Bounds, causes: list[Cause]) -> list[Check]:
+def _against_bounds(prepared: PreparedData, estimate: Estimate, bounds: Bounds, causes: list[Cause]) -> list[Check]:
     """Judge whether the filter claims more than data and prior hold, or got much less."""
     if bounds.remark:
         return [
@@ -157,15 +159,15 @@ def _against_bounds(estimate: Estimate, bounds: Bounds, causes: list[Cause]) -> 
     if not ratio:
         return []
     meaning = "the least standard deviation that data and prior allow"
-    above = "The data hold more than this filter got out of them: lower the process noise, or use output_error."
-    if causes:
-        above = f"Process noise takes its part, and must, for these data look like {causes_text(causes)}."
+    above = ""
+    if max(ratio.values()) > _LARGEST_OF_BOUND:
+        above = _OTHER_BOUND if estimate.is_free_run_fit else far_from_bound(prepared, estimate, causes)
     below = (
         "The filter claims more than the data hold: do not use its standard deviations. Its linearisation fails; "
         "narrow the prior, or use a sigma-point filter or output_error."
     )
     if estimate.is_free_run_fit:
-        above = below = "The bound is another at the true values: the fit is far from them."
+        below = _OTHER_BOUND
     return [
         Check.of_values(
             estimate.filter,

@@ -161,6 +161,16 @@ def most_likely_noise(
     return NoiseFactors(np.exp(x), low, high, best - as_stated, converged)
 
 
+def noise_scores_about(
+    problem: JointProblem, groups: Sequence[NoiseGroup], trajectory: Trajectory
+) -> NoiseScores | None:
+    """Differentiate the log-likelihood by the noise as stated, about a trajectory; None where that is impossible."""
+    likelihood = _Likelihood(problem, groups, lambda: None)
+    likelihood.forget_along(trajectory)
+    filtered = likelihood.filter(np.zeros(len(groups)), trajectory)
+    return None if filtered is None else likelihood.scores(filtered)
+
+
 def _climb(likelihood: _Likelihood, x: Array, trajectory: Trajectory, free: NDArray[np.bool_] | None = None) -> Array:
     """Go up along a trajectory, as far as that is worth a step; of some logarithms only, if asked."""
     here = likelihood.filter(x, trajectory)

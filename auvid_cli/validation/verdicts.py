@@ -155,8 +155,8 @@ def _not_too_wide(name: str, rows: Sequence[Prediction]) -> Check:
         within,
         limit=_LARGEST_SHARE,
         meaning="of the errors within two sigma",
-        advice="The model is better than its bands: there is less process noise than stated (`auvid tune`), or its own "
-        "data were harder to predict.",
+        advice="The model is better than its bands: its own data were harder to predict, or `auvid tune` finds less "
+        "process noise than is stated.",
     )
 
 

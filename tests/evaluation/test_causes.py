@@ -48,6 +48,17 @@ def test_what_was_corrected_too_far_asks_for_less_process_noise(rng):
     assert "less process noise" in noise_cause("dvl", innovations_of(autoregressive(rng, -0.5))).name
 
 
+def test_where_something_lasts_no_other_sensor_asks_for_less_process_noise(rng, short_estimates):
+    noise = {"gyroscope": autoregressive(rng, 0.5), "dvl": autoregressive(rng, -0.5)}
+    innovations = {sensor: innovations_of(values) for sensor, values in noise.items()}
+    causes = likely_causes(replace(short_estimates[FilterName.CKF], innovations=innovations))
+    assert {cause.name.split(" that ")[0] for cause in causes} >= {
+        "errors of gyroscope",
+        "more noise of dvl than stated",
+    }
+    assert not any("less process noise" in f"{cause.name} {cause.remedy}" for cause in causes)
+
+
 def test_white_noise_of_the_stated_size_has_no_cause(rng, short_estimates):
     noise = {name: innovations_of(rng.standard_normal((20_000, len(SENSORS[name])))) for name in ("gyroscope", "dvl")}
     assert likely_causes(replace(short_estimates[FilterName.CKF], innovations=noise)) == []
