@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_HATCHES = ("", "////", "xxxx", "....")
+_HATCHES = ("", "////", "xxxx", "....", "----", "++++", "oo")
 # Of the boxes of one group, what they take of the room between two.
 _WIDTH = 0.8
 _MOST_PANELS = 12
@@ -65,8 +65,8 @@ def spread_figure(runs: "pd.DataFrame", columns: list[str], filters: dict[str, s
     axes_list[-1].set_xlabel(plain(along or ""), fontsize=9)
     _leave_room(axes_list)
     most = int(ended(runs).groupby([runs["filter"], *(runs[column] for column in columns)]).sum().max())
-    words = ["a mark for each run" if most < _FEWEST else "box: quartiles, whiskers: 5 to 95 %"]
-    words += ["red: share that did not end"] * (not ended(runs).all())
+    words = ["a mark for each run" if most < _FEWEST else "box: quartiles, mark: median, whiskers: 5 to 95 %"]
+    words += ["upright: share that did not end"] * (not ended(runs).all())
     words += [f"{len(cells) - len(panels)} more combinations: see the tables"] * (len(cells) > len(panels))
     handles: list[Artist] = [Patch(label=plain(name), **look) for name, look in looks.items()]
     if most < _FEWEST:
@@ -105,11 +105,13 @@ def _draw_runs(
         whis=(5, 95),
         manage_ticks=False,
         patch_artist=True,
-        medianprops={"color": "white", "linewidth": 1.0},
+        medianprops={"linewidth": 0.0},
         flierprops={"marker": marker, "markersize": 3.0, "markeredgecolor": "0.3", "markerfacecolor": "none"},
     )
     for box in boxes["boxes"]:
         box.set(**look)
+    medians = [float(np.median(errors[place])) for place in many]
+    axes.plot(places[many], medians, marker, color="white", markeredgecolor="black", markersize=6.0, zorder=4.0)
 
 
 def _leave_room(panels: NDArray[Any]) -> None:
@@ -201,13 +203,11 @@ def _rounded(percent: float) -> str:
 
 
 def _looks(filters: dict[str, str]) -> dict[str, dict[str, Any]]:
-    """Fill each variant: the colour of its filter, hatched differently from the filter's other variants."""
-    looks: dict[str, dict[str, Any]] = {}
-    variants: dict[str, int] = {}
-    for name, kind in filters.items():
-        looks[name] = {"facecolor": FILTER_STYLES[kind].color, "hatch": _HATCHES[variants.get(kind, 0) % len(_HATCHES)]}
-        variants[kind] = variants.get(kind, 0) + 1
-    return looks
+    """Fill each variant: the colour of its filter, hatched differently from all others."""
+    return {
+        name: {"facecolor": FILTER_STYLES[kind].color, "hatch": _HATCHES[place % len(_HATCHES)]}
+        for place, (name, kind) in enumerate(filters.items())
+    }
 
 
 def _title(names: list[str], values: object) -> str:

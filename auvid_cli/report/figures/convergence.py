@@ -13,7 +13,7 @@ from auvid_cli.report.convergence import convergence_of, origin_of
 from auvid_cli.report.figures.limits import value_range
 from auvid_cli.report.figures.series import spaced
 from auvid_cli.report.figures.style import (
-    BAND_ALPHA,
+    BAND_SHADE,
     FILTER_STYLES,
     Room,
     draw_band,
@@ -48,7 +48,7 @@ def convergence_figure(symbols: Sequence[str], estimates: list[Course], true: di
     """
     handles = [
         *filter_handles((estimate.filter for estimate in estimates), marked=True),
-        Patch(color="0.5", alpha=2 * BAND_ALPHA, linewidth=0, label="2 standard deviations"),
+        Patch(color="0.5", alpha=BAND_SHADE, linewidth=0, label="2 standard deviations"),
     ]
     span = value_range(*(estimate.time for estimate in estimates)) or (0.0, 1.0)
     figure, panels = new_panels(len(symbols), _COLUMNS, 1.15, handles, _ROOM, span)
@@ -80,7 +80,7 @@ def _draw_panel(axes: Axes, symbol: str, estimates: list[Course], true: float | 
         is_empty = False
         style = FILTER_STYLES[estimate.filter]
         some = spaced(mean.size, _BAND_POINTS)
-        draw_band(axes, estimate.time[some], low, 200.0 * deviation[some] / abs(origin), style)
+        draw_band(axes, estimate.time[some], low, 200.0 * deviation[some] / abs(origin), style.color, len(estimates))
         course = convergence_of(estimate.time, mean, origin, _LINE_POINTS)
         line = style.marked_line(position, course.time.size)
         axes.plot(course.time, course.percent, **line, zorder=2.0 + 0.1 * position)

@@ -54,7 +54,12 @@ def innovation_figure(innovations: dict[str, dict[str, Innovations]]) -> Figure:
     strips = [_Strip(*row, -2.0 * _HIGHEST * place) for place, row in enumerate(components)]
     handles = [
         Patch(color=_DARKEST, label="innovations, the darker the more"),
-        Line2D([], [], label="±2 standard deviations", **_BOUND),
+        Line2D(
+            [],
+            [],
+            label="±2 standard deviations; of the innovations so many % within, so many beyond the strip",
+            **_BOUND,
+        ),
     ]
     room = Room(left=1.6, across=0.12)
     span = value_range(*(of.time for of_filter in innovations.values() for of in of_filter.values())) or (0.0, 1.0)
@@ -109,8 +114,8 @@ def _draw_strip(axes: Axes, innovations: Innovations | None, strip: _Strip) -> N
         image.set_data(number.T)
         axes.add_image(image)
         beyond = int((np.abs(normalised) > _HIGHEST).sum())
-        words = f"{100.0 * (np.abs(normalised) <= 2.0).mean():.1f} % within"
-        words += f", {beyond} beyond the strip" if beyond else ""
+        words = f"{100.0 * (np.abs(normalised) <= 2.0).mean():.1f} %"
+        words += f", {beyond} beyond" if beyond else ""
     # Above the upper bound.
     place = axes.get_xlim()[1], strip.middle + _HIGHEST
     axes.annotate(words, place, (-2.0, -2.0), textcoords="offset points", ha="right", va="top", fontsize=7.5)

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from auvid_cli.design.band import Band
-from auvid_cli.report.figures.style import BAND_ALPHA, head, legend_above, new_figure, plain_log_ticks, tidy
+from auvid_cli.report.figures.style import BAND_SHADE, head, legend_above, new_figure, plain_log_ticks, tidy
 from auvid_cli.report.notation import symbol_math
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ def mission_figure(
     _label(thrust, "thrust (N)")
     legend_above(figure, fins.lines)
     low, middle, high = band.position[:, 2].T
-    depth.fill_between(band.time, low, high, color=_DESIGNED, alpha=2.0 * BAND_ALPHA, linewidth=0.0)
+    depth.fill_between(band.time, low, high, color=_DESIGNED, alpha=BAND_SHADE, linewidth=0.0)
     depth.plot(band.time, middle, color=_DESIGNED, linewidth=1.2)
     depth.invert_yaxis()
     _label(depth, "depth changed (m)")
@@ -61,7 +61,7 @@ def _draw_track(axes: Axes, band: Band) -> None:
     north, east = band.position[:, 0], band.position[:, 1]
     for place in range(0, band.time.size, 2):
         corners = east[place, [0, 2, 2, 0]], north[place, [0, 0, 2, 2]]
-        axes.fill(*corners, color=_DESIGNED, alpha=0.4 * BAND_ALPHA, linewidth=0.0)
+        axes.fill(*corners, color=_DESIGNED, alpha=0.2 * BAND_SHADE, linewidth=0.0)
     axes.plot(east[:, 1], north[:, 1], color=_DESIGNED, linewidth=1.4)
     axes.plot(east[[0], 1], north[[0], 1], "o", markerfacecolor="white", markeredgecolor="black")
     _label(axes, "north (m)")

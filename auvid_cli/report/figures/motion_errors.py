@@ -12,7 +12,7 @@ from auvid_cli.data.estimate import Course
 from auvid_cli.report.figures.limits import value_range
 from auvid_cli.report.figures.series import finite, spaced
 from auvid_cli.report.figures.style import (
-    BAND_ALPHA,
+    BAND_SHADE,
     FILTER_STYLES,
     Room,
     draw_band,
@@ -37,7 +37,7 @@ def motion_error_figure(truth: TruthRecord, estimates: list[Course]) -> Figure:
     """Draw a panel for each motion state: estimates minus truth, within bands of two standard deviations."""
     handles = [
         *filter_handles((estimate.filter for estimate in estimates), marked=True),
-        Patch(color="0.5", alpha=2 * BAND_ALPHA, linewidth=0, label="±2 standard deviations"),
+        Patch(color="0.5", alpha=BAND_SHADE, linewidth=0, label="±2 standard deviations"),
     ]
     span = value_range(*(estimate.time for estimate in estimates)) or (0.0, 1.0)
     figure, panels = new_panels(len(MOTION), 3, 1.7, handles, Room(), span)
@@ -61,7 +61,7 @@ def _draw_panel(axes: Axes, quantity: Quantity, time: Array, true: Array, estima
         error = scale.factor * (wrap(error) if is_angle else error)
         band = 2.0 * scale.factor * finite(estimate.standard_deviation[some, column])
         style = FILTER_STYLES[estimate.filter]
-        draw_band(axes, at, -band, band, style)
+        draw_band(axes, at, -band, band, style.color, len(estimates))
         axes.plot(at, error, **style.marked_line(position, at.size), zorder=2.0 + 0.1 * position)
         (sound if estimate.completed else others).append((error, band))
     if not sound + others:

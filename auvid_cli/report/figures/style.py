@@ -22,12 +22,14 @@ Array = NDArray[np.float64]
 DPI = 150
 # Inches, of all figures.
 WIDTH = 11.0
-_MOST_HANDLES, _LEGEND_ROW = 7, 0.22
-_LEGEND: dict[str, Any] = {"handlelength": 3.5, "fontsize": 9}
+# Ends of a path and all filters stand in one row.
+_MOST_HANDLES, _LEGEND_ROW = 9, 0.22
+_LEGEND: dict[str, Any] = {"handlelength": 3.5, "fontsize": 9, "columnspacing": 1.5}
 
 TRUE_LINE: dict[str, Any] = {"color": "black", "linewidth": 1.1, "linestyle": (0, (6, 3))}
 MEASURED: dict[str, Any] = {"color": "0.8", "linewidth": 3.4}
-BAND_ALPHA = 0.13
+# Opacity of a band, or of as many as there are filters over each other, which must leave the lines to be seen.
+BAND_SHADE = 0.26
 # Behind words on lines.
 _BEHIND: dict[str, Any] = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 1.0}
 
@@ -154,16 +156,15 @@ def new_panels(
     return figure, panels
 
 
-def draw_band(axes: Axes, time: Array, low: Array | float, high: Array, style: FilterStyle) -> None:
-    """Draw a shade on what lies between two series of the same times; where one is not finite nothing."""
+def draw_band(axes: Axes, time: Array, low: Array | float, high: Array, color: str, number: int) -> None:
+    """Draw one of so many shades on what lies between two series of the same times; where one is not finite nothing."""
+    alpha = 1.0 - (1.0 - BAND_SHADE) ** (1.0 / number)
     known = np.isfinite(low) & np.isfinite(high)
     for piece in np.split(np.arange(time.size), np.flatnonzero(np.diff(known)) + 1):
         if known[piece].all():
             across = np.concatenate([time[piece], time[piece][::-1]])
             up = np.concatenate([high[piece], np.broadcast_to(low, time.shape)[piece][::-1]])
-            outline = Polygon(
-                np.stack([across, up], axis=1), color=style.color, alpha=BAND_ALPHA, linewidth=0, zorder=1.5
-            )
+            outline = Polygon(np.stack([across, up], axis=1), color=color, alpha=alpha, linewidth=0, zorder=1.5)
             # `fill_between` would go through all axes for their limits, which stand.
             axes.add_artist(outline)
 

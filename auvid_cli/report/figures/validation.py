@@ -20,13 +20,15 @@ _COLUMNS = 3
 # What sets the scale, beyond which there is this factor of room.
 _SCALING = ("rmse", "noise", "expected_rmse", "constant_velocity_rmse")
 _MARGIN = 1.4
+# Of the height of a panel, in decades.
+_ROOM_FOR_WORDS = 0.15
 _EXPECTED = "0.85"
 _NOISE = {"color": "0.35", "linewidth": 0.9, "linestyle": (0, (1, 2))}
 # Okabe and Ito's, not those of a filter.
 _OTHERS = {
     "constant_velocity_rmse": ("unchanged", {"color": "#E69F00", "linestyle": (0, (5, 2)), "marker": "v"}),
     "prior_rmse": ("prior", {"color": "#0072B2", "linestyle": (0, (5, 1.5, 1, 1.5)), "marker": "^"}),
-    "vehicle_file_rmse": ("vehicle file", {"color": "black", "linestyle": (0, (1, 1.3)), "marker": ""}),
+    "vehicle_file_rmse": ("vehicle file", {"color": "black", "linestyle": (0, (9, 2)), "marker": "D"}),
 }
 
 
@@ -80,10 +82,12 @@ def _draw(axes: Axes, filter_name: str, rows: Sequence[Prediction], scale: float
     axes.set_xscale("log")
     expected, (low, high) = values("expected_rmse"), _limits([values(field) for field in _SCALING])
     axes.fill_between(horizons, np.full(len(rows), low), expected, color=_EXPECTED, linewidth=0.0, zorder=1.0)
-    axes.set_ylim(low, high)
     prior = [value for value in values("prior_rmse") if not np.isnan(value)]
     if prior and min(prior) > high:
+        # Above all lines.
+        high *= (high / low) ** _ROOM_FOR_WORDS
         name_panel(axes, "prior: above the axis")
+    axes.set_ylim(low, high)
     axes.set_xticks(horizons, [f"{horizon:g}" for horizon in horizons])
     plain_decades(axes.yaxis)
     axes.minorticks_off()
