@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from auvid_cli.cli.options import refuse_log
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.dataset_file import read_dataset
@@ -41,6 +42,7 @@ def begin_search(path: Path, changes: tuple[str, ...], output: Path | None, over
     ConfigError, DataError, FileError
         As reading and replacing datasets do.
     """
+    refuse_log(path)
     dataset, folder = read_dataset(path, changes), output or folder_of_dataset(path)
     files, file = [path, *dataset.experiment.data_files()], folder / name
     put_copy(path, dataset, folder, files, overwrite)

@@ -14,6 +14,7 @@ from auvid_cli.cli.options import (
     QuietOption,
     VerboseVerdictsOption,
     overrides,
+    refuse_log,
 )
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.errors import ConfigError
@@ -59,6 +60,7 @@ def inspect(
         from auvid_cli.report.screen import print_checks
 
         terminal = Terminal(quiet, verbose)
+        refuse_log(dataset)
         folder = output or folder_of_dataset(dataset)
         with terminal.stage("read the dataset"):
             read = read_dataset(dataset, *overrides(None, use=use))

@@ -108,6 +108,19 @@ DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Print the resolve
 _LOGS = (".csv", ".csv.gz", ".npz", ".mat", ".bag", ".mcap", ".db3", ".bin", ".tlog", ".ulg", ".lsf", ".alog")
 
 
+def refuse_log(source: str | Path) -> None:
+    """Refuse what is called like a log where a dataset is meant.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if str(source).lower().endswith(_LOGS):
+        from auvid_cli.errors import ConfigError
+
+        raise ConfigError(f"{source}: a log must become a dataset first: auvid import --suggest {source} -o map.yaml")
+
+
 def dataset_path(source: str | None) -> Path | None:
     """Return the path of a dataset file, or None where an experiment is meant.
 
@@ -116,10 +129,8 @@ def dataset_path(source: str | None) -> Path | None:
     ConfigError
         If it is called like a log.
     """
-    if source is not None and source.lower().endswith(_LOGS):
-        from auvid_cli.errors import ConfigError
-
-        raise ConfigError(f"{source}: a log must become a dataset first: auvid import --suggest {source} -o map.yaml")
+    if source is not None:
+        refuse_log(source)
     return Path(source) if source is not None and source.endswith((".h5", ".hdf5")) else None
 
 

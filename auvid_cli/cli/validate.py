@@ -15,6 +15,7 @@ from auvid_cli.cli.options import (
     UseOption,
     VerboseVerdictsOption,
     overrides,
+    refuse_log,
 )
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 
@@ -57,6 +58,8 @@ def validate(
         from auvid_cli.data.screening import screen
 
         terminal = Terminal(quiet, verbose)
+        for path in dataset_files:
+            refuse_log(path)
         screen([estimate_file, *dataset_files])
         estimate = read_estimate(estimate_file)
         datasets = [read_dataset(path, *overrides(None, use=use)) for path in dataset_files]

@@ -17,9 +17,9 @@ _ROUNDING = 16.0 * np.finfo(np.float64).eps
 # the smallest of them, or in the middle where single values off the grid make smaller ones.
 _NEAR, _SHARE, _CANDIDATES = 0.01, 0.8, (0.05, 0.5)
 
-# Correlation of successive second differences from where on a signal was filtered, by how many of them; of their sizes
+# Correlation of successive third differences from where on a signal was filtered, by how many of them; of their sizes
 # what counts as usual, for spikes do not.
-_SMOOTH, _FEWEST_PAIRS, _USUAL = -0.55, 400, 0.95
+_SMOOTH, _FEWEST_PAIRS, _USUAL = -0.68, 400, 0.95
 
 
 class Noise(NamedTuple):
@@ -81,16 +81,17 @@ def noise_standard_deviation(values: Array, is_angle: bool = False) -> float:
 def is_smoothed(values: Array, is_angle: bool = False) -> bool:
     """Say whether a signal goes on from sample to sample as only a filter makes it: its scatter is not its noise.
 
-    Successive second differences of white noise correlate by -2/3, those of what was filtered hardly or positively.
+    Successive third differences of white noise correlate by -3/4, those of what was filtered less, or positively; of
+    second differences a motion of half a hertz, ten samples a second, is still the larger part.
 
     Parameters
     ----------
     values, is_angle
         As of `noise_standard_deviation`.
     """
-    second = _second_differences(values, is_angle)
-    size = float(np.nanquantile(np.abs(second), _USUAL)) if np.isfinite(second).any() else 0.0
-    pairs = np.clip(np.stack([second[1:], second[:-1]]), -size, size)
+    third = np.diff(_second_differences(values, is_angle))
+    size = float(np.nanquantile(np.abs(third), _USUAL)) if np.isfinite(third).any() else 0.0
+    pairs = np.clip(np.stack([third[1:], third[:-1]]), -size, size)
     pairs = pairs[:, np.isfinite(pairs).all(axis=0)]
     if pairs.shape[1] < _FEWEST_PAIRS or not size > 0.0:
         return False

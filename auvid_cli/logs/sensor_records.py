@@ -196,8 +196,8 @@ def _summary(
         ),
         (
             smoothed,
-            f"{smoothed} was filtered, so that its errors last and are far larger than its scatter: state what it may "
-            "be off by",
+            f"{smoothed} {'were' if ',' in smoothed else 'was'} filtered, so that errors last and are far larger than "
+            "the scatter: state what it may be off by",
         ),
         (steps, f"the noise is lost in the steps of the numbers, taken as step / sqrt(12): {steps} {unit}"),
     )

@@ -2,7 +2,9 @@
 
 import pytest
 import yaml
+from typer.testing import CliRunner
 
+from auvid_cli.cli.app import app
 from auvid_cli.cli.options import dataset_path, overrides, spans
 from auvid_cli.errors import ConfigError
 
@@ -42,3 +44,10 @@ def test_short_options_come_after_the_settings_that_they_override():
 def test_a_log_that_is_no_dataset_yet_is_sent_to_import():
     with pytest.raises(ConfigError, match=r"auvid import --suggest lake/dive\.csv -o map\.yaml"):
         dataset_path("lake/dive.csv")
+
+
+@pytest.mark.parametrize("command", ["inspect dive.csv", "tune dive.csv", "terms dive.csv", "validate ckf.h5 dive.csv"])
+def test_every_command_that_takes_a_dataset_sends_a_log_to_import(command):
+    result = CliRunner().invoke(app, command.split())
+    assert result.exit_code == 2
+    assert "auvid import --suggest dive.csv -o map.yaml" in result.output

@@ -63,6 +63,13 @@ def test_a_filtered_signal_is_told_from_one_with_white_noise(is_angle):
     assert is_smoothed(SLOW, is_angle)
 
 
+def test_a_fast_motion_is_not_taken_for_a_filter():
+    """Half a hertz at ten samples a second, thirty times as large as the noise."""
+    time = 0.1 * np.arange(600)
+    noise = 1e-3 * np.random.default_rng(3).standard_normal(time.size)
+    assert not is_smoothed(0.03 * np.sin(np.pi * time) + noise)
+
+
 def test_a_few_samples_do_not_tell_whether_a_signal_was_filtered():
     assert not is_smoothed(SLOW[:100])
     assert not is_smoothed(np.full(1000, np.nan))

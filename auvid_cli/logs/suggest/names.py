@@ -63,6 +63,8 @@ NAMED_UNITS: dict[str, dict[str, str]] = {
 _ANY_UNIT = rf"(_({'|'.join(end for ends in NAMED_UNITS.values() for end in ends)}))?"
 # What stands before a name, of whose it is, and behind it, of what was done to it.
 _OWNER, _FILTERED = r"((platform|vehicle|auv|nav|m)_)?", r"(_filt(ered)?)?"
+# How MOOS calls what is sent to fins and propeller.
+_SENT = r"(desired_)?"
 _SOME_TIME = r"(t|time|timestamp|stamp)_\w+|\w+_(t|time|timestamp|stamp)"
 _TIMES = r"(t|time|timestamp|stamp|unix_?(s|time)?|t_s|seconds|secs?|time_?(s|us|ms|ns)|epoch\w*|utc\w*|date_?time)"
 _BARE_FIELD = re.compile(r"(data|value)(\[(?P<index>[012])\])?")
@@ -116,6 +118,7 @@ def find_columns(
     unit : str
         SI unit; a name may end with what stands for it or another one in `NAMED_UNITS`.
     """
+    whose = f"{_OWNER}{_SENT}" if wanted is INPUT_NAMES else _OWNER
     ending = rf"(_({'|'.join(NAMED_UNITS[unit])}))?" if unit in NAMED_UNITS else _ANY_UNIT
     places = []
     for table, columns in tables.items():
@@ -128,7 +131,7 @@ def find_columns(
         ]
         matches = {}
         for component, pattern in wanted.items():
-            called = rf"{_OWNER}({pattern}){_FILTERED}{ending}{_FILTERED}"
+            called = rf"{whose}({pattern}){_FILTERED}{ending}{_FILTERED}"
             matching = [c for c in numbers if any(_is_called(name, called) for name in _spoken(table, c))]
             if matching:
                 # Of "velocity.x" and "target.velocity.x" the shorter.

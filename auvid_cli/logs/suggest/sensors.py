@@ -71,18 +71,20 @@ def find_sensors(logs: Mapping[str, Log]) -> dict[str, FoundSensor]:
     for sensor, place in places.items():
         if place is not None:
             main = found_in(logs, sensor, *place)
-            apart = _apart(logs, main) if sensor == "attitude" and not main.is_quaternion else []
-            found[sensor] = FoundSensor(main, apart)
+            found[sensor] = FoundSensor(main, [] if main.is_quaternion else _apart(logs, main))
     return found
 
 
 def _apart(logs: Mapping[str, Log], main: Found) -> list[Found]:
-    """Find the angles that another table holds, each measured and not a filter's."""
-    apart = []
-    for component, pattern in SENSOR_NAMES["attitude"].items():
-        place = None if component in main.numbers else find_in_logs(logs, {component: pattern}, "", "rad")
-        if place is not None and not place[1].is_filter_output and time_of(logs[place[0]], place[1].table)[0]:
-            apart.append(found_in(logs, "attitude", *place))
+    """Find the components that another table holds, each measured, unless what was found is a filter's as well."""
+    apart, sensor = [], main.sensor
+    for component, pattern in SENSOR_NAMES[sensor].items():
+        missing = {} if component in main.numbers else {component: pattern}
+        place = find_in_logs(logs, missing, sensor, SENSORS[sensor][0].unit)
+        if place is None or (place[1].is_filter_output and not main.match.is_filter_output):
+            continue
+        if time_of(logs[place[0]], place[1].table)[0]:
+            apart.append(found_in(logs, sensor, *place))
     return apart
 
 

@@ -282,3 +282,14 @@ def test_angles_that_stand_apart_are_put_together():
     attitude = yaml.safe_load(suggest([log], Path()))["sensors"]["attitude"]
     assert (attitude["table"], attitude["columns"]["theta"]) == ("/tilt", "pitch")
     assert attitude["columns"]["psi"]["table"] == "/compass"
+
+
+def test_what_moos_logs_variable_by_variable_is_put_together():
+    sent = {"DESIRED_RUDDER": "rudder", "DESIRED_ELEVATOR": "elevator"}
+    measured = {"DVL_VX": "u", "DVL_VY": "v", "DVL_VZ": "w", "PITCH": "theta", "HEADING": "psi"}
+    log = Topics({name: {"value": TRUTH[signal]} for name, signal in (sent | measured).items()})
+    found = yaml.safe_load(suggest([log], Path()))
+    places = {name: found["sensors"][name] | found["sensors"][name]["columns"] for name in ("dvl", "attitude")}
+    assert (places["dvl"]["table"], places["dvl"]["v"]["table"], places["dvl"]["w"]["table"]) == (*measured,)[:3]
+    assert {places["attitude"]["table"], places["attitude"]["psi"]["table"]} == {"PITCH", "HEADING"}
+    assert (found["inputs"]["table"], found["inputs"]["elevator"]["table"]) == (*sent,)
