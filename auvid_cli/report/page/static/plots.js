@@ -241,14 +241,27 @@
     });
   }
 
+  // A piece of a line as it is drawn, so that its dashes tell it where colours do not.
+  function sample(line) {
+    const space = "http://www.w3.org/2000/svg";
+    const swatch = document.createElementNS(space, "svg");
+    const piece = document.createElementNS(space, "line");
+    for (const [name, value] of Object.entries({ class: `swatch ${line.look}`, viewBox: "0 0 34 4", "aria-hidden": "true" })) {
+      swatch.setAttribute(name, value);
+    }
+    for (const [name, value] of Object.entries({ x1: 0, x2: 34, y1: 2, y2: 2, "stroke-dasharray": (dashes[line.look] || []).join(" ") })) {
+      piece.setAttribute(name, value);
+    }
+    swatch.append(piece);
+    return swatch;
+  }
+
   function entry(line, key) {
     const button = document.createElement("button");
-    const swatch = document.createElement("span");
     button.type = "button";
     button.className = "entry";
     button.setAttribute("aria-pressed", "true");
-    swatch.className = `swatch ${line.look}`;
-    button.append(swatch, line.label);
+    button.append(sample(line), line.label);
     button.addEventListener("click", () => {
       const away = hidden.get(key);
       const isShown = away.has(line.label);
