@@ -1,4 +1,4 @@
-"""Take the picture of parts of a page, after `auvid run`: `python -m docs.make_page`, with the Chromium of the tests."""
+"""Take the picture of parts of a page, after `auvid run`: `python -m docs.make_page`, with the tests' Chromium."""
 
 import argparse
 import os

@@ -52,6 +52,7 @@ def validate(
     """
     with reporting_errors():
         from auvid_cli.api.files import read_dataset, read_estimate
+        from auvid_cli.data.estimate_file import read_reference
         from auvid_cli.data.files import keep_apart
         from auvid_cli.data.replacement import put_copy, refuse_other_page
         from auvid_cli.data.results_folder import folder_of_dataset, tables_and_figures
@@ -78,7 +79,8 @@ def validate(
         put_copy(dataset_files[0], datasets[0], folder, inputs, overwrite)
         keep_apart(tables_and_figures(folder), inputs)
         with terminal.stage("predict"):
-            validation = predict(segments, estimate, training, anew=anew)
+            judge = read_reference(estimate_file, estimate)
+            validation = predict(segments, estimate, training, anew=anew, reference=judge)
         tables = validation.tables()
         laid_out = page, lambda: validation_page(validation)
         paths = write_and_draw(

@@ -67,6 +67,7 @@ def validate(
     training: Dataset | None = None,
     starts: int = STARTS,
     anew: bool = False,
+    reference: Estimate | None = None,
 ) -> Validation:
     """Predict manoeuvres with an identified model; no truth is looked at.
 
@@ -85,6 +86,8 @@ def validate(
     anew : bool
         Whether thrust, fin trims and ballast, as far as they are estimated, are those of each run, also where the
         estimate has them as constants.
+    reference : Estimate, optional
+        Of the smoother from the same data as the estimate, by which it is judged.
 
     Raises
     ------
@@ -119,7 +122,7 @@ def validate(
     longest = max(range(len(followed)), key=lambda k: followed[k].length)
     return Validation(
         estimate.filter,
-        judge_one(estimate, None),
+        judge_one(estimate, reference),
         rows,
         numbers,
         Checks(verdicts(estimate.filter, rows, _largest(its_run.excursion for its_run in free), *_doubts(followed))),

@@ -289,6 +289,13 @@ def test_an_inconsistent_estimate_is_validated_with_that_word(zigzag, with_coeff
     assert doubted.judgement.grade is Grade.INCONSISTENT
 
 
+def test_an_estimate_is_judged_by_the_smoother_of_its_own_data(zigzag, with_coefficients):
+    estimate = with_coefficients(zigzag.truth.coefficients)
+    assert validate([zigzag], estimate, starts=5).judgement.grade is Grade.UNJUDGED
+    agreeing = replace(estimate, filter="smoother")
+    assert validate([zigzag], estimate, starts=5, reference=agreeing).judgement.grade is Grade.SOUND
+
+
 def test_several_segments_and_runs_are_judged_together(zigzag, simulated_with, undisturbed):
     circle = simulated_with(CIRCLE, WHITE, "seed=5")
     segments = [zigzag.sensors_between(2.0, 40.0), zigzag.sensors_between(45.0, 45.3), circle]

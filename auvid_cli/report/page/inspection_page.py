@@ -26,7 +26,8 @@ def inspection_page(dataset: Dataset, inspection: Inspection) -> Page:
 def _verdict(inspection: Inspection) -> Cards:
     failed = inspection.checks.failed()
     noted = sum(check.passed is None for check in inspection.checks)
-    says = "Nothing fails: identify from these data."
+    says = "Nothing fails: identify from these data"
+    says += f", and read the {noted} note{'s' * (noted > 1)} below." if noted else "."
     if failed:
         names = ", ".join(f"{check.check} of {check.subject}" for check in failed)
         says = f"Mend these first, or leave bad times out with --use BEGIN:END: {names}."
