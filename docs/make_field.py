@@ -2,8 +2,13 @@
 
 Each seed has a survey, a disturbance and a vehicle file of its own; with each is done what docs/own-log.md does. What
 was found is kept in a file, line by line, and seeds that stand there are not done again.
+
+Of some seeds all coefficients are looked for as well, with the noise as it was simulated: of the survey, which an
+autopilot steered by the true motion, and of a run in which the same fins move the same way while the vehicle is pushed
+otherwise, so that nothing makes them answer.
 """
 
+import json
 import re
 import tempfile
 from dataclasses import replace
@@ -16,15 +21,18 @@ import auvid_cli as auvid
 from auvid_cli.api.judgement import judge
 from auvid_cli.api.logs import suggest_map
 from auvid_cli.api.simulation import simulate_log
+from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.load import dump_experiment, parse_run
 from auvid_cli.data.dataset import Dataset
+from auvid_cli.data.estimate import Estimate
 from docs.resumable import all_rows, asked
 from docs.section import replace_section
 
 TUTORIAL = Path(__file__).with_name("own-log.md")
 _FENCE = re.compile(r"```yaml\n(.*?)```\n", re.DOTALL)
 _TURNS = ("v", "r")
-
+# Added to a seed for another; and how many surveys are replayed.
+_OTHER_SEED, _REPLAYED = 2000, 3
 
 # What is compared, as a column of the tables of a validation, and what the free run and the prediction ahead are of.
 _COMPARED = {"identified": "rmse", "vehicle_file": "vehicle_file_rmse"}
@@ -45,24 +53,65 @@ def fill_in(text: str) -> str:
     return re.sub(r"# check: no column looks like thrust.*", "surge_force: {constant: 10 N}", text)
 
 
-def outcome(seed: int, folder: Path) -> dict[str, object]:
-    """Go the tutorial's way with one seed; an estimate that did not complete predicts nothing."""
-    experiment = auvid.load_experiment("field", f"seed={seed}")
+def survey_of(experiment: Experiment, folder: Path) -> Dataset:
+    """Write the logs of an experiment, and read them by the map that is there, or else is suggested."""
     for name, text in simulate_log(experiment).items():
         (folder / name).write_text(text, encoding="utf-8")
-    (folder / "map.yaml").write_text(fill_in(suggest_map(sorted(folder.glob("*.csv")), folder)), encoding="utf-8")
+    chart = folder / "map.yaml"
+    if not chart.exists():
+        chart.write_text(fill_in(suggest_map(sorted(folder.glob("*.csv")), folder)), encoding="utf-8")
     (folder / "lateral.yaml").write_text(settings()[0], encoding="utf-8")
-    survey = _with(auvid.import_logs(folder / "map.yaml"), str(folder / "lateral.yaml"))
-    tuned = auvid.tune(_with(survey, "identification.use.spans=[[0, 320]]"))
-    survey = replace(survey, experiment=tuned.experiment)
-    seen = _with(survey, "identification.use.spans=[[0, 320]]")
-    estimate = auvid.identify(seen, "smoother")
+    return _with(auvid.import_logs(chart), str(folder / "lateral.yaml"))
+
+
+def replayed(experiment: Experiment, folder: Path) -> Experiment:
+    """Return an experiment with the same fins at the same times, with other noise and other pushes."""
+    fins, manoeuvre = auvid.simulate(experiment).inputs, experiment.manoeuvre
+    trim = [manoeuvre.fin_trim.rudder, manoeuvre.fin_trim.elevator, 0.0, 0.0]
+    table = pd.DataFrame(fins.values + trim, columns=["rudder", "elevator", "surge_force", "roll_moment"])
+    table.insert(0, "time", fins.time)
+    (folder / "replayed").mkdir()
+    table.to_csv(folder / "replayed/fins.csv", index=False)
+    kept = manoeuvre.model_dump(
+        mode="json", exclude_none=True, exclude={"type", "leg", "turn_rate", "autopilot", "name"}
+    )
+    kept |= {"type": "recorded", "file": str(folder / "replayed/fins.csv"), "initial_speed": manoeuvre.speed}
+    return auvid.load_experiment("field", f"seed={experiment.seed + _OTHER_SEED}", f"manoeuvre={json.dumps(kept)}")
+
+
+def all_of_it(experiment: Experiment, folder: Path) -> dict[str, object]:
+    """Identify all coefficients, with the noise as it was simulated."""
+    survey, pushed = survey_of(experiment, folder), json.dumps(experiment.manoeuvre.disturbance.model_dump(mode="json"))
+    noise = "{velocity: 1e-5, rate: 1e-5, attitude: 1e-6, depth: 1e-6}"
+    seen = _with(
+        survey,
+        f"identification.coefficients={json.dumps(list(experiment.vehicle.coefficient_set.symbols))}",
+        f"identification.estimate.disturbance={pushed}",
+        f"identification.process_noise={noise}",
+        "identification.measurement_noise={attitude: 0.75, depth: 0.6}",
+        "identification.use.spans=[[0, 320]]",
+    )
+    return _judged(experiment, auvid.identify(seen, "smoother"))
+
+
+def _judged(experiment: Experiment, estimate: Estimate) -> dict[str, object]:
     true, deviations = experiment.vehicle.all_coefficients(), estimate.final_deviations()
     means = dict(zip(estimate.state, estimate.mean[-1].tolist(), strict=True))
     off = {symbol: abs(means[symbol] - true[symbol]) / deviations[symbol] for symbol in means if symbol in true}
     worst = max(off, key=lambda symbol: off[symbol])
-    row: dict[str, object] = {"grade": judge(estimate)["smoother"].grade.value, "status": estimate.status}
-    row |= {"worst": worst, "sigmas": off[worst]}
+    judgement = judge(estimate)["smoother"]
+    return {"grade": judgement.grade.value, "status": estimate.status, "worst": worst, "sigmas": off[worst]}
+
+
+def outcome(seed: int, folder: Path) -> dict[str, object]:
+    """Go the tutorial's way with one seed; an estimate that did not complete predicts nothing."""
+    experiment = auvid.load_experiment("field", f"seed={seed}")
+    survey = survey_of(experiment, folder)
+    tuned = auvid.tune(_with(survey, "identification.use.spans=[[0, 320]]"))
+    survey = replace(survey, experiment=tuned.experiment)
+    seen = _with(survey, "identification.use.spans=[[0, 320]]")
+    estimate = auvid.identify(seen, "smoother")
+    row = _judged(experiment, estimate)
     if not estimate.completed:
         return row
     unseen = _with(survey, "identification.use.spans=[[321, null]]")
@@ -82,6 +131,17 @@ def found(_case: str, seed: int) -> pd.DataFrame:
         return pd.DataFrame([outcome(seed, Path(folder))])
 
 
+def found_of_all(case: str, seed: int) -> pd.DataFrame:
+    """Look for all coefficients of one seed: a row."""
+    with tempfile.TemporaryDirectory() as folder:
+        experiment = auvid.load_experiment("field", f"seed={seed}")
+        if case == "replayed":
+            # A vehicle that nobody steers may leave the water, which no map is suggested for.
+            survey_of(experiment, Path(folder))
+            experiment = replayed(experiment, Path(folder))
+        return pd.DataFrame([all_of_it(experiment, Path(folder))])
+
+
 def _with(dataset: Dataset, *overrides: str) -> Dataset:
     return replace(dataset, experiment=parse_run(dump_experiment(dataset.experiment), "survey", overrides))
 
@@ -94,8 +154,11 @@ def _line(row: pd.Series) -> str:
     errors = " | ".join(
         _cell(row[f"{kind}_{what}_{signal}"], ".4f") for kind in _KINDS for signal in _TURNS for what in _COMPARED
     )
-    worst = f"{row['sigmas']:.1f} ({row['worst']})".replace("|", r"\|")
-    return f"| {row['seed']} | {row['grade']} | {errors} | {_cell(100 * row['within'], '.0f')} | {worst} |"
+    return f"| {row['seed']} | {row['grade']} | {errors} | {_cell(100 * row['within'], '.0f')} | {_worst(row)} |"
+
+
+def _worst(row: pd.Series) -> str:
+    return f"{row['sigmas']:.1f} ({row['worst']})".replace("|", r"\|")
 
 
 def _summary(rows: pd.DataFrame) -> str:
@@ -130,6 +193,14 @@ def main() -> None:
         *(_line(row) for _, row in rows.iterrows()),
     ]
     replace_section("field", "\n".join(lines), "studies")
+    cases = [(case, seed) for seed in range(1, min(seeds, _REPLAYED) + 1) for case in ("steered", "replayed")]
+    rows = all_rows(file.with_name("steered.csv"), cases, found_of_all).sort_values(["case", "seed"], ascending=False)
+    lines = [
+        "| fins | seed | judged | largest error / sd |",
+        "| --- | ---: | --- | --- |",
+        *(f"| {row['case']} | {row['seed']} | {row['grade']} | {_worst(row)} |" for _, row in rows.iterrows()),
+    ]
+    replace_section("steered", "\n".join(lines), "studies")
 
 
 if __name__ == "__main__":
