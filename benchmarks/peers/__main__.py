@@ -45,8 +45,10 @@ def _gather(only: list[str] | None) -> tuple[list["Peer"], list[str]]:
         if only and package not in only:
             continue
         try:
-            peers.extend(import_module(name).PEERS)
+            peers.extend(import_module(f"benchmarks.peers.{name}").PEERS)
         except ModuleNotFoundError as error:
+            if error.name is None or error.name.startswith("benchmarks"):
+                raise
             left_out.append(f"{package} is left out, for {error.name} is not installed: `pip install {package}`")
     return peers, left_out
 
