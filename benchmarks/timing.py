@@ -47,6 +47,9 @@ def described_machine() -> dict[str, str]:
         "date": datetime.now(UTC).strftime("%Y-%m-%d"),
         "processor": f"{processor()}, {os.cpu_count()} cores",
         "system": f"{platform.system()} {platform.release()}, Python {platform.python_version()}",
+        "load": "{:.1f}, {:.1f} and {:.1f} over the last 1, 5 and 15 minutes, this measurement with it".format(
+            *os.getloadavg()
+        ),
     }
 
 
