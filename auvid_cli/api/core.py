@@ -3,7 +3,7 @@
 The filters know nothing of vehicles, so the halves have no function in common.
 """
 
-FILTERS = "auvid_cli.filters.square_root", "auvid_cli.filters.information"
+FILTERS = "auvid_cli.filters.square_root", "auvid_cli.filters.information", "auvid_cli.filters.smoother"
 
 
 def load_vehicles() -> None:
