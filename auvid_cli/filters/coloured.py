@@ -2,11 +2,14 @@
 
 A batch estimate errs by ``sum(v_i e_i)`` over all scalar measurements: of each the influence v_i on the parameters, and
 the residual e_i by the standard deviation that it should have. Were the residuals white, its variance would be
-``sum(v_i^2)``. As they may not be, two others stand beside that. One is the sum over all pairs
-``sum(v_i rho_ij v_j)`` with an autocovariance that is fitted to each channel (Morelli and Klein, J. Aircraft 34(2),
-1997, whose own is not smoothed): white noise, and noise that fades exponentially, so that the sum is found recursively.
-The other takes the scores ``v_i e_i`` as they come (Newey and West, Econometrica 55(3), 1987), with Bartlett's window,
-and sees what channels owe to each other, too. No one of them is right in all cases, and the largest counts.
+``sum(v_i^2)``. As they may not be, others stand beside that. Of each channel there is the sum over all pairs
+``sum(v_i rho_ij v_j)`` with an autocovariance that is fitted to it (Morelli and Klein, J. Aircraft 34(2), 1997, whose
+own is not smoothed): white noise, and noise that fades exponentially, so that the sum is found recursively. Where
+something fades, the channel also has its scores ``v_i e_i`` as they come, over windows as long as that memory asks for
+(`auvid_cli.filters.score_windows`; Andrews, Econometrica 59(3), 1991): an error that is there for a part of the time
+only is seen by no autocovariance. The larger of both counts, and sums over channels: a fit weighs the error of one
+against the others, so that scores of all together say less. Those too are looked at, for what channels owe to each
+other. No one of them is right in all cases, and the largest counts.
 
 Nothing is correlated from one segment of the data to the next.
 """
@@ -19,7 +22,9 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
+from auvid_cli.filters.influence import BIN, INFLUENCE, Influence
 from auvid_cli.filters.problem import Indices
+from auvid_cli.filters.score_windows import ScoreWindows
 
 Array = NDArray[np.float64]
 
@@ -27,35 +32,15 @@ _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _indices = types.int64[::1]
 
-# s; residuals are averaged, and scores summed, over so long before they are correlated.
-BIN = 0.1
-# Bins: where the autocovariance is read first, beyond what a sensor's own filter does, and last; Bartlett's window.
+# Bins: where the autocovariance is read first, beyond what a sensor's own filter does, and last; windows of the scores
+# of all channels together.
 _FIRST_LAG, _LAST_LAG, _WINDOW = 3, 600, 100
 # Standard deviations of chance above which an autocorrelation is believed.
 _SIGNIFICANT = 5.0
 # Of the pairs of bins that a lag has at most, how many it must have to be looked at: a slow sensor leaves bins empty.
 _SHARE_OF_PAIRS = 0.5
-
-
-class Influence(NamedTuple):
-    """How consecutive scalar measurements move an estimate.
-
-    Attributes
-    ----------
-    time : ndarray, shape (m,)
-        s, in order.
-    channel : ndarray of int, shape (m,)
-        Which component of which sensor it is.
-    residual : ndarray, shape (m,)
-        By the standard deviation that it should have.
-    rows : ndarray, shape (m, n)
-        By how much each parameter moves for each unit of it.
-    """
-
-    time: Array
-    channel: Indices
-    residual: Array
-    rows: Array
+# Of Bartlett's window, in Andrews's rule.
+_BARTLETT = 1.1447
 
 
 class _Sums(NamedTuple):
@@ -69,8 +54,6 @@ class _Sums(NamedTuple):
         Squares of the influences.
     products, pairs : ndarray, shape (_LAST_LAG + 1, n_channels)
         Of averages over bins that are so many bins apart.
-    windows : ndarray, shape (n,)
-        Squares of the sums of scores over every window.
     """
 
     squares: Array
@@ -78,11 +61,10 @@ class _Sums(NamedTuple):
     white: Array
     products: Array
     pairs: Array
-    windows: Array
 
 
 class _Recent(NamedTuple):
-    """The bins of a segment that later ones are correlated with, one after the other in rings.
+    """The bins of a segment that later ones are correlated with, one after the other in a ring.
 
     Attributes
     ----------
@@ -90,34 +72,25 @@ class _Recent(NamedTuple):
         Which is being filled.
     total, taken : ndarray, shape (n_channels,)
         Sum of its residuals, and their number.
-    score : ndarray, shape (n,)
-        Sum of its scores.
     averages : ndarray, shape (_LAST_LAG + 1, n_channels)
         NaN where there was no measurement.
-    scores : ndarray, shape (_WINDOW, n)
-    window : ndarray, shape (n,)
-        Their sum.
     """
 
     bin: Indices
     total: Array
     taken: Array
-    score: Array
     averages: Array
-    scores: Array
-    window: Array
 
 
-_INFLUENCE = types.NamedTuple((_vector, _indices, _vector, _matrix), Influence)
-_SUMS = types.NamedTuple((_vector, _vector, _matrix, _matrix, _matrix, _vector), _Sums)
-_RECENT = types.NamedTuple((_indices, _vector, _vector, _vector, _matrix, _matrix, _vector), _Recent)
+_SUMS = types.NamedTuple((_vector, _vector, _matrix, _matrix, _matrix), _Sums)
+_RECENT = types.NamedTuple((_indices, _vector, _vector, _matrix), _Recent)
 
 
 @compiled(types.void(_SUMS, _RECENT), internal=True)
 def _close_bin(sums, recent):
     """Correlate the bin that is full with those before, and begin the next."""
     n_lags, n_channels = recent.averages.shape
-    place, oldest = recent.bin[0] % n_lags, recent.bin[0] % recent.scores.shape[0]
+    place = recent.bin[0] % n_lags
     for c in range(n_channels):
         average = np.nan
         if recent.taken[c] > 0.0:
@@ -130,14 +103,10 @@ def _close_bin(sums, recent):
                 if not np.isnan(product):
                     sums.products[lag, c] += product
                     sums.pairs[lag, c] += 1.0
-    for i in range(recent.score.size):
-        recent.window[i] += recent.score[i] - recent.scores[oldest, i]
-        recent.scores[oldest, i], recent.score[i] = recent.score[i], 0.0
-        sums.windows[i] += recent.window[i] ** 2
     recent.bin[0] += 1
 
 
-@compiled(types.void(_INFLUENCE, types.float64, _SUMS, _RECENT))
+@compiled(types.void(INFLUENCE, types.float64, _SUMS, _RECENT))
 def _gather(influence, start, sums, recent):
     """Add measurements of a segment that starts at some time to the sums."""
     for i in range(influence.time.size):
@@ -149,20 +118,17 @@ def _gather(influence, start, sums, recent):
         recent.taken[c] += 1.0
         sums.squares[c] += residual**2
         sums.taken[c] += 1.0
-        for k in range(recent.score.size):
-            row = influence.rows[i, k]
-            recent.score[k] += row * residual
-            sums.white[c, k] += row**2
+        for k in range(sums.white.shape[1]):
+            sums.white[c, k] += influence.rows[i, k] ** 2
 
 
 @compiled(types.void(_SUMS, _RECENT))
 def _finish(sums, recent):
-    """Move the window on until it is behind the last bin of a segment."""
-    for _ in range(recent.scores.shape[0]):
-        _close_bin(sums, recent)
+    """Close the last bin of a segment."""
+    _close_bin(sums, recent)
 
 
-@compiled(types.void(_INFLUENCE, _vector, _vector, _matrix, _matrix))
+@compiled(types.void(INFLUENCE, _vector, _vector, _matrix, _matrix))
 def _pair(influence, time_constant, latest, faded, pairs):
     """Add to the products of influences on a channel, by how much of the earlier one is left at the later."""
     for i in range(influence.time.size):
@@ -213,49 +179,67 @@ def corrected_deviation(nominal: Array, segments: Sequence[Iterable[Influence]],
     ndarray, shape (n,)
         No less than the nominal ones.
     """
-    sums = _sums(nominal.size, segments, n_channels)
+    sums, together, duration = _sums(nominal.size, segments, n_channels)
     noise = _fitted(sums)
-    fitted = noise.variance @ sums.white
+    fitted = noise.variance[:, None] * sums.white
     if noise.coloured.any():
-        fitted += 2.0 * noise.coloured @ _pairs(nominal.size, segments, noise.time_constant)
-    most = np.maximum(fitted, sums.windows / _WINDOW)
+        pairs, alone = _second_pass(nominal.size, segments, noise.time_constant, duration)
+        fitted = np.maximum(fitted + 2.0 * noise.coloured[:, None] * pairs, alone)
+    most = np.maximum(fitted.sum(axis=0), together)
     return np.sqrt(nominal**2 + np.maximum(most - sums.white.sum(axis=0), 0.0))
 
 
-def _sums(n: int, segments: Sequence[Iterable[Influence]], n_channels: int) -> _Sums:
+def _sums(n: int, segments: Sequence[Iterable[Influence]], n_channels: int) -> tuple[_Sums, Array, float]:
+    """Go through all data: sums, mean squares of scores of all channels together, shape (n,), and how long it is, s."""
     of_channels, of_lags = np.zeros(n_channels), np.zeros((_LAST_LAG + 1, n_channels))
-    white = np.zeros((n_channels, n))
-    sums = _Sums(of_channels, of_channels.copy(), white, of_lags, of_lags.copy(), np.zeros(n))
+    white, duration = np.zeros((n_channels, n)), 0.0
+    sums = _Sums(of_channels, of_channels.copy(), white, of_lags, of_lags.copy())
+    together = ScoreWindows(n, np.zeros(n_channels, dtype=np.int64), np.array([_WINDOW]))
     for segment in segments:
-        recent, start = _nothing_yet(n, n_channels), None
+        recent, start, end = _nothing_yet(n_channels), None, 0.0
         for influence in segment:
             if start is None and influence.time.size:
                 start = float(influence.time[0])
             if start is not None:
                 _gather(influence, start, sums, recent)
+            if influence.time.size:
+                end = float(influence.time[-1])
+            together.add(influence)
         _finish(sums, recent)
-    return sums
+        together.end_segment()
+        duration += 0.0 if start is None else end - start
+    return sums, together.mean_squares()[0], duration
 
 
-def _nothing_yet(n: int, n_channels: int) -> _Recent:
+def _nothing_yet(n_channels: int) -> _Recent:
     return _Recent(
         bin=np.zeros(1, dtype=np.int64),
         total=np.zeros(n_channels),
         taken=np.zeros(n_channels),
-        score=np.zeros(n),
         averages=np.full((_LAST_LAG + 1, n_channels), np.nan),
-        scores=np.zeros((_WINDOW, n)),
-        window=np.zeros(n),
     )
 
 
-def _pairs(n: int, segments: Sequence[Iterable[Influence]], time_constant: Array) -> Array:
-    pairs = np.zeros((time_constant.size, n))
+def _second_pass(
+    n: int, segments: Sequence[Iterable[Influence]], time_constant: Array, duration: float
+) -> tuple[Array, Array]:
+    """Return products of influences on each channel, and mean squares of its scores, shape (n_channels, n)."""
+    n_channels = time_constant.size
+    pairs = np.zeros((n_channels, n))
+    alone = ScoreWindows(n, np.arange(n_channels), _window(time_constant, duration))
     for segment in segments:
-        latest, faded = np.full(time_constant.size, -np.inf), np.zeros(pairs.shape)
+        latest, faded = np.full(n_channels, -np.inf), np.zeros(pairs.shape)
         for influence in segment:
             _pair(influence, time_constant, latest, faded, pairs)
-    return pairs
+            alone.add(influence)
+        alone.end_segment()
+    return pairs, alone.mean_squares()
+
+
+def _window(time_constant: Array, duration: float) -> Indices:
+    """Return how long windows are for noise that fades, bins: of least mean square error (Andrews); 0 for none."""
+    best = _BARTLETT * np.cbrt(time_constant**2 * duration)
+    return np.where(time_constant > 0.0, np.maximum(np.rint(best / BIN), 1.0), 0.0).astype(np.int64)
 
 
 def _fitted(sums: _Sums) -> _Autocovariance:

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.filters.coloured import Influence, corrected_deviation
+from auvid_cli.filters.coloured import corrected_deviation
 from auvid_cli.filters.fault_scores import carry_errors
+from auvid_cli.filters.influence import Influence
 from auvid_cli.filters.information import Uncertainty
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
 from auvid_cli.filters.motion_alone import MotionAlone
