@@ -115,7 +115,9 @@ def _better(name: str, other: str, rows: Sequence[Prediction], rmse_of: Callable
 def _band(name: str, rows: Sequence[Prediction]) -> list[Check]:
     """Judge whether the stated uncertainty is that of the errors: not too small, nor, over all horizons, too large."""
     banded = [row for row in rows if row.share_within_band is not None]
-    shares = [(row, row.share_within_band or 0.0) for row in banded if row.measurements >= _FEWEST]
+    # What blew up has no band, and a band that is not there holds nothing.
+    expected = [row for row in rows if row.draws or row.share_within_band is not None]
+    shares = [(row, row.share_within_band or 0.0) for row in expected if row.measurements >= _FEWEST]
     if not shares:
         return []
     too_small = Check.of_values(
@@ -126,7 +128,8 @@ def _band(name: str, rows: Sequence[Prediction]) -> list[Check]:
         limit=_SMALLEST_SHARE,
         meaning="of the errors within two sigma",
         advice="The errors are larger than coefficients, start, sensors and process noise are uncertain: the structure "
-        "of the model does not hold for this manoeuvre, or process noise or covariance is too small (`auvid tune`).",
+        "of the model does not hold for this manoeuvre, or process noise or covariance is too small (`auvid tune`). "
+        "Where the share is 0 the model blew up.",
         is_least=True,
     )
     return [too_small, _not_too_wide(name, banded)]

@@ -53,6 +53,13 @@ def test_errors_beyond_the_band_fail():
     assert verdict_on("explained by its uncertainty", [row(), row("v", share=0.5, count=20)]).passed is True
 
 
+def test_a_model_that_blew_up_before_it_had_a_band_explains_nothing():
+    verdict = verdict_on("explained by its uncertainty", [row(), row("q", 50.0, share=None, expected=None)])
+    assert (verdict.passed, verdict.statistic) == (False, "q at 50 s 0")
+    unknown = row("q", 50.0, share=None, expected=None)._replace(draws=0)
+    assert verdict_on("explained by its uncertainty", [row(), unknown]).passed is True
+
+
 def test_a_band_that_is_never_left_fails_where_it_is_more_than_noise():
     rows = [row(share=1.0), row("v", share=1.0, expected=0.05), row("v", 5.0, share=0.98, expected=0.05)]
     assert verdict_on("no wider than its errors", rows[:1]).passed is True
