@@ -124,7 +124,7 @@ def _gather(influence, start, sums, recent):
 
 @compiled(types.void(_SUMS, _RECENT))
 def _finish(sums, recent):
-    """Close the last bin of a segment."""
+    """End a segment, whose last bin is closed."""
     _close_bin(sums, recent)
 
 

@@ -122,21 +122,21 @@ def test_mistake_of_the_identification(text, settings, message):
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("vehicle.parameters.mm=3", "vehicle.parameters.mm: unknown key 'mm'; did you mean 'm'?"),
+        ("vehicle.parameters.mm=3", "unknown key 'mm'; did you mean 'm'?"),
         (
             "vehicle.coefficients.X_uu=3",
-            "vehicle.coefficients.X_uu: unknown key 'X_uu'; did you mean 'X_u|u|'?",
+            "unknown key 'X_uu'; did you mean 'X_u|u|'?",
         ),
         (
             "vehicle.parameters.m=3 m",
-            "vehicle.parameters.m: expected a mass such as '47.5 kg' or a bare number in kg",
+            "expected a mass such as '47.5 kg' or a bare number in kg",
         ),
         ("vehicle.parameters.m={value: 3 m}", "vehicle.parameters.m.value: expected a mass such as"),
-        ("vehicle.size={}", "vehicle.size: missing key 'length' (hull length): a length such as"),
-        ("vehicle.parameters={}", "vehicle.parameters: missing key 'm' (mass): a mass such as '47.5 kg'"),
+        ("vehicle.size={}", "missing key 'length' (hull length): a length such as"),
+        ("vehicle.parameters={}", "missing key 'm' (mass): a mass such as '47.5 kg'"),
         (
             "manoeuvre.excitation.rudder.amplitude=-1 deg",
-            "manoeuvre.excitation.rudder.amplitude: must be at least 0",
+            "must be at least 0",
         ),
     ],
 )

@@ -34,5 +34,5 @@ def test_what_an_ahrs_computes_from_must_be_there(text, missing, named):
 
 
 def test_no_sensor_at_all_is_refused(text):
-    with pytest.raises(ConfigError, match="sensors: expected at least one sensor of gyroscope, accelerometer"):
+    with pytest.raises(ConfigError, match="expected at least one sensor of gyroscope, accelerometer"):
         parse_experiment(text, "x", ["sensors={name: none}"])
