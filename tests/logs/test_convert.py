@@ -525,22 +525,6 @@ def test_revolutions_of_a_propeller_need_a_unit(converted, column, unit, refused
         assert converted(log, DVL % "", inputs=law).inputs.values[:, 2] == pytest.approx(np.full(TIME.size, 5.0))
 
 
-@pytest.mark.parametrize("voltage", [True, False])
-def test_revolutions_and_voltage_are_inputs_of_their_own(converted, voltage):
-    velocity, _, _ = motion()
-    turns, volts = np.linspace(600.0, 900.0, TIME.size), np.linspace(25.0, 24.0, TIME.size)
-    log = MemoryLog(**{"dvl": dvl(velocity), "in": {"t": TIME, "n": turns, "e": 1e3 * volts}})
-    more = ", voltage: {column: e, unit: mV}" if voltage else ""
-    inputs = converted(log, DVL % "", inputs=f"{{table: in, revolutions: {{column: n, unit: rpm}}{more}}}").inputs
-    recorded = {quantity.symbol: values for quantity, values in inputs.columns()}
-    assert recorded["revolutions"] == pytest.approx(turns / 60.0)
-    assert ("voltage" in recorded) == voltage
-    if voltage:
-        assert recorded["voltage"] == pytest.approx(volts)
-    with pytest.raises(ConfigError, match=r"inputs\.revolutions: has no unit"):
-        converted(log, DVL % "", inputs="{table: in, revolutions: {column: n}}")
-
-
 def test_propeller_that_loses_thrust_with_speed(converted):
     velocity, _, _ = motion()
     log = MemoryLog(**{"dvl": dvl(velocity), "in": {"t": TIME, "n": np.full(TIME.size, 600.0)}})
