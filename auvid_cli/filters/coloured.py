@@ -22,7 +22,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.influence import BIN, INFLUENCE, Influence
+from auvid_cli.filters.influence import BIN, INFLUENCE, Influence, bin_at
 from auvid_cli.filters.problem import Indices
 from auvid_cli.filters.score_windows import ScoreWindows
 
@@ -86,7 +86,7 @@ _SUMS = types.NamedTuple((_vector, _vector, _matrix, _matrix, _matrix), _Sums)
 _RECENT = types.NamedTuple((_indices, _vector, _vector, _matrix), _Recent)
 
 
-@compiled(types.void(_SUMS, _RECENT), internal=True)
+@compiled(types.void(_SUMS, _RECENT))
 def _close_bin(sums, recent):
     """Correlate the bin that is full with those before, and begin the next."""
     n_lags, n_channels = recent.averages.shape
@@ -110,8 +110,7 @@ def _close_bin(sums, recent):
 def _gather(influence, start, sums, recent):
     """Add measurements of a segment that starts at some time to the sums."""
     for i in range(influence.time.size):
-        # What comes regularly is in the middle of a bin, safe from rounding.
-        while recent.bin[0] < int((influence.time[i] - start) / BIN + 0.5):
+        while recent.bin[0] < bin_at(influence.time[i], start):
             _close_bin(sums, recent)
         c, residual = influence.channel[i], influence.residual[i]
         recent.total[c] += residual
@@ -120,12 +119,6 @@ def _gather(influence, start, sums, recent):
         sums.taken[c] += 1.0
         for k in range(sums.white.shape[1]):
             sums.white[c, k] += influence.rows[i, k] ** 2
-
-
-@compiled(types.void(_SUMS, _RECENT))
-def _finish(sums, recent):
-    """End a segment, whose last bin is closed."""
-    _close_bin(sums, recent)
 
 
 @compiled(types.void(INFLUENCE, _vector, _vector, _matrix, _matrix))
@@ -198,14 +191,12 @@ def _sums(n: int, segments: Sequence[Iterable[Influence]], n_channels: int) -> t
     for segment in segments:
         recent, start, end = _nothing_yet(n_channels), None, 0.0
         for influence in segment:
-            if start is None and influence.time.size:
-                start = float(influence.time[0])
-            if start is not None:
-                _gather(influence, start, sums, recent)
-            if influence.time.size:
-                end = float(influence.time[-1])
             together.add(influence)
-        _finish(sums, recent)
+            if influence.time.size:
+                start = float(influence.time[0]) if start is None else start
+                end = float(influence.time[-1])
+                _gather(influence, start, sums, recent)
+        _close_bin(sums, recent)
         together.end_segment()
         duration += 0.0 if start is None else end - start
     return sums, together.mean_squares()[0], duration

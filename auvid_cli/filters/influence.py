@@ -6,6 +6,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from auvid_cli.compilation import compiled
 from auvid_cli.filters.problem import Indices
 
 Array = NDArray[np.float64]
@@ -38,3 +39,9 @@ class Influence(NamedTuple):
 INFLUENCE = types.NamedTuple(
     (types.float64[::1], types.int64[::1], types.float64[::1], types.float64[:, ::1]), Influence
 )
+
+
+@compiled(types.int64(types.float64, types.float64), inline=True)
+def bin_at(time, start):
+    """Return in which bin of a segment a time lies; what comes regularly is in its middle, safe from rounding."""
+    return int((time - start) / BIN + 0.5)

@@ -12,7 +12,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.influence import BIN, INFLUENCE, Influence
+from auvid_cli.filters.influence import INFLUENCE, Influence, bin_at
 from auvid_cli.filters.problem import Indices
 
 Array = NDArray[np.float64]
@@ -70,8 +70,7 @@ def _close_bin(windows):
 def _gather(influence, start, group, windows):
     """Add the scores of a segment that starts at some time."""
     for i in range(influence.time.size):
-        # What comes regularly is in the middle of a bin, safe from rounding.
-        while windows.bin[0] < int((influence.time[i] - start) / BIN + 0.5):
+        while windows.bin[0] < bin_at(influence.time[i], start):
             _close_bin(windows)
         score, residual = windows.score[group[influence.channel[i]]], influence.residual[i]
         for k in range(score.size):
@@ -110,9 +109,8 @@ class ScoreWindows:
 
     def add(self, influence: Influence) -> None:
         """Take in measurements of a segment."""
-        if self._start is None and influence.time.size:
-            self._start = float(influence.time[0])
-        if self._start is not None:
+        if influence.time.size:
+            self._start = float(influence.time[0]) if self._start is None else self._start
             _gather(influence, self._start, self._group, self._windows)
 
     def end_segment(self) -> None:

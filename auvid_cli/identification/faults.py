@@ -18,7 +18,7 @@ from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.ballast import Ballast
 from auvid_cli.vehicle.coefficients import SIGNALS, Coefficient, Regressor
 from auvid_cli.vehicle.dynamics import N_BLOCK, N_FACTORS, N_SLOPE, motion_derivative, vehicle_constants
-from auvid_cli.vehicle.kinematics import GRAVITY, body_to_earth, current_in_body_axes, earth_to_body
+from auvid_cli.vehicle.kinematics import body_to_earth, current_in_body_axes, earth_to_body, specific_force
 from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import N_MOTION, SENSORS
 from auvid_cli.vehicle.term_library import term
@@ -110,10 +110,7 @@ class FaultedVehicle:
 
     def specific_force(self, motion: Array, inputs: Array, ballast: Array) -> Array:
         """Return what an accelerometer measures, shape (n, 3), m/s^2."""
-        turning = motion[:, 3:6]
-        carried = np.cross(turning, motion[:, :3] + np.cross(turning, self._arm))
-        weight = earth_to_body(motion[:, 6:9], np.tile([0.0, 0.0, GRAVITY], (len(motion), 1)))
-        return self.at_accelerometer(self.rates(motion, inputs, ballast)) + carried - weight
+        return specific_force(motion, self.rates(motion, inputs, ballast), self._arm)
 
     def magnetic_field(self, motion: Array) -> Array:
         """Return what a magnetometer measures along three axes, shape (n, 3), T."""

@@ -106,7 +106,7 @@ def _checks(shared: Sequence[SharedCheck], names: Sequence[str]) -> Table:
     columns = tuple(Column(header, numeric=False) for header in ("", "estimator", "of", "check", "found", "may be"))
     rows: list[list[Cell]] = [
         [
-            *(_VERDICTS[check.passed], "all" if len(filters) == len(names) else whose(filters)),
+            *(_VERDICTS[check.passed], whose(filters, names)),
             *(check.subject, check.check, check.statistic, check.threshold),
         ]
         for check, filters in shared

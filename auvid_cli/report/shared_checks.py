@@ -1,7 +1,7 @@
 """Verdicts on several estimates of the same data, told once where they share them."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
 from auvid_cli.config.filter_name import JUDGE
@@ -91,8 +91,10 @@ def counts_in_words(checks: Sequence[Check]) -> list[str]:
     return [f"{whose(names)}: {counted}" for counted, names in labels.items()]
 
 
-def whose(filters: Iterable[str]) -> str:
-    """Name estimates, or the data where no estimate is judged."""
+def whose(filters: Collection[str], among: Collection[str] = ()) -> str:
+    """Name estimates, or the data where no estimate is judged; all of several as that."""
+    if len(filters) == len(among) > 1:
+        return "all"
     return ", ".join(filter_label(name) if name else "data" for name in filters)
 
 

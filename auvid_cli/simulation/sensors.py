@@ -11,7 +11,7 @@ from auvid_cli.config.sensors import Accelerometer, Attitude, Dvl, MagneticField
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.simulation.imperfections import corrupt, stamped
 from auvid_cli.simulation.true_motion import Truth, sample_motion
-from auvid_cli.vehicle.kinematics import GRAVITY, dvl_axes, earth_to_body
+from auvid_cli.vehicle.kinematics import dvl_axes, earth_to_body, specific_force
 from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS, Quantity
 
 Array = NDArray[np.float64]
@@ -98,16 +98,11 @@ def _depth(sampled: _Sampled) -> Array:
 
 
 def _specific_force(sampled: _Sampled) -> Array:
-    """Return the acceleration of where it sits less gravity, in body axes: what an accelerometer measures."""
-    motion, rate, accelerometer = sampled.motion, sampled.rate, sampled.settings
+    """Return what an accelerometer measures, whose scale may err."""
+    accelerometer = sampled.settings
     assert isinstance(accelerometer, Accelerometer)
-    down = earth_to_body(motion[:, 6:], np.broadcast_to([0.0, 0.0, 1.0], (len(motion), 3)))
-    at_origin = rate[:, :3] + np.cross(motion[:, 3:6], motion[:, :3]) - GRAVITY * down
-    arm = np.array(accelerometer.position)
-    carried = np.cross(motion[:, 3:6], arm)
-    if arm.any():
-        at_origin += np.cross(rate[:, 3:6], arm) + np.cross(motion[:, 3:6], carried)
-    return (1.0 + accelerometer.scale_error) * at_origin
+    felt = specific_force(sampled.motion, sampled.rate, np.array(accelerometer.position))
+    return (1.0 + accelerometer.scale_error) * felt
 
 
 # Sensors that measure something else than motion states as they are.

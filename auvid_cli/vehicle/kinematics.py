@@ -117,6 +117,27 @@ def body_rates(time: Array, angles: Array) -> Array:
     )
 
 
+def specific_force(motion: Array, rates: Array, arm: Array) -> Array:
+    """Return the acceleration of a place in the vehicle less gravity, in body axes: what an accelerometer feels there.
+
+    Parameters
+    ----------
+    motion, rates : ndarray, shape (n, 9)
+        Velocities, rates and attitude, and how fast they change, SI.
+    arm : ndarray, shape (3,)
+        Where it is, m.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        m/s^2.
+    """
+    turning = motion[:, 3:6]
+    down = earth_to_body(motion[:, 6:9], np.broadcast_to([0.0, 0.0, 1.0], (len(motion), 3)))
+    at_origin = rates[:, :3] + np.cross(turning, motion[:, :3]) - GRAVITY * down
+    return np.asarray(at_origin + (np.cross(rates[:, 3:6], arm) + np.cross(turning, np.cross(turning, arm))))
+
+
 def current_in_body_axes(attitude: Array, north: float | Array, east: float | Array) -> Array:
     """Turn a current, or one for each, to x, y, z of the vehicle, shape (..., 3), at as many attitudes."""
     rows = attitude.reshape(-1, 3)

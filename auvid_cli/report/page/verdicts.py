@@ -63,10 +63,9 @@ def judgement_card(
 
 def _in_words(advice: Advice, names: Sequence[str]) -> str:
     """Say what failed or is worth knowing, of whom, and what to do."""
-    of_all = len(advice.filters) == len(names) > 1
     found = f" ({advice.shared[0].check.statistic})" if len(advice.shared) == 1 else ""
     verb = "Failed" if advice.failed else "Noted"
-    return f"{verb} of {'all' if of_all else whose(advice.filters)}: {advice.what}{found}. {advice.text}"
+    return f"{verb} of {whose(advice.filters, names)}: {advice.what}{found}. {advice.text}"
 
 
 def check_parts(checks: Iterable[Check]) -> list[Part]:
@@ -79,10 +78,9 @@ def check_parts(checks: Iterable[Check]) -> list[Part]:
     headers = ("verdict", *(["estimator"] if filters else []), "of", "check", "found", "may be", "what to do")
 
     def row(check: Check, of: Sequence[str]) -> list[Cell]:
-        of_whom = "all" if len(of) == len(names) > 1 else whose(of)
         return [
             _VERDICTS[check.passed],
-            *([of_whom] if filters else []),
+            *([whose(of, names)] if filters else []),
             *(check.subject, check.check, check.statistic, check.threshold, check.advice),
         ]
 
@@ -91,8 +89,7 @@ def check_parts(checks: Iterable[Check]) -> list[Part]:
     columns = tuple(Column(header, numeric=False) for header in headers)
     parts: list[Part] = [Words([f"{counted}." for counted in counts_in_words(ordered)])]
     if told:
-        found = "Found is of the smoother, where it is among those." if len(names) > 1 else ""
-        notes = (found,) if found and JUDGE in names else ()
+        notes = ("Found is of the smoother, where it is among those.",) if JUDGE in names and len(names) > 1 else ()
         parts.append(
             TablePart(Table("noteworthy", "Failed or worth knowing", columns, told, notes=notes), sortable=True)
         )
