@@ -1,13 +1,19 @@
-"""What a designed run is worth, into docs/studies.md: `python -m docs.make_design`.
+"""What a designed run is worth, into docs/studies.md: `python -m docs.make_design`, three to four hours.
 
 Shown by identification, not by the criterion: vehicles that the search has not seen are simulated with the designed run
-and with the spiral, equally long, and identified. With the defaults hours; `--vehicles` and `--seeds` ask for less.
+and with the spiral, equally long, and identified with three sets of sensors. One run is designed for each vehicle, with
+the sensors that its experiment has. Every run is kept in a file, line by line, and is not done again.
 """
 
-import argparse
-from itertools import islice, product
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+from time import monotonic
 
 import numpy as np
+import pandas as pd
+import yaml
+from pydantic import TypeAdapter
 
 from auvid_cli.api.design import Wish, conclude, designing, searching
 from auvid_cli.config.envelope import Envelope
@@ -17,86 +23,152 @@ from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.design.draws import belief_of_vehicle, drawn_vehicles
+from auvid_cli.design.mission import manoeuvre_yaml
 from auvid_cli.design.trials import sizes_of
 from auvid_cli.identification.identify import identify
 from auvid_cli.report.notation import filter_label
 from auvid_cli.simulation.simulate import simulate
+from docs.resumable import all_rows, asked
 from docs.section import replace_section
 
-_ATTITUDES = {"white": "sensors.attitude.source=direct", "AHRS": "sensors.attitude.source=ahrs"}
+_EXPERIMENTS = "remus100", "lauv", "spiral", "lrauv"
+_SENSORS = {
+    "AHRS": (),
+    "white": ("sensors.attitude.source=direct",),
+    "raw": (
+        "sensors=sensors/table_iii_bias.yaml",
+        "identification.attitude_from=inertial",
+        "identification.estimate.biases=[gyro, accelerometer, magnetometer]",
+    ),
+}
 _FILTERS = FilterName.SMOOTHER, FilterName.CKF
+_DURATION, _DRAWS, _GENERATIONS, _VEHICLES = 120.0, 8, 30, 8
 # Random stream of the vehicles of this study, apart from all of the design's.
 _STREAM = 9
+_TEXT = f"""\
+{_VEHICLES} vehicles that the search has not seen, {{seeds}} seeds each, {_DURATION:g} s. One run is designed for
+each experiment, with an AHRS, seed 1, in {_GENERATIONS} generations ({{evaluations}} manoeuvres) about {_DRAWS} drawn
+vehicles: {{minutes}} minutes each, on a busy machine. Coefficients are drawn 30 % about the vehicle file's. Of each the
+error is its rms over vehicles and seeds; of all the geometric mean stands here. Promised is the gain by the criterion
+on 8 further vehicles. Of a vehicle: the least and the largest gain. Not completed: of the spiral, and of the design.
+"""
+_MANOEUVRE: TypeAdapter[AnyManoeuvre] = TypeAdapter(AnyManoeuvre)
 
 
-def errors(
-    experiment: Experiment, vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, seed: int, name: FilterName
-) -> np.ndarray | None:
-    """Return the errors of all coefficients, %, or None where the estimator does not come to an end."""
-    changes = {"vehicle": vehicle, "manoeuvre": manoeuvre, "seed": seed}
-    estimate = identify(simulate(experiment.model_copy(update=changes)), name)
-    if not estimate.completed:
-        return None
-    found, true = estimate.final_coefficients(), vehicle.all_coefficients()
-    return 100.0 * np.array([found[symbol] - value for symbol, value in true.items()]) / sizes_of(vehicle)
-
-
-def rows(name: str, attitude: str, counts: argparse.Namespace) -> list[str]:
-    """Find a run for a vehicle, and compare it with its spiral by identification."""
-    experiment = load_experiment(find_experiment(name), (_ATTITUDES[attitude],))
-    wish = Wish(counts.duration, Envelope(), None, None, (), "D", counts.draws, None)
+def design(name: str, seed: int) -> pd.DataFrame:
+    """Find a run for a vehicle: a row for it, and one for the spiral."""
+    experiment = load_experiment(find_experiment(name), (f"seed={seed}",))
+    start, wish = monotonic(), Wish(_DURATION, Envelope(), None, None, (), "D", _DRAWS, None)
     with designing(experiment, wish) as task:
-        *_, reached = islice(searching(task), counts.generations)
-        design = conclude(task, reached)
-    manoeuvres = {"spiral": task.space.base, "designed": reached.best.manoeuvre}
-    belief = belief_of_vehicle(experiment.vehicle, None)
-    vehicles = drawn_vehicles(experiment.vehicle, belief, counts.vehicles, [experiment.seed, _STREAM])
-    lines = []
-    for filter_name in _FILTERS:
-        found = dict[str, list[np.ndarray]]()
-        lost = dict[str, int]()
-        for kind, manoeuvre in manoeuvres.items():
-            runs = [
-                errors(experiment, vehicle, manoeuvre, seed, filter_name)
-                for vehicle, seed in product(vehicles, range(1, counts.seeds + 1))
-            ]
-            found[kind] = [run for run in runs if run is not None]
-            lost[kind] = len(runs) - len(found[kind])
-        sizes = {
-            kind: np.exp(np.log(np.sqrt(np.mean(np.square(runs), axis=0))).mean()) if runs else np.nan
-            for kind, runs in found.items()
+        *_, reached = islice(searching(task), _GENERATIONS)
+        minutes, found = (monotonic() - start) / 60.0, conclude(task, reached)
+    kinds = {"spiral": task.space.base, "designed": reached.best.manoeuvre}
+    return pd.DataFrame(
+        [
+            {"kind": kind, "manoeuvre": manoeuvre_yaml(manoeuvre, kind), "promised": found.gain, "minutes": minutes}
+            | {"evaluations": reached.evaluations}
+            for kind, manoeuvre in kinds.items()
+        ]
+    )
+
+
+class Fleet:
+    """Vehicles that no search has seen, and the manoeuvres that they sail."""
+
+    def __init__(self, designs: pd.DataFrame) -> None:
+        self._manoeuvres = {
+            (str(row["case"]), str(row["kind"])): _MANOEUVRE.validate_python(yaml.safe_load(str(row["manoeuvre"])))
+            for _, row in designs.iterrows()
         }
-        cells = (
-            *(name, attitude, filter_label(filter_name.value), f"{design.gain:.2f}"),
-            *(f"{sizes[kind]:.3g}" for kind in manoeuvres),
-            f"{sizes['spiral'] / sizes['designed']:.2f}",
-            f"{lost['spiral']} / {lost['designed']}",
-        )
-        lines.append(f"| {' | '.join(cells)} |")
-        print(lines[-1], flush=True)
-    return lines
+
+    def errors(self, case: str, seed: int) -> pd.DataFrame:
+        """Identify one vehicle with one seed, which count together, by each estimator: errors, %, and whether it ended.
+
+        Parameters
+        ----------
+        case : str
+            Experiment, sensors, and which manoeuvre.
+        seed : int
+            From 0: vehicle by vehicle, then the next seed.
+        """
+        name, sensors, kind = case.split(", ")
+        experiment = load_experiment(find_experiment(name), _SENSORS[sensors])
+        vehicle = _vehicles(experiment)[seed % _VEHICLES]
+        changes = {"vehicle": vehicle, "manoeuvre": self._manoeuvres[name, kind], "seed": 1 + seed // _VEHICLES}
+        dataset = simulate(experiment.model_copy(update=changes))
+        true, rows = vehicle.all_coefficients(), list[pd.DataFrame]()
+        for filter_name in _FILTERS:
+            estimate = identify(dataset, filter_name)
+            found = estimate.final_coefficients()
+            percent = 100.0 * np.array([found[symbol] - value for symbol, value in true.items()]) / sizes_of(vehicle)
+            own = {"filter": filter_name.value, "symbol": list(true), "error": percent}
+            rows.append(pd.DataFrame({**own, "completed": estimate.completed}))
+        return pd.concat(rows)
+
+
+def _vehicles(experiment: Experiment) -> list[VehicleSettings]:
+    belief = belief_of_vehicle(experiment.vehicle, None)
+    return list(drawn_vehicles(experiment.vehicle, belief, _VEHICLES, [experiment.seed, _STREAM]))
+
+
+def sizes(rows: pd.DataFrame) -> float:
+    """Return the geometric mean over coefficients of the rms error over vehicles and seeds, %."""
+    squares = rows.assign(square=rows["error"] ** 2).groupby("symbol")["square"].mean()
+    return float(np.exp(0.5 * np.log(squares).mean()))
+
+
+def _lines(rows: pd.DataFrame, designs: pd.DataFrame) -> Iterator[str]:
+    """Yield the table's lines: experiment by experiment, sensors, estimator."""
+    split = rows["case"].str.split(", ", expand=True).set_axis(["name", "sensors", "kind"], axis=1)
+    rows = rows.join(split)
+    for name in _EXPERIMENTS:
+        for sensors in _SENSORS:
+            for filter_name in _FILTERS:
+                here = (rows["name"] == name) & (rows["sensors"] == sensors) & (rows["filter"] == filter_name.value)
+                runs = {kind: rows[here & (rows["kind"] == kind)] for kind in ("spiral", "designed")}
+                if any(each.empty for each in runs.values()):
+                    continue
+                ended = {kind: each[each["completed"]] for kind, each in runs.items()}
+                error = {kind: sizes(each) for kind, each in ended.items()}
+                by_vehicle = {
+                    kind: pd.Series({k: sizes(own) for k, own in each.groupby(each["seed"] % _VEHICLES)})
+                    for kind, each in ended.items()
+                }
+                gains = by_vehicle["spiral"] / by_vehicle["designed"]
+                lost = {kind: runs[kind]["seed"].nunique() - each["seed"].nunique() for kind, each in ended.items()}
+                promised = designs.loc[designs["case"] == name, "promised"].iloc[0]
+                cells = (
+                    *(name, sensors, filter_label(filter_name.value), f"{promised:.2f}"),
+                    *(f"{error[kind]:.3g}" for kind in runs),
+                    f"{error['spiral'] / error['designed']:.2f}",
+                    f"{gains.min():.2f} - {gains.max():.2f}",
+                    f"{lost['spiral']} / {lost['designed']}",
+                )
+                yield f"| {' | '.join(cells)} |"
 
 
 def main() -> None:
     """Run everything and write the section."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("experiments", nargs="*", default=["remus100", "lauv"])
-    parser.add_argument("--duration", type=float, default=120.0)
-    for name, default in (("draws", 8), ("generations", 30), ("vehicles", 8), ("seeds", 20)):
-        parser.add_argument(f"--{name}", type=int, default=default)
-    counts = parser.parse_args()
-    body = [row for name, attitude in product(counts.experiments, _ATTITUDES) for row in rows(name, attitude, counts)]
-    lines = [
-        f"{counts.vehicles} vehicles that the search has not seen, {counts.seeds} seeds each, {counts.duration:g} s;",
-        f"designs of seed 1, {counts.generations} generations about {counts.draws} drawn vehicles. Coefficients are",
-        "drawn 30 % about the vehicle file's. Of each the error is its rms over vehicles and seeds; of the 22 the",
-        "geometric mean stands here. Promised is the gain by the criterion on 8 further vehicles.",
-        "",
-        "| vehicle | attitude | estimator | promised | spiral, % | designed, % | gain | not completed |",
-        "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: |",
-        *body,
+    seeds, file = asked(__doc__, "design", 20)
+    designs = all_rows(_beside(file), [(name, 1) for name in _EXPERIMENTS], design)
+    cases = [
+        f"{name}, {sensors}, {kind}" for name in _EXPERIMENTS for sensors in _SENSORS for kind in ("spiral", "designed")
     ]
-    replace_section("design", "\n".join(lines), "studies")
+    runs = [(case, seed) for seed in range(_VEHICLES * seeds) for case in cases]
+    rows = all_rows(file, runs, Fleet(designs).errors)
+    minutes = designs["minutes"]
+    text = _TEXT.format(
+        seeds=rows["seed"].nunique() // _VEHICLES,
+        evaluations=designs["evaluations"].iloc[0],
+        minutes=f"{minutes.min():.1f} to {minutes.max():.1f}",
+    )
+    columns = "experiment", "sensors", "estimator", "promised", "spiral, %", "designed, %", "gain", "of a vehicle"
+    head = f"| {' | '.join((*columns, 'not completed'))} |", f"| --- | --- | --- {'| ---: ' * 6}|"
+    replace_section("design", "\n".join([text, *head, *_lines(rows, designs)]), "studies")
+
+
+def _beside(file: Path) -> Path:
+    return file.with_name(f"{file.stem}_runs{file.suffix}")
 
 
 if __name__ == "__main__":

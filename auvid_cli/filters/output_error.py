@@ -136,9 +136,14 @@ class _Start(NamedTuple):
 
 
 def _is_near(fit: LeastSquaresFit, start: _Start, n_parameters: int) -> bool:
-    """Say whether a fit has the parameters of a start, within what is not known of both."""
-    moved = np.abs(fit.state - start.state)[:n_parameters]
-    return bool((moved <= _FAR * np.maximum(start.deviation, fit.deviation(n_parameters))).all())
+    """Say whether a fit has the parameters of a start, within what is not known of both.
+
+    What a fit knows nothing of it must not have moved: far from the data, where motions lose all order, everything is
+    unknown, and no fit would be far from anywhere.
+    """
+    moved, deviation = np.abs(fit.state - start.state)[:n_parameters], fit.deviation(n_parameters)
+    unknown = np.maximum(start.deviation, np.where(np.isinf(deviation), 0.0, deviation))
+    return bool((moved <= _FAR * unknown).all())
 
 
 def _starts(problem: JointProblem) -> Iterator[_Start]:

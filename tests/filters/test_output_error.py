@@ -9,6 +9,8 @@ from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
 from auvid_cli.filters.extended import run_extended_filter
+from auvid_cli.filters.information import Information
+from auvid_cli.filters.least_squares import LeastSquaresFit, fit_free_motion
 from auvid_cli.filters.output_error import FirstEvents, run_output_error
 from auvid_cli.filters.problem import NOT_CONVERGED, OK, PREDICTION, Gaussian
 from auvid_cli.filters.segments import JointProblem
@@ -269,6 +271,27 @@ def test_a_filter_that_leads_into_a_false_minimum_is_not_believed(linear_problem
     (other,) = history.others
     assert other.name.startswith("another minimum (cost ")
     assert abs(other.difference[0]) > 10.0 * other.deviation[0]
+
+
+def test_a_fit_that_is_lost_where_nothing_is_known_is_not_believed(linear_problem, run_whole, monkeypatch):
+    """The Jacobian of a motion that went wild has one direction: of all else the uncertainty is infinite."""
+    p = linear_problem
+    right = run_whole(fit_one, p)
+    lost: list[LeastSquaresFit] = []
+
+    def fit(problem, start, *others):
+        if not lost:
+            lost.append(LeastSquaresFit(start + 100.0, Information.none(start.size), 1e8, True, 1))
+            return lost[0]
+        return fit_free_motion(problem, start, *others)
+
+    monkeypatch.setattr("auvid_cli.filters.output_error.fit_free_motion", fit)
+    history = run_whole(fit_one, p)
+    assert history.failure == OK
+    assert lost
+    # Observed in a few combinations only, what the measurements say is the same.
+    known = np.isfinite(right.records.standard_deviation[-1])
+    assert_allclose(history.records.mean[:, known], right.records.mean[:, known], rtol=1e-6, atol=1e-6)
 
 
 def test_a_fit_that_did_not_settle_tells_how_far_it_is(linear_problem, run_whole):
