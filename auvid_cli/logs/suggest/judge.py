@@ -15,8 +15,9 @@ from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
 
-# Of log likelihoods, what speaks for a sign: gravity, being below the surface, going ahead.
-_GRAVITY, _BELOW, _AHEAD = 8.0, 4.0, 4.0
+# Of log likelihoods, what speaks for a sign: gravity, being below the surface, going ahead. Negative depths may be
+# heights, or count from where a run began, which says little: less than what a reversed sign of all else costs.
+_GRAVITY, _BELOW, _ABOVE, _AHEAD = 8.0, 4.0, 0.5, 4.0
 _SOME_GRAVITY, _SOME_SPEED = 5.0, 0.2
 # How well the directions of a velocity over ground agree with the heading, and what part of the scatter about the bow
 # that leaves.
@@ -26,6 +27,8 @@ _EXCHANGED = 6.0
 _TELLING, _NEAR = 0.8, 0.15
 # s: a delay of less is not worth an offset.
 _LEAST_DELAY = 0.05
+# Axes of a velocity that is called by north and east.
+OVER_GROUND = "NED"
 _FINS = {"rudder": "elevator", "elevator": "rudder"}
 # Units that a sensor's numbers may be in other than was guessed, told by the gain of a tie.
 _UNITS = {
@@ -96,7 +99,8 @@ def judge(tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float
         Sensors whose unit nothing states.
     """
     tracks, units = dict(tracks), {}
-    direction = _direction(tracks)
+    is_named = OVER_GROUND in expected.get("dvl", {}) and {"u", "v"} <= {*tracks}
+    direction = 1 if is_named else _direction(tracks)
     if direction:
         tracks = _along_the_bow(tracks)
     ties = find_ties(tracks)
@@ -121,7 +125,8 @@ def judge(tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float
         tracks = _earlier(tracks, *late)
         ties = [tie for tie in find_ties(tracks) if CROSSED not in tie.symbols]
     verdict = weigh(list(tracks), ties, _with_values(tracks, expected))
-    return Evidence(ties, verdict, _over_ground(direction, verdict), exchanged, delays, units)
+    over_ground = OVER_GROUND if is_named else _over_ground(direction, verdict)
+    return Evidence(ties, verdict, over_ground, exchanged, delays, units)
 
 
 def _with_values(
@@ -129,12 +134,12 @@ def _with_values(
 ) -> dict[str, dict[str, float]]:
     """Add to what is expected what the values say by themselves."""
     full = {key: dict(value) for key, value in expected.items()}
-    for symbol, weight in (("down", _BELOW), ("u", _AHEAD), ("fz", -_GRAVITY)):
+    for symbol, positive, negative in (("down", _BELOW, -_ABOVE), ("u", _AHEAD, -_AHEAD), ("fz", -_GRAVITY, _GRAVITY)):
         if symbol in tracks and np.isfinite(tracks[symbol].values).any():
             mean = float(np.nanmean(tracks[symbol].values))
             if symbol != "fz" or abs(mean) > _SOME_GRAVITY:
                 of = full.setdefault(symbol, {})
-                of["+"] = of.get("+", 0.0) + weight * np.sign(mean)
+                of["+"] = of.get("+", 0.0) + (positive if mean > 0.0 else negative if mean < 0.0 else 0.0)
     return full
 
 
@@ -171,7 +176,7 @@ def _over_ground(direction: int, verdict: Verdict) -> str:
     """Name the axes of a velocity over ground that go with the sign of the heading."""
     if not direction:
         return ""
-    return "NED" if direction * verdict.signs["psi"] > 0 else "ENU"
+    return OVER_GROUND if direction * verdict.signs["psi"] > 0 else "ENU"
 
 
 def _mistaken(tie: Agreement) -> list[tuple[str, str]]:

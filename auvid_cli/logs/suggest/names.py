@@ -32,6 +32,11 @@ SENSOR_NAMES: dict[str, dict[str, str]] = {
     },
     "depth": {"down": r"down|(dfs_)?depth|position\.z"},
 }
+# Of a velocity along the axes of the earth, by component of a DVL.
+EARTH_VELOCITY: dict[str, str] = {
+    component: rf"(dvl_)?(v|vel|velocity)[_.]?({word[0]}|{word})|{word}_?(v|vel|velocity)"
+    for component, word in zip("uvw", ("north", "east", "down"), strict=True)
+}
 QUATERNION_NAMES: dict[str, str] = {axis: rf"(orientation|quaternion|quat|q)[_.]{axis}|q{axis}" for axis in "wxyz"}
 _OF_QUATERNION = "|".join(QUATERNION_NAMES.values())
 INPUT_NAMES: dict[str, str] = {
@@ -175,6 +180,15 @@ def find_in_logs(
         if any(np.nanmax(values) > np.nanmin(values) for values in filled.values()):
             return name, Match(place.table, {key: place.columns[key] for key in filled})
     return None
+
+
+def is_over_ground(columns: Mapping[str, LogColumn]) -> bool:
+    """Say whether columns of a velocity, by component, are called by north and east."""
+    return all(
+        component in columns
+        and _is_called(columns[component].name, rf"{_OWNER}({EARTH_VELOCITY[component]}){_ANY_UNIT}")
+        for component in "uv"
+    )
 
 
 def standard_message(columns: Iterable[LogColumn]) -> str:

@@ -12,12 +12,14 @@ from auvid_cli.logs.formats.log import Log
 from auvid_cli.logs.suggest.commented_yaml import Comment, Flow, Line, Phrase, YamlEntry
 from auvid_cli.logs.suggest.evidence import TRIPLES, USUAL_AXES
 from auvid_cli.logs.suggest.found import Found, found_in, tracks_of
-from auvid_cli.logs.suggest.judge import Evidence
+from auvid_cli.logs.suggest.judge import OVER_GROUND, Evidence
 from auvid_cli.logs.suggest.names import (
+    EARTH_VELOCITY,
     QUATERNION_NAMES,
     SENSOR_NAMES,
     find_columns,
     find_in_logs,
+    is_over_ground,
     standard_message,
 )
 from auvid_cli.logs.suggest.rows import row_entries, time_of
@@ -62,6 +64,8 @@ def find_sensors(logs: Mapping[str, Log]) -> dict[str, FoundSensor]:
     places = {
         sensor: find_in_logs(logs, wanted, sensor, SENSORS[sensor][0].unit) for sensor, wanted in SENSOR_NAMES.items()
     }
+    # Not in one place with names of the body's axes: a velocity is along these or along the others.
+    places["dvl"] = places["dvl"] or find_in_logs(logs, EARTH_VELOCITY, "dvl", SENSORS["dvl"][0].unit)
     quaternion, angles = find_in_logs(logs, QUATERNION_NAMES), places["attitude"]
     if quaternion is not None and len(quaternion[1].columns) == 4:
         is_measured = angles is not None and not angles[1].is_filter_output
@@ -119,6 +123,8 @@ def expected_of(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -> 
                 if "enu" in called and convention is None:
                     # What is said of the heading alone leaves the body's axes as they are.
                     expected.setdefault(name, {"FRD": _OF_HEADING})
+    if "dvl" in sensors and is_over_ground(sensors["dvl"].main.match.columns):
+        expected["dvl"] = {OVER_GROUND: _CONVENTION}
     attitude = sensors.get("attitude")
     if attitude is not None and "dvl" in sensors and "phi" in (angles := attitude.main.si()) and _hangs(angles["phi"]):
         expected.setdefault("dvl", {"FLU": _HANGS})
@@ -216,7 +222,8 @@ def _axes(log: Log, found: FoundSensor, frame: str, judged: Evidence) -> Iterato
     elif found.main.is_quaternion:
         said = f"{said}; FLU is usual for quaternions in ROS"
     if judged.over_ground and name == "dvl":
-        said = "its direction goes with the heading, so it is over ground; check"
+        named = is_over_ground(found.main.match.columns)
+        said = f"{'by its names' if named else 'its direction goes with the heading, so'} it is over ground; check"
     yield YamlEntry("frame", frame, said if "check" in said else f"check: {said}")
     if name == "attitude":
         meaning = "NED, psi from north clockwise, or ENU, from east anticlockwise"

@@ -180,6 +180,26 @@ def test_a_heading_from_east_is_turned_to_one_from_north():
     assert "psi: {column: Yaw_ENU, sign: -1, offset: 90 deg} # counts the other way: evidence strong for psi" in text
 
 
+@pytest.mark.parametrize("left_out", [(), ("p", "q", "r"), ("p", "q", "r", "u", "v", "w")])
+def test_a_depth_counted_from_the_start_does_not_turn_the_vertical_plane_over(left_out):
+    own = {name: values for name, values in TRUTH.items() if name not in ("fx", "fy", "fz", *left_out)}
+    _, found = suggested(own | {"down": own["down"] - own["down"].max() - 0.5})
+    assert found["sensors"]["depth"]["columns"] == {"down": "down"}
+    assert found["sensors"]["attitude"]["columns"]["theta"] == "theta"
+    assert found["sensors"]["attitude"]["frame"] == "FRD"
+    assert "sign" not in found["inputs"]["elevator"]
+
+
+def test_a_velocity_called_by_north_and_east_is_over_ground():
+    called = ("vel_north", "vel_east", "vel_down")
+    kept = {name: TRUTH[name] for name in (*SENSORS["gyroscope"], *SENSORS["attitude"], "down", "rudder", "elevator")}
+    text, found = suggested(kept | dict(zip(called, GROUND.T, strict=True)))
+    dvl = found["sensors"]["dvl"]
+    assert (dvl["frame"], tuple(dvl["columns"].values())) == ("NED", called)
+    assert "by its names it is over ground; check" in text
+    assert "not used" not in text
+
+
 def test_what_speaks_for_a_line_stands_beside_it():
     text, _ = suggested(TRUTH)
     line = next(line for line in text.splitlines() if "rudder: {" in line)
