@@ -17,6 +17,7 @@ from auvid_cli.cli.options import (
     SetOption,
     VerboseOption,
     overrides,
+    refuse_log,
 )
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.errors import ConfigError
@@ -108,6 +109,8 @@ def design(
         loaded, read = load_with_files(find_experiment(experiment), overrides(settings, seed))
         place, paths = place_of(origin), [output / name for name in _FILES]
         refuse_what_stands(paths, overwrite)
+        for source in given or ():
+            refuse_log(source)
         sources = [*([] if at is None else [at]), *(given or ())]
         keep_apart([*paths, output / _STATE], [*read, *sources])
         envelope = envelope_of(box=box, depth=depth, pitch=pitch, roll=roll, speed=speed, energy=energy)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from auvid_cli.cli.options import OverwriteOption, QuietOption, VerboseOption
+from auvid_cli.cli.options import OverwriteOption, QuietOption, VerboseOption, refuse_log
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 from auvid_cli.config.format_name import FormatName
 
@@ -58,6 +58,7 @@ def export(
         terminal = Terminal(quiet, verbose)
         home = path.parent.parent if path.parent.name == "estimates" else path.parent
         dataset_file = dataset or home / "dataset.h5"
+        refuse_log(dataset_file)
         screen([path, dataset_file])
         estimate = read_estimate(path)
         data = _dataset_of(path, estimate.dataset_sha256, dataset_file)

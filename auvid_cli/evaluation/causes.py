@@ -20,7 +20,6 @@ LARGEST_FAULT = 3.5
 # Log-likelihood; as much as a fault that would make the estimate doubtful.
 _WORTH_NAMING = 0.5 * LARGEST_FAULT**2
 _MOST_NAMED = 3
-_LESS = ", or less process noise"
 _TUNE = "`auvid tune` finds how much"
 _TUNE_SENSORS = "`auvid tune --sensors` finds how much"
 
@@ -59,10 +58,11 @@ def likely_causes(estimate: Estimate) -> list[Cause]:
         for test in estimate.faults
         if not is_other_answer(test)
     ]
-    noises = [noise_cause(*of_sensor) for of_sensor in told_as_noise(estimate)]
+    told = list(told_as_noise(estimate))
+    noises = [noise_cause(*of_sensor) for of_sensor in told]
     if any(noise.gain > _WORTH_NAMING and noise.lasts for noise in noises):
         # What lasts asks for more process noise, whatever the innovations of another sensor look like.
-        noises = [noise._replace(name=noise.name.removesuffix(_LESS)) for noise in noises]
+        noises = [noise_cause(*of_sensor, or_less_process_noise=False) for of_sensor in told]
     likely = [cause for cause in [*faults, *noises] if cause.gain > _WORTH_NAMING]
     return sorted(likely, key=lambda cause: -cause.gain)
 
@@ -79,8 +79,10 @@ def told_as_noise(estimate: Estimate) -> Iterator[tuple[str, Innovations]]:
             yield sensor, innovations
 
 
-def noise_cause(sensor: str, innovations: Innovations) -> Cause:
+def noise_cause(sensor: str, innovations: Innovations, or_less_process_noise: bool = True) -> Cause:
     """Say what noise would explain the innovations of a sensor, and what it would gain.
+
+    That less process noise may explain them is left out unless `or_less_process_noise`.
 
     An autoregression of their own variance has over white noise of the stated one n / 2 (NIS - 1 - log NIS) by its size
     and, for each component, -n / 2 log(1 - R^2) by its memory, less the number of its coefficients (Akaike, IEEE Trans.
@@ -97,7 +99,8 @@ def noise_cause(sensor: str, innovations: Innovations) -> Cause:
         return Cause(by_size, f"more noise of {sensor} than stated, or more process noise", _TUNE_SENSORS)
     if float(correlation[:, 0] @ samples) < 0.0:
         # What was corrected too far is corrected back.
-        return Cause(by_memory, f"more noise of {sensor} than stated{_LESS}", _TUNE_SENSORS)
+        or_less = ", or less process noise" if or_less_process_noise else ""
+        return Cause(by_memory, f"more noise of {sensor} than stated{or_less}", _TUNE_SENSORS)
     lasting = f"errors of {sensor} that last, or motion that the model does not explain"
     remedy = f"more process noise ({_TUNE}), or its bias (identification.estimate.biases)"
     return Cause(by_memory, lasting, remedy, lasts=True)

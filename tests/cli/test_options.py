@@ -46,7 +46,17 @@ def test_a_log_that_is_no_dataset_yet_is_sent_to_import():
         dataset_path("lake/dive.csv")
 
 
-@pytest.mark.parametrize("command", ["inspect dive.csv", "tune dive.csv", "terms dive.csv", "validate ckf.h5 dive.csv"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "inspect dive.csv",
+        "tune dive.csv",
+        "terms dive.csv",
+        "validate ckf.h5 dive.csv",
+        "design remus100 --given dive.csv",
+        "export ckf.h5 --to mcap --dataset dive.csv",
+    ],
+)
 def test_every_command_that_takes_a_dataset_sends_a_log_to_import(command):
     result = CliRunner().invoke(app, command.split())
     assert result.exit_code == 2
