@@ -126,7 +126,11 @@ def settle(prepared: "PreparedData", terminal: Terminal) -> "PreparedData":
     if settings.noise == "stated":
         return settled
     stated, tuned = (data.experiment.identification.process_noise.model_dump() for data in (prepared, settled))
-    densities = ", ".join(f"{name} {density:.3g}" for name, density in tuned.items() if density != stated[name])
+    densities = ", ".join(
+        f"{name} {' '.join(f'{each:.3g}' for each in (density if isinstance(density, tuple) else (density,)))}"
+        for name, density in tuned.items()
+        if density != stated[name]
+    )
     terminal.say(f"process noise that makes the data most likely, SI: {densities}")
     return settled
 

@@ -4,11 +4,11 @@ from typing import Annotated
 
 from pydantic import Field
 
+from auvid_cli.config.per_axis import Positive, three
 from auvid_cli.config.quantity import AmountPerAxis
 from auvid_cli.config.settings import Settings
 
 NotNegative = tuple[Annotated[float, Field(ge=0)], ...]
-Positive = tuple[Annotated[float, Field(gt=0)], ...]
 
 
 class DisturbingForce(Settings):
@@ -40,8 +40,4 @@ class Disturbance(Settings):
                 self.moment.time_constant,
             ),
         )
-        return tuple(pair for size, time in groups for pair in zip(_three(size), _three(time), strict=True))
-
-
-def _three(values: tuple[float, ...]) -> tuple[float, ...]:
-    return values if len(values) == 3 else values * 3
+        return tuple(pair for size, time in groups for pair in zip(three(size), three(time), strict=True))

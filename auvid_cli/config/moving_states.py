@@ -1,21 +1,37 @@
 """Moving states of the augmented state: what drives them, how unsure they are at first, and which there are."""
 
+from collections.abc import Collection
 from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from auvid_cli.config.quantity import Amount
+from auvid_cli.config.per_axis import Positive, three
+from auvid_cli.config.quantity import Amount, AmountPerAxis
 from auvid_cli.config.settings import Settings
 from auvid_cli.vehicle.parameters import DEPTH, Quantity
 
 
 class ProcessNoise(Settings):
-    """White-noise densities that drive the nine motion states: what the model leaves out."""
+    """White-noise densities that drive the motion, what the model leaves out: one for three states or one each."""
 
-    velocity: Annotated[float, Amount("m/s^2/Hz^0.5"), Field(gt=0, description="of u, v, w")] = 1e-4
-    rate: Annotated[float, Amount("rad/s^2/Hz^0.5"), Field(gt=0, description="of p, q, r")] = 1e-4
-    attitude: Annotated[float, Amount("rad/s/Hz^0.5"), Field(gt=0, description="of phi, theta, psi")] = 1e-5
+    velocity: Annotated[Positive, AmountPerAxis("m/s^2/Hz^0.5"), Field(description="of u, v, w")] = (1e-4,)
+    rate: Annotated[Positive, AmountPerAxis("rad/s^2/Hz^0.5"), Field(description="of p, q, r")] = (1e-4,)
+    attitude: Annotated[Positive, AmountPerAxis("rad/s/Hz^0.5"), Field(description="of phi, theta, psi")] = (1e-5,)
     depth: Annotated[float, Amount("m/s/Hz^0.5"), Field(gt=0, description="of the depth, where it is measured")] = 1e-3
+
+    def of_motion(self) -> tuple[float, ...]:
+        """Return the densities of the nine motion states, SI."""
+        return (*three(self.velocity), *three(self.rate), *three(self.attitude))
+
+    def times(
+        self, factor: float, names: Collection[str] = ("velocity", "rate", "attitude", "depth")
+    ) -> "ProcessNoise":
+        """Return noise of which some densities are so many times as large."""
+
+        def larger(density: float | tuple[float, ...]) -> float | tuple[float, ...]:
+            return tuple(factor * each for each in density) if isinstance(density, tuple) else factor * density
+
+        return self.model_copy(update={name: larger(getattr(self, name)) for name in names})
 
 
 class InitialMotion(Settings):

@@ -92,7 +92,7 @@ def knowledge_of(experiment: Experiment, in_hand: Array | None = None) -> Knowle
     return Knowledge(
         prior_std,
         np.repeat([initial.velocity, initial.rate, initial.attitude], 3),
-        np.repeat([noise.velocity, noise.rate, noise.attitude], 3),
+        np.array(noise.of_motion()),
         density,
         _known_before(prior_std, in_hand),
     )

@@ -1,6 +1,6 @@
 """Process and measurement noise of a dataset, as its innovations make it most likely."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple, TypeVar
 
 from auvid_cli.config.augmented_states import BiasName, EstimatedDisturbance
@@ -95,7 +95,8 @@ def process_noises(augmented: AugmentedProblem, settings: Identification) -> Ite
 
     first = layout.moving_rows_of("motion").start
     for place, key in enumerate(("velocity", "rate", "attitude")):
-        yield adjustable(("process_noise", key), noise, slice(first + 3 * place, first + 3 * place + 3))
+        rows = [(first + 3 * place + axis,) for axis in range(3)]
+        yield from _per_axis(("process_noise", key), noise, rows)
     for state in FURTHER_STATES:
         if layout.row(state.quantity.symbol) is not None:
             yield adjustable(("process_noise", state.name), noise, layout.moving_rows_of(state.name))
@@ -113,14 +114,18 @@ def process_noises(augmented: AugmentedProblem, settings: Identification) -> Ite
 def _disturbances(layout: StateLayout, settings: EstimatedDisturbance) -> Iterator[AdjustableNoise]:
     """Yield the sizes of what disturbs the motion: one for all three axes, or those of a list one by one."""
     for name, quantities in (("force", DISTURBANCE[:3]), ("moment", DISTURBANCE[3:])):
-        of_name = getattr(settings, name)
-        sizes, path = of_name.standard_deviation, ("estimate", "disturbance", name, "standard_deviation")
+        of_name, path = getattr(settings, name), ("estimate", "disturbance", name, "standard_deviation")
         slices = [layout.moving_rows_of(quantity.symbol) for quantity in quantities]
-        rows = [tuple(range(place.start, place.stop)) for place in slices]
-        each = [((), sum(rows, ()))] if len(sizes) == 1 else [((str(i),), own) for i, own in enumerate(rows)]
-        for size, (place, moving) in zip(sizes, each, strict=True):
-            if moving:
-                yield AdjustableNoise((*path, *place), _unit(of_name, path[-1]), size, NoiseGroup(moving))
+        yield from _per_axis(path, of_name, [tuple(range(place.start, place.stop)) for place in slices])
+
+
+def _per_axis(path: tuple[str, ...], of: Settings, rows: Sequence[tuple[int, ...]]) -> Iterator[AdjustableNoise]:
+    """Yield noise along three axes, each of which drives some moving states: one for all, or those of a list."""
+    sizes: tuple[float, ...] = getattr(of, path[-1])
+    each = [((), sum(rows, ()))] if len(sizes) == 1 else [((str(axis),), own) for axis, own in enumerate(rows)]
+    for size, (place, moving) in zip(sizes, each, strict=True):
+        if moving:
+            yield AdjustableNoise((*path, *place), _unit(of, path[-1]), size, NoiseGroup(moving))
 
 
 def _unit(settings: Settings, key: str) -> str:

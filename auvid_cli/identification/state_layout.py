@@ -156,7 +156,7 @@ def state_layout(settings: Identification, vehicle: VehicleSettings, measuring: 
             "motion",
             MOTION,
             tuple(np.repeat([initial.velocity, initial.rate, initial.attitude], 3).tolist()),
-            tuple(np.repeat([noise.velocity, noise.rate, noise.attitude], 3).tolist()),
+            noise.of_motion(),
             starts_as_measured=True,
         ),
     ]

@@ -94,7 +94,7 @@ def loosened(prepared: PreparedData, model: Model) -> Fit:
     settings, best = _using(model.settings, split(prepared)[0]), model.fit
     identification, stated = settings.identification, settings.identification.process_noise
     for factor in _LOOSER:
-        noise = stated.model_copy(update={"velocity": factor * stated.velocity, "rate": factor * stated.rate})
+        noise = stated.times(factor, ("velocity", "rate"))
         looser = identification.model_copy(update={"process_noise": noise})
         fit = _fit(prepared, settings.model_copy(update={"identification": looser}))
         if fit is None or fit.log_evidence < best.log_evidence:

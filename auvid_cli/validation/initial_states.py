@@ -167,9 +167,7 @@ def filtered_initial_states(prepared: PreparedData, wanted: Array) -> InitialSta
 def _with_noise(prepared: PreparedData, factor: float) -> PreparedData:
     """Prepare the data with all densities of the process noise so many times as large."""
     settings = prepared.experiment.identification
-    noise = settings.process_noise
-    larger = noise.model_copy(update={name: factor * density for name, density in noise.model_dump().items()})
-    identification = settings.model_copy(update={"process_noise": larger})
+    identification = settings.model_copy(update={"process_noise": settings.process_noise.times(factor)})
     return prepared.with_settings(prepared.experiment.model_copy(update={"identification": identification}))
 
 

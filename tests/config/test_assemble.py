@@ -164,8 +164,8 @@ def test_a_file_of_settings_is_an_override_and_its_mistakes_have_places_there(tm
     file = tmp_path / "tuned.yaml"
     file.write_text("identification:\n  process_noise: {rate: 2e-3}\n")
     experiment = load_experiment(find_experiment("spiral"), ("identification.process_noise.rate=1", str(file)))
-    assert experiment.identification.process_noise.rate == pytest.approx(2e-3)
-    assert experiment.identification.process_noise.velocity == pytest.approx(1e-4)
+    assert experiment.identification.process_noise.rate == pytest.approx((2e-3,))
+    assert experiment.identification.process_noise.velocity == pytest.approx((1e-4,))
     file.write_text("identification:\n  process_noise: {rate: -1}\n")
     with pytest.raises(ConfigError, match=r"tuned\.yaml:2:25"):
         load_experiment(find_experiment("spiral"), (str(file),))

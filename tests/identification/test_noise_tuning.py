@@ -74,6 +74,24 @@ def test_depth_and_walks_have_noises_of_their_own(simulated_with):
     assert noises["estimate", "dvl", "yaw_walk"].stated == pytest.approx(1e-3)
 
 
+def test_densities_of_three_axes_are_found_one_by_one(simulated_with):
+    listed = "identification.process_noise.velocity=[1e-4, 2e-4, 3e-4]"
+    dataset = simulated_with("manoeuvre.duration=4 s", FEW, listed)
+    augmented = augmented_problem(prepare(dataset))
+    noises = {noise.path: noise for noise in process_noises(augmented, dataset.experiment.identification)}
+    moving = augmented.layout.symbols[augmented.layout.n_parameters :]
+    of_velocity = {
+        path: (moving[noise.group.moving[0]], noise.stated) for path, noise in noises.items() if len(path) > 2
+    }
+    assert of_velocity == {
+        ("process_noise", "velocity", str(axis)): (symbol, pytest.approx(stated))
+        for axis, (symbol, stated) in enumerate((("u", 1e-4), ("v", 2e-4), ("w", 3e-4)))
+    }
+    density = augmented.joint.process.noise_density
+    assert density[:3].tolist() == pytest.approx([1e-4, 2e-4, 3e-4])
+    assert density[3:6].tolist() == pytest.approx([1e-4] * 3)
+
+
 DISTURBED = (
     "{biases: [disturbance], disturbance: {force: {standard_deviation: 2 N}, moment: {standard_deviation: [0, 1, 1]}}}"
 )

@@ -64,12 +64,35 @@ def test_process_noise_stands_for_its_share_whether_or_not_the_vehicle_moves():
 
 
 def test_what_is_chance_at_each_horizon_may_be_more_at_all_of_them(rng):
-    """Squares of 40 errors scatter by a fifth: a quarter too much is chance, but not seven times."""
+    """Squares of 40 errors scatter by a fifth: two fifths too much are chance, but not seven times."""
     own, errors = {"v": signal(0.01, 0.1)}, rng.standard_normal(40)
-    errors *= np.sqrt(1.25 / np.mean(errors**2))
+    errors *= np.sqrt(1.4 / np.mean(errors**2))
     one, all_of_them = (
         [sample for h in horizons for sample in samples("v", h, rng.permutation(errors), 1.0)]
         for horizons in (HORIZONS[:1], HORIZONS)
     )
     assert error_growth(one, one, own).variance["v", 50.0] == 0.0
-    assert error_growth(all_of_them, all_of_them, own).variance["v", 50.0] == pytest.approx(0.25)
+    assert error_growth(all_of_them, all_of_them, own).variance["v", 50.0] == pytest.approx(0.4)
+
+
+def test_what_may_be_chance_for_one_of_many_signals_counts_beside_one_that_is_not(rng):
+    errors = rng.standard_normal(280)
+    errors /= np.sqrt(np.mean(errors**2))
+    by_horizon = dict(zip(HORIZONS, errors.reshape(7, 40), strict=True))
+
+    def growth(**excess):
+        own = {symbol: signal(0.01, 0.1) for symbol in excess}
+        made = [
+            sample
+            for symbol, more in excess.items()
+            for horizon, drawn in by_horizon.items()
+            for sample in samples(symbol, horizon, np.sqrt(1.0 + more) * drawn, 1.0)
+        ]
+        return error_growth(made, made, own).variance
+
+    # Of 280 squares the mean scatters by sqrt(2 / 280), 0.085.
+    assert growth(v=0.25)["v", 50.0] == 0.0
+    assert growth(v=0.25, r=0.05)["v", 50.0] == 0.0
+    beside = growth(v=0.25, r=1.0)
+    assert beside["v", 50.0] > 0.2
+    assert beside["r", 50.0] > 0.9
