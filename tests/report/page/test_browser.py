@@ -1,6 +1,7 @@
 """Pages in a real browser: Debian's Chromium, or one that CHROMIUM names."""
 
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 
 from auvid_cli.report.page.render import render_page
 from auvid_cli.report.page.write_page import write_page
@@ -73,6 +74,27 @@ def test_a_page_is_drawn_and_fits_its_window(page, opened, viewport, scheme):
     )
     darker = min(paper, ink, key=lambda colour: sum(map(int, colour.strip("rgb()").split(","))))
     assert darker == (paper if scheme == "dark" else ink)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_whoever_hears_the_page_or_sees_little_can_use_it(page, opened, scheme):
+    broken = Axe().run(opened(page, scheme=scheme)).response["violations"]
+    assert [(rule["id"], rule["nodes"][0]["html"]) for rule in broken] == []
+
+
+def test_paper_has_room_for_all_of_it(page, opened):
+    tab = opened(page, scheme="dark")
+    # What Letter leaves between its margins, CSS pixels.
+    tab.set_viewport_size({"width": 702, "height": 900})
+    tab.emulate_media(media="print")
+    tab.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert tab.evaluate("document.documentElement.scrollWidth") <= 702
+    outside = """[...document.querySelectorAll('canvas, svg, table')]
+        .filter(one => one.getBoundingClientRect().right > document.body.getBoundingClientRect().right + 1)
+        .map(one => one.outerHTML.slice(0, 80))"""
+    assert tab.evaluate(outside) == []
+    assert tab.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    tab.evaluate("dispatchEvent(new Event('afterprint'))")
 
 
 def test_a_zoom_is_one_of_all_over_the_same_time(tab):

@@ -218,17 +218,19 @@
     const output = document.createElement("span");
     output.className = "readout";
     output.setAttribute("aria-hidden", "true");
-    element.parentElement.querySelector("h4").append(output);
+    element.parentElement.querySelector("h3").append(output);
     const chart = new uPlot(options(element, plot, link), joined(plot), element);
     drawn.push({ chart, link, key, element, plot });
     choose(drawn[drawn.length - 1]);
     chart.setScale("x", { min: rangeOf(link).shown[0], max: rangeOf(link).shown[1] });
-    new ResizeObserver(() => {
-      if (element.clientWidth > 0 && element.clientWidth !== chart.width) {
-        chart.setSize({ width: element.clientWidth, height: element.clientHeight });
-      }
-    }).observe(element);
+    new ResizeObserver(() => fit({ chart, element })).observe(element);
     element.addEventListener("keydown", (event) => steer(event, link));
+  }
+
+  function fit({ chart, element }) {
+    if (element.clientWidth > 0 && element.clientWidth !== chart.width) {
+      chart.setSize({ width: element.clientWidth, height: element.clientHeight });
+    }
   }
 
   // Lines that a group's legend has taken away, by label, and the estimator that its list names.
@@ -317,10 +319,13 @@
   addEventListener("beforeprint", () => {
     document.documentElement.classList.add("paper");
     elements.forEach(draw);
+    // Observers of sizes speak too late for paper.
+    drawn.forEach(fit);
     repaint();
   });
   addEventListener("afterprint", () => {
     document.documentElement.classList.remove("paper");
+    drawn.forEach(fit);
     repaint();
   });
 
