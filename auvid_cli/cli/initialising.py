@@ -7,6 +7,7 @@ from pathlib import Path
 
 import typer
 
+from auvid_cli.cli.hanging import hanging
 from auvid_cli.cli.terminal import Terminal
 from auvid_cli.config.outline import missing_keys, option, units
 from auvid_cli.config.quantity import parse_quantity
@@ -54,7 +55,7 @@ def initialise(folder: Path, given: Mapping[str, str | int], like: str | None, t
     rows, notes = sanity(first)
     widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
     for quantity, value, beside in rows:
-        terminal.say(f"  {quantity:{widths[0]}}  {value:{widths[1]}}  {beside}")
+        terminal.say(hanging(f"  {quantity:{widths[0]}}  {value:{widths[1]}}  {beside}", sum(widths[:2]) + 6))
     terminal.say_all(f"note: {note}" for note in notes)
     terminal.say(f"{folder}: {', '.join(first.texts)}")
     terminal.say(f"next: auvid run {shlex.quote(str(folder))}")

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from auvid_cli.cli.hanging import hanging
 from auvid_cli.cli.terminal import reporting_errors
 
 
@@ -50,4 +51,4 @@ def list_shipped(
             width = max(len(name) for name, _ in rows)
             print(f"{kind.value} ({_USES[kind]})")
             for name, description in rows:
-                print(f"  {name:{width}}  {description}")
+                print(hanging(f"  {name:{width}}  {description}", width + 4))

@@ -73,11 +73,21 @@ UseOption = Annotated[
         show_default=False,
     ),
 ]
+
+
+def _as_folder(path: Path | None) -> Path | None:
+    """Refuse a name of a dataset for that of a folder, which would be made under it."""
+    if path is not None and path.suffix in (".h5", ".hdf5"):
+        raise typer.BadParameter(f"{path} is called like a file; expected a results folder, such as {path.stem}")
+    return path
+
+
 OutputOption = Annotated[
     Path | None,
     typer.Option(
         "--output",
         "-o",
+        callback=_as_folder,
         metavar="DIR",
         help="Results folder. Default: results/NAME, or the folder of a dataset.h5.",
         show_default=False,

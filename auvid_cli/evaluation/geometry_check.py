@@ -28,7 +28,7 @@ def near_its_geometry(estimate: Estimate) -> list[Check]:
         Check.of_values(
             estimate.filter,
             "coefficients",
-            "near its geometry",
+            "plausible size",
             distances,
             limit=_SIGMAS,
             unit="sd",

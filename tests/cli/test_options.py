@@ -29,6 +29,12 @@ def test_what_is_no_pair_of_times_is_one_clear_complaint(wrong):
     assert str(complaint.value).startswith(f"--use {wrong}: ")
 
 
+def test_a_results_folder_is_not_called_like_a_dataset(tmp_path):
+    result = CliRunner().invoke(app, ["simulate", "spiral", "-o", str(tmp_path / "dive.h5")])
+    assert result.exit_code == 2
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("wrong", ["30:10", "1 min:60"])
 def test_a_span_ends_after_it_begins(wrong):
     with pytest.raises(ConfigError, match=f"--use {wrong}: ends before it begins"):
