@@ -32,11 +32,11 @@ OVER_GROUND = "NED"
 _FINS = {"rudder": "elevator", "elevator": "rudder"}
 # Units that a sensor's numbers may be in other than was guessed, told by the gain of a tie.
 _UNITS = {
-    "gyroscope": ("deg/s",),
-    "attitude": ("deg",),
-    "depth": ("mm", "cm", "ft"),
-    "dvl": ("mm/s", "cm/s", "knot"),
-    "accelerometer": ("g",),
+    "gyroscope": ("rad/s", "deg/s"),
+    "attitude": ("rad", "deg"),
+    "depth": ("m", "mm", "cm", "ft"),
+    "dvl": ("m/s", "mm/s", "cm/s", "knot"),
+    "accelerometer": ("m/s^2", "g"),
 }
 
 
@@ -86,7 +86,9 @@ class Evidence(NamedTuple):
         )
 
 
-def judge(tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float]], guessed: Sequence[str]) -> Evidence:
+def judge(
+    tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float]], guessed: Mapping[str, str]
+) -> Evidence:
     """Judge signals in SI.
 
     Parameters
@@ -95,8 +97,8 @@ def judge(tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float
         By symbol.
     expected : mapping of mappings
         What names and conventions say, see `weigh`.
-    guessed : sequence of str
-        Sensors whose unit nothing states.
+    guessed : mapping of str to str
+        By sensor whose unit nothing states the one that its numbers were read in.
     """
     tracks, units = dict(tracks), {}
     is_named = OVER_GROUND in expected.get("dvl", {}) and {"u", "v"} <= {*tracks}
@@ -105,10 +107,10 @@ def judge(tracks: Mapping[str, Track], expected: Mapping[str, Mapping[str, float
         tracks = _along_the_bow(tracks)
     ties = find_ties(tracks)
     for tie in ties:
-        for sensor, unit in _mistaken(tie):
-            if sensor in guessed and sensor not in units:
+        for sensor, unit in _mistaken(tie, guessed):
+            if sensor not in units:
                 units[sensor] = unit
-                tracks = {**tracks, **_rescaled(tracks, sensor, unit)}
+                tracks = {**tracks, **_rescaled(tracks, sensor, _factor(sensor, unit, guessed))}
     if units:
         ties = find_ties(tracks)
     crossed = sum(abs(tie.weight) for tie in ties if {*_FINS} & {*tie.symbols} and CROSSED in tie.symbols)
@@ -179,8 +181,8 @@ def _over_ground(direction: int, verdict: Verdict) -> str:
     return OVER_GROUND if direction * verdict.signs["psi"] > 0 else "ENU"
 
 
-def _mistaken(tie: Agreement) -> list[tuple[str, str]]:
-    """Name sensors and units that would explain the gain of a tie."""
+def _mistaken(tie: Agreement, guessed: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Name sensors whose unit was guessed, and units of theirs that would explain the gain of a tie."""
     if abs(tie.correlation) < _TELLING or abs(np.log(tie.gain)) < _NEAR:
         return []
     gains: dict[tuple[str, str], float] = {}
@@ -189,8 +191,8 @@ def _mistaken(tie: Agreement) -> list[tuple[str, str]]:
         # Whether a pitch is in degrees is told by its rate alone: its sine is another thing then.
         if sensor == "attitude" and tie.symbols[0] not in TRIPLES["gyroscope"]:
             continue
-        for unit in _UNITS.get(sensor, ()):
-            factor = unit_factor(unit, SENSORS[sensor][0].unit)
+        for unit in _UNITS.get(sensor, ()) if sensor in guessed else ():
+            factor = _factor(sensor, unit, guessed)
             # Numbers of the first that are read in too large a unit make it too large.
             gains[sensor, unit] = 1.0 / factor if place == 0 else factor
     alone = [units for units, gain in gains.items() if abs(np.log(tie.gain / gain)) < _NEAR]
@@ -202,8 +204,13 @@ def _mistaken(tie: Agreement) -> list[tuple[str, str]]:
     return []
 
 
-def _rescaled(tracks: Mapping[str, Track], sensor: str, unit: str) -> dict[str, Track]:
-    factor = unit_factor(unit, SENSORS[sensor][0].unit)
+def _factor(sensor: str, unit: str, guessed: Mapping[str, str]) -> float:
+    """Return what numbers in a unit are of those that were read in the guessed one."""
+    si = SENSORS[sensor][0].unit
+    return unit_factor(unit, si) / unit_factor(guessed[sensor], si)
+
+
+def _rescaled(tracks: Mapping[str, Track], sensor: str, factor: float) -> dict[str, Track]:
     symbols = [quantity.symbol for quantity in SENSORS[sensor] if quantity.symbol in tracks]
     return {symbol: tracks[symbol]._replace(values=factor * tracks[symbol].values) for symbol in symbols}
 

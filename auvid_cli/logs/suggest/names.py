@@ -21,9 +21,9 @@ SENSOR_NAMES: dict[str, dict[str, str]] = {
         "fz": r"(acc\w*_)?fz|(acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?z",
     },
     "dvl": {
-        "u": r"(dvl_)?u|surge(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?x",
-        "v": r"(dvl_)?v|sway(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?y",
-        "w": r"(dvl_)?w|heave(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?z",
+        "u": r"(dvl_)?u|surge(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?x|x_vel(ocity)?(_wrt_ground)?",
+        "v": r"(dvl_)?v|sway(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?y|y_vel(ocity)?(_wrt_ground)?",
+        "w": r"(dvl_)?w|heave(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?z|z_vel(ocity)?(_wrt_ground)?",
     },
     "attitude": {
         "phi": r"(attitude_)?(phi|roll)(_angle)?",
@@ -62,7 +62,7 @@ NAMED_UNITS: dict[str, dict[str, str]] = {
     "m/s^2": {"m_s2": "m/s^2", "ms2": "m/s^2", "mps2": "m/s^2", "g": "g", "mg": "mg"},
     "m": {"m": "m", "cm": "cm", "mm": "mm", "ft": "ft", "meter": "m"},
     "percent": {"pct": "percent", "percent": "percent"},
-    "turn/s": {"rpm": "rpm", "rps": "turn/s"},
+    "turn/s": {"rpm": "rpm", "rps": "turn/s", "radian_per_second": "rad/s", "rad_s": "rad/s"},
     "N": {"n": "N"},
 }
 _ANY_UNIT = rf"(_({'|'.join(end for ends in NAMED_UNITS.values() for end in ends)}))?"

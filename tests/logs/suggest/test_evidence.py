@@ -173,6 +173,12 @@ def suggested(columns):
     return text, yaml.safe_load(text)
 
 
+def test_centimetres_that_look_like_millimetres_do_not_make_millimetres_of_the_depth():
+    """Of more than 2 m/s: numbers beyond 200 are first taken for mm/s."""
+    _, found = suggested(TRUTH | {name: 150.0 * TRUTH[name] for name in "uvw"} | {"down": 1.5 * TRUTH["down"]})
+    assert (found["sensors"]["dvl"]["unit"], found["sensors"]["depth"]["unit"]) == ("cm/s", "m")
+
+
 def test_a_heading_from_east_is_turned_to_one_from_north():
     columns = renamed("psi", "Yaw_ENU")(MUTATIONS["heading ENU"](TRUTH))
     text, found = suggested(columns)

@@ -129,6 +129,14 @@ def test_names_may_say_whose_a_column_is_its_unit_and_that_it_was_filtered(sugge
     assert found["inputs"]["rudder"]["column"] == "platform_rudder_angle"
 
 
+def test_velocities_and_revolutions_of_a_platform_are_known_with_their_units(suggested):
+    names = [f"platform_{axis}_velocity_wrt_ground_meter_per_second" for axis in "xyz"]
+    rate = "platform_propeller_rotation_rate_radian_per_second"
+    _, found = suggested(t=TIME, **{name: 1.5 + 0.1 * WAVE for name in names}, **{rate: 30 + WAVE})
+    assert [*found["sensors"]["dvl"]["columns"].values()] == names
+    assert found["inputs"]["thrust"]["revolutions"] == {"column": rate, "unit": "rad/s"}
+
+
 def test_fins_are_known_without_the_word(suggested):
     _, found = suggested(t=TIME, u=WAVE, top=WAVE, bottom=WAVE, port=WAVE, starboard=WAVE)
     fins = {key: fin["column"] for key, fin in found["inputs"]["fins"].items()}
