@@ -1,7 +1,7 @@
 """The part of a suggested map that says what fins and propeller did."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -99,7 +99,8 @@ def input_tracks(logs: Mapping[str, Log], inputs: FoundInputs | None) -> dict[st
 def input_lines(logs: Mapping[str, Log], inputs: FoundInputs | None, judged: Evidence) -> Iterator[Line]:
     """Yield the lines below `inputs:`."""
     if inputs is None:
-        yield YamlEntry("rudder", None, "required: no column looks like a fin or a propeller")
+        these = _these_may_be(_possible_fins(logs))
+        yield YamlEntry("rudder", None, f"required: no column looks like a fin or a propeller{these}")
         return
     yield from row_entries(logs, inputs.log, inputs.table)
     direct = {key: signal for key, signal in inputs.signals.items() if "." not in key}
@@ -120,9 +121,8 @@ def input_lines(logs: Mapping[str, Log], inputs: FoundInputs | None, judged: Evi
         lines += _opposites(fins, judged)
         yield YamlEntry("fins", lines, "check: positive pushes the tail to starboard, or up; else sign: -1")
     if not deflecting:
-        candidates = ", ".join(_possible_fins(logs, inputs.log, inputs.table))
-        these = f"; these may be fins: {candidates}" if candidates else ""
-        yield Comment(f"check: no column is called like a fin{these}")
+        main = [column.name for column in logs[inputs.log].tables()[inputs.table] if "fin" in column.name.lower()]
+        yield Comment(f"check: no column is called like a fin{_these_may_be([*main, *_possible_fins(logs)])}")
     if inputs.thrusters:
         several = f"{', '.join(inputs.thrusters)}: several thrusters are not one surge force"
         yield Comment(f"check: {several}; make a column of their sum along the bow, or say which one pushes")
@@ -141,13 +141,20 @@ def _opposites(fins: Mapping[str, FoundInput], judged: Evidence) -> Iterator[Com
             yield Comment(f"check: {why}: sign: -1")
 
 
-def _possible_fins(logs: Mapping[str, Log], name: str, main: str) -> Iterator[str]:
-    """Yield columns of the table with the inputs, and tables of numbers, that have a fin in their names."""
-    yield from (column.name for column in logs[name].tables()[main] if "fin" in column.name.lower())
+def _these_may_be(fins: Iterable[str]) -> str:
+    candidates = ", ".join(fins)
+    return f"; these may be fins: {candidates}" if candidates else ""
+
+
+def _possible_fins(logs: Mapping[str, Log]) -> Iterator[str]:
+    """Yield tables of numbers that have a fin in their names, and those with rows of several servos."""
     for log in logs.values():
         for table, columns in log.tables().items():
+            names = [column.name for column in columns]
             if "fin" in table.lower():
-                yield from (f"{table} {column.name}" for column in columns if column.name.startswith("data"))
+                yield from (f"{table} {name}" for name in names if name.startswith("data"))
+            if "servo" in table.lower() and {"id", "value"} <= {*names}:
+                yield f"{{table: {table}, column: value, rows: {{column: id, values: [0]}}}}, and so on by id"
 
 
 def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, FoundInput]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log, LogColumn
 
+_VELOCITY, _TO_GROUND = r"(v|(ground_?)?vel(ocity)?|linear|dvl_v\w*)[_.]?", r"_vel(ocity)?(_wrt_ground)?"
 # By sensor and component: what the end of a column's name, in small letters, with blanks and dashes as underscores, is.
 SENSOR_NAMES: dict[str, dict[str, str]] = {
     "gyroscope": {
@@ -21,9 +22,9 @@ SENSOR_NAMES: dict[str, dict[str, str]] = {
         "fz": r"(acc\w*_)?fz|(acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?z",
     },
     "dvl": {
-        "u": r"(dvl_)?u|surge(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?x|x_vel(ocity)?(_wrt_ground)?",
-        "v": r"(dvl_)?v|sway(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?y|y_vel(ocity)?(_wrt_ground)?",
-        "w": r"(dvl_)?w|heave(_(speed|velocity))?|(v|vel|velocity|linear|dvl_v\w*)[_.]?z|z_vel(ocity)?(_wrt_ground)?",
+        "u": rf"(dvl_)?u|surge(_(speed|velocity))?|{_VELOCITY}x|x{_TO_GROUND}",
+        "v": rf"(dvl_)?v|sway(_(speed|velocity))?|{_VELOCITY}y|y{_TO_GROUND}",
+        "w": rf"(dvl_)?w|heave(_(speed|velocity))?|{_VELOCITY}z|z{_TO_GROUND}",
     },
     "attitude": {
         "phi": r"(attitude_)?(phi|roll)(_angle)?",
@@ -72,7 +73,7 @@ _OWNER, _FILTERED = r"((platform|vehicle|auv|nav|m)_)?", r"(_filt(ered)?)?"
 _SENT = r"(desired_)?"
 _SOME_TIME = r"(t|time|timestamp|stamp)_\w+|\w+_(t|time|timestamp|stamp)"
 _TIMES = r"(t|time|timestamp|stamp|unix_?(s|time)?|t_s|seconds|secs?|time_?(s|us|ms|ns)|epoch\w*|utc\w*|date_?time)"
-_BARE_FIELD = re.compile(r"(data|value)(\[(?P<index>[012])\])?")
+_BARE_FIELD = re.compile(r"(data|value)(\[(?P<index>[012])\])?|(?P<axis>[xyz])")
 # What messages of ROS hold that refer to forward-left-up axes and east-north-up by convention (REP 103).
 _REP_103 = {
     "sensor_msgs/Imu": ("orientation.w", "angular_velocity.x", "linear_acceleration.x"),
@@ -216,7 +217,8 @@ def _spoken(table: str, column: LogColumn) -> tuple[str, ...]:
     if not table or field is None:
         return (column.name, f"{column.name}_{column.unit}")
     parts = table.strip("/").split("/")
-    axis = f"_{'xyz'[int(field['index'])]}" if field["index"] else ""
+    letter = field["axis"] or ("xyz"[int(field["index"])] if field["index"] else "")
+    axis = f"_{letter}" if letter else ""
     return tuple(f"{stem}{axis}" for stem in (".".join(parts), "_".join(parts[-2:])))
 
 

@@ -99,8 +99,9 @@ def sensor_tracks(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor]) -
         for part in sensor.parts:
             log, signals = logs[part.log], part.si()
             if flag := flag_of(sensors, log, part):
-                said = np.asarray(log.read(part.match.table, [flag])[flag], np.float64) == 1.0
-                signals = {symbol: np.where(said, values, np.nan) for symbol, values in signals.items()}
+                said = np.asarray(log.read(part.match.table, [flag])[flag], np.float64)
+                known = said == _meaning_valid(said)
+                signals = {symbol: np.where(known, values, np.nan) for symbol, values in signals.items()}
             tracks |= tracks_of(log, part.match.table, signals)
     if "phi" in tracks and _hangs(tracks["phi"].values):
         tracks["phi"] = tracks["phi"]._replace(values=tracks["phi"].values + np.pi)
@@ -224,7 +225,7 @@ def _axes(log: Log, found: FoundSensor, frame: str, judged: Evidence) -> Iterato
     if judged.over_ground and name == "dvl":
         named = is_over_ground(found.main.match.columns)
         said = f"{'by its names' if named else 'its direction goes with the heading, so'} it is over ground; check"
-    yield YamlEntry("frame", frame, said if "check" in said else f"check: {said}")
+    yield YamlEntry("frame", frame, said if "check" in said else f"check: {said or 'nothing tells'}")
     if name == "attitude":
         meaning = "NED, psi from north clockwise, or ENU, from east anticlockwise"
         yield YamlEntry("reference", _EARTH[frame], f"check: {meaning}")
@@ -240,7 +241,15 @@ def _hangs(roll: Array) -> bool:
 
 def _valid(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> Iterator[Line]:
     if flag := flag_of(sensors, log, main):
-        yield YamlEntry("valid", {"column": flag, "values": (True, 1)}, "check: which values mean valid")
+        value = _meaning_valid(np.asarray(log.read(main.match.table, [flag])[flag], np.float64))
+        values = (True, 1) if value == 1 else (value,)
+        yield YamlEntry("valid", {"column": flag, "values": values}, "check: which values mean valid")
+
+
+def _meaning_valid(flags: Array) -> int:
+    """Guess which value of a flag means valid: 1, or of a number with a bit for each component the one with all."""
+    largest = float(np.max(flags, initial=0.0, where=np.isfinite(flags)))
+    return int(largest) if largest > 1.0 and not (flags == 1.0).any() else 1
 
 
 def flag_of(sensors: Mapping[str, FoundSensor], log: Log, main: Found) -> str:

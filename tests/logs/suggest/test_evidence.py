@@ -319,3 +319,22 @@ def test_what_moos_logs_variable_by_variable_is_put_together():
     assert (places["dvl"]["table"], places["dvl"]["v"]["table"], places["dvl"]["w"]["table"]) == (*measured,)[:3]
     assert {places["attitude"]["table"], places["attitude"]["psi"]["table"]} == {"PITCH", "HEADING"}
     assert (found["inputs"]["table"], found["inputs"]["elevator"]["table"]) == (*sent,)
+
+
+def test_messages_of_imc_are_known_by_their_names_and_servos_by_their_ids():
+    axes = dict(zip("xyz", ("p", "q", "r"), strict=True))
+    log = Topics(
+        {
+            "EulerAngles": {name: TRUTH[name] for name in ("phi", "theta", "psi")},
+            "AngularVelocity": {axis: TRUTH[name] for axis, name in axes.items()},
+            "GroundVelocity": {axis: TRUTH[name] for axis, name in zip("xyz", "uvw", strict=True)}
+            | {"validity": np.where(TIME < 100.0, 7.0, 0.0)},
+            "EstimatedState": {name: TRUTH[name] for name in "uvw"},
+            "SetServoPosition": {"id": np.arange(TIME.size) % 2.0, "value": TRUTH["rudder"]},
+        }
+    )
+    text = suggest([log], Path())
+    found = yaml.safe_load(text)["sensors"]
+    assert (found["gyroscope"]["table"], found["dvl"]["table"]) == ("AngularVelocity", "GroundVelocity")
+    assert found["dvl"]["valid"] == {"column": "validity", "values": [7]}
+    assert "these may be fins: {table: SetServoPosition, column: value, rows: {column: id, values: [0]}}" in text
