@@ -11,6 +11,10 @@ from auvid_cli.vehicle.shape import Appendage, Geometry, TailFins
 
 # Beyond these the factors of spheroids, which are those of a sphere at 1, cannot be computed well.
 _LEAST_SLENDERNESS, _LARGEST_SLENDERNESS = 1.1, 1e3
+# Of a fin: span in diameters of the hull, area by its length times diameter. Beyond, somebody mistook a unit; those of
+# published vehicles are 0.4 to 0.6, and 0.015 to 0.04.
+_LEAST_SPAN, _LARGEST_SPAN = 0.02, 3.0
+_LEAST_AREA, _LARGEST_AREA = 5e-4, 0.3
 
 PositiveLength = Annotated[float, Amount("m"), Field(gt=0, le=1e3)]
 Distance = Annotated[float, Amount("m"), Field(ge=0, le=1e3)]
@@ -122,6 +126,14 @@ class FinSettings(Settings):
         """Return them on a hull."""
         if self.position > 1.2 * hull.length:
             raise ValueError(f"fins.position is {self.position:g} m, and the hull {hull.length:g} m long")
+        diameter, outline = hull.diameter, hull.length * hull.diameter
+        if not _LEAST_SPAN * diameter <= self.span <= _LARGEST_SPAN * diameter:
+            limits = f"{_LEAST_SPAN * diameter:.2g} to {_LARGEST_SPAN * diameter:.2g} m"
+            raise ValueError(f"fins.span is {self.span:g} m, on a hull {diameter:g} m wide; expected {limits}")
+        if not _LEAST_AREA * outline <= self.area <= _LARGEST_AREA * outline:
+            limits = f"{_LEAST_AREA * outline:.2g} to {_LARGEST_AREA * outline:.2g} m^2"
+            size = f"{hull.length:g} m by {diameter:g} m"
+            raise ValueError(f"fins.area is {self.area:g} m^2 each, on a hull of {size}; expected {limits}")
         chord = self.area / self.span if self.chord is None else self.chord
         tip = float(hull.radius_at(self.position)) + self.span if self.tip_radius is None else self.tip_radius
         return TailFins(self.position, self.span, self.area, self.number, self.tail, self.taper, chord, tip)

@@ -28,6 +28,12 @@ def sanity_rows(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[Sanit
     slenderness = size.length / size.diameter
     usual = f"usual are {LEAST_SLENDERNESS:g} to {LARGEST_SLENDERNESS:g}"
     yield SanityRow("length", f"{size.length:.4g} m", f"{slenderness:.3g} diameters; {usual}")
+    if (shape := vehicle.shape()) is not None:
+        span, chord = shape.fins.span, shape.fins.area / shape.fins.span
+        beside = (
+            f"{span / size.diameter:.2g} diameters by {chord / size.length:.2g} lengths, {shape.fins.number} of them"
+        )
+        yield SanityRow("fin: span, mean chord", f"{span:.3g}, {chord:.3g} m", beside)
     if displaced := _displaced(vehicle):
         share = f"{known['m'] / displaced:.3g} times as much"
         yield SanityRow("water displaced by the hull", f"{displaced:.4g} kg", f"mass {known['m']:.4g} kg, {share}")
@@ -49,6 +55,10 @@ def sanity_rows(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[Sanit
 def sanity_notes(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[str]:
     """Say what of it is doubtful, a line each."""
     yield from (str(doubt) for doubt in doubts(vehicle))
+    slenderness = vehicle.size.length / vehicle.size.diameter
+    if vehicle.geometry is None and not LEAST_SLENDERNESS <= slenderness <= LARGEST_SLENDERNESS:
+        usual = f"{LEAST_SLENDERNESS:g} to {LARGEST_SLENDERNESS:g}, as torpedo-shaped vehicles have"
+        yield str(Doubt("length", f"{slenderness:.3g} diameters", usual))
     displaced, mass = _displaced(vehicle), vehicle.known_parameters()["m"]
     if displaced and abs(mass / displaced - 1.0) > _LARGEST_EXCESS:
         yield str(Doubt("mass", f"{mass:.4g} kg", f"about the {displaced:.4g} kg of water that the hull displaces"))

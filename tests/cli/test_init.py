@@ -1,5 +1,8 @@
 """`auvid init`, and what can be done with the folder that it makes."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -129,6 +132,30 @@ def test_what_is_missing_is_asked_for_on_a_terminal(tmp_path, monkeypatch):
     assert "expected a length such as '0.2 m'" in result.output
     assert "must be greater than 0" in result.output
     assert {path.name for path in (tmp_path / "mine").iterdir()} == FILES
+
+
+def test_a_dialogue_on_a_real_terminal_ends_with_a_folder(tmp_path):
+    pty = pytest.importorskip("pty", reason="terminals of Unix")
+    ours, theirs = pty.openpty()
+    os.write(ours, b"two\n2 m\n200 mm\n60\n0\n10 cm\n120 cm^2\n")
+    command = [sys.executable, "-m", "auvid_cli", "init", "mine"]
+    with subprocess.Popen(command, cwd=tmp_path, stdin=theirs, stdout=theirs, stderr=theirs) as process:
+        os.close(theirs)
+        said = b"".join(iter(lambda: _read(ours), b"")).decode()
+    os.close(ours)
+    assert process.returncode == 0, said
+    assert "expected a length such as '0.2 m' or a bare number in m, got 'two'" in said
+    assert said.count("Span of one fin from root to tip, e.g. 10 cm:") == 2
+    assert "next: auvid run mine" in said
+    assert {path.name for path in (tmp_path / "mine").iterdir()} == FILES
+
+
+def _read(terminal: int) -> bytes:
+    try:
+        return os.read(terminal, 4096)
+    except OSError:
+        # So a terminal of Linux ends.
+        return b""
 
 
 def test_who_does_not_answer_gets_no_folder(tmp_path, monkeypatch):

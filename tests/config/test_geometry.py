@@ -63,6 +63,13 @@ def test_a_hull_may_be_a_table(text):
         ("fins.position=3 m", "fins.position is 3 m, and the hull 2.194 m long"),
         ("fins.position=0.8 m", "fins.position is 0.8 m, ahead of the centre of buoyancy at 1.027 m"),
         ("fins.area=66 cm", "a quantity such as '0.1 m^2'"),
+        (
+            "fins.area=66.5",
+            "on a hull of 2.194 m by 0.1753 m; expected 0.00019 to 0.12 m^2",
+        ),
+        ("fins.area=66.5 mm^2", "fins.area is 6.65e-05 m^2 each"),
+        ("fins.span=8.6", "fins.span is 8.6 m, on a hull 0.1753 m wide; expected 0.0035 to 0.53 m"),
+        ("fins.span=8.6e-4", "fins.span is 0.00086 m"),
         ("fins.tail=y", "expected '+' or 'x', got 'y'"),
         ("fins={position: 2, span: 0.1, area: 0.01, number: 3, tail: x}", "a tail like an x has 4 fins, got 3"),
         ("fins.tip_radius=5 cm", "at least the span of 0.086 m"),

@@ -33,6 +33,8 @@ def test_a_missing_key_is_named_until_it_is_given():
         ({"fins": 2}, "--fins 2: fins: must be at least 3, got 2"),
         ({"fins": 3, "tail": "x"}, "outline: .*a tail like an x has 4 fins, got 3"),
         ({"nose": "1.5 m", "tail_length": "1 m"}, "outline: nose and tail are 2.5 m of a length of 2 m"),
+        ({"fin_span": "10"}, "outline: fins.span is 10 m, on a hull 0.2 m wide; expected 0.004 to 0.6 m"),
+        ({"fin_area": "80"}, r"outline: fins.area is 80 m\^2 each, on a hull of 2 m by 0.2 m; expected 0.0002 to 0.12"),
         ({"fin_position": "4 m"}, "outline: fins.position is 4 m, and the hull 2 m long"),
         ({"diameter": "2 m"}, "outline: the hull is 1 times as long as wide"),
         # Three times what a cylinder with nose and tail displaces, which is less than 64 kg.

@@ -90,6 +90,8 @@ def test_what_a_vehicle_comes_to_stands_beside_what_is_usual(mine):
     assert 0.67 < displaced / (1025.0 * 3.14159 * 0.01 * 2.0) < 1.0
     assert rows["water displaced by the hull"].beside.startswith("mass 60 kg, ")
     assert rows["length"].beside.startswith("10 diameters")
+    # Of 0.1 m span and 0.012 m^2.
+    assert rows["fin: span, mean chord"][1:] == ("0.1, 0.12 m", "0.5 diameters by 0.06 lengths, 4 of them")
     # m d^2 / 8 of a full cylinder.
     assert rows["inertia about x"].beside == "0.3 of a full cylinder"
     assert [*sanity_notes(mine.vehicle, mine.spiral)] == []
@@ -107,3 +109,10 @@ def test_what_is_doubtful_is_said(change, note):
     folder = folder_of_outline(Path("mine"), outline_of_options(OUTLINE | change))
     notes = [*sanity_notes(folder.vehicle, folder.spiral)]
     assert any(re.search(note, said) for said in notes), notes
+
+
+def test_a_vehicle_without_a_drawing_is_also_told_that_it_is_stout():
+    folder = folder_like(Path("d"), "dive", None)
+    assert "length is 3.84 diameters; expected 4 to 15, as torpedo-shaped vehicles have" in [
+        *sanity_notes(folder.vehicle, folder.spiral)
+    ]

@@ -12,7 +12,7 @@ from auvid_cli.vehicle.coefficients import COEFFICIENTS, SYMBOLS
 from auvid_cli.vehicle.geometry import DERIVED_TERMS, coefficients_from_geometry
 from auvid_cli.vehicle.hull import MyringLengths, hull_of_radii, myring_hull, nose_cylinder_tail_hull
 from auvid_cli.vehicle.shape import Appendage, Geometry, TailFins
-from auvid_cli.vehicle.steady_flow import bare_hull_drag, cross_flow, fin_lift, hull_lift
+from auvid_cli.vehicle.steady_flow import bare_hull_drag, cross_flow, fin_drag, fin_lift, hull_lift
 
 UNITS = pint.UnitRegistry()
 HULL = myring_hull(MyringLengths(0.191, 0.0165, 0.654, 0.541, 0.0368, 0.191, 2.0, 0.436))
@@ -58,12 +58,20 @@ def test_numbers_of_prestero_come_out(got, published):
         (strip_added_mass(REMUS).first, -1.956),
         (strip_added_mass(REMUS).second, 4.929),
         (bare_hull_drag(REMUS, 1.54), 1.71),
+        (bare_hull_drag(REMUS, 1.54) / (515.0 * np.pi * 0.191**2 / 4.0), 0.116),
         (cross_flow(REMUS).moment, -4.4),
         (-cross_flow(REMUS).force_of_turn, 3.1),
         (cross_flow(REMUS).moment_of_turn, 8.44),
         (cross_flow(REMUS).gross_moment, 38.8),
         (cross_flow(REMUS).gross_force_of_turn, 15.9),
+        (hull_lift(REMUS).force, 22.5),
         (hull_lift(REMUS).moment, -5.8),
+        (FINS.aspect_ratio, 2.21),
+        (PAIR, 21.35),
+        (roll_added_inertia(REMUS._replace(fins=FINS._replace(tip_radius=0.1172))), 0.0092),
+        # Of two fins, at two radii.
+        (2.0 * fin_drag(REMUS) * FINS.mean_radius**3, 0.0026),
+        (2.0 * fin_drag(REMUS) * 0.1172**3, 0.0062),
         (means(REMUS)["K_up"], -0.33),
     ],
 )
@@ -71,12 +79,20 @@ def test_the_other_numbers_of_the_remus_come_out(got, computed):
     assert got == pytest.approx(computed, rel=0.02)
 
 
+def test_a_bare_hull_drags_along_less_water_than_one_with_fins():
+    """The same formulas by other code: strips of the hull alone."""
+    strips = strip_added_mass(REMUS._replace(fins=FINS._replace(tip_radius=1e-6)))
+    assert (strips.mass, strips.second) == pytest.approx((32.6, 3.55), rel=0.02)
+
+
 # Blevins' table, as Prestero's 4.1 has it, for k1; k2 and k' of Imlay's program.
 @pytest.mark.parametrize(
     ("slenderness", "surge", "sway", "turn"),
     [
         (5.0, 0.0591, 0.894, 0.700),
+        (6.0, 0.0452, 0.917, 0.762),
         (7.0, 0.0358, 0.933, 0.807),
+        (8.0, 0.0293, 0.945, 0.839),
         (10.0, 0.0207, 0.960, 0.884),
         (12.5, 0.0146, 0.972, 0.917),
         (15.0, 0.0109, 0.979, 0.937),
