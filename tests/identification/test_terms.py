@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import read_estimate, write_estimate
 from auvid_cli.evaluation.free_run import free_run
@@ -15,6 +16,7 @@ from auvid_cli.evaluation.judgement import Grade, judge_one
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.prior import coefficient_priors, natural_magnitude
+from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, Coefficient, unit_of
 
 CROSS_FLOW, ROLLING = "N_|v|r", "K_up"
@@ -72,6 +74,26 @@ def test_with_them_the_fit_is_sound_and_without_it_is_not_and_says_why(clean, fo
     worst = max(lacking.faults, key=lambda test: abs(test.z))
     assert (worst.fault, worst.unit) == (CROSS_FLOW, "kg*m/rad")
     assert "vehicle.terms" in judgement.remedy
+
+
+def test_rolling_against_the_fins_that_is_left_out_is_taken_for_a_hundredfold_drag_of_rolling():
+    """LRAUV with the terms that its source has beyond the 22."""
+    settings = (
+        "vehicle.terms=[{name: K_up, row: K, factors: [u, p], value: -5.707}, "
+        "{name: X_vv, row: X, factors: [v, v], value: -50}, {name: X_ww, row: X, factors: [w, w], value: -50}]",
+        "manoeuvre.duration=60 s",
+        "sensors.attitude.source=direct",
+    )
+    dataset = simulate(load_experiment(find_experiment("lrauv"), settings))
+    true = dataset.experiment.vehicle.all_coefficients()
+    whole, lacking = (identify(each, FilterName.SMOOTHER) for each in (dataset, without_terms(dataset)))
+    for symbol in ("K_p|p|", "K_up", "X_vv", "X_ww"):
+        value, deviation = value_and_deviation(whole, symbol)
+        assert abs(value - true[symbol]) < 3.0 * deviation
+    value, _ = value_and_deviation(lacking, "K_p|p|")
+    assert value < 100.0 * true["K_p|p|"]
+    assert judge_one(whole, whole).grade is Grade.SOUND
+    assert judge_one(lacking, lacking).grade is Grade.INCONSISTENT
 
 
 def test_one_that_is_held_is_known_to_the_filter(clean):
