@@ -24,7 +24,8 @@ def print_terms(console: Console, findings: TermFindings) -> None:
         Text(
             f"{findings.n_candidates} candidates, fitted to {_of(findings.fitted)}, held out {_of(findings.held_out)}. "
             "Gain: in log-likelihood, before a fit with the term and after it; made up: of what the term does, the "
-            "share that the model's own coefficients hide."
+            "share that the model's own coefficients hide; not kept: another fits better, or those found after it make "
+            "it needless; no better held out: the data that it was not fitted to do not speak for it."
         )
     )
     for term in findings.found:
@@ -43,7 +44,7 @@ def _verdict(term: ScoredTerm) -> str:
         return "found"
     if term.held_out_gain is None:
         return ""
-    return "not kept: fits less well, or needless" if term.is_likelier else "no better on held-out data"
+    return "not kept" if term.is_likelier else "no better held out"
 
 
 def _of(spans: Spans) -> str:
