@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from auvid_cli import __version__
 from auvid_cli.campaign.measures import Measure, measures
 from auvid_cli.campaign.plan import CampaignRun, RunGroup
+from auvid_cli.config.actuators import ActuatorSettings
 from auvid_cli.config.experiment import Experiment, Identification, Use
 from auvid_cli.config.filter_name import JUDGE
 from auvid_cli.config.load import given_settings
@@ -29,7 +30,7 @@ from auvid_cli.simulation.simulate import simulate
 # What of the settings of a filter its bound depends on.
 _OF_THE_DATA = {
     *("coefficients", "attitude_from", "use", "estimate", "integration_step"),
-    *("fin_time_constant", "inputs", "delays"),
+    *("inputs", "delays"),
 }
 
 
@@ -96,7 +97,9 @@ def _perform(simulated: str, run: CampaignRun, given: str, with_estimates: bool)
         estimated = assumed.identification.estimated(assumed.vehicle)
         settings = assumed.identification.model_copy(update={"coefficients": estimated})
         of_data = settings.model_dump_json(include=_OF_THE_DATA, exclude_none=True)
-        bounds = _bounds(simulated, of_data, assumed.vehicle.model_dump_json(include={"terms"}, exclude_none=True))
+        bounds = _bounds(
+            simulated, of_data, assumed.vehicle.model_dump_json(include={"terms", "actuators"}, exclude_none=True)
+        )
         judgement = judge_one(estimate, reference)
         rows = measures(run.identity, run.filter, run.seed, estimate, _truth(dataset), bounds, judgement)
     except AuvidError as error:
@@ -157,13 +160,15 @@ def _bounds(simulated: str, identification: str, assumed: str) -> Mapping[str, f
     identification : str
         What is estimated from which part of them.
     assumed : str
-        Terms that may be among it, and of which those that the simulation does not have are truly zero.
+        Terms that may be among it, and of which those that the simulation does not have are truly zero; and actuators.
     """
     dataset = _data(simulated)
     vehicle = dataset.experiment.vehicle
-    of_filter = (Term.model_validate(term) for term in json.loads(assumed)["terms"])
+    of_vehicle = json.loads(assumed)
+    of_filter = (Term.model_validate(term) for term in of_vehicle["terms"])
+    actuators = ActuatorSettings.model_validate(of_vehicle["actuators"])
     beyond = tuple(term for term in of_filter if term.name not in vehicle.coefficient_set.symbols)
-    vehicle = vehicle.model_copy(update={"terms": (*vehicle.terms, *beyond)})
+    vehicle = vehicle.model_copy(update={"terms": (*vehicle.terms, *beyond), "actuators": actuators})
     settings = Identification.model_validate_json(identification, context=vehicle.coefficient_set)
     changes = {"identification": settings, "vehicle": vehicle}
     data = replace(dataset, experiment=dataset.experiment.model_copy(update=changes))

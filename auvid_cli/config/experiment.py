@@ -141,11 +141,6 @@ class Identification(Settings):
         Field(description="the attitude record, or instead of it those of accelerometer and magnetometer themselves"),
     ] = "ahrs"
     use: Use = Use()
-    fin_time_constant: Annotated[
-        float,
-        Amount("s"),
-        Field(ge=0, le=1e3, description="of fins that follow the recorded command with a first-order lag"),
-    ] = 0.0
     inputs: InputSettings = InputSettings()
     delays: dict[str, Annotated[float, Amount("s")]] = Field(
         default_factory=dict,
@@ -326,6 +321,35 @@ def _of_its_vehicle(value: Any, info: ValidationInfo) -> Any:
     return settings
 
 
+def with_lag_of_vehicle(data: Any) -> Any:
+    """Move the lag of the fins from `identification`, where files of before have it, to the vehicle's actuators.
+
+    Raises
+    ------
+    ValueError
+        If the vehicle states one as well.
+    """
+    identification, vehicle = (
+        (data.get(key) for key in ("identification", "vehicle")) if isinstance(data, dict) else (None,) * 2
+    )
+    if not isinstance(identification, dict) or not isinstance(vehicle, dict) or _LAG not in identification:
+        return data
+    rest = {key: value for key, value in identification.items() if key != _LAG}
+    if not identification[_LAG]:
+        return {**data, "identification": rest}
+    actuators = vehicle.get("actuators") or {}
+    fins = actuators.get("fins") or {}
+    if "time_constant" in fins:
+        raise ValueError(
+            f"identification.{_LAG} and vehicle.actuators.fins.time_constant both state a lag: leave out the first"
+        )
+    fins = {**fins, "time_constant": identification[_LAG]}
+    vehicle = {**vehicle, "actuators": {**actuators, "fins": fins}}
+    return {**data, "vehicle": vehicle, "identification": rest}
+
+
+# What it was called there.
+_LAG = "fin_time_constant"
 # Stands behind the vehicle.
 IdentificationOfVehicle = Annotated[Identification, BeforeValidator(_of_its_vehicle)]
 
@@ -355,6 +379,11 @@ class RunSettings(Settings):
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True, description="of every random stream")] = 1
     vehicle: VehicleSettings
     identification: IdentificationOfVehicle = Identification()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_lag_of_vehicle(cls, data: Any) -> Any:
+        return with_lag_of_vehicle(data)
 
     def data_files(self) -> list[Path]:
         """Return the files with numbers that the settings name."""

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from auvid_cli.config.assemble import assemble
-from auvid_cli.config.experiment import Identification, IdentificationOfVehicle
+from auvid_cli.config.experiment import Identification, IdentificationOfVehicle, with_lag_of_vehicle
 from auvid_cli.config.load import open_source, validated
 from auvid_cli.config.log_columns import TimeSource
 from auvid_cli.config.log_inputs import InputsMap
@@ -54,6 +54,11 @@ class LogMap(Settings):
     exclude: Annotated[Spans, Field(description="[begin, end] in the dataset's time: missing in every sensor")] = ()
     sensors: SensorMaps
     inputs: InputsMap
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_lag_of_vehicle(cls, data: Any) -> Any:
+        return with_lag_of_vehicle(data)
 
     def files(self, folder: Path, given: Sequence[str] = ()) -> dict[str, tuple[Path, ...]]:
         """Return the files of the logs by name; of one that goes on in further files all of them, in order.

@@ -17,9 +17,9 @@ PositiveRadians = Annotated[float, Amount("rad"), Field(gt=0)]
 
 
 class Limits(Settings):
-    """What the actuators can do."""
+    """What the autopilot commands at most; what fins and thrust then do of it, a vehicle's `actuators` say."""
 
-    fin_angle: Annotated[PositiveRadians, Field(lt=1.6, description="largest fin deflection")] = 0.35
+    fin_angle: Annotated[PositiveRadians, Field(lt=1.6, description="largest fin angle")] = 0.35
     fin_rate: Annotated[float, Amount("rad/s"), Field(gt=0, description="largest fin rate")] = 1.0
     surge_force: Annotated[float, Amount("N"), Field(gt=0, description="largest thrust, either way")] = 1e4
 

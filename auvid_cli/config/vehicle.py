@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, ValidationInfo, create_model, field_validator, model_validator
 
+from auvid_cli.config.actuators import ActuatorSettings
 from auvid_cli.config.geometry import GeometrySettings
 from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.config.settings import Settings
@@ -147,6 +148,10 @@ class VehicleSettings(Settings):
     ] = CoefficientTable()
 
     terms: Annotated[tuple[Term, ...], Field(description="of the equations of motion beyond the 22")] = ()
+    actuators: Annotated[
+        ActuatorSettings,
+        Field(description="how fins and propeller follow the recorded inputs, which are commands then"),
+    ] = ActuatorSettings()
 
     @field_validator("geometry", mode="after")
     @classmethod

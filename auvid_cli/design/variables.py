@@ -125,6 +125,14 @@ def own_manoeuvre(experiment: Experiment, duration: float, fin_angle: float | No
         raise ConfigError(f"--duration {duration:g} s: expected at least {_SHORTEST:g} s")
     changed = {"fin_angle": fin_angle, "fin_rate": fin_rate}
     limits = manoeuvre.limits.model_copy(update={name: value for name, value in changed.items() if value is not None})
+    # No more is asked of the fins and the propeller than the vehicle file says they do.
+    fins, _, propeller = experiment.vehicle.actuators.actuators()
+    able = {
+        "fin_angle": min(limits.fin_angle, fins.saturation),
+        "fin_rate": min(limits.fin_rate, fins.rate_limit),
+        "surge_force": min(limits.surge_force, propeller.saturation),
+    }
+    limits = limits.model_copy(update=able)
     # Half of a short run for its start would tell nothing.
     fade_in = min(manoeuvre.excitation.fade_in, 0.25 * duration)
     excitation = manoeuvre.excitation.model_copy(update={"fade_in": fade_in})

@@ -1,4 +1,4 @@
-"""What lay between the inputs as they were stated and those that acted: the propeller's gain and the fins' lag."""
+"""What lay between the inputs as they were stated and those that acted: the propeller's gain, and the actuators."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -6,13 +6,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.config.actuators import ActuatorSettings
+from auvid_cli.data.acting_inputs import as_acting
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.export.terms import held_inputs, term_histories
-from auvid_cli.identification.actuators import as_acting
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
+
+_FORCE = INPUT_SYMBOLS.index("surge_force")
 
 
 class Actuation(NamedTuple):
@@ -24,27 +27,27 @@ class Actuation(NamedTuple):
         How many times the stated surge force acts.
     thrust_rms : float
         Root mean square of the surge force that this adds or takes, N.
-    fin_time_constant : float
-        Of the first-order lag between the command and the fin, s.
-    lag_rms : dict of float
-        Root mean square of what the lag changes in a fin's force or moment, by coefficient, N or N m.
+    actuators : ActuatorSettings
+        How fins and propeller follow their commands.
+    changes : dict of float
+        Root mean square of what that changes in the force or moment of each coefficient of an input, and in
+        `surge_force`, N or N m.
     """
 
     thrust: float
     thrust_rms: float
-    fin_time_constant: float
-    lag_rms: dict[str, float]
+    actuators: ActuatorSettings
+    changes: dict[str, float]
 
 
 def acting_inputs(estimate: Estimate, inputs: InputRecord) -> Array:
-    """Return inputs at the times of an estimate, the fins where its filter saw them, but for trims and thrust."""
-    settings = estimate.experiment.identification
-    acting = as_acting(inputs, settings)
+    """Return inputs at the times of an estimate as its filter saw them act, but for trims and the thrust's gain."""
+    acting = as_acting(inputs, estimate.experiment)
     return held_inputs(estimate.time, acting.time, acting.values)
 
 
 def actuation(estimate: Estimate, inputs: InputRecord, coefficients: Mapping[str, float], motion: Array) -> Actuation:
-    """Return gain and lag of an estimate, sized along its motion.
+    """Return gain and actuators of an estimate, sized along its motion.
 
     Parameters
     ----------
@@ -58,12 +61,13 @@ def actuation(estimate: Estimate, inputs: InputRecord, coefficients: Mapping[str
     """
     commanded = held_inputs(estimate.time, inputs.time, inputs.values)
     of_vehicle, acting = estimate.coefficient_set, acting_inputs(estimate, inputs)
-    by_command, by_fin = (term_histories(of_vehicle, coefficients, motion, each) for each in (commanded, acting))
-    changes = np.sqrt(np.mean((by_fin - by_command) ** 2, axis=0))
-    thrust, force = estimate.final_actuators().thrust, commanded[:, INPUT_SYMBOLS.index("surge_force")]
+    by_command, by_actuator = (term_histories(of_vehicle, coefficients, motion, each) for each in (commanded, acting))
+    changes = np.sqrt(np.mean((by_actuator - by_command) ** 2, axis=0))
+    thrust, force = estimate.final_actuators().thrust, acting[:, _FORCE]
+    of_inputs = {c.symbol: float(rms) for c, rms in zip(of_vehicle, changes, strict=True) if c.is_of_inputs}
     return Actuation(
         thrust=thrust,
         thrust_rms=float(abs(thrust - 1.0) * np.sqrt(np.mean(force**2))),
-        fin_time_constant=estimate.experiment.identification.fin_time_constant,
-        lag_rms={c.symbol: float(change) for c, change in zip(of_vehicle, changes, strict=True) if c.is_of_fins},
+        actuators=estimate.experiment.vehicle.actuators,
+        changes=of_inputs | {"surge_force": float(np.sqrt(np.mean((force - commanded[:, _FORCE]) ** 2)))},
     )

@@ -10,7 +10,7 @@ from auvid_cli.export.losses import NOTHING, Losses
 from auvid_cli.export.model import IdentifiedModel
 from auvid_cli.vehicle.parameters import PARAMETERS
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 def json_losses(model: IdentifiedModel) -> Losses:
@@ -61,11 +61,10 @@ def json_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
             "meaning": "how many times the stated surge force acts",
             "rms_of_change": model.actuation.thrust_rms,
         },
-        "fin_time_constant": {
-            "value": model.actuation.fin_time_constant,
-            "unit": "s",
-            "meaning": "first-order lag of the fins behind their commands",
-            "rms_of_change": model.actuation.lag_rms,
+        "actuators": {
+            **model.actuation.actuators.model_dump(mode="json", exclude_none=True),
+            "meaning": "how fins and propeller follow their commands, SI; see the settings of a vehicle",
+            "rms_of_change": model.actuation.changes,
         },
         "terms": [size._asdict() for size in model.term_sizes],
         "lost": {"terms": [size._asdict() for size in losses.terms], "notes": losses.notes},

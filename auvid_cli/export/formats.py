@@ -15,7 +15,7 @@ from auvid_cli.export.model import IdentifiedModel
 from auvid_cli.export.mss import mss_losses, mss_text
 from auvid_cli.export.python_function import python_text
 from auvid_cli.export.vehicle_simulator import simulator_losses, simulator_text
-from auvid_cli.export.vehicle_yaml import yaml_text
+from auvid_cli.export.vehicle_yaml import yaml_losses, yaml_text
 from auvid_cli.printable import printable
 
 
@@ -42,7 +42,7 @@ class Format(NamedTuple):
 
 
 FORMATS = {
-    FormatName.YAML: Format(".yaml", losses_of, yaml_text),
+    FormatName.YAML: Format(".yaml", yaml_losses, yaml_text),
     FormatName.JSON: Format(".json", json_losses, json_text),
     FormatName.PYTHON: Format(".py", losses_of, python_text),
     FormatName.MATLAB: Format(".m", losses_of, matlab_text),

@@ -33,6 +33,7 @@ def losses_of(
     symbols: Collection[str] = (),
     notes: tuple[str, ...] = (),
     *,
+    holds_gain: bool = False,
     holds_actuators: bool = False,
 ) -> Losses:
     """Return what a form loses that holds the equations of motion alone.
@@ -44,12 +45,15 @@ def losses_of(
         Coefficients whose terms it loses as well.
     notes : tuple of str
         All else that it loses.
+    holds_gain : bool
+        Whether it has the propeller's gain.
     holds_actuators : bool
-        Whether it has the propeller's gain and the fins' lag.
+        Whether it has how fins and propeller follow their commands.
     """
     terms = tuple(size for size in model.term_sizes if size.symbol in symbols)
-    actuation = [] if holds_actuators else _actuation_lines(model)
-    return Losses(terms, (*notes, _COVARIANCES, *actuation, *_ballast_lines(model), *_state_lines(model)))
+    gain = [] if holds_gain else _gain_lines(model)
+    actuators = [] if holds_actuators else _actuator_lines(model)
+    return Losses(terms, (*notes, _COVARIANCES, *gain, *actuators, *_ballast_lines(model), *_state_lines(model)))
 
 
 def loss_lines(losses: Losses) -> list[str]:
@@ -63,21 +67,28 @@ def loss_lines(losses: Losses) -> list[str]:
     return [opening, *terms, *losses.notes]
 
 
-def _actuation_lines(model: IdentifiedModel) -> list[str]:
-    actuation, lines = model.actuation, []
-    if actuation.thrust != 1.0:
-        lines.append(
-            f"The propeller's gain is lost: multiply the stated surge force by {actuation.thrust:.5g}; along the "
-            f"estimated motion that changed it by {actuation.thrust_rms:.3g} N RMS."
-        )
-    if actuation.fin_time_constant:
-        units = {size.symbol: size.unit for size in model.term_sizes}
-        changes = ", ".join(f"{symbol} by {rms:.3g} {units[symbol]}" for symbol, rms in actuation.lag_rms.items())
-        lines.append(
-            f"The fins' lag is lost: put one of {actuation.fin_time_constant:g} s, first order, between the commands "
-            f"and rudder and elevator here; along the estimated motion it changed {changes} RMS."
-        )
-    return lines
+def _gain_lines(model: IdentifiedModel) -> list[str]:
+    actuation = model.actuation
+    if actuation.thrust == 1.0:
+        return []
+    return [
+        f"The propeller's gain is lost: multiply the stated surge force by {actuation.thrust:.5g}; along the "
+        f"estimated motion that changed it by {actuation.thrust_rms:.3g} N RMS."
+    ]
+
+
+def _actuator_lines(model: IdentifiedModel) -> list[str]:
+    actuators, units = model.actuation.actuators, {size.symbol: size.unit for size in model.term_sizes}
+    described = [f"{what} of {words}" for what, words in actuators.described().items() if words]
+    if not described:
+        return []
+    changes = ", ".join(
+        f"{symbol} by {rms:.3g} {units.get(symbol, 'N')}" for symbol, rms in model.actuation.changes.items()
+    )
+    return [
+        f"The actuators are lost: put {' and '.join(described)} between the commands and the inputs here; along the "
+        f"estimated motion that changed {changes} RMS."
+    ]
 
 
 def _ballast_lines(model: IdentifiedModel) -> list[str]:

@@ -7,11 +7,38 @@ Euler steps, and so does this one.
 from auvid_cli.export.losses import Losses, losses_of
 from auvid_cli.export.model import IdentifiedModel
 from auvid_cli.export.python_function import python_text
+from auvid_cli.vehicle.actuators import Actuators
 
 _NOTES = (
     "Steps are Euler's, as the simulator takes them.",
-    "It has no autopilot: commands are those of stepInput, which you write. Fins and thrust have no limits.",
+    "It has no autopilot: commands are those of stepInput, which you write. ACTUATORS are all the limits "
+    "of fins and thrust.",
 )
+_ACTUATORS = '''
+
+def demanded(actuator, command):
+    """Where a command sends an actuator."""
+    return np.copysign(max(min(abs(command), actuator["saturation"]) - actuator["dead_band"], 0.0), command)
+
+
+def position(actuator, before, command):
+    """Where an actuator is: what neither lags nor is limited is where it is sent to."""
+    at_once = actuator["time_constant"] == 0.0 and actuator["rate_limit"] == np.inf
+    return demanded(actuator, command) if at_once else before
+
+
+def moved(actuator, before, command, duration):
+    """Where it is a short while later, s."""
+    lag, left = actuator["time_constant"], demanded(actuator, command) - before
+    way = left * (1.0 - np.exp(-duration / lag)) if lag else left
+    return before + np.clip(way, -duration * actuator["rate_limit"], duration * actuator["rate_limit"])
+
+
+def effective(actuator, at):
+    """Deflection that would make the force of a stalled fin if it had not stalled."""
+    beyond = abs(at) - actuator["stall"]
+    return at if beyond <= 0.0 else np.copysign(max(actuator["stall"] + actuator["stall_slope"] * beyond, 0.0), at)
+'''
 _CLASS = '''
 
 class Vehicle:
@@ -57,17 +84,17 @@ class Vehicle:
         """
         nu, acting, commanded = (np.asarray(each, dtype=float) for each in (nu, u_actual, u_control))
         phi, theta, psi = eta[3:6]
-        # A fin without lag is where it is commanded to be; so is the propeller.
-        acting = np.array([*(acting[:2] if FIN_TIME_CONSTANT else commanded[:2]), *commanded[2:]])
+        acting = np.array([*map(position, ACTUATORS, acting, commanded), *commanded[len(ACTUATORS):]])
         north, east = self.V_c * cos(self.beta_c - psi), self.V_c * sin(self.beta_c - psi)
         below = sin(theta) * north
         current = np.array([cos(theta) * north, cos(phi) * east + sin(phi) * below, cos(phi) * below - sin(phi) * east])
         relative = [*(nu[:3] - current), *nu[3:], phi, theta, psi]
-        slope = motion_derivative(relative, acting * [1.0, 1.0, THRUST_GAIN, 1.0])[:6]
+        forces = np.array([*map(effective, ACTUATORS, acting), *acting[len(ACTUATORS):]])
+        slope = motion_derivative(relative, forces * [1.0, 1.0, THRUST_GAIN, 1.0])[:6]
         # In turning axes the current turns the other way.
         slope[:3] -= np.cross(nu[3:], current)
-        if FIN_TIME_CONSTANT:
-            acting[:2] += (1.0 - np.exp(-sampleTime / FIN_TIME_CONSTANT)) * (commanded[:2] - acting[:2])
+        for k, actuator in enumerate(ACTUATORS):
+            acting[k] = moved(actuator, acting[k], commanded[k], sampleTime)
         return nu + sampleTime * slope, acting
 
     def stepInput(self, t):
@@ -78,7 +105,16 @@ class Vehicle:
 
 def simulator_losses(model: IdentifiedModel) -> Losses:
     """Name what lies outside the equations of motion and the actuators."""
-    return losses_of(model, notes=_NOTES, holds_actuators=True)
+    return losses_of(model, notes=_NOTES, holds_gain=True, holds_actuators=True)
+
+
+def _written(actuators: Actuators) -> str:
+    entries = (", ".join(f"{name!r}: {_number(value)}" for name, value in a._asdict().items()) for a in actuators)
+    return "".join(["ACTUATORS = (\n", *(f"    {{{entry}}},\n" for entry in entries), ")\n"])
+
+
+def _number(value: float) -> str:
+    return "np.inf" if value == float("inf") else repr(value)
 
 
 def simulator_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
@@ -86,8 +122,8 @@ def simulator_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
     vehicle, actuation = model.experiment.vehicle, model.actuation
     known = vehicle.known_parameters()
     actuators = (
-        "\n\n# How many times the commanded surge force acts, and the first-order lag of the fins, s.\n"
-        f"THRUST_GAIN = {actuation.thrust!r}\nFIN_TIME_CONSTANT = {actuation.fin_time_constant!r}\n"
+        "\n\n# How many times the surge force acts; how rudder, elevator and surge force follow their commands, SI.\n"
+        f"THRUST_GAIN = {actuation.thrust!r}\n{_written(actuation.actuators.actuators())}{_ACTUATORS}"
     )
     body = _CLASS.format(name=name, length=vehicle.size.length, thrust=known["X_prop"], torque=known["K_prop"])
     return python_text(model, losses, name) + actuators + body

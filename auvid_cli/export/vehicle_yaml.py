@@ -6,10 +6,15 @@ import yaml
 
 from auvid_cli.export.comment import line_comments
 from auvid_cli.export.heading import heading_lines
-from auvid_cli.export.losses import Losses
+from auvid_cli.export.losses import Losses, losses_of
 from auvid_cli.export.model import IdentifiedCoefficient, IdentifiedModel
 from auvid_cli.vehicle.coefficients import SYMBOLS
 from auvid_cli.vehicle.parameters import PARAMETERS
+
+
+def yaml_losses(model: IdentifiedModel) -> Losses:
+    """Name what a vehicle file has no place for."""
+    return losses_of(model, holds_actuators=True)
 
 
 def yaml_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
@@ -30,6 +35,8 @@ def yaml_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
     terms = [_without_prior(term) | entries[term["name"]] for term in vehicle.pop("terms")]
     if terms:
         vehicle["terms"] = terms
+    if not any(vehicle["actuators"].values()):
+        del vehicle["actuators"]
     text = yaml.safe_dump(vehicle, sort_keys=False, width=160, default_flow_style=None, allow_unicode=True)
     return line_comments("#", heading_lines(model, losses)) + text
 

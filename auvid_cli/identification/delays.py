@@ -23,7 +23,6 @@ from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
 from auvid_cli.filters.marginal import marginal_answer, marginal_scores
 from auvid_cli.filters.problem import FaultScores
 from auvid_cli.filters.smoother import most_probable
-from auvid_cli.identification.actuators import FINS
 from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
 from auvid_cli.identification.fault_effects import VehicleFaults
 from auvid_cli.identification.found_delays import FoundDelays
@@ -31,6 +30,8 @@ from auvid_cli.identification.prepared_data import PreparedData
 
 Array = NDArray[np.float64]
 
+# Rudder and elevator are the first of the inputs.
+_FINS = 2
 # Steps at most, the share of its standard deviation that is no step any more, and how often one is halved that goes too
 # far: the cost may be so much higher, for the data have other ends.
 _ROUNDS, _SMALL, _HALVINGS, _HIGHER = 15, 0.1, 4, 1e-3
@@ -140,7 +141,7 @@ def unrecorded_time(inputs: InputRecord) -> float:
     A change is known to have come within an interval T, which is a standard deviation of ``T / sqrt(12)``; of many
     changes the mean counts, as many as make up most of all the movement.
     """
-    changes = np.square(np.diff(inputs.values[:, :FINS], axis=0)).sum(axis=1)
+    changes = np.square(np.diff(inputs.values[:, :_FINS], axis=0)).sum(axis=1)
     if not changes.any():
         return 0.0
     many = float(changes.sum()) ** 2 / float(np.square(changes).sum())

@@ -230,7 +230,7 @@ _LATE = (
 )
 _EARLY = (
     "add it to the times of the inputs where they are recorded or imported, or state it (identification.delays.inputs);"
-    " fins that lag: identification.fin_time_constant"
+    " fins that lag: vehicle.actuators.fins.time_constant"
 )
 _LEVER = "move what the DVL measured to the origin, or estimate its arm (identification.estimate.biases: [dvl_arm])"
 _TRIM = "add it to the recorded angle, or estimate it (identification.estimate.biases: [fin_trim])"

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import Identification, RunSettings
 from auvid_cli.config.moving_states import FURTHER_STATES
+from auvid_cli.data.acting_inputs import as_acting
 from auvid_cli.data.dataset import Dataset, SensorRecord
-from auvid_cli.identification.actuators import as_acting
 from auvid_cli.identification.found_delays import FoundDelays
 from auvid_cli.identification.segmentation import used_segments
 from auvid_cli.identification.timeline import Timelines, first_measured, initial_motion, measuring_sensors
@@ -84,7 +84,7 @@ def prepare(dataset: Dataset) -> PreparedData:
     """
     settings = dataset.experiment.identification
     timely = replace(dataset, sensors=on_time(dataset.sensors, settings))
-    measuring, inputs = measuring_sensors(timely), as_acting(dataset.inputs, settings)
+    measuring, inputs = measuring_sensors(timely), as_acting(dataset.inputs, dataset.experiment)
     segments = []
     for data in used_segments(timely, measuring):
         records = {name: data.sensors[name] for name in measuring}
@@ -107,5 +107,5 @@ def on_time(sensors: dict[str, SensorRecord], settings: Identification) -> dict[
 
 def _what_prepares(experiment: RunSettings) -> tuple[object, ...]:
     settings = experiment.identification
-    moved = settings.inputs, settings.delays, settings.fin_time_constant, settings.integration_step
+    moved = settings.inputs, settings.delays, experiment.vehicle.actuators, settings.integration_step
     return settings.attitude_from, settings.use, settings.measurement_noise, *moved

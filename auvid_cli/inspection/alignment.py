@@ -157,7 +157,7 @@ def alignment_checks(alignment: Alignment) -> list[Check]:
         late, why = f"lag behind the motion by {delay:.2f} s", "What comes after its answer spoils coefficients of fins"
     else:
         late = f"are {-delay:.2f} s ahead of the motion"
-        why = "Fins follow late (`identification.fin_time_constant`), or the clock of their commands is ahead"
+        why = "Fins follow late (`vehicle.actuators.fins.time_constant`), or the clock of their commands is ahead"
     unclear = "" if alignment.is_clear else "cannot tell from a longer lag: "
     return [
         judged(

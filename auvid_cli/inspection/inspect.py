@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from auvid_cli.config.experiment import ImportedRun, RunSettings
 from auvid_cli.config.plausibility import doubts
 from auvid_cli.config.vehicle import VehicleSettings
+from auvid_cli.data.acting_inputs import acted
 from auvid_cli.data.check import Check, Checks
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
+from auvid_cli.inspection.actuator_limits import actuator_checks
 from auvid_cli.inspection.agreement import rotation_checks
 from auvid_cli.inspection.alignment import aligned, alignment_checks, input_alignment
 from auvid_cli.inspection.allan import bias_instability
@@ -61,7 +63,9 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
         marks += screening.marks
         sound[name] = screening.record
     span = _span(dataset.inputs, sensors)
-    signals = signals_of(dataset.inputs, sound, span)
+    actuators = dataset.experiment.vehicle.actuators.actuators()
+    acting = acted(dataset.inputs, actuators, dataset.experiment.identification.integration_step)
+    signals = signals_of(acting, sound, span)
     stepped = set()
     for name, component, symbol in _angles(sound):
         before, after, size = angle_steps(sound, name, component)
@@ -79,6 +83,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     motion = motion_of(in_water, dataset.experiment.vehicle)
     alignment = input_alignment(in_water, motion, time_constant)
     checks += [*input_timing_checks(dataset.inputs, time_constant), *alignment_checks(alignment)]
+    checks += actuator_checks(dataset.inputs, actuators)
     checks += force_checks(signals, dataset.experiment.vehicle)
     rotations = rotation_checks(aligned(in_water, alignment), time_constant)
     accelerometer = dataset.sensors.get("accelerometer")

@@ -34,7 +34,7 @@ def simulate(experiment: Experiment) -> Dataset:
     if trim.any():
         plan.feedforward[:] += trim
     disturbance = draw_disturbance(manoeuvre.disturbance, plan.time, experiment.seed)
-    truth = simulate_motion(experiment.vehicle, manoeuvre, plan, disturbance)
+    truth = simulate_motion(experiment.vehicle, manoeuvre, plan, disturbance, trim=trim)
     del plan  # Of ten hours 170 MB, which nothing reads any more.
     current = np.array([manoeuvre.current_north, manoeuvre.current_east, 0.0])
     records = measure(truth, experiment.sensors, current, experiment.seed)
@@ -44,7 +44,9 @@ def simulate(experiment: Experiment) -> Dataset:
         records["attitude"] = stamped(attitude, ahrs.attitude, "attitude", experiment.seed, duration)
     _share_clocks(truth.time, records)
     return Dataset(
-        inputs=record_inputs(truth.time, truth.inputs - trim if trim.any() else truth.inputs, manoeuvre.recorded_rate),
+        inputs=record_inputs(
+            truth.time, truth.commands - trim if trim.any() else truth.commands, manoeuvre.recorded_rate
+        ),
         sensors=records,
         experiment=experiment,
         truth=TruthRecord(

@@ -13,6 +13,8 @@ from auvid_cli.errors import SimulationError
 from auvid_cli.lanes import LANES
 from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, controls_of, limited, steer
 from auvid_cli.simulation.manoeuvre_plan import WANTED, ManoeuvrePlan
+from auvid_cli.vehicle.actuator_motion import ACTUATOR, demanded, effective, moved
+from auvid_cli.vehicle.actuators import IDEAL, N_ACTUATORS
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
     N_SLOPE,
@@ -31,6 +33,9 @@ Array = NDArray[np.float64]
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
+_ACTUATORS = types.UniTuple(ACTUATOR, N_ACTUATORS)
+
+_NO_TRIM = np.zeros(4)
 LONGEST_STEP = 0.0025
 LARGEST_PITCH = np.deg2rad(85.0)
 LARGEST_ROLL = np.deg2rad(90.0)
@@ -50,7 +55,9 @@ class Truth(NamedTuple):
     ----------
     time : ndarray, shape (n,)
     inputs : ndarray, shape (n, 4)
-        What the actuators did from this tick to the next.
+        What the actuators did from this tick to the next, on the average.
+    commands : ndarray, shape (n, 4)
+        What they followed; the same where they do so exactly.
     motion : ndarray, shape (n, 9)
         u, v, w, p, q, r, phi, theta, psi.
     position : ndarray, shape (n, 3)
@@ -63,6 +70,7 @@ class Truth(NamedTuple):
 
     time: Array
     inputs: Array
+    commands: Array
     motion: Array
     position: Array
     push: Array
@@ -70,7 +78,7 @@ class Truth(NamedTuple):
     coefficients: Array
 
 
-_TRUTH = types.NamedTuple((_vector, *[_matrix] * 4, *[_vector] * 2), Truth)
+_TRUTH = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 2), Truth)
 
 
 class _Workspace(NamedTuple):
@@ -86,15 +94,18 @@ class _Workspace(NamedTuple):
         Over ground, at the beginning, the middle and the end of a substep.
     step : ndarray, shape (N_WORK,)
         For a Runge-Kutta step.
+    fins : ndarray, shape (N_ACTUATORS,)
+        Where the actuators are.
     """
 
     memory: Array
     block: Array
     velocity: Array
     step: Array
+    fins: Array
 
 
-_WORKSPACE = types.NamedTuple((_vector, _vector, _matrix, _vector), _Workspace)
+_WORKSPACE = types.NamedTuple((_vector, _vector, _matrix, _vector, _vector), _Workspace)
 
 
 def simulate_motion(
@@ -103,6 +114,7 @@ def simulate_motion(
     plan: ManoeuvrePlan,
     disturbance: Array,
     longest_step: float = LONGEST_STEP,
+    trim: Array = _NO_TRIM,
 ) -> Truth:
     """Integrate the true motion (fourth-order Runge-Kutta, pairs of half steps of at most `longest_step`, s).
 
@@ -115,6 +127,8 @@ def simulate_motion(
         Force, N, and moment, N m, beside those of the model, from each tick to the next.
     longest_step : float
         s.
+    trim : ndarray, shape (4,)
+        What of the planned inputs is no command: it acts whatever the actuators do.
 
     Raises
     ------
@@ -135,15 +149,21 @@ def simulate_motion(
     motion, position, inputs = np.zeros((n, N_MOTION)), np.zeros((n, 3)), np.zeros((n, 4))
     motion[0, 0] = plan.speed[0] if manoeuvre.initial_speed is None else manoeuvre.initial_speed
     motion[0, 7] = manoeuvre.initial_pitch
-    work = _Workspace(np.array(INITIAL_MEMORY), np.zeros(N_BLOCK), np.zeros((3, 3)), np.zeros(N_WORK))
-    truth = Truth(plan.time, inputs, motion, position, push, constants, np.repeat(coefficients, LANES))
-    reason, tick = _fly(plan.wanted, controls, truth, longest_step, work)
+    work = _Workspace(
+        np.array(INITIAL_MEMORY), np.zeros(N_BLOCK), np.zeros((3, 3)), np.zeros(N_WORK), np.zeros(N_ACTUATORS)
+    )
+    actuators = vehicle.actuators.actuators()
+    follows = any(actuator != IDEAL for actuator in actuators)
+    # Where actuators do as they are told, nothing is written down twice.
+    commands = np.zeros((n if follows else 0, 4))
+    truth = Truth(plan.time, inputs, commands, motion, position, push, constants, np.repeat(coefficients, LANES))
+    reason, tick = _fly(plan.wanted, controls, tuple(actuators), trim, truth, longest_step, work)
     if reason:
         raise SimulationError(
             f"the simulation of {vehicle.name} stopped at t = {plan.time[tick]:.2f} s: {_REASONS[reason]}; "
             "soften the excitation or let the autopilot hold pitch, turn rate and speed"
         )
-    return truth._replace(coefficients=coefficients)
+    return truth._replace(coefficients=coefficients, commands=commands if follows else inputs)
 
 
 @compiled(types.void(_vector, _vector), internal=True)
@@ -194,22 +214,39 @@ def _reason_to_stop(motion):
     return 2 if abs(motion[6]) > LARGEST_ROLL else 0
 
 
-@compiled(types.UniTuple(types.int64, 2)(WANTED, CONTROLS, _TRUTH, types.float64, _WORKSPACE))
-def _fly(wanted, controls, truth, longest_step, work):
+@compiled(types.void(_ACTUATORS, _vector, types.int64, types.float64, _TRUTH, _vector), internal=True)
+def _act(actuators, trim, tick, period, truth, places):
+    """Let the actuators follow the commands of a tick; before the first they rest in it."""
+    commands, inputs = truth.commands[tick], truth.inputs[tick]
+    inputs[3] = commands[3]
+    for k in range(N_ACTUATORS):
+        demand = demanded(actuators[k], commands[k] - trim[k])
+        if tick == 0:
+            places[k] = demand
+        places[k], mean = moved(actuators[k], places[k], demand, period)
+        inputs[k] = effective(actuators[k], mean) + trim[k]
+
+
+@compiled(types.UniTuple(types.int64, 2)(WANTED, CONTROLS, _ACTUATORS, _vector, _TRUTH, types.float64, _WORKSPACE))
+def _fly(wanted, controls, actuators, trim, truth, longest_step, work):
     """Fill in motion, position and inputs; returns (reason, tick), reason 0 if all went well."""
-    time, motion, position, inputs, block = truth.time, truth.motion, truth.position, truth.inputs, work.block
+    time, motion, position, block = truth.time, truth.motion, truth.position, work.block
+    follows = truth.commands.size > 0
+    commands = truth.commands if follows else truth.inputs
     for i in range(N_MOTION):
         block[i * LANES] = motion[0, i]
     n = time.size
     for tick in range(n):
         period = time[tick + 1] - time[tick] if tick + 1 < n else time[tick] - time[tick - 1]
-        now = inputs[tick]
+        now = commands[tick]
         steer(controls, wanted, tick, period, position[tick, 2], motion[tick], work.memory, now)
         for fin in range(2):
             now[fin] = limited(now[fin], controls.fin_angle)
             if tick > 0:
-                before, change = inputs[tick - 1, fin], controls.fin_rate * period
+                before, change = commands[tick - 1, fin], controls.fin_rate * period
                 now[fin] = min(max(now[fin], before - change), before + change)
+        if follows:
+            _act(actuators, trim, tick, period, truth, work.fins)
         if tick + 1 == n:
             break
 

@@ -6,17 +6,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.config.actuators import ActuatorSettings
 from auvid_cli.config.augmented_states import EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT, BiasName
 from auvid_cli.config.experiment import Identification, InputSettings, Use
 from auvid_cli.config.prior import Prior
 from auvid_cli.config.vehicle import VehicleEntry
+from auvid_cli.data.acting_inputs import as_acting
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.measurement_errors import MeasurementErrors, estimated_errors
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import OK, Records, Timeline
 from auvid_cli.filters.square_root import run_square_root_filter
-from auvid_cli.identification.actuators import as_acting
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.prepared_data import PreparedData, on_time
 from auvid_cli.vehicle.actuators import AS_STATED
@@ -96,7 +97,7 @@ def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Data
     earlier, identification = estimate.experiment, estimate.experiment.identification
     own = own_of_each_run(identification, anew)
     vehicle = earlier.vehicle.with_coefficients(estimate.final_coefficients())
-    inputs = as_acting(dataset.inputs, identification)
+    inputs = as_acting(dataset.inputs, earlier)
     actuators = estimate.final_actuators()
     if BiasName.THRUST in own:
         actuators = actuators._replace(thrust=AS_STATED.thrust)
@@ -111,14 +112,13 @@ def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Data
     changes = {
         "coefficients": (),
         "prior": Prior(),
-        "fin_time_constant": 0.0,
         "inputs": InputSettings(),
         "delays": {},
         "use": Use(),
         "estimate": identification.estimate.model_copy(update={"biases": kept}),
     }
     settings = {
-        "vehicle": vehicle.model_copy(update={"parameters": parameters}),
+        "vehicle": vehicle.model_copy(update={"parameters": parameters, "actuators": ActuatorSettings()}),
         "identification": identification.model_copy(update=changes),
     }
     experiment = dataset.experiment.model_copy(update=settings)

@@ -69,9 +69,9 @@ class Coefficient(NamedTuple):
         return tuple(factor != signal for factor, signal in zip(self.factors, self.signals, strict=True))
 
     @property
-    def is_of_fins(self) -> bool:
-        """Say whether a fin is among the factors."""
-        return bool({"rudder", "elevator"} & {*self.signals})
+    def is_of_inputs(self) -> bool:
+        """Say whether a fin or the thrust is among the factors."""
+        return bool({"rudder", "elevator", "thrust"} & {*self.signals})
 
     @property
     def regressor(self) -> Regressor:

@@ -22,7 +22,7 @@ def test_an_extent_is_that_of_the_track_and_of_the_speed_after_the_start():
     inputs = np.zeros((5, 4))
     # Each holds to the next time, the last no longer.
     inputs[:, 2] = [100.0, -40.0, 50.0, 0.0, 999.0]
-    truth = Truth(time, inputs, motion, position, np.zeros((5, 6)), np.zeros(0), np.zeros(0))
+    truth = Truth(time, inputs, inputs, motion, position, np.zeros((5, 6)), np.zeros(0), np.zeros(0))
     assert extent_of(truth, fade_in=1.0) == Extent(12.0, 5.0, 0.3, 0.4, 1.3, 140.0)
 
 

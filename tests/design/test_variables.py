@@ -65,3 +65,11 @@ def test_an_experiment_without_a_spiral_and_a_run_of_no_length_are_refused(remus
         own_manoeuvre(remus("manoeuvre=configs/manoeuvres/zigzag_20_20.yaml"), 60.0, None, None)
     with pytest.raises(ConfigError, match="--duration 5 s: expected at least 20 s"):
         own_manoeuvre(remus(), 5.0, None, None)
+
+
+def test_no_more_is_asked_of_fins_and_propeller_than_they_do(remus):
+    slow = remus(
+        "vehicle.actuators.fins={saturation: 0.2, rate_limit: 0.3}", "vehicle.actuators.propeller={saturation: 9 N}"
+    )
+    limits = own_manoeuvre(slow, 60.0, 0.1, 0.5).limits
+    assert (limits.fin_angle, limits.fin_rate, limits.surge_force) == (0.1, 0.3, 9.0)

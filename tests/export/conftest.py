@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from auvid_cli.config.actuators import ActuatorSettings
 from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.evaluation.judgement import Grade, Judgement
 from auvid_cli.export.actuation import Actuation
@@ -14,7 +15,7 @@ from auvid_cli.vehicle.dynamics import N_SLOPE, motion_derivative, vehicle_const
 from auvid_cli.vehicle.parameters import N_MOTION
 
 SOUND = Judgement(Grade.SOUND)
-AS_STATED = Actuation(1.0, 0.0, 0.0, {})
+AS_STATED = Actuation(1.0, 0.0, ActuatorSettings(), {})
 # Centres off every axis and weight other than buoyancy, so that no lever vanishes.
 # Some that every form holds, one that changes its sign where axes are turned, and two that Gazebo has no place for.
 TERMS = (

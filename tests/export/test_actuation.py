@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auvid_cli.config.actuators import ActuatorSettings
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.export.actuation import acting_inputs, actuation
@@ -40,17 +41,16 @@ def test_the_gain_is_sized_by_the_force_that_it_adds(history):
 
 
 def test_the_lag_is_sized_by_what_it_changes_in_the_fins_forces(history):
-    effect = actuation(history(f"identification.fin_time_constant={LAG} s"), INPUTS, VALUES, MOTION)
+    effect = actuation(history(f"vehicle.actuators.fins.time_constant={LAG} s"), INPUTS, VALUES, MOTION)
     late = np.where(TIME >= 1.0, STEP * np.exp(-(TIME - 1.0) / LAG), 0.0)
     missing = SPEED**2 * np.sqrt(np.mean(late**2))
-    assert effect.fin_time_constant == LAG
-    assert effect.lag_rms == pytest.approx(
-        {"Y_uudr": 0.0, "Z_uude": 30.0 * missing, "M_uude": 20.0 * missing, "N_uudr": 0.0}, rel=2e-3
-    )
+    assert effect.actuators.fins.time_constant == LAG
+    of_fins = {"Y_uudr": 0.0, "Z_uude": 30.0 * missing, "M_uude": 20.0 * missing, "N_uudr": 0.0}
+    assert effect.changes == pytest.approx(of_fins | {"surge_force": 0.0}, rel=2e-3)
 
 
 def test_fins_act_where_the_filter_saw_them(history):
-    acting = acting_inputs(history(f"identification.fin_time_constant={LAG} s"), INPUTS)
+    acting = acting_inputs(history(f"vehicle.actuators.fins.time_constant={LAG} s"), INPUTS)
     expected = np.where(TIME >= 1.0, STEP * -np.expm1(-(TIME - 1.0) / LAG), 0.0)
     np.testing.assert_allclose(acting[:, 1], expected, atol=2e-3 * STEP)
     assert (acting[:, 2] == FORCE).all()
@@ -58,4 +58,5 @@ def test_fins_act_where_the_filter_saw_them(history):
 
 def test_without_either_nothing_changes(history):
     effect = actuation(history(), INPUTS, VALUES, MOTION)
-    assert effect == (1.0, 0.0, 0.0, dict.fromkeys(("Y_uudr", "Z_uude", "M_uude", "N_uudr"), 0.0))
+    nothing = dict.fromkeys(("Y_uudr", "Z_uude", "M_uude", "N_uudr", "surge_force"), 0.0)
+    assert effect == (1.0, 0.0, ActuatorSettings(), nothing)

@@ -2,11 +2,14 @@ import json
 
 import numpy as np
 
+from auvid_cli.config.actuators import ActuatorSettings
 from auvid_cli.config.load import parse_experiment
 from auvid_cli.export.actuation import Actuation
 from auvid_cli.export.as_json import json_losses, json_text
 from auvid_cli.export.losses import loss_lines
 from auvid_cli.export.model import EstimatedState
+
+LAGGING = ActuatorSettings.model_validate({"fins": {"time_constant": "0.1 s"}})
 
 
 def written(model):
@@ -39,13 +42,13 @@ def test_the_covariance_is_of_the_estimated_in_their_order(model_with):
 
 def test_states_gain_and_lag_are_there_with_their_covariance(model_with):
     states = EstimatedState("thrust_scale", "1", 0.2, 0.01), EstimatedState("bias_q", "rad/s", -3e-3, 1e-4)
-    model = model_with(held=("X_u|u|",), states=states, actuation=Actuation(1.2, 14.5, 0.1, {"N_uudr": 2.5}))
+    model = model_with(held=("X_u|u|",), states=states, actuation=Actuation(1.2, 14.5, LAGGING, {"N_uudr": 2.5}))
     held = written(model)
     assert held["states"]["thrust_scale"] == {"value": 0.2, "unit": "1", "standard_deviation": 0.01}
     assert held["states"]["bias_q"] == {"value": -3e-3, "unit": "rad/s", "standard_deviation": 1e-4}
     assert (held["thrust"]["value"], held["thrust"]["rms_of_change"]) == (1.2, 14.5)
-    assert (held["fin_time_constant"]["value"], held["fin_time_constant"]["unit"]) == (0.1, "s")
-    assert held["fin_time_constant"]["rms_of_change"] == {"N_uudr": 2.5}
+    assert held["actuators"]["fins"] == {"time_constant": 0.1}
+    assert held["actuators"]["rms_of_change"] == {"N_uudr": 2.5}
     assert held["covariance"]["order"][-3:] == ["N_uudr", "thrust_scale", "bias_q"]
     assert np.shape(held["covariance"]["values"]) == (23, 23)
     assert loss_lines(json_losses(model)) == ["Nothing is lost."]

@@ -1,5 +1,6 @@
 import pytest
 
+from auvid_cli.config.actuators import ActuatorSettings
 from auvid_cli.config.format_name import FormatName
 from auvid_cli.export.actuation import Actuation
 from auvid_cli.export.formats import FORMATS
@@ -13,10 +14,15 @@ STATES = (
     EstimatedState("excess_buoyancy", "N", 3.6373304, 0.02),
     EstimatedState("trim_moment", "N*m", -4.7, 0.01),
 )
-FOUND = Actuation(1.2, 14.52, 0.1, {"Y_uudr": 3.14, "Z_uude": 2.72, "M_uude": 1.62, "N_uudr": 0.58})
+ACTUATORS = ActuatorSettings.model_validate(
+    {"fins": {"dead_band": "0.01 rad", "time_constant": "0.1 s"}, "propeller": {"saturation": "80 N"}}
+)
+FOUND = Actuation(
+    1.2, 14.52, ACTUATORS, {"surge_force": 0.2, "Y_uudr": 3.14, "Z_uude": 2.72, "M_uude": 1.62, "N_uudr": 0.58}
+)
 POOR = [name for name in FORMATS if name != FormatName.JSON]
-# Of a vehicle with actuators of its own.
-WITHOUT_ACTUATORS = [name for name in POOR if name != FormatName.SIMULATOR]
+# The others hold the actuators, or the gain as well.
+WITHOUT_ACTUATORS = [name for name in POOR if name not in (FormatName.YAML, FormatName.SIMULATOR)]
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +36,9 @@ def test_every_form_but_json_says_what_it_loses_beside_the_terms_and_how_large_i
     text = FORMATS[target].text(model, losses, "model")
     said = (
         "multiply the stated surge force by 1.2; along the estimated motion that changed it by 14.5 N RMS.",
-        "put one of 0.1 s, first order, between the commands and rudder and elevator",
-        "Y_uudr by 3.14 N, Z_uude by 2.72 N, M_uude by 1.62 N*m, N_uudr by 0.58 N*m RMS.",
+        "put fins of dead band 0.01, time constant 0.1 and a propeller of saturation 80 between the commands and the",
+        "changed surge_force by 0.2 N, Y_uudr by 3.14 N,",
+        "Z_uude by 2.72 N, M_uude by 1.62 N*m, N_uudr by 0.58 N*m RMS.",
         "  thrust_scale: 0.2, standard deviation 0.012",
         "  current_north: -0.25 m/s, standard deviation 0.011 m/s",
         "  bias_p: 0.0035 rad/s, standard deviation 0.0001 rad/s",
@@ -49,7 +56,7 @@ def test_nothing_is_said_of_what_was_not_asked_for(target, model_with):
     assert not [
         line
         for line in lines
-        if any(word in line for word in ("propeller", "lag", "ballast", "beside the coefficients"))
+        if any(word in line for word in ("propeller", "actuators", "ballast", "beside the coefficients"))
     ]
 
 
@@ -57,3 +64,9 @@ def test_nothing_is_said_of_what_was_not_asked_for(target, model_with):
 def test_the_covariances_are_told_of_once(target, model):
     form = FORMATS[target]
     assert form.text(model, form.losses(model), "model").count("covariances") == 1
+
+
+def test_a_vehicle_file_holds_the_actuators_and_not_the_gain(model):
+    said = " ".join(loss_lines(FORMATS[FormatName.YAML].losses(model)))
+    assert "gain" in said
+    assert "actuators" not in said

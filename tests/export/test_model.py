@@ -105,7 +105,7 @@ def test_with_segments_left_out_the_inputs_are_still_those_of_the_time(simulated
 
 def test_what_was_estimated_beside_coefficients_is_there_with_its_covariance(dataset, with_settings):
     seen = with_settings(
-        dataset, "identification.estimate.biases=[thrust, current, gyro]", "identification.fin_time_constant=0.1 s"
+        dataset, "identification.estimate.biases=[thrust, current, gyro]", "vehicle.actuators.fins.time_constant=0.1 s"
     )
     estimate = identify(seen, FilterName.CKF)
     model = identified_model(estimate, seen, {}, ORIGIN)
@@ -117,7 +117,7 @@ def test_what_was_estimated_beside_coefficients_is_there_with_its_covariance(dat
         assert state.value == estimate.mean[-1, column]
         assert state.standard_deviation == estimate.standard_deviation[-1, column]
     assert model.actuation.thrust == pytest.approx(1.0 + estimate.mean[-1, estimate.state.index("thrust_scale")])
-    assert model.actuation.fin_time_constant == 0.1
+    assert model.actuation.actuators.fins.time_constant == 0.1
     heave = next(size for size in model.term_sizes if size.symbol == "Z_uude")
     value = estimate.final_coefficients()["Z_uude"]
     force = value * estimate.mean[:, estimate.state.index("u")] ** 2 * acting_inputs(estimate, seen.inputs)[:, 1]

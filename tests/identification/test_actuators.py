@@ -1,98 +1,73 @@
-"""Fins that lag behind their commands, against the differential equation; lines between samples; late inputs."""
+"""Actuators that do not follow their commands exactly, simulated, and taken into account by whoever estimates."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.integrate import solve_ivp
 
-from auvid_cli.config.experiment import Identification
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.data.dataset import InputRecord
-from auvid_cli.errors import ConfigError
-from auvid_cli.identification.actuators import as_acting, lagged
 from auvid_cli.identification.identify import identify
+from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.simulation.manoeuvre_plan import make_plan
+from auvid_cli.simulation.true_motion import simulate_motion
 
-TIMES = np.array([0.0, 0.13, 0.5, 0.52, 2.0])
-COMMANDS = np.array([0.1, -0.2, 0.3, 0.0, 0.2])
-
-
-@pytest.fixture
-def commands(rng):
-    return InputRecord(TIMES, np.column_stack([COMMANDS, -2.0 * COMMANDS, rng.normal(size=5), rng.normal(size=5)]))
-
-
-def test_each_piece_holds_the_mean_of_the_fin(commands):
-    record = lagged(commands, 0.3, 0.02)
-
-    def slope(t, state):
-        command = COMMANDS[np.searchsorted(TIMES, t, side="right") - 1]
-        return [(command - state[0]) / 0.3, state[0]]
-
-    exact = solve_ivp(slope, (0.0, 2.5), [COMMANDS[0], 0.0], max_step=1e-3, rtol=1e-10, atol=1e-12, dense_output=True)
-    inside = record.time[1:] < 2.5
-    edges = record.time[: inside.sum() + 1]
-    means = np.diff(exact.sol(edges)[1]) / np.diff(edges)
-    assert_allclose(record.values[: means.size, 0], means, atol=2e-5)
-    assert_allclose(record.values[:, 1], -2.0 * record.values[:, 0], rtol=1e-12)
+FINS = (
+    "{dead_band: 1 deg, saturation: 18 deg, rate_limit: 30 deg/s, time_constant: 0.1 s, "
+    "stall: {angle: 12 deg, slope: -0.3}}"
+)
+OWN = (
+    f"vehicle.actuators.fins={FINS}",
+    "vehicle.actuators.propeller={dead_band: 2 N, saturation: 400 N, rate_limit: 60 N/s, time_constant: 0.3 s}",
+    "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}",
+    "manoeuvre.duration=60 s",
+)
 
 
-def test_what_is_no_fin_is_left_alone_and_pieces_are_short(commands):
-    record = lagged(commands, 0.3, 0.02)
-    held = np.searchsorted(TIMES, record.time, side="right") - 1
-    assert np.array_equal(record.values[:, 2:], commands.values[held][:, 2:])
-    assert np.diff(record.time).max() <= 0.02 + 1e-12
-    assert set(TIMES) <= set(record.time)
+@pytest.fixture(scope="module")
+def run(simulated_with):
+    return simulated_with(*OWN)
 
 
-def test_without_a_lag_nothing_changes(commands):
-    assert lagged(commands, 0.0, 0.02) is commands
+def test_estimators_see_what_acted_in_the_simulation(experiment_with, simulated_with):
+    """Whatever fins stand beyond their commands, for which nobody allows here, adds to it."""
+    overrides = *OWN, "manoeuvre.duration=20 s", "manoeuvre.fin_trim={rudder: 2 deg, elevator: -1 deg}"
+    experiment, dataset = experiment_with(*overrides), simulated_with(*overrides)
+    trim, plan = np.array([*np.deg2rad([2.0, -1.0]), 0.0, 0.0]), make_plan(experiment.manoeuvre)
+    plan.feedforward[:] += trim
+    nothing = np.zeros((plan.time.size, 6))
+    truth = simulate_motion(experiment.vehicle, experiment.manoeuvre, plan, nothing, trim=trim)
+    assert_allclose(truth.commands - trim, dataset.inputs.values, atol=1e-12)
+    assert np.abs(truth.inputs - truth.commands).max(axis=0)[:3] == pytest.approx([0.1, 0.1, 20.0], rel=5.0)
+    (segment,) = prepare(dataset).segments
+    for timeline in segment.timelines:
+        seen = timeline.inputs[timeline.substep_input]
+        start = np.append(timeline.time[0], timeline.time[0] + np.cumsum(timeline.substep_duration))[:-1]
+        assert start.size == len(seen)
+        acted = truth.inputs[np.searchsorted(truth.time, start + 1e-6, side="right") - 1]
+        assert_allclose(seen, acted - trim, atol=1e-9)
 
 
-def test_a_command_long_ago_needs_no_pieces():
-    record = lagged(InputRecord(np.array([0.0, 1e5]), np.ones((2, 4))), 0.1, 0.02)
-    assert record.time.size < 1000
+def test_who_knows_of_them_is_right_and_who_does_not_is_not(run, with_settings):
+    true, unaware = run.truth.coefficients, with_settings(run, "vehicle.actuators={}")
+    fins = "Y_uudr", "Z_uude", "M_uude", "N_uudr"
+
+    def far(data):
+        estimate = identify(data, FilterName.CKF)
+        assert estimate.status == "completed"
+        found = estimate.final_coefficients()
+        deviation = dict(zip(estimate.state, estimate.standard_deviation[-1], strict=True))
+        return {s: abs(found[s] - true[s]) / deviation[s] for s in true}
+
+    assert max(far(run).values()) < 4.0
+    assert max(far(unaware)[s] for s in fins) > 20.0
 
 
-def test_straight_lines_have_the_mean_of_each_step(commands):
-    record = as_acting(commands, Identification.model_validate({"inputs": {"between": "linear"}}))
-    assert np.diff(record.time).max() <= 0.02 + 1e-12
-    assert set(TIMES) <= set(record.time)
-    middle = 0.5 * (record.time[1:] + record.time[:-1])
-    for column, stated in zip(record.values[:-1].T, commands.values.T, strict=True):
-        assert_allclose(column, np.interp(middle, TIMES, stated), atol=1e-12)
-    assert np.array_equal(record.values[-1], commands.values[-1])
-
-
-@pytest.mark.parametrize("delay", [0.05, -0.05])
-def test_late_inputs_act_later_from_the_first_on(commands, delay):
-    record = as_acting(commands, Identification.model_validate({"delays": {"inputs": delay}}))
-    assert_allclose(record.time[-5:], TIMES + delay)
-    assert np.array_equal(record.values[-5:], commands.values)
-    assert record.time[0] == min(0.0, delay)
-    assert np.array_equal(record.values[0], commands.values[0])
-
-
-def test_a_delay_of_what_is_no_sensor_is_refused(experiment_with):
-    with pytest.raises(ConfigError, match="'gyro' is no sensor; expected one of gyroscope"):
-        experiment_with("identification.delays={gyro: 2 ms}")
-
-
-def test_delays_that_are_stated_are_taken_back(simulated_with, with_settings):
-    """Of the gyroscope and the inputs; the smoother's tests of faults find nothing more."""
-    white = "sensors.attitude={source: direct, rate: 25 Hz, noise: 0.1 deg}"
-    run = simulated_with("manoeuvre.duration=60 s", white)
-    gyroscope, time = run.sensors["gyroscope"], run.inputs.time
-    early = np.transpose([np.interp(time + 0.02, time, column) for column in run.inputs.values.T])
-    late = replace(
-        run,
-        sensors=run.sensors | {"gyroscope": replace(gyroscope, time=gyroscope.time + 0.004)},
-        inputs=replace(run.inputs, values=np.ascontiguousarray(early)),
+def test_they_do_not_change_what_nobody_has(simulated_with):
+    plain, harmless = (
+        simulated_with("manoeuvre.duration=10 s"),
+        simulated_with("manoeuvre.duration=10 s", "vehicle.actuators.fins={saturation: 80 deg}"),
     )
-    unsaid = identify(late, FilterName.SMOOTHER)
-    said = identify(with_settings(late, "identification.delays={gyroscope: 4 ms, inputs: 20 ms}"), FilterName.SMOOTHER)
-    names = "delay of the gyroscope", "delay of the inputs"
-    before, after = ({test.fault: test for test in e.faults if test.fault in names} for e in (unsaid, said))
-    assert max(abs(test.z) for test in before.values()) > 10.0
-    assert max(abs(test.z) for test in after.values()) < 4.0
+    assert np.array_equal(plain.truth.motion, harmless.truth.motion)
+    assert np.array_equal(plain.inputs.values, harmless.inputs.values)
+    assert replace(plain.inputs, values=harmless.inputs.values).time is plain.inputs.time

@@ -48,7 +48,7 @@ def test_a_lag_of_some_tenths_fails_if_the_fins_change_much_in_it(dataset):
     checks, fails = verdicts(late(dataset, -0.4))
     assert fails == set()
     assert checks[DELAY].passed is None
-    assert "fin_time_constant" in checks[DELAY].advice
+    assert "vehicle.actuators.fins.time_constant" in checks[DELAY].advice
 
 
 def test_the_lag_is_told_between_samples_and_does_not_matter_to_slow_fins(dataset):

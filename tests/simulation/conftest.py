@@ -38,6 +38,6 @@ def standing_still(experiment_with):
         def still(*widths: int):
             return [np.zeros((2, width)) for width in widths]
 
-        return Truth(time, *still(4), motion, *still(3, 6), constants, np.zeros(N_FACTORS))
+        return Truth(time, *still(4, 4), motion, *still(3, 6), constants, np.zeros(N_FACTORS))
 
     return make

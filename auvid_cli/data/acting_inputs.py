@@ -1,33 +1,36 @@
-"""Inputs as they act: late, changing between their samples, and of fins that follow their commands with a lag."""
+"""Inputs as they act: late, changing between their samples, and of actuators that follow their commands."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.experiment import INPUTS_DELAY, Identification
+from auvid_cli.config.experiment import INPUTS_DELAY, RunSettings
 from auvid_cli.data.dataset import InputRecord
+from auvid_cli.vehicle.actuator_motion import follow_commands
+from auvid_cli.vehicle.actuators import IDEAL, N_ACTUATORS, Actuators
 
 Array = NDArray[np.float64]
 
-# Rudder and elevator are the first of the inputs.
-FINS = 2
-# Substeps in which a fin is held, per time constant: the mean over each is exact, its shape within is left out.
+# Substeps in which an actuator is held, per time constant: the mean over each is exact, its shape within is left out.
 _SUBSTEPS = 4
+# Time constants after which what lags has arrived.
+_ARRIVED = 40.0
 
 
-def as_acting(inputs: InputRecord, settings: Identification) -> InputRecord:
+def as_acting(inputs: InputRecord, experiment: RunSettings) -> InputRecord:
     """Find the inputs that settings take to have acted, from those that were recorded.
 
     Parameters
     ----------
     inputs : InputRecord
-    settings : Identification
-        How inputs change between samples, how late they act, and how fins lag.
+    experiment : RunSettings
+        How inputs change between samples, how late they act, and how the vehicle's actuators follow them.
 
     Returns
     -------
     InputRecord
         Each row holds until the next.
     """
+    settings = experiment.identification
     if settings.inputs.between == "linear":
         inputs = _linear(inputs, settings.integration_step)
     if delay := settings.delays.get(INPUTS_DELAY, 0.0):
@@ -35,7 +38,7 @@ def as_acting(inputs: InputRecord, settings: Identification) -> InputRecord:
         time, values = inputs.time + delay, inputs.values
         early = delay > 0.0
         inputs = InputRecord(np.append(inputs.time[:early], time), np.vstack([values[:early], values]))
-    return lagged(inputs, settings.fin_time_constant, settings.integration_step)
+    return acted(inputs, experiment.vehicle.actuators.actuators(), settings.integration_step)
 
 
 def _linear(inputs: InputRecord, step: float) -> InputRecord:
@@ -50,48 +53,42 @@ def _linear(inputs: InputRecord, step: float) -> InputRecord:
     return InputRecord(np.append(time, inputs.time[-1]), np.vstack([values, inputs.values[-1:]]))
 
 
-def lagged(commands: InputRecord, time_constant: float, step: float) -> InputRecord:
-    """Find where fins are that follow ``time_constant d(delta)/dt = command - delta``, at rest in the first command.
+def acted(commands: InputRecord, actuators: Actuators, step: float) -> InputRecord:
+    """Find what fins and propeller did that follow their commands, at rest in the first.
 
     Parameters
     ----------
     commands : InputRecord
-    time_constant : float
-        s; with 0 the commands come back as they are.
+    actuators : Actuators
     step : float
         s; substeps of the integration are no longer.
 
     Returns
     -------
     InputRecord
-        Constant over short substeps, over each of which it is the exact mean of the fin.
+        Constant over short substeps, over each of which it is the exact mean of what moves; with ideal actuators the
+        commands as they are.
     """
-    if time_constant == 0.0:
+    if all(actuator == IDEAL for actuator in actuators):
         return commands
-    longest = min(step, time_constant / _SUBSTEPS)
-    # Long after a command changed the fin has arrived: substeps are needed only for so long.
-    settling = 40.0 * time_constant
-    lengths = np.diff(commands.time, append=commands.time[-1] + settling)
+    longest = min([step, *(a.time_constant / _SUBSTEPS for a in actuators if a.time_constant > 0.0)])
+    # Long after a command changed all have arrived: substeps are needed only for so long.
+    reach = np.ptp(commands.values[:, :N_ACTUATORS], axis=0).tolist()
+    settling = max(
+        way / actuator.rate_limit + _ARRIVED * actuator.time_constant
+        for way, actuator in zip(reach, actuators, strict=True)
+    )
+    lengths = np.diff(commands.time, append=commands.time[-1] + max(settling, step))
     counts = np.maximum(np.ceil(np.minimum(lengths, settling) / longest).astype(np.int64), 1)
     row = np.repeat(np.arange(lengths.size), counts)
     within = np.arange(row.size) - np.repeat(np.cumsum(counts) - counts, counts)
-    spacing = np.minimum(lengths, settling) / counts
+    spacing = np.minimum(lengths, settling or step) / counts
     time = commands.time[row] + within * spacing[row]
     duration = np.append(np.diff(time), spacing[-1])
     values = commands.values[row]
-    decay = np.exp(-duration / time_constant)
-    kept = -np.expm1(-duration / time_constant) * time_constant / duration
-    for fin in range(FINS):
-        command = values[:, fin].copy()
-        at_begin = _response(command, decay)
-        values[:, fin] = command + (at_begin - command) * kept
+    for column, actuator in enumerate(actuators):
+        if actuator != IDEAL:
+            acting = np.empty(row.size)
+            follow_commands(actuator, np.ascontiguousarray(values[:, column]), duration, acting)
+            values[:, column] = acting
     return InputRecord(time, values)
-
-
-def _response(command: Array, decay: Array) -> Array:
-    """Find the fin at the beginning of each substep."""
-    fin, before = np.empty(command.size), command[0]
-    for k, (wanted, share) in enumerate(zip(command.tolist(), decay.tolist(), strict=True)):
-        fin[k] = before
-        before = wanted + (before - wanted) * share
-    return fin

@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+
+from auvid_cli.data.dataset import InputRecord
+from auvid_cli.inspection.actuator_limits import actuator_checks
+from auvid_cli.inspection.inspect import inspect_dataset
+from auvid_cli.vehicle.actuators import Actuator, Actuators
+
+TIME = np.arange(100.0)
+
+
+def check_of(values, actuator):
+    inputs = InputRecord(TIME, np.column_stack([values, *np.zeros((3, TIME.size))]))
+    (check,) = actuator_checks(inputs, Actuators(rudder=actuator))
+    return check
+
+
+@pytest.mark.parametrize(
+    ("actuator", "said"),
+    [
+        (Actuator(saturation=0.2), "20.0% of the time beyond the saturation"),
+        (Actuator(dead_band=0.1), "80.0% of the time within the dead band"),
+        (Actuator(rate_limit=0.1), "2.0% of the time faster than the rate limit"),
+        (Actuator(stall=0.2), "20.0% of the time beyond the stall"),
+    ],
+)
+def test_a_note_says_for_how_long_commands_do_not_act_as_such(actuator, said):
+    values = np.where((TIME >= 40.0) & (TIME < 60.0), 0.3, 0.05)
+    check = check_of(values, actuator)
+    assert (check.subject, check.check, check.passed, check.statistic) == ("rudder", "actuator limits", None, said)
+
+
+def test_commands_within_all_limits_pass():
+    check = check_of(0.1 * np.sin(TIME), Actuator(saturation=0.2, time_constant=0.1))
+    assert (check.passed, check.statistic) == (True, "never reached")
+
+
+def test_of_ideal_actuators_nothing_is_said(simulated_with):
+    run = simulated_with("manoeuvre.duration=5 s")
+    assert not [check for check in inspect_dataset(run).checks if check.check == "actuator limits"]
+
+
+def test_an_inspection_takes_the_fins_where_they_are(simulated_with):
+    """Commands twice as large as what acts are no fins half as strong."""
+    run = simulated_with("vehicle.actuators.fins={dead_band: 6 deg, saturation: 14 deg}", "manoeuvre.duration=60 s")
+    checks = {(check.subject, check.check): check for check in inspect_dataset(run).checks}
+    assert checks["rudder", "actuator limits"].passed is None
+    assert not [check for check in checks.values() if check.passed is False]
