@@ -1,6 +1,7 @@
 """How symbols and units look in print."""
 
 import re
+from collections.abc import Sequence
 
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, is_name_of_term
 
@@ -11,6 +12,8 @@ _GREEK = ("phi", "theta", "psi")
 # Letters of a subscript that is no word.
 _SHORT = 2
 _DVL = {"dvl_scale": r"$s_{\mathrm{DVL}}$", "dvl_yaw": r"$\psi_{\mathrm{DVL}}$"}
+# Coefficients that one picture has room for.
+_MANY = 14
 _COEFFICIENTS = {c.symbol: c for c in COEFFICIENTS}
 
 
@@ -49,6 +52,20 @@ def unit_text(unit: str) -> str:
 def unit_latex(unit: str) -> str:
     r"""Write a unit in LaTeX, for example ``kg\,m$^{2}$/rad$^{2}$``."""
     return re.sub(r"\^(-?\d+)", r"$^{\1}$", unit).replace("*", r"\,")
+
+
+def by_kind(symbols: Sequence[str]) -> dict[str, list[str]]:
+    """Put coefficients that are many for one picture in two groups, those of forces and those of moments.
+
+    Returns
+    -------
+    dict
+        Symbols by what they are, in the order in which they came; all by ``""`` where they are few.
+    """
+    if len(symbols) <= _MANY:
+        return {"": list(symbols)}
+    groups = {"forces": [s for s in symbols if s[0] in "XYZ"], "moments": [s for s in symbols if s[0] not in "XYZ"]}
+    return {kind: group for kind, group in groups.items() if group}
 
 
 def filter_label(name: str) -> str:

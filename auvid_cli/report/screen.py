@@ -91,7 +91,7 @@ def print_checks(console: Console, checks: Sequence[Check], passed: bool) -> Non
             console.print(Text(f"Found is of the {shown}, where it is among those; of each estimate with --verbose."))
             console.print()
     for advice in advices(shared):
-        only = f" ({whose(advice.filters)})" if len(advice.filters) < len(names) else ""
+        only = f", {whose(advice.filters)}" if len(advice.filters) < len(names) else ""
         console.print(Text(f"{advice.what}{only}: {advice.text}"))
         console.print()
 

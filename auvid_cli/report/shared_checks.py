@@ -54,7 +54,7 @@ class Advice(NamedTuple):
         names: dict[str, list[str]] = {}
         for each in self.shared:
             names.setdefault(each.check.subject, []).append(each.check.check)
-        return joined_words([f"{joined_words(checks)} of {subject}" for subject, checks in names.items()])
+        return joined_words([f"{subject} ({', '.join(checks)})" for subject, checks in names.items()])
 
 
 def shared_checks(checks: Iterable[Check]) -> list[SharedCheck]:

@@ -64,19 +64,19 @@ def test_checks_that_passed_are_counted_and_listed_only_if_asked_for():
     short, long = (checks_printed(checks, passed) for passed in (False, True))
     assert short.splitlines()[0] == "CKF: 1 of 3 passed, 1 failed, 1 noted"
     assert ("gap" in short, "gap" in long) == (False, True)
-    assert all("NIS of dvl: Mend it." in text and "noise of dvl: So." in text for text in (short, long))
+    assert all("dvl (NIS): Mend it." in text and "dvl (noise): So." in text for text in (short, long))
 
 
 def test_advice_that_is_the_same_for_several_filters_stands_there_once():
     checks = [verdict(name, "NIS", False, "Mend it.") for name in ("ckf", "tukf")]
     text = checks_printed([*checks, verdict("ckf", "gap", None, "Look."), verdict("tukf", "gap", True)], passed=False)
-    assert text.count("NIS of dvl: Mend it.") == 1
+    assert text.count("dvl (NIS): Mend it.") == 1
     # Of each a row, with whose it is.
     assert text.count("FAIL") == 1
     assert [line.split()[:4] for line in text.splitlines() if line.startswith(" note")] == [
         ["note", "CKF", "dvl", "gap"]
     ]
-    assert "gap of dvl (CKF): Look." in text
+    assert "dvl (gap), CKF: Look." in text
 
 
 def test_all_verdicts_of_every_filter_are_printed_if_asked_for():

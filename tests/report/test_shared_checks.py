@@ -38,7 +38,7 @@ def test_advice_names_all_verdicts_that_it_explains():
     names = [("NIS", "attitude"), ("whiteness", "attitude"), ("gap", "dvl")]
     checks = [verdict("ckf", check, None, subject=subject) for check, subject in names]
     (advice,) = advices(shared_checks(checks))
-    assert advice.what == "NIS and whiteness of attitude and gap of dvl"
+    assert advice.what == "attitude (NIS, whiteness) and dvl (gap)"
     assert (advice.failed, advice.filters, advice.text) == (False, ("ckf",), "Mend it.")
 
 

@@ -40,7 +40,8 @@ def campaign_page(name: str, findings: Findings, filters: Mapping[str, str], fai
         ),
     )
     n_seeds = findings.runs["seed"].nunique()
-    return Page(f"Campaign: {name}", f"{len(findings.runs)} runs, {n_seeds} seeds", sections)
+    size = f"{len(findings.runs)} run{'s' * (len(findings.runs) > 1)}, {n_seeds} seed{'s' * (n_seeds > 1)}"
+    return Page(f"Campaign: {name}", size, sections)
 
 
 def _spread(findings: Findings, filters: Mapping[str, str]) -> list[Part]:

@@ -18,15 +18,17 @@ from auvid_cli.report.table import (
     capitalised,
     number,
 )
-from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.vehicle.coefficients import SYMBOLS, is_name_of_term
 
 MISSING = "—"
 # Signs of a word that no narrow screen has room for.
 _LONG = 40
 # Whole names: those of a vehicle's own terms may begin like one of these.
 _NAMED = re.compile(rf"(?<![\w|])(?:{'|'.join(map(re.escape, sorted(SYMBOLS, key=len, reverse=True)))})(?![\w|])")
-# Between a name, or a sign, and the number that ends what is said of it.
-_TIED = re.compile(r"(?<=[\w|=±<>]) (?=[-+]?\d[\d.e+-]*(?:[,;)]|$))")
+# Between a name, or a sign, and the number that ends what is said of it; between a number and its percent or degrees.
+_TIED = re.compile(r"(?<=[\w|=±<>]) (?=[-+]?\d[\d.e+-]*(?: [%°][\w/]*)?(?:[,;)]|\.(?!\d)|$))|(?<=\d) (?=[%°])")
+# Where browsers end a line within a number.
+_EXPONENT = re.compile(r"(?<=\de)-(?=\d)")
 # A backtick without its like is text.
 _CODE = re.compile(r"`([^`]+)`")
 _GREEK = {"phi": "φ", "theta": "θ", "psi": "ψ", "delta": "δ"}
@@ -82,8 +84,8 @@ def with_symbols(text: str) -> list[tuple[str, str]]:
 
 
 def with_ties(text: str) -> str:
-    """Let no line end between a name and its number."""
-    return _TIED.sub("\N{NO-BREAK SPACE}", text)
+    """Let no line end between a name and its number, or within a number."""
+    return _EXPONENT.sub("-\N{WORD JOINER}", _TIED.sub("\N{NO-BREAK SPACE}", text))
 
 
 def shown(cell: Cell) -> ShownCell:
@@ -101,6 +103,8 @@ def shown(cell: Cell) -> ShownCell:
         case Unidentified(marked):
             inner = shown(marked)
             return inner._replace(text=f"{inner.text} †")
+        case str() if is_name_of_term(cell):
+            return shown(Symbol(cell))
         case str():
             text = one_line(cell)
             return ShownCell(text, order=_number_or(text.lower()))

@@ -1,5 +1,6 @@
 """How far each estimate is from the truth or from another, in its standard deviations."""
 
+from collections.abc import Iterable, Sequence
 from math import isfinite
 from typing import NamedTuple
 
@@ -8,7 +9,7 @@ import numpy as np
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.layout import results_by_coefficient
-from auvid_cli.report.notation import filter_label
+from auvid_cli.report.notation import by_kind, filter_label
 from auvid_cli.report.page.cells import symbol_parts
 from auvid_cli.report.page.picture import Axis, Box, Dot, Picture, Rule, Shape, TextLabel
 
@@ -33,7 +34,10 @@ def deviations_from(origin: float | None, row: CoefficientResult, deviation: flo
 
 
 def forest(evaluation: Evaluation) -> list[Picture]:
-    """Draw how far all estimates are from the truth or, without one, from those of the first filter; none if alone."""
+    """Draw how far all estimates are from the truth or, without one, from those of the first filter; none if alone.
+
+    Many coefficients take two pictures side by side, of forces and of moments.
+    """
     filters = [row.filter for row in evaluation.summary]
     has_truth = any(row.true is not None for row in evaluation.coefficients)
     distances = _from_truth(evaluation) if has_truth else _from_first(evaluation, filters)
@@ -41,7 +45,18 @@ def forest(evaluation: Evaluation) -> list[Picture]:
         return []
     against = "the truth" if has_truth else f"the {filter_label(filters[0])}"
     shown = filters if has_truth else filters[1:]
-    symbols = list(dict.fromkeys(distance.symbol for distance in distances))
+    kinds = by_kind(list(dict.fromkeys(distance.symbol for distance in distances)))
+    return [
+        _picture(f"Distance from {against}{kind and f', {kind}'}", against, shown, symbols, distances)
+        for kind, symbols in kinds.items()
+    ]
+
+
+def _picture(
+    title: str, against: str, shown: Sequence[str], symbols: Sequence[str], every: Iterable[_Distance]
+) -> Picture:
+    """Draw the distances of some coefficients, a row for each."""
+    distances = [distance for distance in every if distance.symbol in symbols]
     across = Axis(-_WIDEST, _WIDEST, _LEFT, _WIDTH - 16.0)
     bottom = _TOP + _ROW * len(symbols)
     shapes = _background(across, bottom, against)
@@ -53,7 +68,7 @@ def forest(evaluation: Evaluation) -> list[Picture]:
         shapes += _mark(distance, across, _TOP + _ROW * (symbols.index(distance.symbol) + 0.5 + offset))
     legend = [(name, filter_label(name)) for name in shown]
     says = _in_words(distances, against)
-    return [Picture(f"Distance from {against}", says, _WIDTH, bottom + 46.0, shapes, legend)]
+    return Picture(title, says, _WIDTH, bottom + 46.0, shapes, legend)
 
 
 def _from_truth(evaluation: Evaluation) -> list[_Distance]:

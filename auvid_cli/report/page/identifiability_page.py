@@ -1,10 +1,13 @@
 """The page of what data can tell of each coefficient at best."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from auvid_cli.data.dataset import Dataset
-from auvid_cli.evaluation.assessment import CLASSES, Identifiability
+from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Identifiability
 from auvid_cli.report.bounds import assessment_sentences, bounds_table, holding_sentence
+from auvid_cli.report.notation import by_kind
 from auvid_cli.report.page.cells import symbol_parts
 from auvid_cli.report.page.correlation import correlation_parts
 from auvid_cli.report.page.parts import Card, Cards, Page, Part, Plot, PlotLine, Plots, Section, TablePart, Words
@@ -32,7 +35,7 @@ def identifiability_page(dataset: Dataset, identifiability: Identifiability, whe
     symbols = [bound.coefficient for bound in identifiability.bounds]
     sections = (
         Section("verdict", "Verdict", [_verdict(identifiability), *_words(identifiability)]),
-        Section("bounds", "Bounds", [_bars(identifiability), TablePart(bounds_table(identifiability), sortable=True)]),
+        Section("bounds", "Bounds", [*_bars(identifiability), TablePart(bounds_table(identifiability), sortable=True)]),
         Section("duration", "Bounds over the duration", _growth(identifiability)),
         Section("correlation", "What is known only together", _correlation(symbols, identifiability)),
         provenance_section(dataset),
@@ -67,15 +70,24 @@ def _correlation(symbols: list[str], identifiability: Identifiability) -> list[P
     return correlation_parts("Correlations of the errors at the bound", symbols, identifiability.correlation)
 
 
-def _bars(identifiability: Identifiability) -> Picture:
-    """Draw bounds in percent of the value, by class, on a logarithmic scale."""
+def _bars(identifiability: Identifiability) -> list[Picture]:
+    """Draw bounds in percent of the value, by class, on a logarithmic scale; many in two pictures of the same scale."""
     percents = [min(bound.percent, _LARGEST) for bound in identifiability.bounds]
     low = np.floor(np.log10(max(min(percents), 1e-4)))
     high = np.ceil(np.log10(max(max(percents), 2.0 * CLASSES[-2][0])))
     across = Axis(float(low), float(high), _LEFT, _WIDTH - 56.0)
-    bottom = _TOP + _ROW * len(percents)
+    of = {bound.coefficient: bound for bound in identifiability.bounds}
+    kinds = by_kind([*of])
+    return [
+        _bars_of(f"Bounds{kind and f', {kind}'}", [of[name] for name in names], across) for kind, names in kinds.items()
+    ]
+
+
+def _bars_of(title: str, bounds: Sequence[CoefficientBound], across: Axis) -> Picture:
+    bottom = _TOP + _ROW * len(bounds)
     shapes = decades(across, _TOP, bottom)
-    for place, (bound, percent) in enumerate(zip(identifiability.bounds, percents, strict=True)):
+    for place, bound in enumerate(bounds):
+        percent = min(bound.percent, _LARGEST)
         y = _TOP + _ROW * place
         letter, below = symbol_parts(bound.coefficient)
         end = across.at(float(np.log10(max(percent, 1e-4))))
@@ -87,10 +99,10 @@ def _bars(identifiability: Identifiability) -> Picture:
         shapes.append(Rule(x, _TOP, x, bottom, "axis"))
         shapes.append(TextLabel(x, _TOP - 8.0, f"{limit:g} %", "middle"))
     shapes.append(TextLabel(0.5 * (_LEFT + _WIDTH), bottom + 36.0, "bound, % of the value", "middle"))
-    worst = max(identifiability.bounds, key=lambda bound: bound.percent)
+    worst = max(bounds, key=lambda bound: bound.percent)
     says = f"Least standard deviation that the data allow, in percent of the value. Worst: {worst.coefficient}."
-    legend = [(look, label) for label, look in _LOOKS.items() if any(b.label == label for b in identifiability.bounds)]
-    return Picture("Bounds", says, _WIDTH, bottom + 46.0, shapes, legend)
+    legend = [(look, label) for label, look in _LOOKS.items() if any(b.label == label for b in bounds)]
+    return Picture(title, says, _WIDTH, bottom + 46.0, shapes, legend)
 
 
 def _growth(identifiability: Identifiability) -> list[Part]:

@@ -31,6 +31,8 @@ class PlotLine(NamedTuple):
         Drawn as a line, as steps or as dots.
     of : str
         Filter with whose choice the line is shown; empty if it always is.
+    key : str
+        What a legend below the plot alone says of lines that look like this one; empty where one above all plots does.
     """
 
     label: str
@@ -39,6 +41,7 @@ class PlotLine(NamedTuple):
     values: Array
     kind: Literal["line", "steps", "dots"] = "line"
     of: str = ""
+    key: str = ""
 
 
 class Plot(NamedTuple):

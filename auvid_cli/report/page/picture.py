@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 
 # Most points of a path: no screen shows more.
 _MOST_POINTS = 600
+# Powers of ten along an axis that leave room for numbers between them.
+_FEW_DECADES = 2.0
 
 
 class Stroke(NamedTuple):
@@ -116,11 +118,14 @@ def stroke(x: Array, y: Array, across: Axis, down: Axis, look: str) -> Stroke:
 
 
 def decades(across: Axis, top: float, bottom: float) -> list[Shape]:
-    """Draw grid and names of a logarithmic axis, whose ends are powers of ten."""
+    """Draw grid and names of a logarithmic axis from power to power of ten; of a short one also 2 and 5 times such."""
+    digits = (1.0, 2.0, 5.0) if across.high - across.low <= _FEW_DECADES else (1.0,)
+    values = [digit * 10.0**power for power in range(int(across.low), int(across.high) + 1) for digit in digits]
     shapes: list[Shape] = []
-    for power in range(int(across.low), int(across.high) + 1):
-        x = across.at(power)
-        shapes += [Rule(x, top, x, bottom, "grid"), TextLabel(x, bottom + 16.0, f"{10.0**power:g}", "middle")]
+    for value in values:
+        if log10(value) <= across.high:
+            x = across.at(log10(value))
+            shapes += [Rule(x, top, x, bottom, "grid"), TextLabel(x, bottom + 16.0, f"{value:g}", "middle")]
     return shapes
 
 

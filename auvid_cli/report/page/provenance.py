@@ -13,6 +13,14 @@ from auvid_cli.report.table import Column, Table
 _LIBRARIES = ("numpy", "scipy", "numba", "h5py")
 
 
+def what_ran(dataset: Dataset) -> str:
+    """Say how long data are, and of which manoeuvre where they are simulated."""
+    duration = f"{dataset.inputs.time[-1] - dataset.inputs.time[0]:.6g} s"
+    if dataset.truth is None:
+        return duration
+    return f"{dataset.experiment.manoeuvre.type.replace('_', ' ')} of {duration}"
+
+
 def provenance_section(dataset: Dataset) -> Section:
     """Return what is needed to make the same numbers again.
 

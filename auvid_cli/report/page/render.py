@@ -99,6 +99,7 @@ def _environment() -> Environment:
         "with_ties": with_ties,
         "lines": printable_lines,
         "shade": _shade,
+        "hundredths": _hundredths,
     }
     return environment
 
@@ -109,6 +110,14 @@ def _shade(correlation: float) -> str:
         return "r-none"
     tenths = round(_SHADES * min(max(correlation, -1.0), 1.0))
     return f"r{'-' if tenths < 0 else ''}{abs(tenths)}"
+
+
+def _hundredths(correlation: float) -> str:
+    """Write a correlation with its sign, which one that is rounded to zero has not."""
+    if correlation != correlation:
+        return "·"
+    whole = round(100.0 * correlation)
+    return f"{whole:+d}" if whole else "0"
 
 
 def _data(blocks: Sequence[_Block]) -> str:
@@ -160,6 +169,7 @@ def _line(line: PlotLine, arrays: PackedArrays) -> dict[str, Any]:
         "look": line.look,
         "kind": line.kind,
         "of": line.of,
+        "key": printable(line.key),
         "from": origin,
         "t": arrays.add(line.time - origin),
         "v": arrays.add(line.values),

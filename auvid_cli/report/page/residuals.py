@@ -112,10 +112,12 @@ def _memory(sensor: str, of_sensor: Iterable[tuple[str, Innovations]]) -> list[P
     samples = 0.0
     for name, innovations in of_sensor:
         memory = innovations.memory
-        for quantity, values, n in zip(SENSORS[sensor], memory.correlation, memory.samples, strict=True):
+        rows = zip(SENSORS[sensor], memory.correlation, memory.samples, strict=True)
+        for component, (quantity, values, n) in enumerate(rows):
             if n:
                 label = f"{filter_label(name)} {quantity.symbol}"
-                lines.append(PlotLine(label, f"component{len(lines) % 3}", lags, values, of=name))
+                look = f"component{component % 3}"
+                lines.append(PlotLine(label, look, lags, values, of=name, key=quantity.symbol))
                 largest.append((float(np.abs(values).max()), label))
                 samples = max(samples, float(n))
     if not lines:

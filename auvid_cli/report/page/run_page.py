@@ -14,7 +14,7 @@ from auvid_cli.report.page.course import course_parts
 from auvid_cli.report.page.forest import forest
 from auvid_cli.report.page.parts import Page, Part, Section, TablePart, Words
 from auvid_cli.report.page.path import path_parts
-from auvid_cli.report.page.provenance import provenance_section
+from auvid_cli.report.page.provenance import provenance_section, what_ran
 from auvid_cli.report.page.residuals import innovation_parts
 from auvid_cli.report.page.verdicts import check_parts, judgement_parts
 
@@ -71,6 +71,5 @@ def _correlation(estimates: Sequence[Estimate]) -> list[Part]:
 
 
 def _subtitle(dataset: Dataset) -> str:
-    duration = dataset.inputs.time[-1] - dataset.inputs.time[0]
     origin = "simulated, truth known" if dataset.truth is not None else "recorded, truth not known"
-    return f"{dataset.experiment.vehicle.name}, {duration:.6g} s, sensors {', '.join(dataset.sensors)}; {origin}"
+    return f"{dataset.experiment.vehicle.name}, {what_ran(dataset)}, sensors {', '.join(dataset.sensors)}; {origin}"

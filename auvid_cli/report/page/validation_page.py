@@ -7,10 +7,11 @@ import numpy as np
 from auvid_cli.report.notation import filter_label
 from auvid_cli.report.page.course import course_parts
 from auvid_cli.report.page.parts import Card, Cards, Page, Part, Plot, PlotLine, Plots, Section, TablePart, Words
-from auvid_cli.report.page.provenance import provenance_section
+from auvid_cli.report.page.provenance import provenance_section, what_ran
 from auvid_cli.report.page.rows import table_of_rows
 from auvid_cli.report.page.verdicts import check_parts, judgement_card
 from auvid_cli.report.scales import Scale, scale_of
+from auvid_cli.report.table import number
 from auvid_cli.validation.results import AHEAD, Prediction, Validation
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH
 
@@ -44,7 +45,8 @@ def validation_page(validation: Validation) -> Page:
         provenance_section(shown),
     )
     title = f"Validation: {filter_label(validation.filter)} on {shown.experiment.name}"
-    return Page(title, f"{shown.experiment.vehicle.name}, data that the estimate has not seen", sections)
+    subtitle = f"{shown.experiment.vehicle.name}, {what_ran(shown)}, data that the estimate has not seen"
+    return Page(title, subtitle, sections)
 
 
 def _verdict(validation: Validation) -> Cards:
@@ -70,7 +72,8 @@ def _horizons(validation: Validation) -> list[Part]:
             plots.append(_horizon(validation.filter, quantity.symbol, rows, scale_of(quantity)))
     words = (
         "Root mean square error of predictions from many starts, over how far they look ahead: of the model, and of "
-        "what there was before. Below the noise of the sensor none can be."
+        "what there was before. Errors below the noise of the sensor say that more noise is stated than there is, as "
+        "it is on purpose of an AHRS."
     )
     return [Words([words]), Plots(plots)] if plots else []
 
@@ -87,6 +90,6 @@ def _horizon(filter_name: str, symbol: str, rows: Sequence[Prediction], scale: S
     # The model's own is drawn above the others.
     lines.append(line("rmse", filter_label(filter_name), filter_name))
     known = [one for one in lines if np.isfinite(one.values).any()]
-    last = ", ".join(f"{one.label} {one.values[-1]:.3g}" for one in known if np.isfinite(one.values[-1]))
+    last = ", ".join(f"{one.label} {number(one.values[-1], 3)}" for one in known if np.isfinite(one.values[-1]))
     says = f"Errors of {symbol} after {horizons[-1]:g} s, {scale.unit}: {last}."
     return Plot(symbol, says, scale.unit, known, "horizon (s)", True, True)

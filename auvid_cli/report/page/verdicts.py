@@ -63,7 +63,7 @@ def judgement_card(
 
 def _in_words(advice: Advice, names: Sequence[str]) -> str:
     """Say what failed or is worth knowing, of whom, and what to do."""
-    found = f" ({advice.shared[0].check.statistic})" if len(advice.shared) == 1 else ""
+    found = f": {advice.shared[0].check.statistic}" if len(advice.shared) == 1 else ""
     verb = "Failed" if advice.failed else "Noted"
     return f"{verb} of {whose(advice.filters, names)}: {advice.what}{found}. {advice.text}"
 

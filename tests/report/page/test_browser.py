@@ -1,8 +1,10 @@
 """Pages in a real browser: Debian's Chromium, or one that CHROMIUM names."""
 
+import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 
+from auvid_cli.report.page.parts import Page, Plot, PlotLine, Plots, Section
 from auvid_cli.report.page.render import render_page
 from auvid_cli.report.page.write_page import write_page
 
@@ -94,6 +96,9 @@ def test_paper_has_room_for_all_of_it(page, opened):
         .map(one => one.outerHTML.slice(0, 80))"""
     assert tab.evaluate(outside) == []
     assert tab.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    # What line is what, and whose innovations these are.
+    assert tab.locator("#convergence .entry").first.is_visible()
+    assert tab.locator("#innovations select").is_visible()
     tab.evaluate("dispatchEvent(new Event('afterprint'))")
 
 
@@ -163,6 +168,31 @@ def test_the_choice_of_an_estimator_shows_its_innovations(tab):
     assert set(tab.evaluate(shown)) == {"ekf"}
     tab.locator("#innovations select").select_option("tukf")
     assert set(tab.evaluate(shown)) == {"tukf"}
+
+
+def test_the_lines_of_an_autocorrelation_are_named_below_it(tab):
+    plot = tab.locator("#innovations figure", has_text="dvl: autocorrelation")
+    assert plot.locator(".own").inner_text().split() == ["u", "v", "w"]
+    looks = plot.locator(".own svg").evaluate_all("pieces => pieces.map(piece => getComputedStyle(piece).stroke)")
+    assert len(set(looks)) == 3
+
+
+def test_of_many_lines_the_one_nearest_to_the_pointer_is_read_out(opened, page):
+    time = np.arange(20.0)
+    lines = [PlotLine(f"line {k}", "input", time, np.full(20, float(k))) for k in range(12)]
+    tab = opened(Page("Many", "", [Section("many", "Many", [Plots([Plot("many", "Lines.", "m", lines)], wide=True)])]))
+    over = tab.locator(".u-over")
+    over.scroll_into_view_if_needed()
+    box = over.bounding_box()
+    scale = tab.evaluate("auvid.drawn[0].chart.valToPos(7, 'y')")
+    tab.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + scale + 1)
+    assert tab.locator(".readout").inner_text().endswith(": line 7 7")
+
+
+def test_what_a_matrix_says_is_not_cut_off_on_a_phone(opened, page):
+    tab = opened(page, NARROW)
+    note = tab.locator(".matrix .note").bounding_box()
+    assert note["x"] + note["width"] <= NARROW["width"]
 
 
 def test_a_line_is_taken_away_by_its_legend(tab):

@@ -57,6 +57,11 @@ def test_a_symbol_is_found_by_its_name_in_auvid():
     assert shown(Symbol("Y_uudr")).found == "Y_uudr"
 
 
+def test_the_name_of_a_term_is_shown_as_a_symbol_though_it_comes_as_text():
+    assert shown("N_|v|r") == shown(Symbol("N_|v|r"))
+    assert (shown("N_|v|r").text, shown("N_|v|r").below) == ("N", "|v|r")
+
+
 def test_groups_stand_above_their_columns():
     columns = (
         Column("Coefficient", numeric=False),
@@ -75,11 +80,14 @@ def test_groups_stand_above_their_columns():
     ("text", "expected"),
     [
         ("theta 1, phi 1, psi 0.999", "theta~1, phi~1, psi~0.999"),
-        ("theta by surge_force 0.321, phi by p -1e-05", "theta by surge_force~0.321, phi by p~-1e-05"),
+        ("theta by surge_force 0.321, phi by p -1e-05", "theta by surge_force~0.321, phi by p~-1e-^05"),
         ("0.9879 to 1.012 (chi-squared, 99%), tolerance 0.05", "0.9879 to 1.012 (chi-squared, 99%), tolerance~0.05"),
         ("<= 4", "<=~4"),
         ("over 20 lags", "over 20 lags"),
+        ("EKF 0.29 %, CKF 0.3 %.", "EKF~0.29~%, CKF~0.3~%."),
+        ("EKF 0.062 °/s, within 20 % or better", "EKF~0.062~°/s, within 20~% or better"),
+        ("at the end EKF 7.7e-05 %", "at the end EKF~7.7e-^05~%"),
     ],
 )
 def test_no_line_ends_between_a_name_and_its_number(text, expected):
-    assert with_ties(text) == expected.replace("~", "\N{NO-BREAK SPACE}")
+    assert with_ties(text) == expected.replace("~", "\N{NO-BREAK SPACE}").replace("^", "\N{WORD JOINER}")

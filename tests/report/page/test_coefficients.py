@@ -12,6 +12,7 @@ from auvid_cli.report.page.picture import Dot, TextLabel
 from auvid_cli.report.table import Symbol
 
 from ..conftest import TRUE, evaluation_of, make_estimate
+from .conftest import FEW
 
 
 def test_the_list_has_a_row_for_each_coefficient_and_filter(evaluation):
@@ -39,27 +40,32 @@ def test_what_is_left_of_the_prior_is_told_by_it(experiment_with):
 
 
 def test_the_forest_tells_standard_deviations_from_the_truth(evaluation):
-    (drawing,) = forest(evaluation)
-    dots = {shape.says: shape for shape in drawing.shapes if isinstance(shape, Dot)}
+    forces, moments = forest(evaluation)
+    assert [drawing.title for drawing in (forces, moments)] == [
+        "Distance from the truth, forces",
+        "Distance from the truth, moments",
+    ]
+    dots = {shape.says: shape for drawing in (forces, moments) for shape in drawing.shapes if isinstance(shape, Dot)}
     assert len(dots) == 3 * len(TRUE)
     # Of the second coefficient: true 11, by 1 % and a quarter of a standard deviation of 0.25 apart.
     symbol = list(TRUE)[1]
     near, far = dots[f"{symbol}, CKF: +0.44"], dots[f"{symbol}, EKF: +0.88"]
-    middle = next(shape for shape in drawing.shapes if isinstance(shape, TextLabel) and shape.text == "0")
+    middle = next(shape for shape in forces.shapes if isinstance(shape, TextLabel) and shape.text == "0")
     assert far.x - middle.x == pytest.approx(2.0 * (near.x - middle.x))
-    assert "Farthest from the truth" in drawing.says
+    assert all("Farthest from the truth" in drawing.says for drawing in (forces, moments))
 
 
 def test_what_is_beyond_the_forest_stands_at_its_edge_with_an_arrow(dataset):
-    (drawing,) = forest(evaluation_of(dataset, [make_estimate("ckf", offset=0.5)]))
+    (drawing,) = forest(evaluation_of(dataset, [make_estimate("ckf", FEW, offset=0.5)]))
     arrows = [shape for shape in drawing.shapes if isinstance(shape, TextLabel) and shape.text == "→"]
-    assert len(arrows) == len(TRUE)
-    assert f"{len(TRUE)} are farther than 5" in drawing.says
+    assert len(arrows) == len(FEW)
+    assert f"{len(FEW)} are farther than 5" in drawing.says
 
 
 def test_without_a_truth_filters_are_compared_with_the_first(dataset):
     recorded = replace(dataset, truth=None)
-    evaluation = evaluation_of(recorded, [make_estimate("smoother", offset=0.0), make_estimate("ckf", offset=0.02)])
+    estimates = [make_estimate("smoother", FEW, offset=0.0), make_estimate("ckf", FEW, offset=0.02)]
+    evaluation = evaluation_of(recorded, estimates)
     (drawing,) = forest(evaluation)
     assert drawing.title == "Distance from the smoother"
     assert [label for _, label in drawing.legend] == ["CKF"]

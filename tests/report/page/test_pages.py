@@ -27,7 +27,7 @@ from auvid_cli.report.table import Symbol, UnitCell
 from auvid_cli.validation.results import AHEAD, Prediction, Validation
 from auvid_cli.vehicle.parameters import MOTION
 
-from ..conftest import TIME, diverged, evaluation_of, make_dataset, make_estimate, motion_at
+from ..conftest import TIME, TRUE, diverged, evaluation_of, make_dataset, make_estimate, motion_at
 from .conftest import FEW, check_of
 from .test_render import Elements
 
@@ -53,6 +53,7 @@ def test_recorded_data_have_a_page_without_a_truth(known):
     assert "Distance from the smoother" in elements.texts("h3")
     assert not any("Table IV" in heading for heading in elements.texts("h3"))
     assert "truth not known" in page.subtitle
+    assert ", 80 s, " in page.subtitle
 
 
 def test_the_page_of_data_shades_where_something_is_the_matter(known):
@@ -108,6 +109,8 @@ def test_the_page_of_a_validation_draws_each_signal_over_the_horizon(known):
         ["Something is missing."],
     )
     page = validation_page(found)
+    # Of several manoeuvres of one experiment, which one this was.
+    assert "spiral of 80 s" in page.subtitle
     horizons, _ = parts_of(page, Plots)
     assert [plot.title for plot in horizons.plots] == [q.symbol for q in MOTION]
     own = horizons.plots[3].lines[-1]
@@ -141,6 +144,8 @@ def test_the_page_of_a_campaign_draws_every_run_that_ended(monkeypatch):
     elements = Elements(render_page(page))
     assert elements.texts("b") == elements.texts("u") == elements.texts("i") == []
     assert page.subtitle == "5 runs, 3 seeds"
+    one = campaign.campaign_page("one", Findings([], runs[:1], nothing, nothing, nothing), {"ckf": "ckf"}, [])
+    assert one.subtitle == "1 run, 1 seed"
 
 
 def test_rows_are_a_table_with_symbols_and_units_and_without_empty_columns():
@@ -179,3 +184,18 @@ def test_a_filter_that_diverged_has_its_verdict_and_no_numbers_that_it_has_not(k
     assert elements.texts("article")[1].split()[:2] == ["EKF", "diverged"]
     assert "the state was not finite after a measurement of dvl" in elements.texts("article")[1]
     assert "Checks" not in elements.texts("h2")
+
+
+def test_many_bounds_take_two_pictures_of_one_scale(known):
+    bounds = [
+        CoefficientBound(name, "kg/m", 1.0, 0.01, float(place + 1), np.nan, "within 5 %", "dvl", 0.75, "")
+        for place, name in enumerate(TRUE)
+    ]
+    growth = [(duration, np.ones(len(bounds)) / duration) for duration in (1.0, 8.0)]
+    page = identifiability_page(known, Identifiability(bounds, [], {}, np.eye(len(bounds)), growth, {}), "the truth")
+    forces, moments = parts_of(page, Picture)
+    assert (forces.title, moments.title) == ("Bounds, forces", "Bounds, moments")
+    ticks = [
+        {s.text: s.x for s in each.shapes if isinstance(s, TextLabel) and "%" in s.text} for each in (forces, moments)
+    ]
+    assert ticks[0] == ticks[1]

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid_cli.report.page.picture import Axis, stroke
+from auvid_cli.report.page.picture import Axis, TextLabel, decades, stroke
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6), st.integers(2, 12))
@@ -33,3 +33,12 @@ def test_a_long_line_keeps_its_ends():
 
 def test_no_axis_is_upside_down():
     assert Axis(0.0, 10.0, 0.0, 1.0).ticks() == pytest.approx([0.0, 2.0, 4.0, 6.0, 8.0, 10.0])
+
+
+@pytest.mark.parametrize(
+    ("high", "named"),
+    [(1.0, ["1", "2", "5", "10"]), (3.0, ["1", "10", "100", "1000"])],
+)
+def test_a_logarithmic_axis_has_numbers_enough_to_read_values(high, named):
+    shapes = decades(Axis(0.0, high, 0.0, 300.0), 0.0, 50.0)
+    assert [shape.text for shape in shapes if isinstance(shape, TextLabel)] == named

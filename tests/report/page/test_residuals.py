@@ -85,3 +85,15 @@ def test_what_is_left_of_the_depth_is_drawn_where_a_free_run_has_one():
     assert [plot.title for plot in sensor_plots({"depth": record}, {"ckf": without})] == ["depth: down"]
     _, residual = sensor_plots({"depth": record}, {"ckf": with_depth})
     np.testing.assert_allclose(residual.lines[0].values, time, atol=1e-6)
+
+
+def test_a_component_looks_the_same_of_every_filter_and_is_named_below_its_autocorrelation():
+    alone = make_estimate("ckf")
+    sensor = alone.innovations["dvl"]
+    # Its surge alone was heard of.
+    sensor.innovation[:, 1:] = np.nan
+    plot = plots_of([alone, make_estimate("ekf")])["dvl: autocorrelation"]
+    looks = {line.label: (line.look, line.key) for line in plot.lines if line.of}
+    assert "CKF w" not in looks
+    assert looks["EKF u"] == ("component0", "u") == looks["CKF u"]
+    assert looks["EKF w"] == ("component2", "w")

@@ -37,8 +37,8 @@ def test_what_is_noted_of_all_stands_below_the_cards_once_with_what_to_do(evalua
     checks += [verdict("ckf", "size", False, "Look at units."), verdict("ekf", "sound", False, "It is far off.")]
     _, words = cards_and_words(evaluation, checks)
     assert words[:-1] == [
-        "Failed of CKF: size of dvl (K_p|p| 9 sd). Look at units.",
-        "Noted of all: NIS and whiteness of dvl. Mend it.",
+        "Failed of CKF: dvl (size): K_p|p| 9 sd. Look at units.",
+        "Noted of all: dvl (NIS, whiteness). Mend it.",
     ]
     assert words[-1].startswith("NIS: ")
 

@@ -6,6 +6,8 @@
     ckf: [7, 3], tukf: [2, 2], ukf: [9, 3, 2, 3], smoother: [4, 3], output_error: [10, 4],
     component1: [7, 3], component2: [2, 2], prior: [4, 4], file: [6, 4], still: [10, 4], expected: [2, 3],
   };
+  // Lines whose values are read out together; of more, the one nearest to the pointer is.
+  const MOST_READ = 8;
   const drawn = [];
   // Of each word that links plots: the whole range of them all, and what is shown of it.
   const ranges = new Map();
@@ -104,9 +106,13 @@
       output.textContent = "";
       return;
     }
-    const shown = plot.lines.map((line, k) => [line, k + 1]).filter(([line, k]) => {
+    let shown = plot.lines.map((line, k) => [line, k + 1]).filter(([line, k]) => {
       return chart.series[k].show && line.look !== "chance" && chart.data[k][index] != null;
     });
+    if (shown.length > MOST_READ) {
+      const away = ([, k]) => Math.abs(chart.valToPos(chart.data[k][index], "y") - chart.cursor.top);
+      shown = [shown.reduce((a, b) => (away(b) < away(a) ? b : a))];
+    }
     const values = shown.map(([line, k]) => `${line.label} ${written(chart.data[k][index])}`);
     output.textContent = `${written(chart.data[0][index])}: ${values.join(", ")}`;
   }
@@ -219,6 +225,7 @@
     output.className = "readout";
     output.setAttribute("aria-hidden", "true");
     element.parentElement.querySelector("h3").append(output);
+    nameOwn(element, plot);
     const chart = new uPlot(options(element, plot, link), joined(plot), element);
     drawn.push({ chart, link, key, element, plot });
     choose(drawn[drawn.length - 1]);
@@ -258,6 +265,20 @@
     return swatch;
   }
 
+  // Below a plot, what its lines are, where no legend above says so.
+  function nameOwn(element, plot) {
+    const own = new Map(plot.lines.filter((line) => line.key).map((line) => [line.key, line]));
+    if (!own.size) return;
+    const legend = document.createElement("p");
+    legend.className = "own";
+    for (const [word, line] of own) {
+      const piece = document.createElement("span");
+      piece.append(sample(line), word);
+      legend.append(piece);
+    }
+    element.after(legend);
+  }
+
   function entry(line, key) {
     const button = document.createElement("button");
     button.type = "button";
@@ -282,7 +303,7 @@
       if (!line.of && line.look !== "chance" && line.look !== "input") lines.set(line.label, line);
     }
     const first = document.querySelector(`.canvas[data-group="${key}"]`);
-    if (!first || !lines.size) continue;
+    if (!first || lines.size < 2) continue;
     const legend = document.createElement("p");
     legend.className = "controls";
     legend.append("Lines: ", ...[...lines.values()].map((line) => entry(line, key)));

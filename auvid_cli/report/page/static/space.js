@@ -68,9 +68,18 @@
       }
       context.fillStyle = colour("quiet");
       context.textAlign = "center";
+      // With an edge, so that a word stays legible over another and over lines.
+      const write = (text, x, y) => {
+        context.strokeStyle = colour("paper");
+        context.lineWidth = 3;
+        context.setLineDash([]);
+        context.strokeText(text, x, y);
+        context.fillText(text, x, y);
+      };
       const label = (text, point) => {
         const [x, y] = project(point, width, height);
-        context.fillText(text, Math.min(Math.max(x, 40), width - 40), Math.min(Math.max(y, 14), height - 6));
+        const room = 0.5 * context.measureText(text).width + 4;
+        write(text, Math.min(Math.max(x, room), width - room), Math.min(Math.max(y, 14), height - 6));
       };
       label("north", [n + 1.25 * half, e, floor]);
       label("east", [n, e + 1.12 * half, floor]);
@@ -92,7 +101,7 @@
         context.beginPath();
         context.arc(x, y, 4, 0, 2 * Math.PI);
         context.fill();
-        context.fillText(word, x, y - 8);
+        write(word, x, y - 8);
       }
     }
 
