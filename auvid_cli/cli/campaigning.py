@@ -65,13 +65,13 @@ def forecast(plan: CampaignPlan, folder: Path, where: Where, choice: Choice, ter
     """Say how many runs there are, and about how long those take that are to be done."""
     store = Store(folder, plan.columns)
     done, failed = _done_and_failed(store, plan.labels()) if store.finished() or store.failures else (set(), set())
-    terminal.say(
+    terminal.tell(
         f"{plan.campaign.name}: {plan.n_runs} runs: combinations of settings {plan.campaign.n_cells}, filters "
         f"{len(plan.filters)}, seeds {plan.campaign.n_seeds}; {len(done)} finished, {len(failed)} failed"
     )
     left = plan.n_runs - len(_skipped(done, failed, choice))
     if not left:
-        terminal.say("0 left to do; --retry tries again what failed, --again does all anew")
+        terminal.tell("0 left to do; --retry tries again what failed, --again does all anew")
         return
     threads = where.workers
     if where.scheduler is not None:
@@ -80,9 +80,9 @@ def forecast(plan: CampaignPlan, folder: Path, where: Where, choice: Choice, ter
     with terminal.stage("try some runs"):
         seconds, failure = _seconds_of_a_run(plan)
     if seconds is None:
-        terminal.say(f"how long {left} runs take is not known: tried on {_PROBED:g} s of data they fail: {failure}")
+        terminal.tell(f"how long {left} runs take is not known: tried on {_PROBED:g} s of data they fail: {failure}")
         return
-    terminal.say(
+    terminal.tell(
         f"{left} runs take about {_duration(seconds * left / threads)} on {threads} workers like this machine, after "
         f"some seconds to start; by a few of them on {_PROBED:g} s of data, tried here"
     )
@@ -134,7 +134,7 @@ def _conduct(plan: CampaignPlan, folder: Path, where: Where, choice: Choice, ter
         done, failed = _done_and_failed(store, labels)
         skipped = _skipped(done, failed, choice)
     if choice.keep_estimates and done and not choice.again:
-        terminal.say(f"{len(done)} runs are finished, and estimates are only written of new ones; --again does all")
+        terminal.tell(f"{len(done)} runs are finished, and estimates are only written of new ones; --again does all")
     if len(skipped) < len(labels):
         estimates = folder / "estimates" if choice.keep_estimates else None
         try:
@@ -146,7 +146,7 @@ def _conduct(plan: CampaignPlan, folder: Path, where: Where, choice: Choice, ter
         n_failed = len(store.failures)
         store.conform(labels)
         if standing := n_failed - len(store.failures):
-            terminal.say(f"{standing} runs failed when they were done again: what they came to before stands")
+            terminal.tell(f"{standing} runs failed when they were done again: what they came to before stands")
     return _report(plan, folder, store, labels, choice, terminal)
 
 
@@ -186,7 +186,7 @@ def _work(
                 failed += sum(bool(performed.failure) for performed in group)
                 progress(ended - len(skipped), left, f", {failed} failed")
         except KeyboardInterrupt:
-            terminal.say(f"{ended} of {total} runs are done and kept; the same command goes on with the others")
+            terminal.tell(f"{ended} of {total} runs are done and kept; the same command goes on with the others")
             raise
 
 
@@ -216,11 +216,11 @@ def _report(
         if choice.show:
             open_page(page_in(folder), terminal)
     n_runs = int((rows["kind"] == "run").sum()) - len(failures)
-    terminal.say(f"{folder / 'results'}: {n_runs} of {len(labels)} runs")
+    terminal.tell(f"{folder / 'results'}: {n_runs} of {len(labels)} runs")
     if apart := len(store.finished() - labels.keys()):
-        terminal.say(f"{folder / 'earlier'}: {apart} runs of other settings, kept apart")
+        terminal.tell(f"{folder / 'earlier'}: {apart} runs of other settings, kept apart")
     if failures:
-        terminal.say(
+        terminal.tell(
             f"{folder / 'failures.csv'}: {len(failures)} runs failed, the first because: {failures[0].reason}; "
             "--retry tries them again"
         )

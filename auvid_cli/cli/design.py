@@ -141,11 +141,11 @@ def design(
             estimate = None if at is None else read_estimate(at)
             data = {str(path): read_dataset(path) for path in given or ()}
             task = stack.enter_context(api.designing(loaded, wish, estimate, data, spread_out))
-            terminal.say(f"{loaded.vehicle.name}: {draws} drawn from {task.belief.origin}")
+            terminal.tell(f"{loaded.vehicle.name}: {draws} drawn from {task.belief.origin}")
             for name in api.left_out(loaded):
-                terminal.say(f"note: not counted: {name}")
+                terminal.tell(f"note: not counted: {name}")
             for path in data:
-                terminal.say(f"known already: what {path} says")
+                terminal.tell(f"known already: what {path} says")
             key = api.search_key(loaded, wish, sources)
             reached = search_on(task, terminal, SearchLimits(generations, limit), output / _STATE, key, overwrite)
             with terminal.stage("compare"):

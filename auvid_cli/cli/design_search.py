@@ -88,6 +88,6 @@ def search_on(
         except KeyboardInterrupt:
             if latest is None:
                 raise
-            terminal.say("interrupted: the best so far is kept; with --overwrite the same command goes on")
+            terminal.tell("interrupted: the best so far is kept; with --overwrite the same command goes on")
     assert latest is not None, "a search has a first generation"
     return latest

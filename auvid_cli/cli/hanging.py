@@ -9,4 +9,5 @@ def hanging(line: str, indent: int) -> str:
     """Break a line under a column, on a terminal; elsewhere one line stays one."""
     if not sys.stdout.isatty():
         return line
-    return textwrap.fill(line, get_terminal_size().columns, subsequent_indent=" " * indent, break_on_hyphens=False)
+    columns = get_terminal_size().columns
+    return textwrap.fill(line, columns, subsequent_indent=" " * indent, break_on_hyphens=False, break_long_words=False)

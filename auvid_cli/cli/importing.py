@@ -32,7 +32,7 @@ def import_logs(map_file: Path, given: Sequence[str], output: Path | None, overw
     with terminal.stage("write the dataset"):
         put_dataset(path, dataset, inputs, overwrite, other_run(path, dataset.experiment))
     print_import_report(terminal.out, report.summaries, report.remarks)
-    terminal.say(f"{path}: t = 0 is {report.origin:.6f} s by the log's clock")
+    terminal.tell(f"{path}: t = 0 is {report.origin:.6f} s by the log's clock")
     terminal.say(f"next: auvid inspect {path}")
 
 
@@ -52,5 +52,5 @@ def suggest_to(files: Sequence[Path], output: Path | None, terminal: Terminal) -
         print(text, end="")
         return
     write_text(output, text)
-    terminal.say(f"{output}: look at every line with `check:` and fill in what is required, then")
+    terminal.tell(f"{output}: look at every line with `check:` and fill in what is required, then")
     terminal.say(f"auvid import --map {output}")

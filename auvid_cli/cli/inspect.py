@@ -86,12 +86,12 @@ def inspect(
         fails = len(inspection.checks.failed())
         if fails:
             verdicts = "1 verdict fails" if fails == 1 else f"{fails} verdicts fail"
-            terminal.say(
+            terminal.tell(
                 f"{verdicts}. Next: mend the map and import again with --overwrite, or leave out bad times with "
                 "--use BEGIN:END; then `auvid inspect` again"
             )
         else:
-            terminal.say(f"nothing fails. Next: {_next(read, f'{dataset}{part}')}")
+            terminal.tell(f"nothing fails. Next: {_next(read, f'{dataset}{part}')}")
         if show:
             open_page(page, terminal)
         raise typer.Exit(VERDICT_FAILED if fails else DONE)

@@ -75,7 +75,7 @@ def simulate_to(
     with terminal.stage("read the dataset"):
         dataset = read_dataset(path)
     sensors = ", ".join(f"{name} {record.time.size}" for name, record in dataset.sensors.items())
-    terminal.say(f"{path}: {dataset.inputs.time[-1]:g} s of {experiment.manoeuvre.type}; samples: {sensors}")
+    terminal.tell(f"{path}: {dataset.inputs.time[-1]:g} s of {experiment.manoeuvre.type}; samples: {sensors}")
     return dataset
 
 
@@ -105,7 +105,7 @@ def simulate_log_to(
 def say_doubts(vehicle: VehicleSettings, terminal: Terminal) -> None:
     """Say what of a vehicle's numbers can hardly be, a line each."""
     for doubt in doubts(vehicle):
-        terminal.say(f"note: vehicle {vehicle.name}: {doubt}")
+        terminal.tell(f"note: vehicle {vehicle.name}: {doubt}")
 
 
 def settle(prepared: "PreparedData", terminal: Terminal) -> "PreparedData":
@@ -122,7 +122,7 @@ def settle(prepared: "PreparedData", terminal: Terminal) -> "PreparedData":
     if settled.delays is not None:
         found = zip(settled.delays.symbols, settled.delays.value, settled.delays.deviation, strict=True)
         told = (f"{symbol} {1e3 * value:.1f} ± {1e3 * deviation:.1f} ms" for symbol, value, deviation in found)
-        terminal.say(f"delays that make the data most likely: {', '.join(told)}")
+        terminal.tell(f"delays that make the data most likely: {', '.join(told)}")
     if settings.noise == "stated":
         return settled
     stated, tuned = (data.experiment.identification.process_noise.model_dump() for data in (prepared, settled))
@@ -131,7 +131,7 @@ def settle(prepared: "PreparedData", terminal: Terminal) -> "PreparedData":
         for name, density in tuned.items()
         if density != stated[name]
     )
-    terminal.say(f"process noise that makes the data most likely, SI: {densities}")
+    terminal.tell(f"process noise that makes the data most likely, SI: {densities}")
     return settled
 
 

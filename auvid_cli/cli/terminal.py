@@ -13,7 +13,11 @@ from typing import Protocol
 import typer
 
 from auvid_cli.cli.exit_codes import DONE, INTERRUPTED, WRONG_INPUT
+from auvid_cli.cli.hanging import hanging
 from auvid_cli.cli.streams import complain, complain_of, discard
+
+# Of a sentence, of what does not fit on its first line.
+_INDENT = 2
 
 
 @contextmanager
@@ -90,6 +94,10 @@ class Terminal:
     def say(self, message: str) -> None:
         """Print a line, as it is."""
         self.out.print(message, markup=False, soft_wrap=True)
+
+    def tell(self, sentence: str) -> None:
+        """Print a sentence, which a narrow terminal breaks between its words."""
+        self.say(hanging(sentence, _INDENT))
 
     def say_all(self, messages: Iterable[object]) -> None:
         """Print a line for each, as it is."""

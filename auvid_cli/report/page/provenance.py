@@ -5,6 +5,7 @@ from hashlib import sha256
 from importlib.metadata import version
 
 from auvid_cli import __version__
+from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.load import dump_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.report.page.parts import Listing, Section, TablePart
@@ -16,7 +17,7 @@ _LIBRARIES = ("numpy", "scipy", "numba", "h5py")
 def what_ran(dataset: Dataset) -> str:
     """Say how long data are, and of which manoeuvre where they are simulated."""
     duration = f"{dataset.inputs.time[-1] - dataset.inputs.time[0]:.6g} s"
-    if dataset.truth is None:
+    if dataset.truth is None or not isinstance(dataset.experiment, Experiment):
         return duration
     return f"{dataset.experiment.manoeuvre.type.replace('_', ' ')} of {duration}"
 
