@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 
 # Before NumPy is loaded: its own threads wait for work by turning, beside the workers of the tests a third of the time.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
@@ -39,6 +40,10 @@ hypothesis.settings.register_profile(
     "auvid", deadline=None, max_examples=40, derandomize=not os.environ.get("AUVID_RANDOM"), database=None
 )
 hypothesis.settings.load_profile("auvid")
+
+# A shell lets what it starts in the background ignore Ctrl-C, and processes of tests would inherit that.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ALL_FILTERS = tuple(FilterName)
 KALMAN_FILTERS = tuple(name for name in FilterName if not name.in_one_batch)
