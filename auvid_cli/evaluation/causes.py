@@ -93,17 +93,19 @@ def noise_cause(sensor: str, innovations: Innovations, or_less_process_noise: bo
     by_size = 0.5 * float(tally.components.sum()) * (nis - 1.0 - np.log(nis)) if nis > 0.0 else 0.0
     explained = np.array([_explained_by_the_past(row) for row in correlation])
     by_memory = float(np.sum(np.maximum(-0.5 * samples * np.log1p(-explained) - LAGS, 0.0)))
-    if by_memory <= by_size:
-        if nis < 1.0:
-            return Cause(by_size, f"noise of {sensor} that is stated too large", _TUNE_SENSORS)
+    if nis < 1.0 and by_memory <= by_size:
+        return Cause(by_size, f"noise of {sensor} that is stated too large", _TUNE_SENSORS)
+    if nis >= 1.0 and by_memory <= _WORTH_NAMING:
         return Cause(by_size, f"more noise of {sensor} than stated, or more process noise", _TUNE_SENSORS)
+    # White noise of another size would explain the size alone.
+    gain = by_memory + by_size if nis >= 1.0 else by_memory
     if float(correlation[:, 0] @ samples) < 0.0:
         # What was corrected too far is corrected back.
         or_less = ", or less process noise" if or_less_process_noise else ""
-        return Cause(by_memory, f"more noise of {sensor} than stated{or_less}", _TUNE_SENSORS)
+        return Cause(gain, f"more noise of {sensor} than stated{or_less}", _TUNE_SENSORS)
     lasting = f"errors of {sensor} that last, or motion that the model does not explain"
-    remedy = f"more process noise ({_TUNE}), or its bias (identification.estimate.biases)"
-    return Cause(by_memory, lasting, remedy, lasts=True)
+    remedy = f"more process noise ({_TUNE}), or its bias or a disturbance (identification.estimate.biases)"
+    return Cause(gain, lasting, remedy, lasts=True)
 
 
 def _explained_by_the_past(correlation: Array) -> float:

@@ -44,6 +44,17 @@ def test_a_gain_by_size_is_that_of_the_likelihood_of_white_noise(rng):
     assert "too large" in noise_cause("dvl", innovations_of(0.5 * values)).name
 
 
+def test_what_is_larger_and_lasts_is_no_larger_noise_of_its_sensor(rng):
+    """Whatever size alone would gain: white noise as large explains no memory, and what lasts explains the size too."""
+    values = 5.0 * autoregressive(rng, 0.5)
+    cause = noise_cause("dvl", innovations_of(values))
+    assert cause.name.startswith("errors of dvl that last")
+    assert "disturbance" in cause.remedy
+    alone = noise_cause("dvl", innovations_of(autoregressive(rng, 0.5)))
+    larger = noise_cause("dvl", innovations_of(5.0 * rng.standard_normal(values.shape)))
+    assert cause.gain == pytest.approx(alone.gain + larger.gain, rel=0.03)
+
+
 def test_what_was_corrected_too_far_asks_for_less_process_noise(rng):
     assert "less process noise" in noise_cause("dvl", innovations_of(autoregressive(rng, -0.5))).name
 
