@@ -48,6 +48,9 @@ class ErrorGrowth(NamedTuple):
     ----------
     variance : dict of float
         By motion symbol and horizon, s; SI.
+    steady : dict of float
+        Of it what is the square of their mean: what a weight or a trim makes that the model lacks, and is there however
+        little the vehicle moves.
     by_process_noise : dict of float
         Of it what process noise makes, which is there whether or not the vehicle moves.
     moved : dict of float
@@ -55,6 +58,7 @@ class ErrorGrowth(NamedTuple):
     """
 
     variance: dict[tuple[str, float], float]
+    steady: dict[tuple[str, float], float]
     by_process_noise: dict[tuple[str, float], float]
     moved: dict[str, float]
 
@@ -70,11 +74,12 @@ class ErrorGrowth(NamedTuple):
             symbol: max((grown(symbol, k) for k in _GROWS_WITH.get(symbol, (symbol,)) if k in ratio), default=1.0)
             for symbol in sizes
         }
-        return {
-            (symbol, h): max(scale[symbol] * v - self.by_process_noise[symbol, h], 0.0)
+        grown_by_motion = {
+            (symbol, h): scale[symbol] * v + max(1.0 - scale[symbol], 0.0) * self.steady[symbol, h]
             for (symbol, h), v in self.variance.items()
             if symbol in scale
         }
+        return {place: max(v - self.by_process_noise[place], 0.0) for place, v in grown_by_motion.items()}
 
 
 def error_growth(samples: Sequence[Sample], shaken: Sequence[Sample], sizes: Mapping[str, SignalSize]) -> ErrorGrowth:
@@ -103,9 +108,9 @@ def error_growth(samples: Sequence[Sample], shaken: Sequence[Sample], sizes: Map
     beyond = {symbol: _beyond_chance([*seen.values()]) for symbol, seen in errors.items()}
     # Of ten signals one is beyond two deviations now and then where nothing is wrong.
     is_lacking = max(beyond.values(), default=0.0) > _SIGMAS_OF_ANY
-    variance, by_process_noise = {}, {}
+    variance, steady, by_process_noise = {}, {}, {}
     for symbol, seen in errors.items():
-        grows, largest, noise = is_lacking and beyond[symbol] > _SIGMAS, 0.0, 0.0
+        grows, largest, lasting, noise = is_lacking and beyond[symbol] > _SIGMAS, 0.0, 0.0, 0.0
         for horizon in HORIZONS:
             if horizon in seen:
                 added = [
@@ -113,10 +118,12 @@ def error_growth(samples: Sequence[Sample], shaken: Sequence[Sample], sizes: Map
                     for plain, other in of_signals[symbol]
                     if plain.target.horizon == horizon
                 ]
-                largest = max(largest, seen[horizon].excess if grows else 0.0)
+                if grows and seen[horizon].excess > largest:
+                    largest, lasting = seen[horizon].excess, min(seen[horizon].squared_mean, seen[horizon].excess)
                 noise = max(noise, float(np.mean(added)))
-            variance[symbol, horizon], by_process_noise[symbol, horizon] = largest, noise
-    return ErrorGrowth(variance, by_process_noise, _moved(sizes))
+            variance[symbol, horizon], steady[symbol, horizon] = largest, lasting
+            by_process_noise[symbol, horizon] = noise
+    return ErrorGrowth(variance, steady, by_process_noise, _moved(sizes))
 
 
 class _Errors(NamedTuple):
@@ -141,6 +148,12 @@ class _Errors(NamedTuple):
     def excess(self) -> float:
         """Return by how much their mean square exceeds what is stated."""
         return float(np.mean(self.error**2 - self.stated))
+
+    @property
+    def squared_mean(self) -> float:
+        """Return the square of their mean beyond what is chance."""
+        independent = independent_errors(self.error - self.error.mean())
+        return max(float(self.error.mean() ** 2 - self.error.var() / independent), 0.0)
 
 
 def _beyond_chance(horizons: Sequence[_Errors]) -> float:

@@ -49,10 +49,13 @@ class Bundle(NamedTuple):
         Those of the first rows, the identified model first; the other rows are drawn from its uncertainty.
     coefficients : ndarray, shape (n, 22 + terms)
         SI.
+    errors : ndarray, shape (n, 5)
+        What adds to thrust, fins and ballast of a start, by the order of `NO_ERRORS`.
     """
 
     names: tuple[str, ...]
     coefficients: Array
+    errors: Array
 
 
 class Sample(NamedTuple):
@@ -145,7 +148,7 @@ def predict_ahead(
         wanted = np.unique([target.time for target in targets])
         motion = np.tile(starts.motion[k], (len(bundle.coefficients), 1))
         motion[named:] += starts.deviation[k] * rng.standard_normal((drawn, len(MOTION_AND_DEPTH)))
-        beyond = np.tile(starts.vehicle[k], (len(motion), 1))
+        beyond = starts.vehicle[k] + bundle.errors
         beyond[named:] += starts.vehicle_deviation[k] * rng.standard_normal((drawn, beyond.shape[1]))
         timelines = prepared.segments[0].timelines.between(float(start), float(wanted[-1]))
         disturbed = _disturbed(prepared, starts, k, slice(named, named + drawn), rng)

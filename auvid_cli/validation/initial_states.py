@@ -35,7 +35,7 @@ _NOISE_FACTORS = (10.0, 100.0, 1000.0)
 # another in each run.
 _OF_THE_MODEL = BiasName.THRUST, BiasName.FIN_TRIM, BiasName.BALLAST, BiasName.DELAY
 # By the order of `NO_ERRORS`, to which they add.
-_VEHICLE = THRUST_SCALE, *FIN_TRIMS, EXCESS_BUOYANCY, TRIM_MOMENT
+VEHICLE_ERRORS = THRUST_SCALE, *FIN_TRIMS, EXCESS_BUOYANCY, TRIM_MOMENT
 
 
 @dataclass(frozen=True)
@@ -136,6 +136,16 @@ def own_of_each_run(settings: Identification, anew: bool = False) -> tuple[BiasN
     )
 
 
+def errors_of_each_run(settings: Identification, anew: bool = False) -> set[str]:
+    """Name, by symbol, what a filter finds of thrust, fins and ballast in each run."""
+    return {
+        quantity.symbol
+        for name in own_of_each_run(settings, anew)
+        for block in getattr(settings.estimate, name.value).blocks()
+        for quantity in block.quantities
+    }
+
+
 def filtered_initial_states(prepared: PreparedData, wanted: Array) -> InitialStates:
     """Filter the motion alone, and keep it at the first events at or after some times.
 
@@ -212,12 +222,12 @@ def _filtered(prepared: PreparedData, wanted: Array) -> InitialStates:
         picked(MOTION_AND_DEPTH, deviation),
         picked(DISTURBANCE, mean),
         picked(DISTURBANCE, deviation),
-        NO_ERRORS + picked(_VEHICLE, mean),
-        picked(_VEHICLE, deviation),
+        NO_ERRORS + picked(VEHICLE_ERRORS, mean),
+        picked(VEHICLE_ERRORS, deviation),
         [estimated_errors(problem.layout.symbols, row) for row in mean],
         [estimated_errors(problem.layout.symbols, row) for row in deviation],
         estimated_errors(problem.layout.symbols, last),
-        (NO_ERRORS + picked(_VEHICLE, last[None]))[0],
+        (NO_ERRORS + picked(VEHICLE_ERRORS, last[None]))[0],
         {name: float(s / max(n, 1.0)) for name, s, n in zip(problem.measuring, squares, components, strict=True)},
         "completed" if outcome.failure == OK else f"diverged at t = {reached:.3f} s",
         picked(MOTION_AND_DEPTH, density[None])[0],

@@ -1,6 +1,6 @@
 """The identified model, what there was before it, and what it may be as well."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.identification.prior import coefficient_priors
+from auvid_cli.validation.initial_states import VEHICLE_ERRORS
 
 Array = NDArray[np.float64]
 
@@ -51,16 +52,48 @@ def _vehicle_file(estimate: Estimate) -> Mapping[str, float] | None:
     return given if set(given) == set(estimate.coefficient_set.symbols) else None
 
 
-def drawn_coefficients(estimate: Estimate, count: int, rng: np.random.Generator) -> Array | None:
-    """Draw sets of coefficients from the final mean and covariance of an estimate.
+class Draws(NamedTuple):
+    """Models that may be as well.
+
+    Attributes
+    ----------
+    coefficients : ndarray, shape (count, 22 + terms)
+        SI.
+    errors : ndarray, shape (count, 5)
+        By how much thrust, fins and ballast differ from those of the identified model, by the order of `NO_ERRORS`.
+    """
+
+    coefficients: Array
+    errors: Array
+
+
+def drawn_models(
+    estimate: Estimate, count: int, rng: np.random.Generator, left_out: Collection[str] = ()
+) -> Draws | None:
+    """Draw models from the final mean and covariance of an estimate.
+
+    Thrust, fins and ballast are drawn along with the coefficients: what data tell is often the two together, and a
+    coefficient that is unsure because the ballast is, is less so beside the ballast that goes with it.
+
+    Parameters
+    ----------
+    estimate : Estimate
+    count : int
+    rng : numpy.random.Generator
+    left_out : collection of str
+        Symbols of errors that are no part of the model, since they are found in each run.
 
     Returns
     -------
-    ndarray, shape (count, 22 + terms), or None
+    Draws or None
         None if the covariance is not finite and positive definite.
     """
     symbols, final = estimate.coefficient_set.symbols, estimate.final_coefficients()
-    rows = estimate.coefficient_rows
+    known = [error.symbol in estimate.state and error.symbol not in left_out for error in VEHICLE_ERRORS]
+    beside = [
+        estimate.state.index(error.symbol) for error, is_drawn in zip(VEHICLE_ERRORS, known, strict=True) if is_drawn
+    ]
+    rows, n = [*estimate.coefficient_rows, *beside], len(estimate.coefficient_rows)
     drawn = np.tile([final[symbol] for symbol in symbols], (count, 1))
     covariance = estimate.covariance[np.ix_(rows, rows)]
     variance = np.diagonal(covariance)
@@ -72,6 +105,10 @@ def drawn_coefficients(estimate: Estimate, count: int, rng: np.random.Generator)
         factor = np.linalg.cholesky(covariance / np.outer(deviation, deviation))
     except np.linalg.LinAlgError:
         return None
-    columns = [symbols.index(estimate.state[i]) for i in rows]
-    drawn[:, columns] += deviation * (rng.standard_normal((count, len(rows))) @ factor.T)
-    return drawn
+    off = deviation * (rng.standard_normal((count, len(rows))) @ factor.T)
+    drawn[:, [symbols.index(estimate.state[i]) for i in rows[:n]]] += off[:, :n]
+    errors = np.zeros((count, len(VEHICLE_ERRORS)))
+    errors[:, known] = off[:, n:]
+    # The stated force already acts as many times as was found.
+    errors[:, 0] /= estimate.final_actuators().thrust
+    return Draws(drawn, errors)

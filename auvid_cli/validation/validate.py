@@ -22,15 +22,17 @@ from auvid_cli.validation.free_run_fit import fit_free_runs, free_run_rows
 from auvid_cli.validation.horizon_prediction import Bundle, Collected, evenly_spaced, predict_ahead, rows_ahead
 from auvid_cli.validation.initial_states import (
     InitialStates,
+    errors_of_each_run,
     filtered_initial_states,
     own_of_each_run,
     with_model,
 )
 from auvid_cli.validation.manoeuvres import TILT, manoeuvre_numbers
-from auvid_cli.validation.model_bundle import Models, drawn_coefficients, models_of
+from auvid_cli.validation.model_bundle import Draws, Models, drawn_models, models_of
 from auvid_cli.validation.results import ManoeuvreNumber, Validation
 from auvid_cli.validation.signals import MeasuredSignal, measured_signals, signal_sizes
 from auvid_cli.validation.verdicts import verdicts
+from auvid_cli.vehicle.dynamics import NO_ERRORS
 
 Array = NDArray[np.float64]
 
@@ -103,7 +105,8 @@ def validate(
     sizes = signal_sizes([segment.signals for segment in followed])
     free = [fit_free_runs(segment.prepared, segment.signals, models, segment.states) for segment in followed]
     rng = np.random.default_rng(estimate.experiment.seed)
-    bundle = _bundle(models, drawn_coefficients(estimate, DRAWS, rng), estimate.coefficient_set.symbols)
+    left_out = errors_of_each_run(estimate.experiment.identification, anew)
+    bundle = _bundle(models, drawn_models(estimate, DRAWS, rng, left_out), estimate.coefficient_set.symbols)
     collected = _predict(followed, bundle, rng)
     growth = {} if training is None else _growth(training, estimate, bundle, starts, rng, anew).in_motion(sizes)
     rows = [*free_run_rows(free, sizes), *rows_ahead(collected, bundle.names, sizes, growth)]
@@ -192,11 +195,14 @@ def _largest(values: Iterable[Mapping[str, float]]) -> dict[str, float]:
     return largest
 
 
-def _bundle(models: Models, drawn: Array | None, symbols: Sequence[str]) -> Bundle:
+def _bundle(models: Models, drawn: Draws | None, symbols: Sequence[str]) -> Bundle:
     """Bundle the models that are known by name and, behind them, what is drawn."""
     named = {name: values for name, values in models._asdict().items() if values is not None}
     table = np.array([[values[symbol] for symbol in symbols] for values in named.values()])
-    return Bundle(tuple(named), table if drawn is None else np.vstack([table, drawn]))
+    errors = np.zeros((len(named), len(NO_ERRORS)))
+    if drawn is not None:
+        table, errors = np.vstack([table, drawn.coefficients]), np.vstack([errors, drawn.errors])
+    return Bundle(tuple(named), table, errors)
 
 
 def _remarks(

@@ -54,13 +54,22 @@ def test_errors_that_are_expected_or_few_add_nothing():
 
 def test_process_noise_stands_for_its_share_whether_or_not_the_vehicle_moves():
     own, still, livelier = ({"v": signal(0.01, spread)} for spread in (0.1, 0.0, 0.3))
-    plain, shaken = (samples("v", 1.0, [0.5] * 40, variance) for variance in (0.04, 0.1))
+    plain, shaken = (samples("v", 1.0, [0.5, -0.5] * 20, variance) for variance in (0.04, 0.1))
     growth = error_growth(plain, shaken, own)
     assert growth.by_process_noise["v", 1.0] == pytest.approx(0.06)
     # What predictions with process noise lack: of as much motion, of none, of three times as much.
     for sizes, scale in ((own, 1.0), (still, 0.01), (livelier, 9.0)):
         expected = max(scale * (0.25 - 0.04) - 0.06, 0.0)
         assert growth.in_motion(sizes)["v", 1.0] == pytest.approx(expected, rel=0.1, abs=1e-9)
+
+
+def test_a_mean_error_is_there_however_little_the_vehicle_moves():
+    """As that of a weight or a trim that the model lacks; what comes and goes with the motion, goes with it."""
+    own, still, livelier = ({"w": signal(0.01, spread)} for spread in (0.1, 0.0, 0.3))
+    errors = samples("w", 1.0, [0.7, 0.3] * 20, 1e-6)
+    growth = error_growth(errors, errors, own)
+    for sizes, expected in ((own, 0.29), (still, 0.25 + 0.01 * 0.04), (livelier, 9.0 * 0.29)):
+        assert growth.in_motion(sizes)["w", 1.0] == pytest.approx(expected, rel=0.06)
 
 
 def test_what_is_chance_at_each_horizon_may_be_more_at_all_of_them(rng):

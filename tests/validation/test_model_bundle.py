@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.validation.model_bundle import drawn_coefficients, models_of
+from auvid_cli.validation.model_bundle import drawn_models, models_of
 from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
 
@@ -32,16 +32,36 @@ def test_the_prior_from_an_earlier_estimate_is_where_the_filter_began(estimate, 
 def test_draws_have_the_mean_and_the_covariance_of_the_estimate(estimate, rng):
     covariance = estimate.covariance.copy()
     covariance[:2, :2] = [[0.04, 0.054], [0.054, 0.09]]
-    drawn = drawn_coefficients(replace(estimate, covariance=covariance), 20_000, rng)
+    drawn, errors = drawn_models(replace(estimate, covariance=covariance), 20_000, rng)
     assert drawn.shape == (20_000, N_COEFFICIENTS)
+    assert not errors.any()
     columns = [SYMBOLS.index("X_u|u|"), SYMBOLS.index("N_uvl")]
     assert_allclose(drawn[:, columns].mean(axis=0), [-3.0, 4.0], atol=0.01)
     assert_allclose(np.cov(drawn[:, columns].T), covariance[:2, :2], rtol=0.05)
     assert_allclose(drawn[:, SYMBOLS.index("Y_uvl")], -20.0)
 
 
+def test_coefficients_are_drawn_with_the_thrust_and_the_ballast_that_go_with_them(estimate, rng):
+    """What data tell is their sum: a coefficient drawn alone would be ten times as unsure as beside its ballast."""
+    covariance = np.zeros((len(estimate.state) + 2,) * 2)
+    covariance[:-2, :-2] = estimate.covariance
+    covariance[0, 0], covariance[-2, -2], covariance[-1, -1] = 0.04, 0.01, 9.0
+    covariance[0, -1] = covariance[-1, 0] = -0.995 * 0.2 * 3.0
+    state = (*estimate.state, "thrust_scale", "excess_buoyancy")
+    mean = np.hstack([estimate.mean, np.tile([-0.5, 5.0], (len(estimate.mean), 1))])
+    known = replace(estimate, state=state, mean=mean, covariance=covariance)
+    drawn, errors = drawn_models(known, 20_000, rng)
+    # Beside a force that acts half as strongly as stated.
+    assert_allclose(errors.std(axis=0), [0.1 / 0.5, 0.0, 0.0, 3.0, 0.0], rtol=0.05)
+    together = drawn[:, SYMBOLS.index("X_u|u|")] + 0.2 / 3.0 * errors[:, 3]
+    assert together.std() == pytest.approx(0.2 * np.sqrt(2.0 * (1.0 - 0.995)), rel=0.05)
+    alone, errors = drawn_models(known, 20_000, rng, left_out={"thrust_scale", "excess_buoyancy"})
+    assert not errors.any()
+    assert alone[:, SYMBOLS.index("X_u|u|")].std() == pytest.approx(0.2, rel=0.05)
+
+
 @pytest.mark.parametrize("block", [[[0.04, 0.07], [0.07, 0.09]], [[np.inf, 0.0], [0.0, 0.09]]])
 def test_nothing_is_drawn_from_what_is_no_covariance(estimate, rng, block):
     covariance = estimate.covariance.copy()
     covariance[:2, :2] = block
-    assert drawn_coefficients(replace(estimate, covariance=covariance), 5, rng) is None
+    assert drawn_models(replace(estimate, covariance=covariance), 5, rng) is None
