@@ -77,7 +77,7 @@ class Tuning:
         return self.rows().to_pandas()
 
     def settings(self) -> str:
-        """Return settings with the tuned noise, and what the smoother makes of it, as YAML in SI."""
+        """Return settings with the tuned noise, what is estimated along, and what the smoother makes of it, as YAML."""
         tree: dict[str, Any] = {}
         tuned = self.experiment.model_dump(mode="json")
         for noise in self.noises:
@@ -86,5 +86,9 @@ class Tuning:
             for section in sections:
                 within, value = within.setdefault(section, {}), value[section]
             within[key] = value[key]
+        estimate = tuned["identification"]["estimate"]
+        if estimate["biases"]:
+            # This noise is that beside these: without one of them there is more.
+            tree["identification"]["estimate"] = {key: estimate[key] for key in ("biases", *estimate["biases"])}
         tree["identification"]["smoother"] = {"answer": tuned["identification"]["smoother"]["answer"]}
         return yaml.safe_dump(tree, sort_keys=False)

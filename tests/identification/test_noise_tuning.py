@@ -129,3 +129,11 @@ def test_its_sizes_are_written_and_read_as_lists(tuned_disturbance, experiment_w
     read = experiment_with(asked, f"identification.estimate.disturbance={held}").identification.estimate.disturbance
     assert read == tuned_disturbance.experiment.identification.estimate.disturbance
     assert read.moment.standard_deviation[0] == 0.0
+
+
+def test_what_is_written_says_beside_what_the_noise_was_found(tuned_disturbance, experiment_with):
+    """The process noise of a run that something disturbs is no more that of the same without."""
+    estimate = yaml.safe_load(tuned_disturbance.settings())["identification"]["estimate"]
+    read = experiment_with(f"identification.estimate={estimate}").identification.estimate
+    assert read.biases == ("disturbance",)
+    assert read == tuned_disturbance.experiment.identification.estimate
