@@ -8,12 +8,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from numba import njit
+from numba import njit, types
 from numba.core.event import Event, Listener, install_listener
 from numba.core.typeinfer import register_dispatcher
+from numba.extending import intrinsic
 
 from auvid_cli.children import parentage
 from auvid_cli.code_cache import DAMAGED, CodeCache, cache_folder
+from auvid_cli.lanes import LINE
 
 # An interrupt at the terminal ends it at once; the process that started it says so.
 _IMPORT_ALL = """
@@ -84,6 +86,24 @@ def compiled(
         return dispatcher
 
     return decorate
+
+
+@intrinsic
+def align_stack(typing_context: Any) -> tuple[Any, Callable]:
+    """Have the compiled function that calls it begin its stack at a cache line.
+
+    What a long loop cannot hold in registers it keeps there, as whole vectors; three times of four they would else
+    straddle two lines, each of which is then read.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        attributes = builder.function.attributes
+        # llvmlite writes down an alignment beside another attribute only; numba's functions never unwind.
+        attributes.add("nounwind")
+        attributes.alignstack = LINE
+        return context.get_dummy_value()
+
+    return types.void(), generate
 
 
 def is_compiled(module: str) -> bool:

@@ -12,9 +12,9 @@ from auvid_cli.lanes import LANES
 
 Array = NDArray[np.float64]
 
-# A block of lanes holds this many pairs; where fewer than half as many are left for the last one, that is half full.
+# A block of lanes holds this many pairs; the last one has room for as many of the others as it needs.
 PAIRS = LANES // 2
-HALF = PAIRS // 2
+FEWER = PAIRS // 4, PAIRS // 2
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
@@ -26,13 +26,13 @@ class Basis(NamedTuple):
     ----------
     directions : ndarray, shape (n_tiles, m * PAIRS)
         Tile t holds, for every coordinate j, that of the pairs from ``t * PAIRS`` on, at ``j * PAIRS``; of the last one
-        at ``j * last``. The dimension m is n, padded with zeros to whole halves of a tile.
+        at ``j * last``. The dimension m is n, padded with zeros to the pairs that there is room for.
     transposed : ndarray, shape (n_tiles, m * PAIRS)
         Tile t holds, for every pair k, its coordinates from ``t * PAIRS`` on, in the same way.
     present : ndarray, shape (m,)
         One for each pair, zero for padding.
     last : int
-        How many pairs the last tile holds: `PAIRS` or `HALF`.
+        How many pairs the last tile holds: one of `FEWER`, or `PAIRS`.
     weight, centred, curvature
         As in `PointSet`.
     """
@@ -52,8 +52,9 @@ BASIS = types.NamedTuple((_matrix, _matrix, _vector, types.int64, types.float64,
 def basis_of(point_set: PointSet) -> Basis:
     """Lay out a point set."""
     n = point_set.directions.shape[0]
-    n_tiles, m = -(-n // PAIRS), -(-n // HALF) * HALF
-    last = m - (n_tiles - 1) * PAIRS
+    before = (n - 1) // PAIRS * PAIRS
+    last = next(pairs for pairs in (*FEWER, PAIRS) if n <= before + pairs)
+    n_tiles, m = before // PAIRS + 1, before + last
     padded = np.zeros((m, m))
     padded[:n, :n] = point_set.directions
 

@@ -44,17 +44,16 @@ def predict(model, state, timeline, event, work):
             held, duration = timeline.inputs[substep_input[substep]], substep_duration[substep]
             model.advance(moving, parameters, held, data.constants, data.selection, n_lanes, duration, work.process)
 
-    spread = work.spread
-    for i in range(spread.shape[0]):
-        for k in range(spread.shape[1]):
-            spread[i, k] = 0.0
+    spread, noisy = work.spread, n_moving + m + 1
     collect_points(work.points, basis, n_moving, n_moving, mean[n_parameters:n], work)
     for i in range(n_moving):
         for j in range(n_parameters):
             columns[j, n_parameters + i] = work.regression[i, j]
         for j in range(n_moving):
             spread[i, j] = work.regression[i, n_parameters + j]
-        spread[i, n_moving + m + 1 + i] = data.noise_density[i] * np.sqrt(elapsed)
+        for k in range(noisy, spread.shape[1]):
+            spread[i, k] = 0.0
+        spread[i, noisy + i] = data.noise_density[i] * np.sqrt(elapsed)
     if not all_finite(n, mean) or not triangularise(spread, n_moving, work.lower):
         return False
     for j in range(n_moving):

@@ -13,7 +13,7 @@ import numpy as np
 from numba import types
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.basis import BASIS, HALF, PAIRS
+from auvid_cli.filters.basis import BASIS, FEWER, PAIRS
 from auvid_cli.filters.square_root_state import STATE
 from auvid_cli.filters.workspace import WORKSPACE
 from auvid_cli.lanes import LANES
@@ -55,7 +55,7 @@ def _four_products(pairs: int) -> Callable:
     return four_products
 
 
-_in_whole_tile, _in_half_tile = _four_products(PAIRS), _four_products(HALF)
+_in_whole_tile, _in_half_tile, _in_quarter_tile = (_four_products(pairs) for pairs in (PAIRS, FEWER[1], FEWER[0]))
 
 
 @compiled(types.void(_vector, *[types.uint64] * 4, _vector, types.int64, _vector), inline=True)
@@ -63,8 +63,10 @@ def products_in_tile(left, first, across, along, n_terms, right, pairs, out):
     """Do so for a tile with so many pairs."""
     if pairs == PAIRS:
         _in_whole_tile(left, first, across, along, n_terms, right, out)
-    else:
+    elif pairs == FEWER[1]:
         _in_half_tile(left, first, across, along, n_terms, right, out)
+    else:
+        _in_quarter_tile(left, first, across, along, n_terms, right, out)
 
 
 @compiled(types.int64(BASIS, types.int64), inline=True)

@@ -11,7 +11,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.factor import TILE, carlson_update, triangularise
+from auvid_cli.filters.factor import SPARE_ROWS, TILE, carlson_update, triangularise
 from auvid_cli.filters.huber import weight
 from auvid_cli.filters.measurement import wrapped
 from auvid_cli.filters.problem import (
@@ -114,7 +114,7 @@ class Work(NamedTuple):
     product : ndarray, shape (even number of moving states, n)
     rows : ndarray, shape (even number of moving states, whole tiles)
         Zero beyond the moving rows of the matrix.
-    spread : ndarray, shape (even number of moving states, whole tiles)
+    spread : ndarray, shape (moving states and `SPARE_ROWS`, whole tiles)
     lower : ndarray, shape (as many, as many)
     gain : ndarray, shape (width of the factor,)
     measured, ratio, share : ndarray, shape (whole tiles and one more,)
@@ -141,7 +141,7 @@ class Work(NamedTuple):
     def of(cls, process: Process, n: int, n_components: int) -> "Work":
         """Make it for a state of n entries, and sensors of up to `n_components`."""
         n_moving = process.noise_density.size
-        rows, even_moving = n_moving + 2, n_moving + n_moving % 2
+        rows, even_moving = n_moving + SPARE_ROWS, n_moving + n_moving % 2
         return cls(
             point=np.zeros(n),
             matrix=np.eye(n),

@@ -16,6 +16,7 @@ from auvid_cli.filters.problem import (
     ModelData,
     Sensors,
 )
+from auvid_cli.lanes import zeros_on_lines
 
 Array = NDArray[np.float64]
 
@@ -103,7 +104,7 @@ class State(NamedTuple):
     def of(cls, gaussian: Gaussian, n_columns: int, width: int) -> "State":
         """Lay out a Gaussian."""
         n = gaussian.mean.size
-        state = cls(n, np.zeros(width), np.zeros((n_columns, width)))
+        state = cls(n, zeros_on_lines(width), zeros_on_lines(n_columns, width))
         state.mean[:n], state.columns[:n, :n] = gaussian.mean, gaussian.factor.T
         return state
 

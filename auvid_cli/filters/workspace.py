@@ -7,9 +7,9 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.filters.basis import PAIRS, Basis
-from auvid_cli.filters.factor import TILE
+from auvid_cli.filters.factor import SPARE_ROWS, TILE
 from auvid_cli.filters.problem import Indices, Process
-from auvid_cli.lanes import LANES
+from auvid_cli.lanes import LANES, zeros_on_lines
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ class Workspace(NamedTuple):
     images : ndarray, shape (n_tiles + 1, c * LANES)
         What a sensor measures of them.
     odd, regression : ndarray, shape (r, m)
-        With r the number of moving states or of components of a sensor, whichever is more, and rows to fill up fours.
+        With r the number of moving states or of components of a sensor, whichever is more, and `SPARE_ROWS`.
     spread : ndarray, shape (r, whole tiles)
     lower : ndarray, shape (r, r)
     product : ndarray, shape (4 * PAIRS,)
@@ -69,22 +69,22 @@ def new_workspace(basis: Basis, process: Process, n: int, n_components: int, wid
     """Make the workspace for a state of n entries, and sensors of up to `n_components`."""
     n_tiles, m = basis.directions.shape[0], basis.present.size
     n_moving = process.noise_density.size
-    rows = max(n_moving, n_components) + 1
-    rows += -rows % 4
+    most = max(n_moving, n_components)
+    rows = most + SPARE_ROWS
     return Workspace(
-        points=np.zeros((n_tiles + 1, n * LANES)),
-        images=np.zeros((n_tiles + 1, n_components * LANES)),
-        odd=np.zeros((rows, m)),
-        regression=np.zeros((rows, m)),
-        spread=np.zeros((rows, padded(2 * rows + m + 1))),
-        lower=np.zeros((rows, rows)),
-        product=np.zeros(4 * PAIRS),
-        process=np.zeros(process.scratch_size),
-        gain=np.zeros(width),
-        measured=np.zeros(m + 1),
-        ratio=np.zeros(m + 1),
-        share=np.zeros(m + 1),
+        points=zeros_on_lines(n_tiles + 1, n * LANES),
+        images=zeros_on_lines(n_tiles + 1, n_components * LANES),
+        odd=zeros_on_lines(rows, m),
+        regression=zeros_on_lines(rows, m),
+        spread=zeros_on_lines(rows, padded(2 * most + m + 1)),
+        lower=zeros_on_lines(rows, rows),
+        product=zeros_on_lines(4 * PAIRS),
+        process=zeros_on_lines(process.scratch_size),
+        gain=zeros_on_lines(width),
+        measured=zeros_on_lines(m + 1),
+        ratio=zeros_on_lines(m + 1),
+        share=zeros_on_lines(m + 1),
         component=np.zeros(n_components, dtype=np.int64),
-        noise=np.zeros(n_components),
-        error=np.zeros(n_components),
+        noise=zeros_on_lines(n_components),
+        error=zeros_on_lines(n_components),
     )

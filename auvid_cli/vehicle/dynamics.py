@@ -16,7 +16,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from auvid_cli.compilation import compiled
+from auvid_cli.compilation import align_stack, compiled
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.actuators import AS_STATED, ActuatorErrors
 from auvid_cli.vehicle.ballast import NO_BALLAST, Ballast
@@ -26,7 +26,11 @@ from auvid_cli.vehicle.parameters import N_MOTION
 
 Array = NDArray[np.float64]
 
-_N_OF_HULL = 36 + 36 + 4
+_COUPLING = 36 + 36 + 4
+_IS_COUPLED = _COUPLING + 36
+_N_OF_HULL = _IS_COUPLED + 1
+# Surge, heave and pitch are motions in the plane of symmetry, the others across it.
+_IN_PLANE, _ACROSS = [0, 2, 4], [1, 3, 5]
 # Behind these the number of the vehicle's own terms, and where the table of them begins.
 _N_TERMS, _TERMS_AT = _N_OF_HULL, _N_OF_HULL + 1
 N_CONSTANTS = _N_OF_HULL + 2
@@ -69,6 +73,14 @@ class Constants(NamedTuple):
     lever_z: float
 
 
+def _coupling(inverse: Array) -> Array:
+    """Return C such that accelerations a, made of the forces in their own plane alone, are ``a + C a`` in truth."""
+    alone = np.zeros_like(inverse)
+    for motions in (_IN_PLANE, _ACROSS):
+        alone[np.ix_(motions, motions)] = inverse[np.ix_(motions, motions)]
+    return np.asarray((inverse - alone) @ np.linalg.inv(alone))
+
+
 def regressor_code(coefficient: Coefficient) -> list[float]:
     """Return row, number of factors and factors as numbers: twice the place among `SIGNALS`, one more for a modulus."""
     pairs = zip(coefficient.signals, coefficient.moduli, strict=True)
@@ -94,7 +106,9 @@ def vehicle_constants(parameters: Mapping[str, float], terms: Sequence[Coefficie
     levers = [parameters[f"{a}G"] * parameters["W"] - parameters[f"{a}B"] * parameters["B"] for a in "xyz"]
     excess = parameters["W"] - parameters["B"]
     table = [number for term in terms for number in (0.0, *regressor_code(term))]
-    hull = *mass.ravel(), *np.linalg.inv(mass).ravel(), excess, *levers
+    inverse = np.linalg.inv(mass)
+    coupling = _coupling(inverse)
+    hull = *mass.ravel(), *inverse.ravel(), excess, *levers, *coupling.ravel(), coupling.any()
     return np.array([*hull, len(terms), N_CONSTANTS, *table])
 
 
@@ -191,6 +205,19 @@ def sine_cosine(angle: float) -> tuple[float, float]:
     return s, c
 
 
+@compiled(types.void(_vector, types.uint64, _vector), internal=True)
+def _couple(constants, n_lanes, rates):
+    """Add to accelerations in the plane of symmetry what those across it make, and the reverse."""
+    coupling, n = constants[_COUPLING:_IS_COUPLED], LANES
+    for k in range(np.int64(n_lanes)):
+        surge, sway, heave = rates[k], rates[n + k], rates[2 * n + k]
+        roll, pitch, yaw = rates[3 * n + k], rates[4 * n + k], rates[5 * n + k]
+        for i in range(0, 6, 2):
+            rates[i * n + k] += coupling[6 * i + 1] * sway + coupling[6 * i + 3] * roll + coupling[6 * i + 5] * yaw
+            j = i + 1
+            rates[j * n + k] += coupling[6 * j] * surge + coupling[6 * j + 2] * heave + coupling[6 * j + 4] * pitch
+
+
 @compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector), internal=True)
 def add_terms(motion, coefficients, inputs, constants, n_lanes, derivative):
     """Add what the terms of a vehicle's own make of a motion to its derivative; arguments as of `motion_derivative`."""
@@ -245,6 +272,7 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
     derivative : ndarray, shape (N_SLOPE,)
         Filled in; the last row of the ten is overwritten where there are terms of the vehicle's own.
     """
+    align_stack()
     n = LANES
     stated_rudder, stated_elevator, surge_force, roll_moment = inputs[0], inputs[1], inputs[2], inputs[3]
     mass, inverse, stated_excess, stated_lever_x, lever_y, lever_z = named_constants(constants)
@@ -288,20 +316,21 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
         yaw += omega[_AT.N_rr + k] * rr + omega[_AT.N_vv + k] * vv
         yaw += omega[_AT.N_url + k] * ur + omega[_AT.N_uvl + k] * uv + omega[_AT.N_uudr + k] * uu_rudder
 
-        for i in range(np.uint64(6)):
-            j = np.uint64(6) * i
-            derivative[i * n + k] = (
-                inverse[j] * x
-                + inverse[j + np.uint64(1)] * y
-                + inverse[j + np.uint64(2)] * z
-                + inverse[j + np.uint64(3)] * roll
-                + inverse[j + np.uint64(4)] * pitch
-                + inverse[j + np.uint64(5)] * yaw
+        # Motions in the plane of symmetry, and those across it; most vehicles have nothing between them.
+        for i in range(np.uint64(3)):
+            j = np.uint64(12) * i
+            derivative[i * (2 * n) + k] = (
+                inverse[j] * x + inverse[j + np.uint64(2)] * z + inverse[j + np.uint64(4)] * pitch
+            )
+            derivative[i * (2 * n) + (n + k)] = (
+                inverse[j + np.uint64(7)] * y + inverse[j + np.uint64(9)] * roll + inverse[j + np.uint64(11)] * yaw
             )
         heading_rate = (q * sin_phi + r * cos_phi) / cos_theta
         derivative[6 * n + k] = p + sin_theta * heading_rate
         derivative[7 * n + k] = q * cos_phi - r * sin_phi
         derivative[8 * n + k] = heading_rate
+    if constants[_IS_COUPLED] != 0.0:
+        _couple(constants, n_lanes, derivative)
     if n_terms(constants) > 0:
         add_terms(motion, coefficients, inputs, constants, n_lanes, derivative)
 

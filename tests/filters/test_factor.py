@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.factor import TILE, carlson_update, triangularise
+from auvid_cli.filters.factor import SPARE_ROWS, TILE, carlson_update, triangularise
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -19,8 +19,8 @@ def padded(matrix, rows, width):
 @given(seed=seeds, n=st.integers(1, 35), extra=st.integers(0, 20))
 def test_triangularise_gives_the_factor_of_numpys_qr(seed, n, extra):
     rows = np.random.default_rng(seed).standard_normal((n, n + extra))
-    lower = np.full((n + 2, n + 1), 7.0)
-    assert triangularise(np.vstack([rows, np.full((1, n + extra), 9.0)]), n, lower)
+    lower = np.full((n + SPARE_ROWS, n + SPARE_ROWS), 7.0)
+    assert triangularise(np.vstack([rows, np.full((SPARE_ROWS, n + extra), 9.0)]), n, lower)
     expected = np.linalg.qr(rows.T, mode="r").T
     expected = expected * np.sign(np.diagonal(expected))
     # The trailing entries of a nearly singular set are as ill-conditioned as the set.
@@ -30,10 +30,9 @@ def test_triangularise_gives_the_factor_of_numpys_qr(seed, n, extra):
 
 
 def test_triangularise_refuses_what_has_no_factor():
-    lower = np.zeros((2, 2))
-    assert not triangularise(np.zeros((2, 3)), 2, lower)
-    assert not triangularise(np.array([[1.0, np.nan], [0.0, 1.0]]), 2, lower)
-    assert not triangularise(np.array([[1.0, np.inf], [0.0, 1.0]]), 2, lower)
+    for rows in np.zeros((2, 2)), [[1.0, np.nan], [0.0, 1.0]], [[1.0, np.inf], [0.0, 1.0]], [[1.0, 0.0], [0.0, 1e-160]]:
+        spare, lower = np.zeros((SPARE_ROWS, 2)), np.zeros((2 + SPARE_ROWS, 2 + SPARE_ROWS))
+        assert not triangularise(np.vstack([rows, spare]), 2, lower)
 
 
 @given(seed=seeds, n=st.integers(1, 35), magnitude=st.floats(-6, 6), gaps=st.booleans())
