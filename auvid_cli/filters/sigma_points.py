@@ -77,7 +77,7 @@ def pairs_in(basis, tile):
 
 @compiled(types.void(BASIS, STATE, types.int64, WORKSPACE), reassociate=True, inline=True)
 def draw_points(basis, state, n_moving, work):
-    """Fill blocks with the points ``mean +- S delta_k``, one block to a tile, and the centre behind them.
+    """Fill blocks with the points ``mean +- S delta_k``, one block to a tile, and the centre behind them if it counts.
 
     +delta lies in the lower half of the lanes in use and -delta in the upper; of these, lanes without a direction hold
     the mean. Moving rows come first in a block, then the parameters.
@@ -86,7 +86,7 @@ def draw_points(basis, state, n_moving, work):
     n_parameters, n_tiles = n - n_moving, basis.directions.shape[0]
     width = columns.shape[1]
     factor = columns.reshape(-1)
-    for i in range(n):
+    for i in range(0 if basis.centred else n):
         points[n_tiles, (i - n_parameters if i >= n_parameters else i + n_moving) * LANES] = mean[i]
     for tile in range(n_tiles):
         pairs = pairs_in(basis, tile)
