@@ -13,7 +13,7 @@ _LONGEST, _INTERVALS = 1.0, 10.0
 # s; a sensor with noise does not repeat itself to the last bit, and some quantised ones do for a while.
 LONGEST_REPEAT = 2.0
 # Steps by which a rounded measurement changes that hardly does.
-_NEIGHBOURS = 1.5
+_NEIGHBOURS, _BY_NOISE = 1.5, 2.5
 
 
 def gap_limit(intervals: Array) -> float:
@@ -44,8 +44,8 @@ def stuck_times(record: SensorRecord) -> Array:
 def rounded_repeats(record: SensorRecord) -> NDArray[np.bool_]:
     """Say of each of the `repeats` whether it is one of a rounded measurement that changed by less than a step.
 
-    It then comes from a neighbouring step and goes on to one. What a record begins or ends with has but one side, and
-    is no longer than those that have both.
+    It then comes from a neighbouring step and goes on to one. Noise may take it two steps to one side, and what it
+    begins or ends the record with has but one: these are no longer than those with neighbours on both.
     """
     time, values, edges = _runs(record)
     steps = rounding_steps(record)
@@ -54,12 +54,13 @@ def rounded_repeats(record: SensorRecord) -> NDArray[np.bool_]:
         return np.zeros(len(runs), np.bool_)
     # A component that is missing says nothing.
     jumps = np.abs(np.diff(runs, axis=0))
-    near = (np.isnan(jumps) | (jumps <= _NEIGHBOURS * steps)).all(axis=1)
+    near, by_noise = ((np.isnan(jumps) | (jumps <= most * steps)).all(axis=1) for most in (_NEIGHBOURS, _BY_NOISE))
     lasted = time[edges[1:] - 1] - time[edges[:-1]]
-    rounded = np.append(True, near) & np.append(near, True)
-    longest = float(lasted[1:-1][rounded[1:-1]].max(initial=0.0))
-    rounded[[0, -1]] &= lasted[[0, -1]] <= longest
-    return rounded
+    before, after = np.append(False, near), np.append(near, False)
+    surely = before & after
+    longest = float(lasted.max(initial=0.0, where=surely))
+    perhaps = (before | after) & np.append(True, by_noise) & np.append(by_noise, True)
+    return surely | (perhaps & (lasted <= longest))
 
 
 def rounding_steps(record: SensorRecord) -> Array:

@@ -250,7 +250,8 @@ def _heading_offset(signals: Signals) -> Check:
         return cannot_tell("dvl", name, "nothing measures r, or a heading instead", threshold)
     window, turning = signals.window("u", "v", "r", "psi"), next(iter(rates.values()))
     u, v = value["u"], value["v"]
-    fitted = tied(v, u, (turning * u, *carried_sideways(signals)), window)
+    # A turn slows the vehicle down to either side, and may not slip as much to both.
+    fitted = tied(v, u, (turning * u, np.abs(turning) * u, *carried_sideways(signals)), window)
     tangent = 0.0 if fitted is None else fitted.gain
     is_observed = fitted is not None and fitted.error < 0.5 * np.tan(_USUAL_OFFSET)
     return judged(

@@ -64,3 +64,13 @@ def test_without_steps_whatever_repeats_is_stuck(rng):
     values[500:540] = values[500]
     assert len(stuck_times(record(values))) == 1
     assert not rounded_repeats(record(values)).any()
+
+
+def test_noise_that_skips_a_step_makes_no_failure_of_a_rounded_depth():
+    """Of half a step, four times a second about a held depth: some runs of two seconds begin two steps away."""
+    time = 0.25 * np.arange(40_000)
+    noise = 0.005 * np.random.default_rng(1).standard_normal(time.size)
+    values = np.round(12.0 + 0.03 * np.sin(0.02 * time) + noise, 2)
+    own = SensorRecord(time, values[:, None], np.array([0.005]))
+    assert (np.diff(repeats(own)) > 2.0).sum() > 20
+    assert not stuck_times(own).size

@@ -109,3 +109,13 @@ def test_a_dvl_near_the_nose_is_no_turned_sign(zigzag):
     check = verdicts(replace(dataset, sensors=dataset.sensors | {"dvl": replace(dvl, values=values)}))[SLIP]
     assert check.passed is None
     assert "dvl_arm" in check.advice
+
+
+def test_speed_that_turns_alone_take_off_tells_no_offset_of_the_dvl(simulated_with):
+    """Turns of a vehicle with a trimmed rudder slip more to one side, and slow it down on both."""
+    survey = (
+        "{type: lawnmower, duration: 240 s, speed: 1.5 m/s, leg: 20 s, turn_rate: 6 deg/s, autopilot: {speed: false}"
+    )
+    dataset = simulated_with(f"manoeuvre={survey}, fin_trim: {{rudder: 1.3 deg}}}}", "sensors.attitude.source=direct")
+    checks = verdicts(dataset.without_truth())
+    assert checks["dvl", "heading offset"].statistic == "not excited enough to tell"
