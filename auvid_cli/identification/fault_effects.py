@@ -41,11 +41,14 @@ class VehicleFaults:
         self._problem = problem
         present, modelled = ("", *problem.measuring), (*problem.layout.symbols, *sought)
         self._motion_rows = problem.layout.moving_rows_of("motion")
+        constant = problem.layout.symbols[: problem.layout.n_parameters]
         modelled_terms = {c.regressor for c in problem.coefficients if c.symbol in modelled}
         others = (
             fault
             for fault in tested
-            if fault.sensor in present and fault.state not in modelled and fault.regressor not in modelled_terms
+            if fault.sensor in present
+            and (fault.state in constant if fault.is_drift else fault.state not in modelled)
+            and fault.regressor not in modelled_terms
         )
         self._faults = *others, *(DELAY_FAULTS[symbol] for symbol in sought)
 
@@ -65,7 +68,7 @@ class VehicleFaults:
         coefficients = factors(found, of_vehicle=vehicle)
         model = FaultedVehicle(self._problem.known, coefficients, vehicle.terms, *self._mounted())
         rate = self._problem.segments[segment].timelines.input_rate
-        states = np.vstack([about.before, about.moving])
+        states, times = np.vstack([about.before, about.moving]), np.append(timeline.time[:1], timeline.time)
         motion = states[:, self._motion_rows]
         current, ballast = (
             np.column_stack([self._along(symbol, about.parameters, states) for symbol in symbols])
@@ -80,7 +83,8 @@ class VehicleFaults:
         def under(place: NDArray[np.int64], given: NDArray[np.int64]) -> Motion:
             inputs = gain[place] * timeline.inputs[given] + trim[place]
             rates = model.rates(motion[place], inputs, ballast[place])
-            return Motion(motion[place], inputs, gain[place] * rate[given], rates, current[place], ballast[place])
+            input_rate = gain[place] * rate[given]
+            return Motion(motion[place], inputs, input_rate, rates, current[place], ballast[place], times[place])
 
         # Over a substep the motion is taken for that at the event before: faults are small, and substeps short.
         n_substeps, held = np.diff(timeline.substep_offset), timeline.substep_input

@@ -46,6 +46,8 @@ class Motion(NamedTuple):
         North and east, in which the vehicle moves, as far as it is estimated.
     ballast : ndarray, shape (n, 2)
         See `Ballast`, as far as it is estimated.
+    time : ndarray, shape (n,)
+        s, of each.
     """
 
     motion: Array
@@ -54,6 +56,7 @@ class Motion(NamedTuple):
     rates: Array
     current: Array
     ballast: Array
+    time: Array
 
     @property
     def drift(self) -> Array:
@@ -158,6 +161,8 @@ class Fault(NamedTuple):
         motion changes, shape (n, 9).
     regressor : Regressor or None
         Of a term that the model lacks.
+    is_drift : bool
+        Whether it is how what the state stands for changes with time: it is tested where that is one constant.
     """
 
     name: str
@@ -167,6 +172,7 @@ class Fault(NamedTuple):
     sensor: str
     effect: Callable[[FaultedVehicle, Motion], Array]
     regressor: Regressor | None = None
+    is_drift: bool = False
 
 
 def _constant(component: int) -> Callable[[FaultedVehicle, Motion], Array]:
@@ -219,6 +225,16 @@ def missing_term(term: Coefficient) -> Fault:
     return Fault(term.symbol, term.unit, _TERM, "", "", effect, term.regressor)
 
 
+def _drift_of(walk: str, fault: Fault) -> Fault:
+    """Return as a fault that something drifts which is estimated as a constant; `walk` is the setting that lets it."""
+
+    def effect(model: FaultedVehicle, at: Motion) -> Array:
+        return at.time[:, None] * fault.effect(model, at)
+
+    name, remedy = f"drift of the {fault.name}", _WALKS.format(walk)
+    return Fault(name, f"{fault.unit}/s", remedy, fault.state, fault.sensor, effect, is_drift=True)
+
+
 _GYRO = "estimate it (identification.estimate.biases: [gyro])"
 _FORCE = "estimate it (identification.estimate.biases: [accelerometer])"
 _IRON = "estimate the field of the vehicle (identification.estimate.biases: [magnetic_field])"
@@ -237,8 +253,18 @@ _TRIM = "add it to the recorded angle, or estimate it (identification.estimate.b
 _THRUST = "add it to the recorded thrust, or estimate its scale (identification.estimate.biases: [thrust])"
 _TERM = "the model lacks this term, and others make up for it: add it (vehicle.terms)"
 _CHECK = "check vehicle.parameters.{}"
+_WALKS = (
+    "it is estimated as one constant: let it walk (identification.estimate.{}), or identify parts of the run one by one "
+    "(--use BEGIN:END)"
+)
 _BALLAST = f"{_CHECK}, or estimate {{}} (identification.estimate.biases: [ballast])"
 
+_MAY_DRIFT: tuple[tuple[str, Fault], ...] = (
+    ("current.walk", Fault("current, north", "m/s", _CURRENT, "current_north", "dvl", _current(0))),
+    ("current.walk", Fault("current, east", "m/s", _CURRENT, "current_east", "dvl", _current(1))),
+    ("fin_trim.walk", Fault("trim of the rudder", "rad", _TRIM, "rudder_trim", "", _offset(0))),
+    ("fin_trim.walk", Fault("trim of the elevator", "rad", _TRIM, "elevator_trim", "", _offset(1))),
+)
 FAULTS: tuple[Fault, ...] = (
     *(
         Fault(f"bias of {quantity.symbol}", "rad/s", _GYRO, f"bias_{quantity.symbol}", "gyroscope", _constant(i))
@@ -278,10 +304,8 @@ FAULTS: tuple[Fault, ...] = (
         lambda model, at: at.over_ground[:, [1, 0, 2]] * [1.0, -1.0, 0.0],
     ),
     *(Fault(f"lever arm of the DVL, {a}", "m", _LEVER, f"dvl_{a}", "dvl", _lever(i)) for i, a in enumerate("xyz")),
-    Fault("current, north", "m/s", _CURRENT, "current_north", "dvl", _current(0)),
-    Fault("current, east", "m/s", _CURRENT, "current_east", "dvl", _current(1)),
-    Fault("trim of the rudder", "rad", _TRIM, "rudder_trim", "", _offset(0)),
-    Fault("trim of the elevator", "rad", _TRIM, "elevator_trim", "", _offset(1)),
+    *(fault for _, fault in _MAY_DRIFT),
+    *(_drift_of(walk, fault) for walk, fault in _MAY_DRIFT),
     Fault(
         "constant thrust",
         *("N", _THRUST, "", ""),

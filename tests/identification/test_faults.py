@@ -49,7 +49,7 @@ def at(model, rng):
     current = np.tile([0.3, -0.2], (N, 1))
     ballast = rng.standard_normal((N, 2))
     rates = model.rates(motion, inputs, ballast)
-    return Motion(motion, inputs, rng.standard_normal((N, 4)), rates, current, ballast)
+    return Motion(motion, inputs, rng.standard_normal((N, 4)), rates, current, ballast, 3.0 * np.arange(N))
 
 
 def over_ground(motion):
@@ -256,7 +256,7 @@ def test_what_is_added_is_added_to_its_sensor_at_its_events(along):
     for name, sensor, columns in (("lever arm of the DVL, x", "dvl", 3), ("bias of q", "gyroscope", 3)):
         f = faults.names.index(name)
         own = timeline.measurement_sensor == [*problem.measuring].index(sensor)
-        at = Motion(about.moving[event[own]], *(np.zeros((own.sum(), k)) for k in (4, 4, 9, 2, 2)))
+        at = Motion(about.moving[event[own]], *(np.zeros((own.sum(), k)) for k in (4, 4, 9, 2, 2)), np.zeros(own.sum()))
         assert own.any()
         assert_allclose(added[own, :columns, f], BY_NAME[name].effect(None, at), atol=1e-15)
         assert not added[~own, :, f].any()
