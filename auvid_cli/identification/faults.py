@@ -254,8 +254,8 @@ _THRUST = "add it to the recorded thrust, or estimate its scale (identification.
 _TERM = "the model lacks this term, and others make up for it: add it (vehicle.terms)"
 _CHECK = "check vehicle.parameters.{}"
 _WALKS = (
-    "it is estimated as one constant: let it walk (identification.estimate.{}), or identify parts of the run one by one "
-    "(--use BEGIN:END)"
+    "it is estimated as one constant: let it walk (identification.estimate.{}), or identify parts of the run one by "
+    "one (--use BEGIN:END)"
 )
 _BALLAST = f"{_CHECK}, or estimate {{}} (identification.estimate.biases: [ballast])"
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.vehicle import VehicleEntry
 from auvid_cli.evaluation.causes import LARGEST_FAULT
-from auvid_cli.evaluation.judgement import FARTHEST_SEGMENT
+from auvid_cli.evaluation.judgement import FARTHEST_SEGMENT, judge
 from auvid_cli.filters.problem import SEGMENT
 from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import augmented_problem
@@ -300,9 +300,10 @@ def test_what_ballast_may_be_is_said_to_be_found_along():
 
 def test_what_is_estimated_or_not_measured_is_not_tested(short_run, with_settings):
     everything = names_with(short_run)
-    assert everything == tuple(name for name in BY_NAME if BY_NAME[name].sensor not in INERTIAL)
+    unasked = [name for name, fault in BY_NAME.items() if not fault.is_drift]
+    assert everything == tuple(name for name in unasked if BY_NAME[name].sensor not in INERTIAL)
     felt = names_with(with_settings(short_run, "identification.attitude_from=inertial"))
-    assert felt == tuple(name for name in BY_NAME if BY_NAME[name].sensor != "magnetic_field")
+    assert felt == tuple(name for name in unasked if BY_NAME[name].sensor != "magnetic_field")
     estimated = names_with(with_settings(short_run, "identification.estimate.biases=[gyro, dvl, current, ballast]"))
     assert set(everything) - set(estimated) == {
         *(f"bias of {symbol}" for symbol in "pqr"), "scale of the DVL", "mounting yaw of the DVL",
@@ -440,3 +441,33 @@ def test_segments_of_one_model_agree_and_others_do_not(clean, with_settings):
         assert [test.fault for test in found] == [f"{SEGMENT} {begin:g} s" for begin in (0, 30)]
         assert [abs(test.z) > FARTHEST_SEGMENT for test in found] == [disagree] * 2
         assert all(test.unit == COEFFICIENTS.units[test.coefficient] for test in found)
+
+
+def test_a_drift_grows_with_time(model, at):
+    for name in ("trim of the rudder", "current, north"):
+        assert_allclose(effect(f"drift of the {name}", model, at), at.time[:, None] * effect(name, model, at))
+
+
+def test_drifts_are_tested_of_what_is_estimated_as_a_constant(short_run, with_settings):
+    drifts = {"drift of the trim of the rudder", "drift of the trim of the elevator"}
+    constant = names_with(with_settings(short_run, "identification.estimate.biases=[fin_trim]"))
+    walking = names_with(
+        with_settings(short_run, "identification.estimate={biases: [fin_trim], fin_trim: {walk: 1e-4 rad/s^0.5}}")
+    )
+    assert drifts <= {*constant}
+    assert not {name for name in (*walking, *names_with(short_run)) if name.startswith("drift")}
+
+
+def test_a_trim_that_drifts_by_less_than_a_tenth_of_a_degree_is_named(multisine_with):
+    """The rudder's zero moves by .08 deg in 40 s, of which nothing is known but the constant."""
+    dataset, rate = multisine_with("identification.estimate={biases: [fin_trim], fin_trim: {fins: [rudder]}}"), 2e-3
+    values = dataset.inputs.values.copy()
+    values[:, 0] -= rate * DEGREE * dataset.inputs.time
+    moved = replace(dataset.without_truth(), inputs=replace(dataset.inputs, values=values))
+    steady, drifting = (identify(data, FilterName.SMOOTHER) for data in (dataset, moved))
+    tests = [{test.fault: test for test in estimate.faults} for estimate in (steady, drifting)]
+    before, found = (of["drift of the trim of the rudder"] for of in tests)
+    assert abs(before.z) < 3.5 < found.z
+    assert abs(found.size - rate * DEGREE) < 3.0 * found.standard_deviation
+    assert max(tests[1].values(), key=lambda test: abs(test.z)) == found
+    assert "fin_trim.walk" in judge([drifting])["smoother"].remedy
