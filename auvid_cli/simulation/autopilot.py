@@ -26,6 +26,8 @@ class Controls(NamedTuple):
         To be held where depth is not.
     fin_angle, fin_rate, largest_force : float
         Limits.
+    shared_fins : float
+        1 where each fin turns for rudder and elevator, as on an x tail, else 0.
     torque : float
         Roll moment of the propeller by its thrust, m.
     zigzag_rudder, zigzag_heading, zigzag_start : float
@@ -42,6 +44,7 @@ class Controls(NamedTuple):
     fin_angle: float
     fin_rate: float
     largest_force: float
+    shared_fins: float
     torque: float
     zigzag_rudder: float
     zigzag_heading: float
@@ -63,7 +66,7 @@ def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Manoeuv
         If the vehicle has no positive-definite mass matrix or lacks coefficients.
     """
     coefficients, known = vehicle.all_coefficients(), vehicle.known_parameters()
-    autopilot, limits = manoeuvre.autopilot, manoeuvre.limits
+    autopilot, limits, geometry = manoeuvre.autopilot, manoeuvre.limits, vehicle.geometry
     # Per newton of thrust, so that an idle propeller makes no torque.
     torque = known["K_prop"] / known["X_prop"] if known["X_prop"] else 0.0
     drag = -coefficients["X_u|u|"]
@@ -82,6 +85,7 @@ def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Manoeuv
         fin_angle=limits.fin_angle,
         fin_rate=limits.fin_rate,
         largest_force=limits.surge_force,
+        shared_fins=float(geometry is not None and geometry.fins.tail == "x"),
         torque=torque,
         zigzag_rudder=np.copysign(plan.zigzag[0], coefficients["N_uudr"]) if plan.zigzag[0] else 0.0,
         zigzag_heading=plan.zigzag[1],

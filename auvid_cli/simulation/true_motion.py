@@ -214,6 +214,21 @@ def _reason_to_stop(motion):
     return 2 if abs(motion[6]) > LARGEST_ROLL else 0
 
 
+@compiled(types.void(CONTROLS, _vector, _vector, types.float64), internal=True)
+def _limit_fins(controls, before, now, change):
+    """Keep fins to their angle, and to so much of a change.
+
+    Of an x tail half the sum of two fins is the rudder, half the difference the elevator.
+    """
+    shared = controls.shared_fins
+    first, second = now[0] - shared * now[1], now[1] + shared * now[0]
+    was_first, was_second = before[0] - shared * before[1], before[1] + shared * before[0]
+    first = min(max(limited(first, controls.fin_angle), was_first - change), was_first + change)
+    second = min(max(limited(second, controls.fin_angle), was_second - change), was_second + change)
+    half = 1.0 / (1.0 + shared)
+    now[0], now[1] = half * (first + shared * second), half * (second - shared * first)
+
+
 @compiled(types.void(_ACTUATORS, _vector, types.int64, types.float64, _TRUTH, _vector), internal=True)
 def _act(actuators, trim, tick, period, truth, places):
     """Let the actuators follow the commands of a tick; before the first they rest in it."""
@@ -240,11 +255,8 @@ def _fly(wanted, controls, actuators, trim, truth, longest_step, work):
         period = time[tick + 1] - time[tick] if tick + 1 < n else time[tick] - time[tick - 1]
         now = commands[tick]
         steer(controls, wanted, tick, period, position[tick, 2], motion[tick], work.memory, now)
-        for fin in range(2):
-            now[fin] = limited(now[fin], controls.fin_angle)
-            if tick > 0:
-                before, change = commands[tick - 1, fin], controls.fin_rate * period
-                now[fin] = min(max(now[fin], before - change), before + change)
+        # Before the first tick fins are where they have to be.
+        _limit_fins(controls, commands[tick - 1], now, controls.fin_rate * period if tick > 0 else np.inf)
         if follows:
             _act(actuators, trim, tick, period, truth, work.fins)
         if tick + 1 == n:

@@ -83,6 +83,16 @@ def test_fins_keep_to_their_angle_and_rate(fly):
     assert np.abs(np.diff(fins, axis=0)).max() == pytest.approx(rate * tick, rel=1e-9)
 
 
+def test_each_fin_of_an_x_tail_keeps_to_its_angle_and_rate(fly):
+    angle, rate = np.deg2rad(20.0), np.deg2rad(40.0)
+    limits = "manoeuvre.limits.fin_angle=20 deg", "manoeuvre.limits.fin_rate=40 deg/s"
+    truth = fly(None, "vehicle.geometry.fins.tail=x", "manoeuvre.duration=60 s", *limits)
+    rudder, elevator = truth.inputs[:, :2].T
+    fins, tick = np.array([rudder - elevator, rudder + elevator]), truth.time[1]
+    assert np.abs(fins).max(axis=1) == pytest.approx([angle, angle], rel=1e-12)
+    assert np.abs(np.diff(fins)).max() == pytest.approx(rate * tick, rel=1e-9)
+
+
 def test_thrust_keeps_to_its_limit(fly):
     truth = fly(STRAIGHT, "manoeuvre.limits.surge_force=12 N")
     assert np.abs(truth.inputs[:, 2]).max() == 12.0
