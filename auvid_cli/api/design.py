@@ -126,7 +126,7 @@ def mission(task: Task, design: Design, remark: str, origin: tuple[float, float]
             "manoeuvre.yaml": manoeuvre_yaml(manoeuvre, remark),
             "inputs.csv": inputs_csv(manoeuvre, fins),
             "track.geojson": track_geojson(around, origin),
-            "timeline.md": timeline_markdown(around, task.wish.envelope, task.slowest),
+            "timeline.md": timeline_markdown(around, task.wish.envelope, task.slowest, manoeuvre.excitation.fade_in),
             "checklist.md": checklist_markdown(manoeuvre, vehicle, around),
         },
     )

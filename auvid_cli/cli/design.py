@@ -150,7 +150,7 @@ def design(
             reached = search_on(task, terminal, SearchLimits(generations, limit), output / _STATE, key, overwrite)
             with terminal.stage("compare"):
                 result = api.conclude(task, reached)
-                gain = "the spiral itself" if result.is_own else f"x{result.gain:.2f} over the spiral"
+                gain = "the spiral itself" if result.is_own else f"{result.chosen}, x{result.gain:.2f} over the spiral"
                 remark = f"auvid design, seed {loaded.seed}, {reached.generation} generations: {gain}"
                 mission = api.mission(task, result, remark, place)
         texts = mission.texts | {"result.md": "\n".join(f"- {line}" for line in sentences(result)) + "\n"}

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from auvid_cli.design.envelope import extent_of
 from auvid_cli.errors import DataError
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ class Band(NamedTuple):
         Which 95 of 100 vehicles stay within: north, east, m.
     depths : tuple of float
         Shallowest and deepest of 95 of 100 vehicles, m from the start, down.
+    length, energy : tuple of float
+        Way through the water, m, and work of the thrust, J, of 5 and of 95 of 100 vehicles.
     number : int
         Of the vehicles.
     """
@@ -45,6 +48,8 @@ class Band(NamedTuple):
     speed: Array
     box: tuple[float, float]
     depths: tuple[float, float]
+    length: tuple[float, float]
+    energy: tuple[float, float]
     number: int
 
 
@@ -63,9 +68,15 @@ def band_of(runs: Sequence["Truth"]) -> Band:
     motion, position = np.array([run.motion[places] for run in runs]), np.array([run.position[places] for run in runs])
     extent = np.array([np.ptp(run.position[:, :2], axis=0) for run in runs])
     depths = np.array([(run.position[:, 2].min(), run.position[:, 2].max()) for run in runs])
+    lengths = [float(np.linalg.norm(np.diff(run.position, axis=0), axis=1).sum()) for run in runs]
+    energies = [extent_of(run, 0.0).energy for run in runs]
 
     def spread(values: Array) -> Array:
         return np.moveaxis(np.percentile(values, [LOW, 50.0, HIGH], axis=0), 0, -1)
+
+    def outer(values: Sequence[float]) -> tuple[float, float]:
+        low, high = np.percentile(values, [LOW, HIGH])
+        return float(low), float(high)
 
     columns = {"turned": 8, "turn_rate": 5, "pitch": 7, "roll": 6, "speed": 0}
     north, east = np.percentile(extent, HIGH, axis=0)
@@ -76,5 +87,7 @@ def band_of(runs: Sequence["Truth"]) -> Band:
         **{name: spread(motion[:, :, column]) for name, column in columns.items()},
         box=(float(north), float(east)),
         depths=(float(shallowest), float(deepest)),
+        length=outer(lengths),
+        energy=outer(energies),
         number=len(runs),
     )

@@ -12,7 +12,6 @@ from auvid_cli.design.posterior import Posterior, posterior_along
 from auvid_cli.design.search import Reached
 from auvid_cli.design.task import Task
 from auvid_cli.design.trials import Trial, sail, sizes_of
-from auvid_cli.design.variables import candidates
 from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.simulation.true_motion import Truth
 
@@ -20,9 +19,11 @@ Array = NDArray[np.float64]
 
 # Below this a design is not worth another run in the water.
 WORTH_WHILE = 1.1
-# Of a coefficient's size, %: what is known worse is named, and at least the worst three.
-_BADLY, _NAMED = 20.0, 3
-_TOGETHER, _HARDLY = 0.95, 0.5
+# Of a coefficient's size, %: what is known worse is named, and so are the worst three unless they are known well.
+_BADLY, _WELL, _NAMED = 20.0, 1.0, 3
+# So many times surer it has to be without the others for them to be what hides it; so much of its prior is left of one
+# that hardly moves the vehicle.
+_TOGETHER, _HARDLY = 2.0, 0.5
 # Parts of a run after which it is said how much is known, and how many times as long it might be.
 _PARTS, _LONGER = 4, (2.0, 4.0)
 
@@ -41,11 +42,12 @@ class Design(NamedTuple):
     Attributes
     ----------
     manoeuvre : AnyManoeuvre
-        To be sailed: the designed one, or the experiment's own where that is as good.
-    is_own : bool
+        To be sailed: the best of those that were tried, or the experiment's own where that is as good.
+    chosen : str
+        Which of the trials is its.
     gain : float
-        Of the designed one over the experiment's own: how many times smaller standard deviations are, geometric mean
-        over vehicles that the search has not seen.
+        Of the best one over the experiment's own: how many times smaller standard deviations are, geometric mean over
+        vehicles that the search has not seen.
     trials : dict of Trial
         By name, on these vehicles: ``designed``, ``spiral``, ``doublets``, ``zigzag``.
     poor : tuple of Poor
@@ -65,7 +67,7 @@ class Design(NamedTuple):
     """
 
     manoeuvre: AnyManoeuvre
-    is_own: bool
+    chosen: str
     gain: float
     trials: dict[str, Trial]
     poor: tuple[Poor, ...]
@@ -76,6 +78,16 @@ class Design(NamedTuple):
     progress: Reached
     symbols: tuple[str, ...]
 
+    @property
+    def is_own(self) -> bool:
+        """Return whether the experiment's own manoeuvre is to be sailed."""
+        return self.chosen == "spiral"
+
+    @property
+    def is_worth_while(self) -> bool:
+        """Return whether the best of those that were tried tells clearly more than the experiment's own."""
+        return self.gain >= WORTH_WHILE
+
 
 def conclude(task: Task, progress: Reached) -> Design:
     """Compare the best of a search with what is usually sailed, on vehicles that it has not seen.
@@ -85,24 +97,26 @@ def conclude(task: Task, progress: Reached) -> Design:
     ConfigError
         If it does not even keep the envelope with those that it has seen; names what to relax.
     """
-    own, best = task.space.base, progress.best
-    own_keeps = task.own.outside == 0
+    own, own_keeps = task.own.manoeuvre, task.own.outside == 0
+    # By the vehicles that are seen, so that those that are not seen judge it unmoved.
+    others = {"designed": progress.best, **{name: trial for name, trial in task.usual.items() if name != "spiral"}}
+    name, best = min(others.items(), key=lambda each: (each[1].outside > 0, each[1].cost))
     if best.outside and not own_keeps:
         raise ConfigError(_nothing_fits(task, progress))
-    named = {"designed": best.manoeuvre, "spiral": own, **candidates(own, task.experiment.vehicle.size.length)}
-    trials = {name: task.unseen.try_out(manoeuvre) for name, manoeuvre in named.items()}
-    gain = trials["designed"].mean_gain_over(trials["spiral"])
+    named = {"designed": progress.best, **task.usual}
+    trials = {each: task.unseen.try_out(trial.manoeuvre) for each, trial in named.items()}
+    gain = trials[name].mean_gain_over(trials["spiral"])
     is_own = bool(best.outside) or (own_keeps and not gain >= WORTH_WHILE)
-    manoeuvre = own if is_own else best.manoeuvre
+    taken, manoeuvre = ("spiral", own) if is_own else (name, best.manoeuvre)
     of_own = _nominal_run(task, own)
     truth, posterior = of_own if is_own else _nominal_run(task, manoeuvre)
     chosen = [task.belief.symbols.index(symbol) for symbol in task.chosen]
     return Design(
         manoeuvre,
-        is_own,
+        taken,
         gain,
         trials,
-        _poor(task, posterior, trials["spiral" if is_own else "designed"].percent(), chosen),
+        _poor(task, posterior, trials[taken].percent(), chosen),
         truth,
         posterior,
         _soonest(posterior, of_own[1], chosen),
@@ -155,7 +169,11 @@ def _longer(task: Task, manoeuvre: AnyManoeuvre, chosen: Sequence[int]) -> Itera
 
 def _poor(task: Task, posterior: Posterior, percent: Array, chosen: Sequence[int]) -> tuple[Poor, ...]:
     worst = sorted(chosen, key=lambda place: -percent[place])
-    named = [place for rank, place in enumerate(worst) if rank < _NAMED or percent[place] > _BADLY]
+    named = [
+        place
+        for rank, place in enumerate(worst)
+        if percent[place] > _BADLY or (rank < _NAMED and percent[place] > _WELL)
+    ]
     return tuple(
         Poor(task.belief.symbols[place], float(percent[place]), _why(task, posterior, place)) for place in named
     )
@@ -163,11 +181,19 @@ def _poor(task: Task, posterior: Posterior, percent: Array, chosen: Sequence[int
 
 def _why(task: Task, posterior: Posterior, place: int) -> str:
     deviation = np.sqrt(np.diagonal(posterior.covariance))
-    correlation = posterior.covariance[place] / np.where(deviation > 0.0, deviation * deviation[place], np.inf)
-    correlation[place] = 0.0
-    other = int(np.argmax(np.abs(correlation)))
-    if abs(correlation[other]) > _TOGETHER:
-        return f"cannot be told from {task.belief.symbols[other]}: correlation {correlation[other]:.2f}"
     if deviation[place] > _HARDLY * task.knowledge.prior_std[place]:
         return "hardly moves the vehicle in this run"
-    return "its share of the forces is small beside the noise"
+    free = np.flatnonzero(deviation > 0.0)
+    correlation = posterior.covariance[np.ix_(free, free)] / np.outer(deviation[free], deviation[free])
+    here = int(np.flatnonzero(free == place)[0])
+    # How many times surer it would be if all others were known.
+    surer = float(np.sqrt(np.linalg.inv(correlation)[here, here]))
+    if surer < _TOGETHER:
+        return "its share of the forces is small beside the noise"
+    beside = np.abs(correlation[here])
+    beside[here] = 0.0
+    other = int(np.argmax(beside))
+    return (
+        f"if the others were known it would be {surer:.2g} times surer; it goes most with "
+        f"{task.belief.symbols[free[other]]} (correlation {correlation[here, other]:.2f})"
+    )

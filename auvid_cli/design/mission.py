@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.envelope import Envelope
 from auvid_cli.config.geometry import FinSettings
-from auvid_cli.config.manoeuvre import AnyManoeuvre
+from auvid_cli.config.manoeuvre import AnyManoeuvre, Zigzag
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.design.band import Band
 from auvid_cli.simulation.manoeuvre_plan import ManoeuvrePlan, make_plan
@@ -40,8 +40,8 @@ def inputs_csv(manoeuvre: AnyManoeuvre, fins: FinSettings | None) -> str:
     A fin is positive as the vehicle file's rudder and elevator are; of an x tail that is the trailing edge to port.
     """
     plan = make_plan(manoeuvre.model_copy(update={"input_rate": _RATE}))
-    # With the run all that is added ends.
-    plan.feedforward[-1] = 0.0
+    # All that is added begins and ends with the run, steps too.
+    plan.feedforward[[0, -1]] = 0.0
     columns = {"time [s]": plan.time, **_signals(plan, fins, manoeuvre.limits.fin_angle), **_held(manoeuvre, plan)}
     table = np.column_stack(list(columns.values()))
     lines = [",".join(columns), *(",".join(f"{value + 0.0:.5g}" for value in row) for row in table)]
@@ -51,26 +51,31 @@ def inputs_csv(manoeuvre: AnyManoeuvre, fins: FinSettings | None) -> str:
 def _signals(plan: ManoeuvrePlan, fins: FinSettings | None, limit: float) -> dict[str, Array]:
     """Return the added signals, as far as fins go."""
     signals = np.where(np.abs(plan.feedforward) < 1e-9, 0.0, plan.feedforward)
-    rudder, elevator = (np.rad2deg(np.clip(signals[:, fin], -limit, limit)) for fin in range(2))
-    named = {"rudder [deg]": rudder, "elevator [deg]": elevator}
-    if fins is not None and fins.number == 4 and fins.tail == "+":
-        named |= {"upper fin [deg]": rudder, "lower fin [deg]": rudder}
-        named |= {"port fin [deg]": elevator, "starboard fin [deg]": elevator}
-    elif fins is not None and fins.tail == "x":
-        bound = np.rad2deg(limit)
+    bound, (rudder, elevator) = np.rad2deg(limit), np.rad2deg(signals[:, :2]).T
+    if fins is not None and fins.tail == "x":
         falling, rising = np.clip(rudder - elevator, -bound, bound), np.clip(rudder + elevator, -bound, bound)
+        named = {"rudder [deg]": 0.5 * (rising + falling), "elevator [deg]": 0.5 * (rising - falling)}
         named |= {"upper starboard fin [deg]": falling, "lower port fin [deg]": falling}
         named |= {"lower starboard fin [deg]": rising, "upper port fin [deg]": rising}
+    else:
+        rudder, elevator = np.clip(rudder, -bound, bound), np.clip(elevator, -bound, bound)
+        named = {"rudder [deg]": rudder, "elevator [deg]": elevator}
+        if fins is not None and fins.number == 4:
+            named |= {"upper fin [deg]": rudder, "lower fin [deg]": rudder}
+            named |= {"port fin [deg]": elevator, "starboard fin [deg]": elevator}
     return named | {"thrust [N]": signals[:, 2], "roll moment [N m]": signals[:, 3]}
 
 
 def _held(manoeuvre: AnyManoeuvre, plan: ManoeuvrePlan) -> dict[str, Array]:
-    pitch = np.full(plan.time.size, np.rad2deg(plan.pitch))
-    return {
-        "held turn rate [deg/s]": np.rad2deg(plan.turn_rate),
-        "held pitch [deg]": pitch,
-        "held speed [m/s]": plan.speed,
-    }
+    """Return what the loops that are closed hold."""
+    held, autopilot = dict[str, Array](), manoeuvre.autopilot
+    if autopilot.horizontal == "turn_rate":
+        held["held turn rate [deg/s]"] = np.rad2deg(plan.turn_rate)
+    if autopilot.vertical == "depth":
+        held["held change of depth [m]"] = np.zeros(plan.time.size)
+    else:
+        held["held pitch [deg]"] = np.full(plan.time.size, np.rad2deg(plan.pitch))
+    return held | {"held speed [m/s]": plan.speed}
 
 
 def track_geojson(band: Band, origin: tuple[float, float]) -> str:
@@ -109,8 +114,18 @@ def _feature(kind: str, coordinates: list[Any], **properties: Any) -> dict[str, 
     return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
 
 
-def timeline_markdown(band: Band, envelope: Envelope, slowest: float) -> str:
-    """Write what a person sees as the run goes on, 5 to 95 of 100 vehicles, and where to end it."""
+def timeline_markdown(band: Band, envelope: Envelope, slowest: float, begun: float) -> str:
+    """Write what a person sees as the run goes on, 5 to 95 of 100 vehicles, and where to end it.
+
+    Parameters
+    ----------
+    band : Band
+    envelope : Envelope
+    slowest : float
+        m/s.
+    begun : float
+        s, from when on the speed counts.
+    """
     every = max((band.time.size - 1) // _ROWS, 1)
     columns = ("time (s)", "heading changed (deg)", "turn rate (deg/s)", "depth changed (m)", "pitch (deg)")
     header = (*columns, "roll (deg)", "speed (m/s)", "abort at a depth change of (m)")
@@ -137,10 +152,15 @@ def timeline_markdown(band: Band, envelope: Envelope, slowest: float) -> str:
         lines.append(f"| {' | '.join(cells)} |")
     limits = (
         f"roll beyond {np.rad2deg(envelope.roll):.0f} deg, pitch beyond {np.rad2deg(envelope.pitch):.0f} deg, "
-        f"slower than {slowest:.2g} m/s for more than 5 s after the start, more than {envelope.box:.0f} m from where "
-        f"the run began, or a depth outside the last column"
+        f"slower than {slowest:.2g} m/s for more than 5 s after the first {begun:.0f} s, more than "
+        f"{envelope.box:.0f} m from where the run began, or a depth outside the last column"
     )
-    return "\n".join([*lines, "", f"Abort at any time: {limits}."]) + "\n"
+    low, high = (np.array([length, 1e-3 * energy]) for length, energy in zip(band.length, band.energy, strict=True))
+    whole = (
+        f"In all: {band.time[-1]:.0f} s, {low[0]:.0f} to {high[0]:.0f} m through the water, {low[1]:.3g} to "
+        f"{high[1]:.3g} kJ of work by the thrust, without losses"
+    )
+    return "\n".join([*lines, "", f"{whole}.", "", f"Abort at any time: {limits}."]) + "\n"
 
 
 def _range(values: Array) -> str:
@@ -159,7 +179,7 @@ Before
 {manoeuvre.speed if manoeuvre.initial_speed is None else manoeuvre.initial_speed:g} m/s.
 - [ ] Fins free, within {np.rad2deg(manoeuvre.limits.fin_angle):.0f} deg and \
 {np.rad2deg(manoeuvre.limits.fin_rate):.0f} deg/s; their zero checked by eye.
-- [ ] inputs.csv added to what the autopilot commands, which holds turn rate, pitch and speed as its last columns say.
+- [ ] inputs.csv added to what the autopilot commands, which holds what its last columns say.{_by_heading(manoeuvre)}
 - [ ] Abort limits of timeline.md set in the vehicle.
 
 Log, with one clock
@@ -177,3 +197,13 @@ Sail
 After
 - [ ] `auvid import`, `auvid inspect`, `auvid identify` the first run, `auvid validate` with the second.
 """
+
+
+def _by_heading(manoeuvre: AnyManoeuvre) -> str:
+    """Return what is steered by what the vehicle does, and is in no table over time."""
+    if not isinstance(manoeuvre, Zigzag):
+        return ""
+    rudder, heading = np.rad2deg([manoeuvre.rudder, manoeuvre.heading])
+    return f"""
+- [ ] The rudder by the heading, no loop holds it: straight for {manoeuvre.approach:g} s, then {rudder:.0f} deg to
+      starboard, and to the other side whenever the heading is {heading:.0f} deg from that of the start."""

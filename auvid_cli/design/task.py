@@ -15,7 +15,7 @@ from auvid_cli.design.draws import Belief, belief_of_estimate, belief_of_vehicle
 from auvid_cli.design.envelope import least_speed, tightened
 from auvid_cli.design.posterior import Knowledge, knowledge_of
 from auvid_cli.design.trials import Bench, Criterion, Map, Trial, sail
-from auvid_cli.design.variables import SearchSpace, own_manoeuvre, space_about
+from auvid_cli.design.variables import SearchSpace, candidates, own_manoeuvre, space_about
 from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.simulation.true_motion import Truth
 
@@ -78,8 +78,9 @@ class Task(NamedTuple):
         m/s.
     seen, unseen : Bench
         Vehicles of the search, in an envelope with a margin, and those that its result is judged by.
-    own : Trial
-        The experiment's own manoeuvre on the vehicles that are seen.
+    usual : dict of Trial
+        What is usually sailed, on the vehicles that are seen: ``spiral``, which is the experiment's own, ``doublets``,
+        ``zigzag``.
     """
 
     experiment: Experiment
@@ -92,7 +93,12 @@ class Task(NamedTuple):
     slowest: float
     seen: Bench
     unseen: Bench
-    own: Trial
+    usual: dict[str, Trial]
+
+    @property
+    def own(self) -> Trial:
+        """Return the trial of the experiment's own manoeuvre."""
+        return self.usual["spiral"]
 
     def gain_of(self, trial: Trial) -> float:
         """Return how many times smaller standard deviations are than after the own manoeuvre, on the seen vehicles."""
@@ -140,6 +146,7 @@ def set_task(
         return Bench(vehicles, knowledge, chosen, wish.criterion, limits, least, spread)
 
     seen = bench(wish.draws, _SEEN, *tightened(envelope, slowest))
+    usual = {"spiral": own, **candidates(own, vehicle.size.length)}
     return Task(
         experiment,
         wish,
@@ -151,7 +158,7 @@ def set_task(
         slowest,
         seen,
         bench(HELD_OUT, _UNSEEN, envelope, slowest),
-        seen.try_out(own),
+        {name: seen.try_out(manoeuvre) for name, manoeuvre in usual.items()},
     )
 
 

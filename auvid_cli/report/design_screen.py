@@ -47,23 +47,25 @@ def _row(name: str, trial: "Trial", spiral: "Trial") -> list[Cell]:
 
 def sentences(design: "Design") -> list[str]:
     """Say what is to be made of a design, a line each."""
-    designed, spiral = design.trials["designed"], design.trials["spiral"]
-    number = len(designed.flights)
+    chosen, spiral = design.trials[design.chosen], design.trials["spiral"]
+    number = len(spiral.flights)
     gain = f"x{design.gain:.2f} over the spiral"
-    if design.is_own and design.progress.best.outside:
+    if design.is_own and design.is_worth_while:
         lines = ["No designed run keeps the envelope as the spiral does: the spiral is what is written."]
     elif design.is_own:
         lines = [f"The spiral is as good ({gain} on {number} vehicles not seen by the search): it is what is written."]
-    else:
+    elif design.chosen == "designed":
         lines = [f"The designed run gives {gain} on {number} vehicles not seen by the search."]
-        if np.isfinite(design.gain) and spiral.outside:
-            lines.append(f"The spiral itself leaves the envelope with {spiral.outside} of them.")
-    chosen = spiral if design.is_own else designed
+    else:
+        said = f"{gain} on {number} vehicles not seen by the search"
+        lines = [f"Best of all that was tried: {design.chosen} ({said}), which is what is written."]
     if chosen.outside:
         limits = dict.fromkeys(name for shares in chosen.excess for name, share in shares.items() if share > 0.0)
         how = f" ({', '.join(limits)})" if limits else ""
         lost = f", of which {chosen.lost} are lost" if chosen.lost else ""
         lines.append(f"It leaves the envelope with {chosen.outside} of {number} vehicles{how}{lost}: keep room for it.")
+    if np.isfinite(design.gain) and spiral.outside and not design.is_own:
+        lines.append(f"The spiral itself leaves the envelope with {spiral.outside} of them.")
     if design.soonest is not None and not design.is_own:
         lines.append(
             f"After {design.soonest:.0f} of {design.posterior.time[-1]:.0f} s it has told what the spiral tells in all."

@@ -20,7 +20,7 @@ from auvid_cli.design.mission import (
     track_geojson,
 )
 from auvid_cli.design.trials import sail
-from auvid_cli.design.variables import own_manoeuvre, space_about
+from auvid_cli.design.variables import candidates, own_manoeuvre, space_about
 from auvid_cli.errors import DataError
 
 
@@ -69,15 +69,17 @@ def test_each_fin_does_its_share(manoeuvre):
     column = {name.partition(" [")[0]: rows[:, k] for k, name in enumerate(header)}
     assert_allclose(column["upper fin"], column["rudder"])
     assert_allclose(column["starboard fin"], column["elevator"])
+    of_plus = column
     header, rows = table(inputs_csv(manoeuvre, fins("x")))
     column = {name.partition(" [")[0]: rows[:, k] for k, name in enumerate(header)}
-    free = (np.abs(column["upper port fin"]) < 24.9) & (np.abs(column["lower port fin"]) < 24.9)
+    fins_of_x = [column[f"{place} fin"] for place in ("upper port", "upper starboard")]
+    assert [np.abs(fin).max() for fin in fins_of_x] == pytest.approx([25.0, 25.0])
+    # Half the sum of a pair turns to the side, half the difference up or down; where a fin is cut, both lose.
+    assert_allclose(0.5 * (fins_of_x[0] + fins_of_x[1]), column["rudder"], atol=1e-3)
+    assert_allclose(0.5 * (fins_of_x[0] - fins_of_x[1]), column["elevator"], atol=1e-3)
+    free = (np.abs(fins_of_x) < 24.9).all(axis=0)
     assert free.sum() > 50
-    # Half the sum of a pair turns to the side, half the difference up or down.
-    side = 0.5 * (column["upper port fin"] + column["upper starboard fin"])
-    assert_allclose(side[free], column["rudder"][free], atol=1e-3)
-    up = 0.5 * (column["upper port fin"] - column["upper starboard fin"])
-    assert_allclose(up[free], column["elevator"][free], atol=1e-3)
+    assert_allclose(column["rudder"][free], of_plus["rudder"][free], atol=1e-3)
     assert "upper fin [deg]" not in inputs_csv(manoeuvre, None)
 
 
@@ -108,11 +110,32 @@ def test_a_band_is_between_its_vehicles(band, remus, manoeuvre):
 
 
 def test_a_person_reads_when_to_end_the_run_and_how_deep_to_begin(remus, manoeuvre, band):
-    text = timeline_markdown(band, Envelope(roll=0.5), 0.62)
+    text = timeline_markdown(band, Envelope(roll=0.5), 0.62, 30.0)
     rows = [line for line in text.splitlines() if line.startswith("| ") and line[2].isdigit()]
     assert len(rows) >= 12
     assert "roll beyond 29 deg" in text
-    assert "slower than 0.62 m/s" in text
+    assert "slower than 0.62 m/s for more than 5 s after the first 30 s" in text
+    runs = [sail(remus(*softer).vehicle, manoeuvre) for softer in ((), ("vehicle.coefficients.N_uudr=-5 kg/rad",))]
+    ways = [float(np.linalg.norm(np.diff(run.position, axis=0), axis=1).sum()) for run in runs]
+    assert min(ways) <= band.length[0] < band.length[1] <= max(ways)
+    assert f"In all: 30 s, {band.length[0]:.0f} to {band.length[1]:.0f} m through the water" in text
     rising = sail(remus().vehicle, manoeuvre)
     shallow = band_of([rising._replace(position=rising.position * [1.0, 1.0, 0.0] + [0.0, 0.0, -3.2])])
     assert "Begin at least 5 m deep" in checklist_markdown(manoeuvre, remus().vehicle, shallow)
+
+
+def test_what_is_usually_sailed_can_be_sailed_by_the_same_files(remus):
+    usual = candidates(own_manoeuvre(remus(), 30.0, None, None), 1.33)
+    header, rows = table(inputs_csv(usual["doublets"], None))
+    rudder = rows[:, header.index("rudder [deg]")]
+    assert (rudder[0], rudder[-1], rudder.max()) == pytest.approx((0.0, 0.0, 8.0))
+    header, rows = table(inputs_csv(usual["zigzag"], None))
+    assert not rows[:, header.index("rudder [deg]")].any()
+    assert header[-2:] == ["held change of depth [m]", "held speed [m/s]"]
+    around = band_of([sail(remus().vehicle, usual["zigzag"])])
+    said = checklist_markdown(usual["zigzag"], remus().vehicle, around)
+    assert "straight for 10 s, then 20 deg to\n      starboard" in said
+    assert "whenever the heading is 20 deg from" in said
+    truth = sail(remus().vehicle, usual["zigzag"])
+    first = truth.inputs[np.searchsorted(truth.time, 11.0), 0]
+    assert first * remus().vehicle.all_coefficients()["N_uudr"] > 0.0, "to starboard"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.config.envelope import Envelope
+from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.design.conclusion import WORTH_WHILE, conclude
 from auvid_cli.design.search import Reached, search
 from auvid_cli.design.task import Wish, set_task
@@ -57,7 +58,9 @@ def test_what_is_found_is_judged_on_other_vehicles_beside_what_is_usually_sailed
     percents = [np.log(design.trials[name].percent()).mean() for name in ("spiral", "designed")]
     assert design.gain == pytest.approx(np.exp(percents[0] - percents[1]))
     assert design.is_own == (design.gain < WORTH_WHILE)
-    assert len(design.poor) >= 3
+    assert [poor.percent for poor in design.poor[:3]] == sorted(
+        (poor.percent for poor in design.poor[:3]), reverse=True
+    )
     times, means = zip(*design.growth, strict=True)
     assert times == pytest.approx((5.0, 10.0, 15.0, 20.0, 40.0, 80.0), abs=0.1)
     assert sorted(means, reverse=True) == [*means]
@@ -107,3 +110,27 @@ def test_worst_looks_at_the_largest_and_for_at_those_that_are_named(remus, wish)
         assert worst == pytest.approx(np.log(flight.percent.max()))
         here = [SYMBOLS.index("N_uudr"), SYMBOLS.index("N_uvl")]
         assert named == pytest.approx(np.log(flight.percent[here]).mean())
+
+
+def test_where_what_is_usually_sailed_tells_most_it_is_what_comes_out(remus, wish):
+    """A zigzag tells twice as much of what a REMUS 100's sway alone owes to as its spiral does before any search."""
+    task = set_task(remus(), wish(chosen=("Y_v|v|", "Y_r|r|", "K_p|p|"), duration=60.0))
+    design = conclude(task, Reached(1, 1, task.own))
+    assert design.chosen == "zigzag"
+    assert design.manoeuvre == task.usual["zigzag"].manoeuvre
+    assert design.gain == pytest.approx(design.trials["zigzag"].mean_gain_over(design.trials["spiral"]))
+    assert not design.is_own
+
+
+def test_a_coefficient_that_stays_bad_hides_behind_others_or_is_small(remus, wish):
+    """How much surer it would be is what a run tells in which all others are held."""
+    task = set_task(remus(), wish(chosen=("Y_r|r|",)))
+    own = conclude(task, Reached(1, 1, task.own))
+    held = set_task(remus("identification.coefficients=['Y_r|r|']"), wish())
+    alone = conclude(held, Reached(1, 1, held.own)).posterior.deviation[-1, SYMBOLS.index("Y_r|r|")]
+    words = own.poor[0].why
+    assert "times surer; it goes most with Y_" in words
+    surer = own.posterior.deviation[-1, SYMBOLS.index("Y_r|r|")] / alone
+    assert float(words.split("would be ")[1].split()[0]) == pytest.approx(surer, rel=0.05)
+    lauv = set_task(load_experiment(find_experiment("lauv")), wish(chosen=("K_p|p|",)))
+    assert conclude(lauv, Reached(1, 1, lauv.own)).poor[0].why == "its share of the forces is small beside the noise"

@@ -89,7 +89,7 @@ class FigureQueue:
 
     def add_mission(self, design: "Design", band: "Band") -> None:
         """Draw a designed run before it is made, beside the spiral that it was compared with."""
-        shown = ("spiral",) if design.is_own else ("designed", "spiral")
+        shown = dict.fromkeys((design.chosen, "spiral"))
         percents = {name: design.trials[name].percent() for name in shown}
         self._add("mission", "mission", design.truth.time, design.truth.inputs, band, design.symbols, percents)
 
