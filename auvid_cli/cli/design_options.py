@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from auvid_cli.errors import ConfigError
 
 if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
     from auvid_cli.config.envelope import Envelope
 
 
@@ -45,8 +47,18 @@ def envelope_of(**limits: str | None) -> "Envelope":
     try:
         return Envelope.model_validate({name: text for name, text in limits.items() if text is not None})
     except ValidationError as error:
-        lines = [f"--{each['loc'][0]}: {each['msg'].removeprefix('Value error, ')}" for each in error.errors()]
-        raise ConfigError("\n".join(lines)) from None
+        raise ConfigError("\n".join(_complaint(Envelope, each) for each in error.errors())) from None
+
+
+def _complaint(model: "type[Envelope]", error: "ErrorDetails") -> str:
+    from auvid_cli.config.locate import LIMITS
+    from auvid_cli.config.quantity import Unit
+
+    name, limit = str(error["loc"][0]), LIMITS.get(error["type"])
+    if limit is None:
+        return f"--{name}: {error['msg'].removeprefix('Value error, ')}"
+    unit = next(each.unit for each in model.model_fields[name].metadata if isinstance(each, Unit))
+    return f"--{name} {error['input']}: {limit.format(**error.get('ctx', {}))} {unit}"
 
 
 def place_of(text: str) -> tuple[float, float]:
