@@ -6,6 +6,9 @@ import sys
 from auvid_cli.cli.exit_codes import INTERRUPTED, WRONG_INPUT
 from auvid_cli.cli.streams import complain_of, finish, prepare_streams
 
+# Of the modules that a command loads nothing goes: to look for garbage there again and again took a tenth of its time.
+gc.set_threshold(50_000)
+
 if "__mp_main__" in sys.modules:
     # A worker of a campaign begins by loading this program again, long before anything that looks after it is loaded.
     from auvid_cli.children import watch_parent
@@ -15,6 +18,8 @@ if "__mp_main__" in sys.modules:
 
 def main() -> None:
     """Run the command line."""
+    # A filter in Python would keep those that are compiled waiting whenever they come for more data.
+    sys.setswitchinterval(1e-3)
     prepare_streams()
     code: int | str | None
     try:

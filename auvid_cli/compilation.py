@@ -19,9 +19,10 @@ from auvid_cli.lanes import LINE
 
 # An interrupt at the terminal ends it at once; the process that started it says so.
 _IMPORT_ALL = """
-import importlib, signal, sys
+import gc, importlib, signal, sys
 from auvid_cli.children import end_with_parent
 end_with_parent()
+gc.set_threshold(50_000)
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 for module in sys.argv[1:]:
     importlib.import_module(module)
@@ -38,6 +39,8 @@ def compiled(
     signature: Any, *, reassociate: bool = False, inline: bool = False, internal: bool = False
 ) -> Callable[[Callable], Any]:
     """Decorate a function: compile for exactly this signature, now, or take the machine code from the cache.
+
+    What only compiled functions call is compiled with the first of them; if that is in the cache, it is there, inside.
 
     Parameters
     ----------
@@ -80,12 +83,31 @@ def compiled(
         # Its own cache would run whatever stands in the files; this and the rest is what `njit` does itself.
         dispatcher._cache = CodeCache(function)
         dispatcher._compiler._customize_flags = _without_aliases
-        with register_dispatcher(dispatcher):
-            dispatcher.compile(signature)
-        dispatcher.disable_compile()
+        if inline or internal:
+            _compile_when_asked(dispatcher, signature)
+        else:
+            _compile(dispatcher, signature)
         return dispatcher
 
     return decorate
+
+
+def _compile(dispatcher: Any, signature: Any) -> None:
+    with register_dispatcher(dispatcher):
+        dispatcher.compile(signature)
+    dispatcher.disable_compile()
+
+
+def _compile_when_asked(dispatcher: Any, signature: Any) -> None:
+    """Compile a function, or load it, as soon as one that calls it is compiled: out of the cache that has it inside."""
+    of_call = dispatcher.get_call_template
+
+    def compiled_first(*argument_types: Any) -> Any:
+        dispatcher.get_call_template = of_call
+        _compile(dispatcher, signature)
+        return of_call(*argument_types)
+
+    dispatcher.get_call_template = compiled_first
 
 
 @intrinsic

@@ -1,12 +1,16 @@
-"""Write docs/reference.md, and the keys that shells complete, from the tables and settings classes of the package.
+"""Write docs/reference.md, the keys that shells complete, and the sizes of usual units, from what the package has.
 
 `python docs/make_reference.py`
 """
 
+import json
 import types
 import typing
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import yaml
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
@@ -16,7 +20,7 @@ from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.log_map import LogMap
 from auvid_cli.config.magnitudes import magnitude_of
 from auvid_cli.config.outline import Outline
-from auvid_cli.config.quantity import Amount, Unit
+from auvid_cli.config.quantity import EXAMPLES, NUMBER, Amount, Unit, size_of_unit, with_standard_gravity
 from auvid_cli.config.sensors import SensorSettings
 from auvid_cli.config.vehicle import VehicleEntry
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
@@ -25,6 +29,8 @@ from auvid_cli.vehicle.parameters import INPUTS, MOTION, PARAMETERS, POSITION, S
 TARGET = Path(__file__).with_name("reference.md")
 # Beside the code that reads it: to load the settings classes takes longer than a shell may wait.
 KEYS = Path(__file__).parents[1] / "auvid_cli/cli/setting_keys.txt"
+UNITS = Path(__file__).parents[1] / "auvid_cli/config/usual_units.json"
+SHIPPED = Path(__file__).parents[1] / "configs"
 OPENING = """# Reference
 
 Made by `python docs/make_reference.py` from the tables and settings classes in the package; do not edit.
@@ -70,6 +76,37 @@ def setting_keys() -> str:
     """Write the keys of an experiment, one a line, without those that a shell would take for something else."""
     keys = {*SECTIONS, *leaves("", Experiment)}
     return "".join(f"{key}\n" for key in sorted(keys) if "|" not in key)
+
+
+def usual_units() -> str:
+    """Write what pint says of units that stand in what ships, and of those that numbers are brought to, one a line."""
+    texts = [text for path in SHIPPED.rglob("*.yaml") for text in words(yaml.safe_load(path.read_text("utf-8")))]
+    written = {unit for _, example in EXAMPLES.values() for unit in unit_of(example)}
+    written |= {unit for text in texts for unit in unit_of(text)}
+    written |= {*EXAMPLES, *(quantity.unit for quantity in (*PARAMETERS, *COEFFICIENTS, *MOTION, *INPUTS))}
+    units = sorted(written | {with_standard_gravity(unit) for unit in written})
+    sizes = {unit: size_of_unit(unit) for unit in units if unit not in {"1", "%"}}
+    return "{\n" + ",\n".join(f"{json.dumps(unit)}: {json.dumps(size)}" for unit, size in sizes.items()) + "\n}\n"
+
+
+def words(tree: Any) -> Iterator[str]:
+    """Yield the texts in a settings file."""
+    if isinstance(tree, dict | list):
+        for inner in tree.values() if isinstance(tree, dict) else tree:
+            yield from words(inner)
+    elif isinstance(tree, str):
+        yield tree
+
+
+def unit_of(text: str) -> Iterator[str]:
+    """Yield what stands behind the number of a quantity, if it is a unit."""
+    number = NUMBER.match(text)
+    if number and (unit := text[number.end() :].strip()):
+        try:
+            size_of_unit(unit)
+        except ValueError:
+            return
+        yield unit
 
 
 def leaves(path: str, model: type[BaseModel]):
@@ -189,3 +226,4 @@ def default(field) -> str:
 if __name__ == "__main__":
     TARGET.write_text(reference(), encoding="utf-8")
     KEYS.write_text(setting_keys(), encoding="utf-8")
+    UNITS.write_text(usual_units(), encoding="utf-8")

@@ -18,14 +18,14 @@ from auvid_cli.compilation import compiled, told_of_compilation
 
 ELSEWHERE = """
 from auvid_cli.compilation import compile_elsewhere, is_compiled, told_of_compilation
-before = is_compiled("auvid_cli.filters.basis")
-code = compile_elsewhere("auvid_cli.filters.basis").wait()
+before = is_compiled("auvid_cli.simulation.random_processes")
+code = compile_elsewhere("auvid_cli.simulation.random_processes").wait()
 told = []
 with told_of_compilation(lambda: told.append(1), list):
-    import auvid_cli.filters.basis
+    import auvid_cli.simulation.random_processes
     after_one = len(told)
     import auvid_cli.filters.problem
-print(before, code, is_compiled("auvid_cli.filters.basis"), after_one, len(told) > 0)
+print(before, code, is_compiled("auvid_cli.simulation.random_processes"), after_one, len(told) > 0)
 """
 
 

@@ -57,13 +57,15 @@ class SideBySide:
         with ThreadPoolExecutor(os.cpu_count()) as threads:
             try:
                 jobs = zip(self._runs, paths, progress, strict=True)
-                futures = [threads.submit(_record, *job) for job in jobs]
-                for future in as_completed(futures):
+                # What goes through all data again and again takes longest, and begins first.
+                by_length = sorted(jobs, key=lambda job: not job[0].estimator.in_one_batch)
+                futures = {job[1]: threads.submit(_record, *job) for job in by_length}
+                for future in as_completed(futures.values()):
                     on_estimate(future.result())
             finally:
                 # Whatever went wrong, an interrupt included, ends the others at their next chunk.
                 self._stopping.set()
-        return [future.result() for future in futures]
+        return [futures[path].result() for path in paths]
 
     def _raise_if_cancelled(self) -> None:
         if self._stopping.is_set():

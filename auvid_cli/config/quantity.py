@@ -1,11 +1,13 @@
 """Numbers with units: ``7 Hz``, ``0.1 cm/s``, ``0.003 g`` or a bare SI number, to floats in SI."""
 
+import json
 import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from numbers import Real
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 from pydantic import GetCoreSchemaHandler
@@ -21,6 +23,8 @@ SizeCheck: TypeAlias = Callable[[float, str], float]
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 UNIT_TOKEN = re.compile(r"[^\W\d]\w*(?:(?:\^|\*\*)-?\d(?:\.\d+)?|[²³])?|°|1(?=\s*/)|[\s*/()·]")
 _STANDARD_GRAVITY = re.compile(r"(?<!\w)([mµμu]?)g(?!\w)")
+# By `docs/make_reference.py`.
+_USUAL = Path(__file__).with_name("usual_units.json")
 # Characters; pint takes the square of the length in time.
 _LONGEST_UNIT = 100
 
@@ -191,7 +195,7 @@ def _factor(text: str, unit: str) -> float:
         return 0.01
     scale, dimension, angle = _base(unit)
     if dimension.get("meter") and not dimension.get("kilogram") and dimension.get("second", 0.0) < -1.0:
-        text = _STANDARD_GRAVITY.sub(r"\1g_0", text)
+        text = with_standard_gravity(text)
     size, other_dimension, other_angle = _base(text)
     angle_tells = set(dimension) <= {"second"}
     if other_dimension != dimension or (angle_tells and other_angle != angle):
@@ -200,10 +204,35 @@ def _factor(text: str, unit: str) -> float:
 
 
 @cache
+def _usual_units() -> dict[str, list[Any]]:
+    """Return what `size_of_unit` says of units that ship: with no others pint, a third of a second, is not loaded."""
+    return json.loads(_USUAL.read_text(encoding="utf-8"))
+
+
+def with_standard_gravity(unit: str) -> str:
+    """Take every g of an acceleration's unit for standard gravity, and not for a gram."""
+    return _STANDARD_GRAVITY.sub(r"\1g_0", unit)
+
+
+@cache
 def _base(unit: str) -> tuple[float, dict[str, float], float]:
-    """Return the size in SI base units, their exponents without the radian, and the exponent of the radian."""
+    """Return what `size_of_unit` says; ValueError if that is no unit."""
     if len(unit) > _LONGEST_UNIT or UNIT_TOKEN.sub("", unit):
         raise ValueError(f"{describe(unit)} is not a unit")
+    if (known := _usual_units().get(unit)) is not None:
+        size, exponents, angle = known
+        return size, exponents, angle
+    return size_of_unit(unit)
+
+
+def size_of_unit(unit: str) -> tuple[float, dict[str, float], float]:
+    """Return the size in SI base units, their exponents without the radian, and the exponent of the radian.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
     registry = _registry()
     try:
         base: Any = registry.Quantity(1.0, unit.replace("·", "*")).to_base_units()

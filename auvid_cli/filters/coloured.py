@@ -14,7 +14,7 @@ other. No one of them is right in all cases, and the largest counts.
 Nothing is correlated from one segment of the data to the next.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -41,6 +41,8 @@ _SIGNIFICANT = 5.0
 _SHARE_OF_PAIRS = 0.5
 # Of Bartlett's window, in Andrews's rule.
 _BARTLETT = 1.1447
+# Bytes of influences that are kept for the second time.
+_ROOM = 2**27
 
 
 class _Sums(NamedTuple):
@@ -164,7 +166,7 @@ def corrected_deviation(nominal: Array, segments: Sequence[Iterable[Influence]],
     nominal : ndarray, shape (n,)
         Of the parameters, as white residuals would leave them. What a prior contributes to these stays as it is.
     segments : sequence of iterable of Influence
-        Each is gone through once, and once more if any residuals are coloured.
+        Each is gone through once, and, unless there was room to keep it, once more if any residuals are coloured.
     n_channels : int
 
     Returns
@@ -172,6 +174,7 @@ def corrected_deviation(nominal: Array, segments: Sequence[Iterable[Influence]],
     ndarray, shape (n,)
         No less than the nominal ones.
     """
+    segments = [_Kept(segment, _ROOM // len(segments)) for segment in segments]
     sums, together, duration = _sums(nominal.size, segments, n_channels)
     noise = _fitted(sums)
     fitted = noise.variance[:, None] * sums.white
@@ -180,6 +183,22 @@ def corrected_deviation(nominal: Array, segments: Sequence[Iterable[Influence]],
         fitted = np.maximum(fitted + 2.0 * noise.coloured[:, None] * pairs, alone)
     most = np.maximum(fitted.sum(axis=0), together)
     return np.sqrt(nominal**2 + np.maximum(most - sums.white.sum(axis=0), 0.0))
+
+
+class _Kept:
+    """Influences of a segment that are kept for those who ask again, if they take no more than so many bytes."""
+
+    def __init__(self, influences: Iterable[Influence], room: int) -> None:
+        self._influences, self._room = influences, room
+
+    def __iter__(self) -> Iterator[Influence]:
+        kept, room = list[Influence](), self._room
+        for influence in self._influences:
+            room -= sum(array.nbytes for array in influence)
+            kept = [*kept, influence] if room >= 0 else []
+            yield influence
+        if room >= 0:
+            self._influences = kept
 
 
 def _sums(n: int, segments: Sequence[Iterable[Influence]], n_channels: int) -> tuple[_Sums, Array, float]:

@@ -1,6 +1,8 @@
+import importlib.util
 import math
 import subprocess
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import pytest
@@ -133,3 +135,23 @@ def test_unit_of_a_field():
 def test_pint_is_not_loaded_before_a_unit_is_stated():
     code = "import sys, auvid_cli.config.load; sys.exit('pint' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_usual_units_are_of_the_sizes_that_pint_says():
+    root = Path(__file__).parents[2]
+    spec = importlib.util.spec_from_file_location("make_reference", root / "docs/make_reference.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    stated = (root / "auvid_cli/config/usual_units.json").read_text(encoding="utf-8")
+    assert module.usual_units() == stated, "python docs/make_reference.py"
+
+
+def test_what_ships_is_loaded_without_pint():
+    code = (
+        "import sys; from auvid_cli.config.load import find_experiment, load_experiment;"
+        "load_experiment(find_experiment(None), ()); print('pint' in sys.modules)"
+    )
+    command = [sys.executable, "-c", code]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "False\n"

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
+from auvid_cli.filters import coloured
 from auvid_cli.filters.coloured import corrected_deviation
 from auvid_cli.filters.influence import Influence
 
@@ -51,6 +52,27 @@ class Regression:
 @pytest.fixture(scope="module")
 def regression():
     return Regression()
+
+
+class Counted:
+    """Influences, and how often they were gone through."""
+
+    def __init__(self, influences):
+        self.influences, self.times = influences, 0
+
+    def __iter__(self):
+        self.times += 1
+        return iter(self.influences)
+
+
+@pytest.mark.parametrize(("room", "times"), [(10**9, 1), (1000, 2)])
+def test_influences_are_found_once_where_there_is_room_to_keep_them(regression, monkeypatch, room, times):
+    influences = regression.influences(regression.noise(np.random.default_rng(2), 0.5, 1.0), (300, 1000))
+    kept = corrected_deviation(regression.nominal, [influences], CHANNELS)
+    monkeypatch.setattr(coloured, "_ROOM", room)
+    counted = Counted(influences)
+    np.testing.assert_array_equal(corrected_deviation(regression.nominal, [counted], CHANNELS), kept)
+    assert counted.times == times
 
 
 def test_white_residuals_are_hardly_corrected(regression):
