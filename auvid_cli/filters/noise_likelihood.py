@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.optimize
 from numpy.typing import NDArray
 
 from auvid_cli.filters.decay import forgetting
@@ -214,6 +213,9 @@ def _intervals(
 
 def _until(beyond: Callable[[float], float], farthest: float) -> float:
     """Find how far to go until something is positive; infinite if it is nowhere."""
+    # Only the search of noise gets here, and to load it takes a tenth of a second.
+    import scipy.optimize
+
     near, far = 0.0, 1.0
     while beyond(far) < 0.0:
         near, far = far, 2.0 * far

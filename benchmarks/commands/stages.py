@@ -5,7 +5,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from statistics import median
+from typing import NamedTuple
 
+from auvid_cli.config.filter_name import JUDGE, FilterName
 from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import new_estimate, read_estimate
@@ -18,26 +20,39 @@ from auvid_cli.simulation.simulate import simulate
 _FILTERS = "all filters"
 
 
+class Spent(NamedTuple):
+    """Wall and processor time, s."""
+
+    wall: float
+    processor: float
+
+
 class Stages:
-    """Wall time of each step, s, round by round."""
+    """What each step took, round by round."""
 
     def __init__(self) -> None:
-        self.seconds: dict[str, list[float]] = {}
+        self.spent: dict[str, list[Spent]] = {}
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:
         """Time a step."""
-        start = time.perf_counter()
+        start, processor = time.perf_counter(), time.process_time()
         yield
-        self.seconds.setdefault(name, []).append(time.perf_counter() - start)
+        spent = Spent(time.perf_counter() - start, time.process_time() - processor)
+        self.spent.setdefault(name, []).append(spent)
+
+    def ratios(self, name: str, other: str) -> list[float]:
+        """Return the processor time of a step by that of another, round by round."""
+        pairs = zip(self.spent[name], self.spent[other], strict=True)
+        return [one.processor / another.processor for one, another in pairs]
 
     def rows(self) -> list[str]:
         """Return the lines of the table; shares are medians of those within a round."""
-        filters = self.seconds[_FILTERS]
         return [
-            f"| {name} | {median(own):.3f} | {min(own):.3f} - {max(own):.3f} "
-            f"| {median(a / b for a, b in zip(own, filters, strict=True)):.1%} |"
-            for name, own in self.seconds.items()
+            f"| {name} | {median(spent.wall for spent in own):.3f} "
+            f"| {min(spent.wall for spent in own):.3f} - {max(spent.wall for spent in own):.3f} "
+            f"| {median(spent.processor for spent in own):.3f} | {median(self.ratios(name, _FILTERS)):.1%} |"
+            for name, own in self.spent.items()
         ]
 
 
@@ -47,10 +62,13 @@ def stages(folder: Path, rounds: int) -> list[str]:
     timed = Stages()
     for _ in range(rounds):
         one_round(folder, timed)
+    ratios = timed.ratios(JUDGE.value, FilterName.CKF.value)
     return [
-        "| step of the default run | wall, median (s) | min - max | share of the filters |",
-        "| --- | ---: | ---: | ---: |",
+        "| step of the default run | wall, median (s) | min - max | processor (s) | share of the filters |",
+        "| --- | ---: | ---: | ---: | ---: |",
         *timed.rows(),
+        "",
+        f"The smoother takes {median(ratios):.1f} times the CKF's time ({min(ratios):.1f} - {max(ratios):.1f}).",
     ]
 
 
@@ -63,12 +81,13 @@ def one_round(folder: Path, stages: Stages) -> None:
         write_dataset(folder / "dataset.h5", dataset)
     with stages.step("read the dataset"):
         dataset = read_dataset(folder / "dataset.h5")
-    runs = set_up_filters(prepare(dataset), experiment.identification.filters)
-    found = []
+    settings, found = experiment.identification, []
+    runs = set_up_filters(prepare(dataset), settings.with_judge(settings.by_default()))
     with stages.step(_FILTERS):
         for run in runs:
             parts = []
-            found.append((parts, run.run(parts.append)))
+            with stages.step(run.header.filter):
+                found.append((parts, run.run(parts.append)))
     with stages.step("write the estimates"):
         for run, (parts, outcome) in zip(runs, found, strict=True):
             with new_estimate(folder / f"{run.header.filter}.h5", run.header) as writer:
