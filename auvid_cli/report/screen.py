@@ -43,6 +43,9 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
         Where it is narrow, units and then standard deviations are left out, the latter only with a truth, and said so.
     evaluation : Evaluation
     """
+    if console.quiet:
+        # To try what fits takes a tenth of a second.
+        return
     filters = [row.filter for row in evaluation.summary]
     notes = dict.fromkeys(mark_explained(evaluation))
     if evaluation.coefficients:
@@ -147,7 +150,7 @@ def _choices_that_fit(console: Console, evaluation: Evaluation, filters: list[st
         for choice in wide
         for narrow in (choice, _Choice(choice.table.without("unit"), ("units", *choice.left_out)))
     ]
-    fitting = [choice for choice in choices if fits(console, _rendered(console, choice))]
-    if fitting or len(filters) == 1:
-        return [*fitting, choices[-1]][:1]
+    narrowest = choices[-1] if len(filters) == 1 else None
+    if chosen := next((choice for choice in choices if fits(console, _rendered(console, choice))), narrowest):
+        return [chosen]
     return [choice for name in filters for choice in _choices_that_fit(console, evaluation, [name])]
