@@ -57,6 +57,8 @@ def initialise(folder: Path, given: Mapping[str, str | int], like: str | None, t
     for quantity, value, beside in rows:
         terminal.say(hanging(f"  {quantity:{widths[0]}}  {value:{widths[1]}}  {beside}", sum(widths[:2]) + 6))
     terminal.say_all(f"note: {note}" for note in notes)
+    if first.assumed:
+        terminal.tell(f"assumed: {', '.join(first.assumed)}")
     terminal.tell(f"{folder}: {', '.join(first.texts)}")
     terminal.say(f"next: auvid run {shlex.quote(str(folder))}")
 

@@ -56,16 +56,35 @@ class Outline(Settings):
 
     def geometry(self) -> GeometrySettings:
         """Return hull and fins, with what is usual where nothing is said."""
-        nose = self.nose or min(_NOSE * self.diameter, _MOST_NOSE * self.length)
-        tail = self.tail_length or min(_TAIL * self.diameter, _MOST_TAIL * self.length)
+        nose, tail = self._ends()
         position = self.fin_position or _FINS * self.length
         return GeometrySettings(
-            hull=NoseCylinderTail(type="nose_cylinder_tail", nose=_short(nose), tail=_short(tail)),
+            hull=NoseCylinderTail(type="nose_cylinder_tail", nose=nose, tail=tail),
             fins=FinSettings(
                 position=_short(position), span=self.fin_span, area=self.fin_area, number=self.fins, tail=self.tail
             ),
             speed=self.speed,
         )
+
+    def _ends(self) -> tuple[float, float]:
+        """Return the lengths of nose and tail, m."""
+        nose = self.nose or min(_NOSE * self.diameter, _MOST_NOSE * self.length)
+        tail = self.tail_length or min(_TAIL * self.diameter, _MOST_TAIL * self.length)
+        return _short(nose), _short(tail)
+
+    def assumed(self) -> tuple[str, ...]:
+        """Return what was taken where nothing was said, each as its option with a value."""
+        nose, tail = self._ends()
+        values = {
+            "fin_position": f"{self.geometry().fins.position:g} m",
+            "fins": f"{self.fins}",
+            "tail": self.tail,
+            "nose": f"{nose:g} m",
+            "tail_length": f"{tail:g} m",
+            "speed": f"{self.speed:g} m/s",
+            "density": f"{self.density:g} kg/m^3",
+        }
+        return tuple(f"{option(key)} {value}" for key, value in values.items() if key not in self.model_fields_set)
 
     def drawing(self, name: str) -> Drawing:
         """Return what a vehicle file of that name is made of."""

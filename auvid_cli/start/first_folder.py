@@ -111,11 +111,14 @@ class FirstFolder(NamedTuple):
     vehicle : VehicleSettings
     spiral : FirstSpiral
         What the simulated vehicle did.
+    assumed : tuple of str
+        What of the vehicle was taken where nothing was said, each as an option of `auvid init`.
     """
 
     texts: dict[str, str]
     vehicle: VehicleSettings
     spiral: FirstSpiral
+    assumed: tuple[str, ...] = ()
 
 
 def folder_of_outline(folder: Path, outline: Outline) -> FirstFolder:
@@ -131,7 +134,7 @@ def folder_of_outline(folder: Path, outline: Outline) -> FirstFolder:
         f"# {name}: all that is derived follows from hull, fins and mass, by formulas numbered in auvid's theory.\n"
     )
     text = heading + derived_vehicle_yaml(outline.drawing(name))
-    return _folder(folder, text, outline.speed, _DERIVED, _ASSUMED)
+    return _folder(folder, text, outline.speed, _DERIVED, _ASSUMED)._replace(assumed=outline.assumed())
 
 
 def folder_like(folder: Path, like: str, speed: float | None) -> FirstFolder:

@@ -31,6 +31,7 @@ def test_a_folder_of_a_few_numbers_runs_without_an_edit(tmp_path):
     assert made.exit_code == 0, made.output
     assert made.stdout.splitlines()[-1] == "next: auvid run mine"
     assert "water displaced by the hull" in made.stdout
+    assert "assumed: --fin-position 1.88 m, --fins 4, --tail +, " in made.stdout
     assert {path.name for path in (tmp_path / "mine").iterdir()} == FILES
     short = (
         "--set",

@@ -24,6 +24,16 @@ def test_a_missing_key_is_named_until_it_is_given():
     assert {"fins", "tail"}.isdisjoint(units())
 
 
+def test_what_is_assumed_is_named_by_its_option():
+    assert outline_of_options(GIVEN | {"mass": "50", "nose": "15 cm", "speed": "2"}).assumed() == (
+        "--fin-position 1.88 m",
+        "--fins 4",
+        "--tail +",
+        "--tail-length 0.5 m",
+        "--density 1025 kg/m^3",
+    )
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
