@@ -106,7 +106,7 @@ def vehicle_constants(parameters: Mapping[str, float], terms: Sequence[Coefficie
     levers = [parameters[f"{a}G"] * parameters["W"] - parameters[f"{a}B"] * parameters["B"] for a in "xyz"]
     excess = parameters["W"] - parameters["B"]
     table = [number for term in terms for number in (0.0, *regressor_code(term))]
-    inverse = np.linalg.inv(mass)
+    inverse: Array = np.linalg.inv(mass).astype(np.float64)
     coupling = _coupling(inverse)
     hull = *mass.ravel(), *inverse.ravel(), excess, *levers, *coupling.ravel(), coupling.any()
     return np.array([*hull, len(terms), N_CONSTANTS, *table])
@@ -272,7 +272,7 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
     derivative : ndarray, shape (N_SLOPE,)
         Filled in; the last row of the ten is overwritten where there are terms of the vehicle's own.
     """
-    align_stack()
+    align_stack()  # pyright: ignore[reportCallIssue]
     n = LANES
     stated_rudder, stated_elevator, surge_force, roll_moment = inputs[0], inputs[1], inputs[2], inputs[3]
     mass, inverse, stated_excess, stated_lever_x, lever_y, lever_z = named_constants(constants)
