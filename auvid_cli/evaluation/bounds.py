@@ -1,11 +1,12 @@
 """What estimates are held against: the least standard deviation that their data allow."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from scipy.linalg import block_diag, solve_triangular
 
 from auvid_cli.data.estimate import Estimate
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 
 # Shares below this are rounding.
 _ROUNDING = 1e-9
+# Ticks of the truth beyond those between which a spline is wanted.
+_NEIGHBOURS = 8
 
 UNSTABLE = (
     "the motion is unstable in open loop, and after {:.3g} s its sensitivities differ by more than numbers can hold"
@@ -99,7 +102,7 @@ def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
         Of the coefficients, by symbol, SI.
     """
     try:
-        information = information_at(prepared, values, true_initial_motions(prepared))
+        information = information_at(prepared, values, true_initial_motions(prepared), true_motion(prepared))
     except DataError as error:
         return Bounds({}, {}, str(error))
     if information.lost_after is not None:
@@ -222,6 +225,21 @@ def _beyond_prior(symbols: tuple[str, ...], factor: Array, covariance: Array) ->
     prior_std = np.linalg.norm(factor, axis=1)
     rows = solve_triangular(factor, np.diag(prior_std), lower=True).T @ directions
     return DataInformation(symbols, (rows * (known / left)) @ rows.T, prior_std)
+
+
+def true_motion(prepared: PreparedData) -> Callable[[Array], Array] | None:
+    """Return the true motion as a function of times, shape (n, 9); None without truth."""
+    truth = prepared.dataset.truth
+    if truth is None:
+        return None
+
+    def motion(times: Array) -> Array:
+        # A spline of a run of hours would take more memory than the run.
+        first, last = np.searchsorted(truth.time, times[[0, -1]])
+        near = slice(max(first - _NEIGHBOURS, 0), last + _NEIGHBOURS)
+        return CubicSpline(truth.time[near], truth.motion[near])(times)
+
+    return motion
 
 
 def true_initial_motions(prepared: PreparedData) -> list[Array] | None:

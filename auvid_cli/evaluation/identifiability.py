@@ -20,7 +20,13 @@ from auvid_cli.evaluation.assessment import (
     Identifiability,
     SensorErrorBound,
 )
-from auvid_cli.evaluation.bounds import UNSTABLE, DataInformation, information_with_process_noise, true_initial_motions
+from auvid_cli.evaluation.bounds import (
+    UNSTABLE,
+    DataInformation,
+    information_with_process_noise,
+    true_initial_motions,
+    true_motion,
+)
 from auvid_cli.evaluation.sensor_errors import is_observed
 from auvid_cli.filters.information import Information
 from auvid_cli.identification.fisher import information_at
@@ -68,7 +74,9 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
             "that has them (--at FILE), or give the vehicle those of a similar one"
         )
     prepared = with_noise_settled(prepare(dataset))
-    information = information_at(prepared, coefficients, true_initial_motions(prepared))
+    # Where other coefficients are asked for, the truth is not where they lead.
+    along = true_motion(prepared) if at is None else None
+    information = information_at(prepared, coefficients, true_initial_motions(prepared), along)
     with_noise = information_with_process_noise(prepared, coefficients)
     values = {
         c.symbol: Assessed(

@@ -3,7 +3,7 @@
 Parameters are constant, so that of the sensitivities ``X_k = dx_k / dx_0`` only the moving rows are kept.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -72,7 +72,13 @@ class Response(NamedTuple):
         )
 
 
-def responses(process: Process, sensors: Sensors, timelines: Iterable[Timeline], start: Array) -> Iterator[Response]:
+def responses(
+    process: Process,
+    sensors: Sensors,
+    timelines: Iterable[Timeline],
+    start: Array,
+    along: Callable[[Array], Array] | None = None,
+) -> Iterator[Response]:
     """Move a state along the data without correction, chunk by chunk, until the end or until the motion blows up.
 
     Parameters
@@ -83,6 +89,9 @@ def responses(process: Process, sensors: Sensors, timelines: Iterable[Timeline],
         Parts of the data in time order.
     start : ndarray, shape (n,)
         State at the first event.
+    along : callable, optional
+        From times to the moving states, shape (events, n_moving), to which the motion is brought back after each event,
+        NaN for those that are left free. A motion that is unstable in open loop does not stay near them by itself.
     """
     n, n_moving, n_components = start.size, process.noise_density.size, sensors.matrix.shape[1]
     data, here = (
@@ -105,7 +114,8 @@ def responses(process: Process, sensors: Sensors, timelines: Iterable[Timeline],
             np.empty((n_measurements, n_components)),
             np.zeros((n_measurements, n_components, n + 1)),
         )
-        response = whole.until(_move(process.transition, data, here, whole, work))
+        path = np.full((n_events, n_moving), np.nan) if along is None else along(timeline.time)
+        response = whole.until(_move(process.transition, data, here, path, whole, work))
         _predict_measurements(process.linearise, data, response, work)
         yield response
         if response.blew_up:
@@ -154,8 +164,8 @@ _HERE = types.NamedTuple((_vector, _matrix), _Here)
 _WORKSPACE = types.NamedTuple((_matrix, _matrix, _vector, _matrix, _vector), _Workspace)
 
 
-@compiled(types.int64(types.FunctionType(TRANSITION_SIGNATURE), MODEL_DATA, _HERE, _RESPONSE, _WORKSPACE))
-def _move(transition, data, here, response, work):
+@compiled(types.int64(types.FunctionType(TRANSITION_SIGNATURE), MODEL_DATA, _HERE, _matrix, _RESPONSE, _WORKSPACE))
+def _move(transition, data, here, path, response, work):
     """Fill in state and sensitivities of every event; returns how many are sound."""
     timeline, mean, sensitivity, matrix, moved = response.timeline, here.mean, here.sensitivity, work.matrix, work.moved
     n_moving, n = sensitivity.shape
@@ -182,6 +192,9 @@ def _move(transition, data, here, response, work):
             for i in range(n_moving):
                 for j in range(n):
                     sensitivity[i, j] = moved[i, j]
+        for i in range(n_moving):
+            if not np.isnan(path[event, i]):
+                mean[n_parameters + i] = path[event, i]
         for j in range(n):
             response.mean[event, j] = mean[j]
             for i in range(n_moving):

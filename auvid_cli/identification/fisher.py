@@ -1,6 +1,6 @@
 """Fisher information of a dataset about coefficients and initial motions, and the bound of Cramer and Rao."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 
@@ -75,7 +75,10 @@ class DatasetInformation:
 
 
 def information_at(
-    prepared: PreparedData, coefficients: Mapping[str, float], motions: Sequence[Array] | None = None
+    prepared: PreparedData,
+    coefficients: Mapping[str, float],
+    motions: Sequence[Array] | None = None,
+    along: Callable[[Array], Array] | None = None,
 ) -> DatasetInformation:
     """Find the Fisher information at some coefficients, for white measurement noise and no process noise.
 
@@ -88,6 +91,9 @@ def information_at(
     motions : sequence of ndarray, shape (9,), optional
         At the instant at which each segment starts, see `PreparedData`, SI; as measured
         by then if they are left out.
+    along : callable, optional
+        From times to the motion that the coefficients lead to, shape (n, 9), SI, about which each step is linearised;
+        without it about the motion left to itself, which one that is unstable leaves by rounding.
 
     Raises
     ------
@@ -101,10 +107,17 @@ def information_at(
     growing: list[tuple[float, Information]] = []
     elapsed, before, lost_after = 0.0, Information.none(n), None
     least = np.full(n, np.inf)
+
+    def path(times: Array) -> Array:
+        states = np.full((times.size, n - n_parameters), np.nan)
+        if along is not None:
+            states[:, problem.layout.moving_rows_of("motion")] = along(times)
+        return states
+
     for segment, place in zip(problem.segments, problem.places, strict=True):
         by_sensor = dict.fromkeys(problem.measuring, Information.none(n))
         least[n_parameters:] = np.inf
-        for time, longer in _stages(problem, segment, start[place]):
+        for time, longer in _stages(problem, segment, start[place], path):
             known = _together(longer).join(before)
             deviation = known.uncertainty().deviation(np.eye(n))
             # More data cannot say less: if it seems so, rounding has the last word.
@@ -130,13 +143,13 @@ def information_at(
 
 
 def _stages(
-    problem: AugmentedProblem, segment: Segment, start: Array
+    problem: AugmentedProblem, segment: Segment, start: Array, path: Callable[[Array], Array]
 ) -> Iterator[tuple[float, dict[str, Information]]]:
     """Yield what each sensor says of the state of a segment until later and later, s, as the motion goes on."""
     busiest = max(record.time.size for record in problem.measuring.values())
     timelines = segment.timelines.in_chunks_of(min(CHUNK, busiest // _STAGES + 1))
     by_sensor = dict.fromkeys(problem.measuring, Information.none(start.size))
-    for response in responses(problem.process, problem.sensors, timelines, start):
+    for response in responses(problem.process, problem.sensors, timelines, start, path):
         time, measured_by = response.timeline.time, response.timeline.measurement_sensor
         if response.blew_up:
             raise DataError(f"with these coefficients the model blows up at t = {time[len(response.mean)]:.3f} s")

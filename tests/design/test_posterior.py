@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from auvid_cli.design.posterior import knowledge_of, posterior_along
-from auvid_cli.evaluation.bounds import information_with_process_noise
+from auvid_cli.evaluation.bounds import bounds_at, information_with_process_noise
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.simulation.manoeuvre_plan import make_plan
 from auvid_cli.simulation.simulate import simulate
 from auvid_cli.simulation.true_motion import simulate_motion
 from auvid_cli.vehicle.coefficients import SYMBOLS
+from auvid_cli.vehicle.parameters import N_MOTION
 
 
 @pytest.fixture
@@ -43,6 +44,28 @@ def test_it_is_that_of_a_linear_smoother_about_measured_motion(run, overrides):
     ratio = posterior.deviation[-1] / np.sqrt(np.diagonal(covariance))
     assert np.abs(np.log(ratio)).max() < 0.15
     assert abs(np.log(ratio).mean()) < 0.03
+
+
+def test_without_process_noise_it_is_the_bound_though_the_vehicle_is_unstable(remus):
+    """Left to itself the motion leaves that of the doublets by rounding, and would promise a tenth too much."""
+    doublets = (
+        "manoeuvre=manoeuvres/doublets.yaml",
+        "manoeuvre.speed=1.54 m/s",
+        "manoeuvre.duration=60 s",
+        "sensors.attitude.source=direct",
+    )
+    experiment = remus(*doublets)
+    dataset = simulate(experiment)
+    truth = simulate_motion(
+        experiment.vehicle,
+        experiment.manoeuvre,
+        make_plan(experiment.manoeuvre),
+        np.zeros((dataset.truth.time.size, 6)),
+    )
+    knowledge = knowledge_of(experiment)._replace(noise_density=np.zeros(N_MOTION))
+    deviation = posterior_along(truth, knowledge).deviation[-1]
+    bound = bounds_at(prepare(dataset), dataset.truth.coefficients).of_data
+    np.testing.assert_allclose([bound[symbol] for symbol in SYMBOLS], deviation, rtol=0.01)
 
 
 def test_what_earlier_data_say_counts_as_if_they_were_part_of_the_run(run):

@@ -8,7 +8,13 @@ from numpy.testing import assert_allclose
 
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import find_experiment, load_experiment
-from auvid_cli.evaluation.bounds import Bounds, BoundsOf, bounds_with_process_noise, information_with_process_noise
+from auvid_cli.evaluation.bounds import (
+    Bounds,
+    BoundsOf,
+    bounds_with_process_noise,
+    information_with_process_noise,
+    true_motion,
+)
 from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.identifiability import assess_dataset
 from auvid_cli.evaluation.judgement import judge_one
@@ -32,12 +38,16 @@ def with_identification(estimate, **changes):
 
 
 def test_with_truth_the_bound_is_one_for_all_and_that_of_the_true_motion(short_run, short_estimates):
-    bounds_of = BoundsOf(prepare(short_run))
+    prepared = prepare(short_run)
+    bounds_of = BoundsOf(prepared)
     bounds = {name: bounds_of(estimate).of_data for name, estimate in short_estimates.items()}
     assert all(bound is bounds[FilterName.CKF] for bound in bounds.values())
     truth = short_run.truth
     at_start = truth.motion[np.argmin(np.abs(truth.time - short_estimates[FilterName.CKF].time[0]))]
-    assert bounds[FilterName.CKF] == information_at(prepare(short_run), truth.coefficients, [at_start]).bound()
+    assert (
+        bounds[FilterName.CKF]
+        == information_at(prepared, truth.coefficients, [at_start], true_motion(prepared)).bound()
+    )
     assert set(SYMBOLS) < set(bounds[FilterName.CKF])
 
 
@@ -92,7 +102,7 @@ def test_with_the_prior_it_is_that_of_both_informations_together(simulated_with,
     estimate = replace(ckf, experiment=dataset.experiment)
     bounds = BoundsOf(prepare(dataset))(estimate)
     start = dataset.truth.motion[np.argmin(np.abs(dataset.truth.time - 0.01))]
-    information = information_at(prepare(dataset), dataset.truth.coefficients, [start])
+    information = information_at(prepare(dataset), dataset.truth.coefficients, [start], true_motion(prepare(dataset)))
     prior = augmented_problem(prepare(dataset)).prior
     total = information.total.factor.T @ information.total.factor + np.linalg.inv(prior.factor @ prior.factor.T)
     expected = information.scale * np.sqrt(np.diag(np.linalg.inv(total)))
