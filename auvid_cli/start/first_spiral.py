@@ -6,6 +6,7 @@ import numpy as np
 import yaml
 
 from auvid_cli.config.manoeuvre import Spiral
+from auvid_cli.config.plausibility import LARGEST_SLENDERNESS, LEAST_SLENDERNESS
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.simulation.manoeuvre_plan import make_plan
@@ -88,9 +89,12 @@ def first_spiral(vehicle: VehicleSettings, speed: float) -> FirstSpiral:
         if tried.roll <= _LARGEST_ROLL and tried.pitch <= _LARGEST_PITCH:
             return tried
         said = f"roll reached {np.rad2deg(tried.roll):.0f} deg and pitch {np.rad2deg(tried.pitch):.0f} deg"
+    slenderness = vehicle.size.length / vehicle.size.diameter
+    is_usual = LEAST_SLENDERNESS <= slenderness <= LARGEST_SLENDERNESS
+    usual = f"usual are {LEAST_SLENDERNESS:g} to {LARGEST_SLENDERNESS:g}"
     raise ConfigError(
         f"{vehicle.name}: does not survive the gentlest spiral at {speed:g} m/s ({said}); name a lower --speed, or "
-        "check fins, mass and size"
+        f"check fins, mass and size{'' if is_usual else f' ({slenderness:.3g} diameters long; {usual})'}"
     )
 
 

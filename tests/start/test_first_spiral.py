@@ -59,6 +59,14 @@ def test_a_vehicle_that_turns_too_fast_gets_less_of_it(monkeypatch):
         first_spiral(vehicle, 20.0)
 
 
+def test_one_that_is_refused_is_told_where_it_is_stout(monkeypatch):
+    monkeypatch.setattr("auvid_cli.start.first_spiral._SHORTEST", 60.0)
+    with pytest.raises(ConfigError, match=r"and size \(2\.5 diameters long; usual are 4 to 15\)$"):
+        first_spiral(outlined(1, 0.4, 80, 0.1, 0.012), 6.0)
+    with pytest.raises(ConfigError, match=r"and size$"):
+        first_spiral(outlined(1, 0.2, 22, 0.08, 0.006), 20.0)
+
+
 def test_frequencies_go_with_speed_by_length_and_forces_with_the_square_of_the_speed():
     vehicle = outlined(2, 0.2, 60, 0.1, 0.012)
     slow, fast = (Spiral.model_validate(yaml.safe_load("\n".join(spiral_lines(vehicle, v, 1.0)))) for v in (1.0, 2.0))
