@@ -8,6 +8,7 @@ from auvid_cli.config.log_columns import LogRows, PlacedSignal
 from auvid_cli.config.magnitudes import check_size
 from auvid_cli.config.quantity import Amount, Unit, parse_quantity
 from auvid_cli.config.settings import Settings
+from auvid_cli.vehicle.parameters import ALL_INPUTS
 
 
 class InputSignal(PlacedSignal):
@@ -55,6 +56,12 @@ class Revolutions(InputSignal):
     """Revolutions per second of a propeller."""
 
     si = "turn/s"
+
+
+class Voltage(InputSignal):
+    """Voltage of the battery."""
+
+    si = "V"
 
 
 class Share(InputSignal):
@@ -128,6 +135,10 @@ class InputsMap(LogRows):
         Moment | Literal["propeller"] | None,
         Field(description="a column, or 'propeller': thrust times the vehicle's K_prop / X_prop"),
     ] = None
+    revolutions: Annotated[
+        Revolutions | None, Field(description="n itself, for terms of the vehicle that are made of it")
+    ] = None
+    voltage: Annotated[Voltage | None, Field(description="of the battery, for terms of the vehicle")] = None
 
     @model_validator(mode="before")
     @classmethod
@@ -157,7 +168,7 @@ class InputsMap(LogRows):
 
     def _signals(self) -> dict[tuple[str, ...], InputSignal]:
         signals: dict[tuple[str, ...], Any] = {
-            (name,): getattr(self, name) for name in ("rudder", "elevator", "surge_force", "roll_moment")
+            (quantity.symbol,): getattr(self, quantity.symbol) for quantity in ALL_INPUTS
         }
         if self.fins is not None:
             signals |= {("fins", name): fin for name, fin in self.fins.given().items()}

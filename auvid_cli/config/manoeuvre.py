@@ -68,6 +68,27 @@ class MomentMultisine(Multisine):
     amplitude: Annotated[float, Amount("N*m"), Field(ge=0, description="peak moment")]
 
 
+class TurnMultisine(Multisine):
+    """Multisine of the propeller's revolutions."""
+
+    amplitude: Annotated[float, Unit("turn/s"), Field(ge=0, description="peak revolutions")]
+
+
+class Propeller(Settings):
+    """Revolutions and voltage along a run, whatever the autopilot does; terms of the vehicle make forces of them.
+
+    Then the surge force has no part of its own that balances the drag, but only what the speed loop and the excitation
+    add.
+    """
+
+    revolutions: Annotated[float, Unit("turn/s"), Field(description="after the fade-in, on the average")]
+    voltage: Annotated[float, Unit("V"), Field(description="at the start")] = 0.0
+    final_voltage: Annotated[float | None, Unit("V"), Field(description="at the end, to which it changes evenly")] = (
+        None
+    )
+    excitation: Annotated[TurnMultisine | None, Field(description="added to the revolutions")] = None
+
+
 class Excitation(Settings):
     """What is added to the autopilot's commands, channel by channel."""
 
@@ -144,6 +165,9 @@ class ManoeuvreSettings(Settings):
     ] = None
     limits: Limits = Limits()
     excitation: Excitation = Excitation()
+    propeller: Annotated[
+        Propeller | None, Field(description="revolutions and voltage, for terms of the vehicle that are made of them")
+    ] = None
     fin_trim: FinTrim = FinTrim()
     disturbance: Disturbance = Disturbance()
 

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import RunSettings
-from auvid_cli.vehicle.parameters import DISTURBANCE, MOTION, POSITION, Quantity
+from auvid_cli.errors import DataError
+from auvid_cli.vehicle.coefficients import CoefficientSet
+from auvid_cli.vehicle.parameters import ALL_INPUTS, DISTURBANCE, MOTION, POSITION, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,10 +75,38 @@ class SensorRecord:
 
 @dataclass(frozen=True)
 class InputRecord:
-    """Inputs, constant from each time to the next: rudder, elevator, surge force, roll moment."""
+    """Inputs, constant from each time to the next: rudder, elevator, surge force, roll moment.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        s, increasing.
+    values : ndarray, shape (n, 4) or (n, 6)
+        SI; behind the four revolutions and voltage, where they are recorded.
+    """
 
     time: Array
     values: Array
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Return what each column is."""
+        return ALL_INPUTS[: self.values.shape[1]]
+
+    def check_for(self, coefficients: CoefficientSet) -> None:
+        """Refuse coefficients of inputs that are not here.
+
+        Raises
+        ------
+        DataError
+            With the terms that have such factors.
+        """
+        if coefficients.of_propulsion and len(self.quantities) < len(ALL_INPUTS):
+            names = ", ".join(term.symbol for term in coefficients.of_propulsion)
+            raise DataError(
+                f"no revolutions or voltage are recorded, of which the vehicle's {names} are made: map them at import "
+                "(inputs.revolutions, inputs.voltage), or take these terms out (vehicle.terms)"
+            )
 
     def between(self, begin: float, end: float) -> "InputRecord":
         """Return the inputs from one time to another, s; one that holds when these begin is known from there on."""
@@ -126,7 +156,7 @@ class Dataset:
     Attributes
     ----------
     inputs : InputRecord
-        Rudder and elevator, rad, surge force, N, and roll moment, N m.
+        Rudder and elevator, rad, surge force, N, and roll moment, N m; revolutions and voltage where they are known.
     sensors : dict of SensorRecord
         By the name of the sensor, see `SENSORS`; SI.
     experiment : RunSettings

@@ -25,7 +25,7 @@ from auvid_cli.data.netcdf_reading import (
     subgroups,
 )
 from auvid_cli.data.soundness import check_dataset
-from auvid_cli.vehicle.parameters import DISTURBANCE, INPUTS, MOTION, POSITION, SENSORS
+from auvid_cli.vehicle.parameters import ALL_INPUTS, DISTURBANCE, INPUTS, MOTION, POSITION, PROPULSION, SENSORS
 
 # Of more than so many samples of the true motion, every so many are read: enough to compare and to draw.
 _MOST_TRUTH = 100_000
@@ -43,7 +43,7 @@ def write_dataset(path: Path, dataset: Dataset) -> None:
     with new_file(path, "dataset", dump_experiment(experiment), experiment.seed) as file:
         inputs = file.create_group("inputs")
         write_dimension(inputs, "time", dataset.inputs.time, "start of the interval in which inputs hold", "s")
-        for column, quantity in enumerate(INPUTS):
+        for column, quantity in enumerate(dataset.inputs.quantities):
             values = dataset.inputs.values[:, column]
             write_variable(inputs, quantity.symbol, values, ("time",), quantity.meaning, quantity.unit)
         for name, record in dataset.sensors.items():
@@ -99,9 +99,11 @@ def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:
     with open_file(path, "dataset") as file:
         settings = read_attributes(file, _Attributes).settings
         group = subgroup(file, "inputs")
-        check_units(group, INPUTS)
+        # Files of before have no others.
+        inputs = ALL_INPUTS if all(quantity.symbol in group for quantity in PROPULSION) else INPUTS
+        check_units(group, inputs)
         dataset = Dataset(
-            InputRecord(read_array(group, "time"), read_table(group, [quantity.symbol for quantity in INPUTS])),
+            InputRecord(read_array(group, "time"), read_table(group, [quantity.symbol for quantity in inputs])),
             {name: _read_sensor(group, name) for name, group in subgroups(file, "sensors").items()},
             parse_run(settings, f"{path} (settings)", overrides),
             _read_truth(subgroup(file, "truth")) if "truth" in file else None,
@@ -152,7 +154,7 @@ def holds_data(path: Path, dataset: Dataset) -> bool:
 def _variables(dataset: Dataset) -> Iterator[tuple[str, NDArray[np.float64]]]:
     """Yield what `write_dataset` writes, by its place in the file."""
     inputs, truth = dataset.inputs, dataset.truth
-    tables = [("inputs", inputs.time, INPUTS, inputs.values)]
+    tables = [("inputs", inputs.time, inputs.quantities, inputs.values)]
     for name, record in dataset.sensors.items():
         tables.append((f"sensors/{name}", record.time, SENSORS[name], record.values))
         yield f"sensors/{name}/standard_deviation", record.standard_deviation

@@ -15,7 +15,7 @@ from auvid_cli.data.dataset import VECTORS, Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.errors import DataError
-from auvid_cli.vehicle.parameters import INPUTS, SENSORS, Quantity
+from auvid_cli.vehicle.parameters import SENSORS, Quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,7 +74,10 @@ def dataset_series(dataset: Dataset) -> dict[str, LabelledSeries]:
     """Return what a dataset has over time, by the group of its file."""
     series = {
         "inputs": LabelledSeries(
-            dataset.inputs.time, INPUTS, dataset.inputs.values, "start of the interval in which inputs hold"
+            dataset.inputs.time,
+            dataset.inputs.quantities,
+            dataset.inputs.values,
+            "start of the interval in which inputs hold",
         )
     }
     for name, record in dataset.sensors.items():

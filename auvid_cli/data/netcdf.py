@@ -20,7 +20,7 @@ from auvid_cli import __version__
 from auvid_cli.data.files import replacing
 from auvid_cli.data.screening import trust
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 _CHUNK_ROWS = 8192
 _LIBRARIES = ("numpy", "scipy", "numba", "filterpy", "h5py", "pydantic", "pint", "matplotlib")
 

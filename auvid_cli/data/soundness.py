@@ -10,7 +10,7 @@ from auvid_cli.data.dataset import VECTORS, Array, Dataset, SensorRecord, TruthR
 from auvid_cli.data.estimate import STATES, Estimate, FaultTest
 from auvid_cli.data.innovations import Innovations
 from auvid_cli.vehicle.coefficients import SYMBOLS, is_name_of_term
-from auvid_cli.vehicle.parameters import INPUTS, MOTION_SYMBOLS, SENSORS
+from auvid_cli.vehicle.parameters import MOTION_SYMBOLS, SENSORS
 
 # s, from the beginning of the data: three years.
 LONGEST = 1e8
@@ -34,9 +34,9 @@ def check_dataset(dataset: Dataset) -> None:
     _check_times("/inputs", inputs.time, increasing=True)
     if not inputs.time.size:
         raise ValueError("/inputs is empty")
-    _check_shapes("/inputs", (inputs.values, (inputs.time.size, len(INPUTS))))
+    _check_shapes("/inputs", (inputs.values, (inputs.time.size, len(inputs.quantities))))
     _check_finite("/inputs", inputs.values)
-    for column, quantity in enumerate(INPUTS):
+    for column, quantity in enumerate(inputs.quantities):
         _check_sizes(f"/inputs/{quantity.symbol}", inputs.values[:, column], quantity.unit)
     for name, record in dataset.sensors.items():
         _check_sensor(name, record)

@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 from auvid_cli.export.heading import certainty
 from auvid_cli.export.model import IdentifiedModel
+from auvid_cli.export.terms import CALLED_OTHERWISE
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient, CoefficientSet
 from auvid_cli.vehicle.matrices import mass_matrix
-from auvid_cli.vehicle.parameters import PARAMETERS
+from auvid_cli.vehicle.parameters import ALL_INPUTS, INPUTS, PARAMETERS, Quantity
 
 _RESTORING = ("W", "B", "xG", "yG", "zG", "xB", "yB", "zB")
 # Coriolis forces as cross products of momentum (Kirchhoff), weight and buoyancy, propulsion.
@@ -37,6 +38,11 @@ def constants(model: IdentifiedModel) -> list[Constant]:
         Constant(identifier(c.symbol), identified.value, f"{c.unit}, {c.meaning}; {certainty(identified)}")
         for c, identified in zip(model.coefficient_set, model.coefficients, strict=True)
     ]
+
+
+def inputs_of(model: IdentifiedModel) -> tuple[Quantity, ...]:
+    """Return what moves a model, in this order: revolutions and voltage too where terms are made of them."""
+    return ALL_INPUTS if model.coefficient_set.of_propulsion else INPUTS
 
 
 def mass_rows(model: IdentifiedModel) -> list[list[float]]:
@@ -78,6 +84,6 @@ def _force(row: str, of_vehicle: CoefficientSet) -> list[str]:
 
 
 def _term(coefficient: Coefficient) -> str:
-    names = ("surge_force" if signal == "thrust" else signal for signal in coefficient.signals)
+    names = (CALLED_OTHERWISE.get(signal, signal) for signal in coefficient.signals)
     factors = (f"abs({name})" if modulus else name for name, modulus in zip(names, coefficient.moduli, strict=True))
     return " * ".join([identifier(coefficient.symbol), *factors])

@@ -63,7 +63,7 @@ def surface_changes(coefficients: Mapping[str, float], motion: Array, inputs: Ar
     dict of float
         Root mean square by row of the equations of motion, N or N m.
     """
-    signals = dict(zip(MOTION_SYMBOLS, motion.T, strict=True)) | dict(zip(INPUT_SYMBOLS, inputs.T, strict=True))
+    signals = dict(zip(MOTION_SYMBOLS, motion.T, strict=True)) | dict(zip(INPUT_SYMBOLS, inputs.T, strict=False))
     changes = dict.fromkeys("XYZMN", np.zeros(len(motion)))
     for surface in fin_surfaces(coefficients):
         is_rudder = surface.name == "rudder"

@@ -35,8 +35,8 @@ def accelerations(state, inputs):
     state : array_like, shape (19,)
         What that sensor gives, in the global frame: linear acceleration, velocity, position, angular acceleration,
         angular velocity, quaternion x, y, z, w; SI.
-    inputs : array_like, shape (4,)
-        Rudder, elevator (rad), surge force (N), roll moment (N m).
+    inputs : array_like
+        As of `motion_derivative`.
 
     Returns
     -------

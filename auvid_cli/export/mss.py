@@ -5,18 +5,18 @@ everywhere. Relative to such a current the equations of motion are those in stil
 """
 
 from auvid_cli.export.comment import line_comments
+from auvid_cli.export.equations import inputs_of
 from auvid_cli.export.heading import heading_lines
 from auvid_cli.export.losses import Losses, losses_of
-from auvid_cli.export.matlab_function import acceleration, numbers
+from auvid_cli.export.matlab_function import acceleration, in_words, numbers
 from auvid_cli.export.model import IdentifiedModel
-from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 _HELP = """Compatible with MATLAB and GNU Octave, in the form of the vessels of MSS (remus100 and its like):
   [xdot, U, M] = {name}(x, ui, Vc, betaVc, w_c)   3-D ocean current
   [xdot, U, M] = {name}(x, ui, Vc, betaVc)        horizontal ocean current
   [xdot, U, M] = {name}(x, ui)                    no ocean current
   x = [u v w p q r x y z phi theta psi]', SI and radians: body axes forward, starboard, down; north, east, down.
-  ui = [rudder elevator surge_force roll_moment]', rad, rad, N, N m; as large as you like.
+  ui = [{inputs}]', {units}; as large as you like.
   Vc, betaVc, w_c: speed of the current, m/s, whereto, rad, and down, m/s.
   xdot: derivative of x; U: speed over ground, m/s; M: rigid-body and added mass.
 For example: x = rk4(@{name}, 0.02, x, ui)
@@ -41,15 +41,18 @@ def mss_losses(model: IdentifiedModel) -> Losses:
 
 def mss_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
     """Write the whole function; `name` is that of the file without ``.m``."""
+    inputs = inputs_of(model)
+    said = _HELP.format(name=name, **in_words(inputs))
+    names = ", ".join(quantity.symbol.replace("_", " ") for quantity in inputs)
     places = {"p": 4, "q": 5, "r": 6, "phi": 10, "theta": 11, "psi": 12}
     body = [
         "if numel(x) ~= 12, error('x must have 12 elements'); end",
-        "if numel(ui) ~= 4, error('ui must have 4 elements: rudder, elevator, surge force, roll moment'); end",
+        f"if numel(ui) ~= {len(inputs)}, error('ui must have {len(inputs)} elements: {names}'); end",
         "if nargin < 4, Vc = 0; betaVc = 0; end",
         "if nargin < 5, w_c = 0; end",
         "x = x(:)",
         *(f"{symbol} = x({place})" for symbol, place in places.items()),
-        *(f"{symbol} = ui({i})" for i, symbol in enumerate(INPUT_SYMBOLS, 1)),
+        *(f"{quantity.symbol} = ui({i})" for i, quantity in enumerate(inputs, 1)),
         *_ROTATION,
         "current = R' * [Vc*cos(betaVc); Vc*sin(betaVc); w_c]",
         "u = x(1) - current(1); v = x(2) - current(2); w = x(3) - current(3)",
@@ -62,7 +65,7 @@ def mss_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
     ]
     lines = [
         f"function [xdot, U, M] = {name}(x, ui, Vc, betaVc, w_c)\n",
-        line_comments("%", [*_HELP.format(name=name).splitlines(), *heading_lines(model, losses)]),
+        line_comments("%", [*said.splitlines(), *heading_lines(model, losses)]),
         numbers(model),
         *(statement + ("\n" if statement.startswith(("%", "if ")) else ";\n") for statement in body),
         "end\n",

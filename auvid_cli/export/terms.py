@@ -6,10 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.vehicle.coefficients import EQUATION_ROWS, CoefficientSet
-from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, MOTION_SYMBOLS
+from auvid_cli.vehicle.coefficients import EQUATION_ROWS, PROPULSION_SIGNALS, CoefficientSet
+from auvid_cli.vehicle.parameters import ALL_INPUTS, MOTION_SYMBOLS
 
 Array = NDArray[np.float64]
+
+# Of factors what inputs they are, where these have other names.
+CALLED_OTHERWISE = {"thrust": "surge_force", **PROPULSION_SIGNALS}
 
 
 class TermSize(NamedTuple):
@@ -48,16 +51,17 @@ def term_histories(
         All of them by symbol, SI.
     motion : ndarray, shape (n, 9)
         u, v, w, p, q, r, phi, theta, psi; m/s, rad/s, rad.
-    inputs : ndarray, shape (n, 4)
-        Rudder, elevator (rad), surge force (N), roll moment (N m).
+    inputs : ndarray, shape (n, 4) or (n, 6)
+        As of a dataset.
 
     Returns
     -------
     ndarray, shape (n, len(of_vehicle))
         N or N m, in that order.
     """
-    signals = dict(zip(MOTION_SYMBOLS, motion.T, strict=True)) | dict(zip(INPUT_SYMBOLS, inputs.T, strict=True))
-    signals["thrust"] = signals["surge_force"]
+    given = dict(zip((quantity.symbol for quantity in ALL_INPUTS), inputs.T, strict=False))
+    signals = dict(zip(MOTION_SYMBOLS, motion.T, strict=True)) | given
+    signals |= {name: given[symbol] for name, symbol in CALLED_OTHERWISE.items() if symbol in given}
     terms = np.empty((len(motion), len(of_vehicle)))
     for column, coefficient in enumerate(of_vehicle):
         factors = [

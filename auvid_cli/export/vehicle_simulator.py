@@ -4,6 +4,7 @@ Its vehicles have no common base class: a vehicle is what its main loop can simu
 Euler steps, and so does this one.
 """
 
+from auvid_cli.export.equations import inputs_of
 from auvid_cli.export.losses import Losses, losses_of
 from auvid_cli.export.model import IdentifiedModel
 from auvid_cli.export.python_function import python_text
@@ -14,6 +15,7 @@ _NOTES = (
     "It has no autopilot: commands are those of stepInput, which you write. ACTUATORS are all the limits "
     "of fins and thrust.",
 )
+_SHOWN = {"rad": "deg", "N*m": "N m"}
 _ACTUATORS = '''
 
 def demanded(actuator, command):
@@ -62,7 +64,7 @@ class Vehicle:
         self.V_c = V_current
         self.beta_c = np.radians(beta_current)
         self.nu = np.zeros(6)
-        self.controls = ["Rudder (deg)", "Elevator (deg)", "Surge force (N)", "Roll moment (N m)"]
+        self.controls = {controls!r}
         self.dimU = len(self.controls)
         self.u_actual = np.zeros(self.dimU)
 
@@ -73,8 +75,8 @@ class Vehicle:
         ----------
         eta, nu : array_like, shape (6,)
             North, east, down (m), roll, pitch, yaw (rad); u, v, w over ground (m/s), p, q, r (rad/s).
-        u_actual, u_control : array_like, shape (4,)
-            Rudder, elevator (rad), surge force (N), roll moment (N m), as they are and as commanded.
+        u_actual, u_control : array_like, shape (dimU,)
+            As of `motion_derivative`, as they are and as commanded.
         sampleTime : float
             s.
 
@@ -90,7 +92,8 @@ class Vehicle:
         current = np.array([cos(theta) * north, cos(phi) * east + sin(phi) * below, cos(phi) * below - sin(phi) * east])
         relative = [*(nu[:3] - current), *nu[3:], phi, theta, psi]
         forces = np.array([*map(effective, ACTUATORS, acting), *acting[len(ACTUATORS):]])
-        slope = motion_derivative(relative, forces * [1.0, 1.0, THRUST_GAIN, 1.0])[:6]
+        forces[2] *= THRUST_GAIN
+        slope = motion_derivative(relative, forces)[:6]
         # In turning axes the current turns the other way.
         slope[:3] -= np.cross(nu[3:], current)
         for k, actuator in enumerate(ACTUATORS):
@@ -99,7 +102,7 @@ class Vehicle:
 
     def stepInput(self, t):
         """Commands at a time (s): fins amidships, and the thrust of the reference speed."""
-        return np.array([0.0, 0.0, {thrust!r}, {torque!r}])
+        return np.array([0.0, 0.0, {thrust!r}, {torque!r}, *np.zeros(self.dimU - 4)])
 '''
 
 
@@ -125,5 +128,8 @@ def simulator_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
         "\n\n# How many times the surge force acts; how rudder, elevator and surge force follow their commands, SI.\n"
         f"THRUST_GAIN = {actuation.thrust!r}\n{_written(actuation.actuators.actuators())}{_ACTUATORS}"
     )
-    body = _CLASS.format(name=name, length=vehicle.size.length, thrust=known["X_prop"], torque=known["K_prop"])
+    # The simulator's plots are in degrees.
+    shown = (f"{q.symbol.replace('_', ' ').capitalize()} ({_SHOWN.get(q.unit, q.unit)})" for q in inputs_of(model))
+    propulsion = {"thrust": known["X_prop"], "torque": known["K_prop"]}
+    body = _CLASS.format(name=name, length=vehicle.size.length, controls=[*shown], **propulsion)
     return python_text(model, losses, name) + actuators + body

@@ -12,7 +12,7 @@ from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import AugmentedProblem
 from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, Fault, FaultedVehicle, Motion
 from auvid_cli.vehicle.dynamics import factors
-from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, INPUTS
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,8 @@ class VehicleFaults:
             for symbols in (_CURRENTS, _BALLAST)
         )
         # What the thrust is more than stated acts like more of it, and a trim like a fin that is over.
-        gain, trim = np.ones((len(states), len(INPUTS))), np.zeros((len(states), len(INPUTS)))
+        shape = len(states), timeline.inputs.shape[1]
+        gain, trim = np.ones(shape), np.zeros(shape)
         gain[:, _THRUST_INPUT] += self._along(THRUST_SCALE.symbol, about.parameters, states)
         for fin, state in zip(_FINS, FIN_TRIMS, strict=True):
             trim[:, fin] = self._along(state.symbol, about.parameters, states)

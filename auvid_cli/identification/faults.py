@@ -20,12 +20,12 @@ from auvid_cli.vehicle.coefficients import SIGNALS, Coefficient, Regressor
 from auvid_cli.vehicle.dynamics import N_BLOCK, N_FACTORS, N_SLOPE, motion_derivative, vehicle_constants
 from auvid_cli.vehicle.kinematics import body_to_earth, current_in_body_axes, earth_to_body, specific_force
 from auvid_cli.vehicle.matrices import mass_matrix
-from auvid_cli.vehicle.parameters import N_MOTION, SENSORS
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS, N_MOTION, SENSORS
 from auvid_cli.vehicle.term_library import term
 
 Array = NDArray[np.float64]
 
-_N_BALLAST = len(Ballast._fields)
+_N_BALLAST, _ROLL_MOMENT = len(Ballast._fields), INPUT_SYMBOLS.index("roll_moment")
 # s; before and after an instant, to find how fast what is felt there changes.
 _SHORT = 1e-4
 _vector = types.float64[::1]
@@ -197,7 +197,7 @@ def _current(axis: int) -> Callable[[FaultedVehicle, Motion], Array]:
 
 
 def _offset(given: int) -> Callable[[FaultedVehicle, Motion], Array]:
-    return lambda model, at: model.by_inputs(at, np.eye(4)[given])
+    return lambda model, at: model.by_inputs(at, np.eye(at.inputs.shape[1])[given])
 
 
 def _late_force(model: FaultedVehicle, at: Motion) -> Array:
@@ -217,7 +217,8 @@ def missing_term(term: Coefficient) -> Fault:
     """Return as a fault that a model lacks a term of velocities and fins."""
 
     def effect(model: FaultedVehicle, at: Motion) -> Array:
-        signals: dict[str, Array] = dict(zip(SIGNALS, (*at.motion[:, :6].T, *at.inputs[:, :3].T), strict=True))
+        given = np.delete(at.inputs, _ROLL_MOMENT, axis=1)
+        signals: dict[str, Array] = dict(zip(SIGNALS, (*at.motion[:, :6].T, *given.T), strict=False))
         pairs = zip(term.signals, term.moduli, strict=True)
         values = [np.abs(signals[signal]) if modulus else signals[signal] for signal, modulus in pairs]
         return model.by_force(at, term.row, np.asarray(np.prod(values, axis=0), dtype=np.float64))

@@ -80,9 +80,11 @@ def prepare(dataset: Dataset) -> PreparedData:
     Raises
     ------
     DataError
-        If no sensor measures motion, one states no positive noise, or nothing of the data is left.
+        If no sensor measures motion, inputs are missing that the vehicle's terms are made of, one states no positive
+        noise, or nothing of the data is left.
     """
     settings = dataset.experiment.identification
+    dataset.inputs.check_for(dataset.experiment.vehicle.coefficient_set)
     timely = replace(dataset, sensors=on_time(dataset.sensors, settings))
     measuring, inputs = measuring_sensors(timely), as_acting(dataset.inputs, dataset.experiment)
     segments = []

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 # Fluid-Dynamic Lift, 1985, ch. 3), on a fin area of about the hull diameter squared.
 _LIFT_SLOPE = 3.0
 _THRUST = ("thrust",)
+# Of a small vehicle's battery, V: nothing of a hull says it.
+_VOLTAGE = 24.0
 
 
 def natural_magnitude(coefficient: Coefficient, size: Size) -> float:
@@ -30,7 +32,8 @@ def natural_magnitude(coefficient: Coefficient, size: Size) -> float:
     cross-flow terms; lift and control are ``rho/2 C_L d^2``. A moment, and every rate among the
     signals, brings a lever: half the length, for roll the diameter. Where there are not two velocities or rates, it is
     so large as to make such a force at half the Froude speed ``sqrt(g l)``; a thrust counts as the drag on the frontal
-    area at that.
+    area at that, and a propeller as wide as the hull turns once while it goes as far as it is wide. The
+    voltage is that of a small vehicle.
 
     Parameters
     ----------
@@ -41,7 +44,9 @@ def natural_magnitude(coefficient: Coefficient, size: Size) -> float:
     pressure, speed = 0.5 * size.density, 0.5 * np.sqrt(GRAVITY * size.length)
     half_length = 0.5 * size.length
     frontal = 0.25 * np.pi * size.diameter**2
-    if _is_drag(coefficient):
+    if "n" in coefficient.signals:
+        area = frontal
+    elif _is_drag(coefficient):
         area = frontal if coefficient.row == 0 else size.length * size.diameter
     else:
         area = _LIFT_SLOPE * size.diameter**2
@@ -49,7 +54,9 @@ def natural_magnitude(coefficient: Coefficient, size: Size) -> float:
     turns, thrusts = (sum(signal in names for signal in coefficient.signals) for names in (("p", "q", "r"), _THRUST))
     speeds = turns + sum(signal in ("u", "v", "w") for signal in coefficient.signals)
     at_speed = pressure * area * lever ** (turns + (coefficient.row >= 3)) * speed ** (2 - speeds)
-    return float(at_speed / (pressure * frontal * speed**2) ** thrusts)
+    revolutions, voltages = (coefficient.signals.count(name) for name in ("n", "voltage"))
+    at_thrust = at_speed / (pressure * frontal * speed**2) ** thrusts
+    return float(at_thrust / (speed / size.diameter) ** revolutions / _VOLTAGE**voltages)
 
 
 def _is_drag(coefficient: Coefficient) -> bool:

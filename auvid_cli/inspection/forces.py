@@ -5,8 +5,10 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.check import Check
+from auvid_cli.data.dataset import InputRecord
 from auvid_cli.inspection.grid import Signals, derivative
 from auvid_cli.inspection.inspection import judged
+from auvid_cli.vehicle.coefficients import CoefficientSet
 
 Array = NDArray[np.float64]
 
@@ -15,6 +17,8 @@ Array = NDArray[np.float64]
 _DOUBTFUL, _IMPOSSIBLE = (3e-3, 10.0), (1e-4, 100.0)
 _MOST_OF_THE_TIME = 0.9
 _SLOWEST = 0.05
+# Correlation of the thrust with the law of a propeller at which it was made by that.
+_MADE_OF = 0.95
 _LARGEST_FIN = 0.5 * np.pi
 _UNIT = (
     "Look at the unit, and at the law by which it follows from the propeller: revolutions in rpm, percent, N or kgf."
@@ -35,6 +39,30 @@ def force_checks(signals: Signals, vehicle: VehicleSettings) -> list[Check]:
         _against(signals, "roll_moment", "N m", 0.5 * parameters["W"] * size.diameter, "weight times radius", 0.0)
     )
     return [check for check in checks if check is not None]
+
+
+def thrust_check(inputs: InputRecord, coefficients: CoefficientSet) -> list[Check]:
+    """Say whether a thrust made of the revolutions stands beside terms of these: it would count twice."""
+    names = [term.symbol for term in coefficients.of_propulsion if term.row == 0 and "n" in term.signals]
+    symbols = [quantity.symbol for quantity in inputs.quantities]
+    if not names or "revolutions" not in symbols:
+        return []
+    force, turns = (inputs.values[:, symbols.index(name)] for name in ("surge_force", "revolutions"))
+    law, force = turns * np.abs(turns), force - force.mean()
+    law = law - law.mean()
+    sizes = float(np.linalg.norm(law) * np.linalg.norm(force))
+    alike = float(law @ force) / sizes if sizes else 0.0
+    return [
+        judged(
+            "surge_force",
+            "made of revolutions",
+            statistic=f"correlation {alike:.2f} with n |n|",
+            threshold=f"<= {_MADE_OF:g}",
+            passed=None if alike > _MADE_OF else True,
+            advice=f"The thrust follows from the revolutions, of which {', '.join(names)} make a force as well: take "
+            "the thrust or these terms out, else it counts twice and neither can be told.",
+        )
+    ]
 
 
 def _fin(signals: Signals, symbol: str) -> Check | None:

@@ -16,7 +16,7 @@ from auvid_cli.logs.refusals import Refusals, RefusedError
 from auvid_cli.logs.requests import Request
 from auvid_cli.logs.sensor_motion import interpolate
 from auvid_cli.logs.sensor_records import SensorRecords
-from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
+from auvid_cli.vehicle.parameters import ALL_INPUTS, INPUT_SYMBOLS, PROPULSION
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,8 @@ def read_inputs(
         for name, channel in channels.items()
         if _ends_early(channel, end)
     )
-    record = InputRecord(time, np.zeros((time.size, len(INPUT_SYMBOLS))))
+    further = any(getattr(settings.inputs, quantity.symbol) is not None for quantity in PROPULSION)
+    record = InputRecord(time, np.zeros((time.size, len(ALL_INPUTS if further else INPUT_SYMBOLS))))
     with refusals.collecting():
         if not time.size or time[0] > end or time[-1] < begin:
             message = f"no time in common with the sensors, which measure from {begin:.3f} to {end:.3f} s"
@@ -117,10 +118,10 @@ def _mix(
     settings: LogMap, held: dict[str, Array], sensors: dict[str, SensorRecord], record: InputRecord
 ) -> tuple[str, ...]:
     """Fill in rudder, elevator, surge force and roll moment; returns what is to be said of them."""
-    rudder, elevator, surge_force, roll_moment = record.values.T
+    rudder, elevator, surge_force, roll_moment, *_ = record.values.T
     remarks = []
-    for symbol, target in zip(INPUT_SYMBOLS, record.values.T, strict=True):
-        target[:] = held.get(symbol, 0.0)
+    for quantity, target in zip(record.quantities, record.values.T, strict=True):
+        target[:] = held.get(quantity.symbol, 0.0)
     fins = {name.removeprefix("fins."): values for name, values in held.items() if name.startswith("fins.")}
     if fins:
         mixed = mix(fins)
@@ -139,7 +140,7 @@ def _mix(
             raise RefusedError(("inputs", "roll_moment"), "needs a vehicle whose X_prop is not 0")
         roll_moment[:] = surge_force * (known["K_prop"] / known["X_prop"])
     mapped = _mapped(settings.inputs)
-    idle = [symbol for symbol, values in zip(INPUT_SYMBOLS, record.values.T, strict=True) if not values.any()]
+    idle = [q.symbol for q, values in zip(record.quantities, record.values.T, strict=True) if not values.any()]
     for symbols, reason in (
         ([symbol for symbol in idle if symbol in mapped], "zero all the time"),
         ([symbol for symbol in idle if symbol not in mapped], "not in the map, so zero"),
@@ -151,7 +152,7 @@ def _mix(
 
 def _mapped(settings: InputsMap) -> set[str]:
     """Return the inputs that the map says anything of."""
-    mapped = {symbol for symbol in INPUT_SYMBOLS if getattr(settings, symbol) is not None}
+    mapped = {quantity.symbol for quantity in ALL_INPUTS if getattr(settings, quantity.symbol) is not None}
     if settings.fins is not None:
         mapped |= moved_by(settings.fins.given())
     return mapped | ({"surge_force"} if settings.thrust is not None else set())

@@ -73,6 +73,9 @@ def controls_of(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre, plan: Manoeuv
     if isinstance(manoeuvre, Recorded):
         # What was recorded is all the thrust and torque there was.
         torque = drag = 0.0
+    if manoeuvre.propeller is not None:
+        # Terms of its revolutions balance the drag.
+        drag = 0.0
     return Controls(
         drag=drag,
         surge_gain=mass_matrix(known)[0, 0] * autopilot.bandwidth * float(autopilot.speed),

@@ -60,6 +60,8 @@ class ManoeuvrePlan(NamedTuple):
         only where the manoeuvre has the thrust loop off.
     pitch : float
         What the elevator loop holds, rad; with a depth loop, pitch at the start only.
+    propulsion : ndarray, shape (n, 2) or (n, 0)
+        Revolutions (turn/s) and voltage (V), where the manoeuvre states them.
     zigzag : tuple of float
         Rudder (rad), heading (rad) and approach (s) of a zigzag; rudder 0 for none.
     """
@@ -68,6 +70,7 @@ class ManoeuvrePlan(NamedTuple):
     feedforward: Array
     speed: Array
     turn_rate: Array
+    propulsion: Array
     pitch: float = 0.0
     zigzag: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
@@ -91,7 +94,7 @@ def make_plan(manoeuvre: AnyManoeuvre) -> ManoeuvrePlan:
     feedforward = ramp[:, None] * _excitation(manoeuvre.excitation, time)
     first = manoeuvre.speed if manoeuvre.initial_speed is None else manoeuvre.initial_speed
     speed = first + (manoeuvre.speed - first) * ramp
-    plan = ManoeuvrePlan(time, feedforward, speed, np.zeros(time.size))
+    plan = ManoeuvrePlan(time, feedforward, speed, np.zeros(time.size), _propulsion(manoeuvre, time, ramp))
     match manoeuvre:
         case Spiral():
             return plan._replace(turn_rate=manoeuvre.turn_rate * ramp, pitch=manoeuvre.pitch)
@@ -132,6 +135,18 @@ def _ramp(time: Array, fade_in: float) -> Array:
     if fade_in == 0.0:
         return np.ones(time.size)
     return np.sin(0.5 * np.pi * np.clip(time / fade_in, 0.0, 1.0)) ** 2
+
+
+def _propulsion(manoeuvre: AnyManoeuvre, time: Array, ramp: Array) -> Array:
+    propeller = manoeuvre.propeller
+    if propeller is None:
+        return np.zeros((time.size, 0))
+    revolutions = np.full(time.size, propeller.revolutions)
+    if propeller.excitation is not None:
+        revolutions += multisine(propeller.excitation, time)
+    last = propeller.voltage if propeller.final_voltage is None else propeller.final_voltage
+    voltage = propeller.voltage + (last - propeller.voltage) * time / time[-1]
+    return np.column_stack([ramp * revolutions, voltage])
 
 
 def _excitation(excitation: Excitation, time: Array) -> Array:

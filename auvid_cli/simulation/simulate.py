@@ -44,9 +44,7 @@ def simulate(experiment: Experiment) -> Dataset:
         records["attitude"] = stamped(attitude, ahrs.attitude, "attitude", experiment.seed, duration)
     _share_clocks(truth.time, records)
     return Dataset(
-        inputs=record_inputs(
-            truth.time, truth.commands - trim if trim.any() else truth.commands, manoeuvre.recorded_rate
-        ),
+        inputs=record_inputs(truth.time, _recorded(truth.commands, trim), manoeuvre.recorded_rate),
         sensors=records,
         experiment=experiment,
         truth=TruthRecord(
@@ -57,6 +55,15 @@ def simulate(experiment: Experiment) -> Dataset:
             disturbance if disturbance.any() else None,
         ),
     )
+
+
+def _recorded(commands: Array, trim: Array) -> Array:
+    """Return commands as they are written down: without what of them nobody knows."""
+    if not trim.any():
+        return commands
+    recorded = commands.copy()
+    recorded[:, : trim.size] -= trim
+    return recorded
 
 
 def _share_clocks(time: Array, records: dict[str, SensorRecord]) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from auvid_cli.compilation import compiled
 from auvid_cli.config.manoeuvre import AnyManoeuvre
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.errors import SimulationError
+from auvid_cli.errors import ConfigError, SimulationError
 from auvid_cli.lanes import LANES
 from auvid_cli.simulation.autopilot import CONTROLS, INITIAL_MEMORY, controls_of, limited, steer
 from auvid_cli.simulation.manoeuvre_plan import WANTED, ManoeuvrePlan
@@ -54,9 +54,9 @@ class Truth(NamedTuple):
     Attributes
     ----------
     time : ndarray, shape (n,)
-    inputs : ndarray, shape (n, 4)
+    inputs : ndarray, shape (n, 4) or (n, 6)
         What the actuators did from this tick to the next, on the average.
-    commands : ndarray, shape (n, 4)
+    commands : ndarray, shape (n, 4) or (n, 6)
         What they followed; the same where they do so exactly.
     motion : ndarray, shape (n, 9)
         u, v, w, p, q, r, phi, theta, psi.
@@ -135,8 +135,9 @@ def simulate_motion(
     SimulationError
         If the vehicle capsizes, stands on its nose or blows up; says when.
     ConfigError
-        If the vehicle has no positive-definite mass matrix or lacks coefficients.
+        If the vehicle has no positive-definite mass matrix or lacks coefficients, or the manoeuvre inputs of its terms.
     """
+    check_propulsion(vehicle, manoeuvre)
     known = vehicle.known_parameters()
     constants = vehicle_constants(known, vehicle.coefficient_set.terms)
     push = np.zeros(disturbance.shape)
@@ -146,7 +147,7 @@ def simulate_motion(
     coefficients = factors(vehicle.all_coefficients(), of_vehicle=vehicle.coefficient_set)
     controls = controls_of(vehicle, manoeuvre, plan)
     n = plan.time.size
-    motion, position, inputs = np.zeros((n, N_MOTION)), np.zeros((n, 3)), np.zeros((n, 4))
+    motion, position, inputs = np.zeros((n, N_MOTION)), np.zeros((n, 3)), np.zeros((n, 4 + plan.propulsion.shape[1]))
     motion[0, 0] = plan.speed[0] if manoeuvre.initial_speed is None else manoeuvre.initial_speed
     motion[0, 7] = manoeuvre.initial_pitch
     work = _Workspace(
@@ -155,7 +156,8 @@ def simulate_motion(
     actuators = vehicle.actuators.actuators()
     follows = any(actuator != IDEAL for actuator in actuators)
     # Where actuators do as they are told, nothing is written down twice.
-    commands = np.zeros((n if follows else 0, 4))
+    commands = np.zeros((n if follows else 0, inputs.shape[1]))
+    (commands if follows else inputs)[:, 4:] = plan.propulsion
     truth = Truth(plan.time, inputs, commands, motion, position, push, constants, np.repeat(coefficients, LANES))
     reason, tick = _fly(plan.wanted, controls, tuple(actuators), trim, truth, longest_step, work)
     if reason:
@@ -164,6 +166,22 @@ def simulate_motion(
             "soften the excitation or let the autopilot hold pitch, turn rate and speed"
         )
     return truth._replace(coefficients=coefficients, commands=commands if follows else inputs)
+
+
+def check_propulsion(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre) -> None:
+    """Refuse terms of inputs that a manoeuvre does not state.
+
+    Raises
+    ------
+    ConfigError
+        With these terms.
+    """
+    if manoeuvre.propeller is None and (terms := vehicle.coefficient_set.of_propulsion):
+        names = ", ".join(term.symbol for term in terms)
+        raise ConfigError(
+            f"the manoeuvre states no revolutions or voltage, of which the vehicle's {names} are made: "
+            "manoeuvre.propeller={revolutions: 20 turn/s, voltage: 24 V}, or take these terms out (vehicle.terms)"
+        )
 
 
 @compiled(types.void(_vector, _vector), internal=True)
@@ -233,7 +251,8 @@ def _limit_fins(controls, before, now, change):
 def _act(actuators, trim, tick, period, truth, places):
     """Let the actuators follow the commands of a tick; before the first they rest in it."""
     commands, inputs = truth.commands[tick], truth.inputs[tick]
-    inputs[3] = commands[3]
+    for k in range(N_ACTUATORS, inputs.size):
+        inputs[k] = commands[k]
     for k in range(N_ACTUATORS):
         demand = demanded(actuators[k], commands[k] - trim[k])
         if tick == 0:

@@ -22,9 +22,9 @@ class ActuatorErrors(NamedTuple):
     elevator_trim: float = 0.0
 
     def acting(self, inputs: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the inputs that act, shape (..., 4), for those that are stated."""
-        rudder, elevator, surge_force, roll_moment = np.moveaxis(inputs, -1, 0)
-        acting = rudder + self.rudder_trim, elevator + self.elevator_trim, self.thrust * surge_force, roll_moment
+        """Return the inputs that act, shape (..., 4) or (..., 6), for those that are stated."""
+        rudder, elevator, surge_force, *others = np.moveaxis(inputs, -1, 0)
+        acting = rudder + self.rudder_trim, elevator + self.elevator_trim, self.thrust * surge_force, *others
         return np.stack(acting, axis=-1)
 
 

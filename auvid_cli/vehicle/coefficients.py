@@ -14,13 +14,18 @@ CoefficientGroup = Literal["damping", "lift", "control", "term"]
 
 # Surge, sway and heave forces; roll, pitch and yaw moments.
 EQUATION_ROWS = "XYZKMN"
-# What a factor may be, bare or as a modulus: velocities in body axes, fins, and the propeller's thrust.
-SIGNALS = ("u", "v", "w", "p", "q", "r", "rudder", "elevator", "thrust")
+# What a factor may be, bare or as a modulus: velocities in body axes, fins, the propeller's thrust and revolutions per
+# second n, and the battery's voltage.
+SIGNALS = ("u", "v", "w", "p", "q", "r", "rudder", "elevator", "thrust", "n", "voltage")
+# Those that are inputs which not every dataset has, by what these call them.
+PROPULSION_SIGNALS = {"n": "revolutions", "voltage": "voltage"}
 MOST_FACTORS = 6
-# Exponents of kg, m, s and rad in the unit of each signal, and of a force; a moment has a metre more.
-_VELOCITY, _RATE, _ANGLE, _FORCE = (0, 1, -1, 0), (0, 0, -1, 1), (0, 0, 0, 1), (1, 1, -2, 0)
+# Exponents of kg, m, s, rad and V in the unit of each signal, and of a force; a moment has a metre more. Turns count as
+# a number, so that n is in 1/s.
+_VELOCITY, _RATE, _ANGLE, _FORCE = (0, 1, -1, 0, 0), (0, 0, -1, 1, 0), (0, 0, 0, 1, 0), (1, 1, -2, 0, 0)
+_TURNS, _VOLTAGE = (0, 0, -1, 0, 0), (0, 0, 0, 0, 1)
 _DIMENSIONS: dict[str, tuple[int, ...]] = dict(
-    zip(SIGNALS, (*[_VELOCITY] * 3, *[_RATE] * 3, *[_ANGLE] * 2, _FORCE), strict=True)
+    zip(SIGNALS, (*[_VELOCITY] * 3, *[_RATE] * 3, *[_ANGLE] * 2, _FORCE, _TURNS, _VOLTAGE), strict=True)
 )
 
 # Row and, of each signal, how often it is a factor, and whether its sign counts: what makes two terms the same.
@@ -106,6 +111,11 @@ class CoefficientSet(tuple[Coefficient, ...]):
         """Return those beyond the 22."""
         return self[N_COEFFICIENTS:]
 
+    @property
+    def of_propulsion(self) -> tuple[Coefficient, ...]:
+        """Return those that have an input among their factors which not every dataset has."""
+        return tuple(term for term in self.terms if {*PROPULSION_SIGNALS} & {*term.signals})
+
 
 COEFFICIENTS = CoefficientSet(
     (
@@ -150,7 +160,7 @@ def unit_of(row: int, factors: Iterable[str]) -> str:
     exponents[1] += row >= 3
     for factor in factors:
         exponents = [a - b for a, b in zip(exponents, _DIMENSIONS[factor.strip("|")], strict=True)]
-    powers = dict(zip(("kg", "m", "s", "rad"), exponents, strict=True))
+    powers = dict(zip(("kg", "m", "s", "rad", "V"), exponents, strict=True))
     above, below = ([_power(u, sign * n) for u, n in powers.items() if sign * n > 0] for sign in (1, -1))
     over = f"({'*'.join(below)})" if len(below) > 1 else "".join(below)
     return ("*".join(above) or "1") + (f"/{over}" if over else "")

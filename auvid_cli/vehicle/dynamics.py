@@ -47,7 +47,7 @@ _FactorRows = namedtuple(
     "_FactorRows", [*(c.identifier for c in COEFFICIENTS), *ActuatorErrors._fields, *Ballast._fields]
 )
 _AT = _FactorRows(*range(0, N_FACTORS * LANES, LANES))
-_RUDDER, _ELEVATOR, _THRUST = (SIGNALS.index(name) for name in ("rudder", "elevator", "thrust"))
+_RUDDER, _ELEVATOR, _THRUST, _N = (SIGNALS.index(name) for name in ("rudder", "elevator", "thrust", "n"))
 N_BLOCK = N_MOTION * LANES
 N_SLOPE = N_BLOCK + LANES
 
@@ -235,6 +235,8 @@ def add_terms(motion, coefficients, inputs, constants, n_lanes, derivative):
                 signal, shift = coefficients[_AT.rudder_trim :], inputs[0]
             elif which == _ELEVATOR:
                 signal, shift = coefficients[_AT.elevator_trim :], inputs[1]
+            elif which > _THRUST:
+                signal, gain, shift = motion, 0.0, inputs[4 + which - _N]
             else:
                 signal = motion[which * LANES :]
             if code % 2:
@@ -263,8 +265,9 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
     coefficients : ndarray, shape ((N_FACTORS + terms) * LANES,)
         One row per coefficient, in the order of `COEFFICIENTS`, SI; then of `ActuatorErrors` and of `Ballast`; then one
         per term of the vehicle's own.
-    inputs : ndarray, shape (4,)
-        Rudder, elevator (rad), surge force (N), roll moment (N m), the same for all lanes.
+    inputs : ndarray, shape (4,) or (6,)
+        Rudder, elevator (rad), surge force (N), roll moment (N m), and where terms are made of them revolutions
+        (turn/s) and voltage (V); the same for all lanes.
     constants : ndarray
         From `vehicle_constants`.
     n_lanes : int

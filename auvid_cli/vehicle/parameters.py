@@ -83,6 +83,12 @@ INPUTS: tuple[Quantity, ...] = (
     Quantity("roll_moment", "N*m", "propeller torque and roll excitation", "tau_propulsion"),
 )
 INPUT_SYMBOLS: tuple[str, ...] = tuple(q.symbol for q in INPUTS)
+# What terms of a vehicle's own may be made of besides; recorded where it is known, behind the others.
+PROPULSION: tuple[Quantity, ...] = (
+    Quantity("revolutions", "turn/s", "revolutions of the propeller", "terms of the vehicle's own"),
+    Quantity("voltage", "V", "voltage of the battery", "terms of the vehicle's own"),
+)
+ALL_INPUTS: tuple[Quantity, ...] = (*INPUTS, *PROPULSION)
 
 # Force and moment that no model explains, in the order of the equations of motion.
 DISTURBANCE: tuple[Quantity, ...] = (

@@ -47,7 +47,7 @@ N_JACOBIAN_WORK = _N_FORCE + 6
 _BALLAST = N_FACTORS - _N_BALLAST
 _TRIM = N_COEFFICIENTS + ActuatorErrors._fields.index("rudder_trim") - SIGNALS.index("rudder")
 _THRUST = N_COEFFICIENTS + ActuatorErrors._fields.index("thrust")
-_THRUST_SIGNAL = SIGNALS.index("thrust")
+_THRUST_SIGNAL, _N_SIGNAL = SIGNALS.index("thrust"), SIGNALS.index("n")
 
 
 @compiled(types.float64(_vector, _vector, _vector, types.int64), inline=True)
@@ -56,10 +56,12 @@ def _factor(motion, coefficients, inputs, code):
     which = code // 2
     if which < 6:
         value = motion[which]
+    elif which < _THRUST_SIGNAL:
+        value = inputs[which - 6] + coefficients[_TRIM + which]
     elif which == _THRUST_SIGNAL:
         value = inputs[2] * coefficients[_THRUST]
     else:
-        value = inputs[which - 6] + coefficients[_TRIM + which]
+        value = inputs[4 + which - _N_SIGNAL]
     return abs(value) if code % 2 else value
 
 
@@ -98,6 +100,9 @@ def _differentiate_term(code, motion, coefficients, inputs, inverse, coefficient
         if which < 6:
             force[row, which] += slope
             continue
+        # Revolutions and voltage are as they are stated.
+        if which > _THRUST_SIGNAL:
+            continue
         by = _TRIM + which
         if which == _THRUST_SIGNAL:
             by, slope = _THRUST, slope * inputs[2]
@@ -116,7 +121,7 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms,
     ----------
     motion : ndarray, shape (9,)
     coefficients : ndarray, shape (N_FACTORS + terms,)
-    inputs : ndarray, shape (4,)
+    inputs : ndarray, shape (4,) or (6,)
     constants : ndarray
         From `vehicle_constants`.
     jacobian : ndarray, shape (9, N_COLUMNS) or wider

@@ -38,6 +38,11 @@ def test_a_term_is_a_coefficient_behind_the_22(text):
         ("X", "[u, u, rudder, rudder]", "5 kg/m", 5.0),
         ("N", "[p, q]", "1 g*m^2", 1e-3),
         ("X", '["|thrust|", u]', "4 s/m", 4.0),
+        ("X", '[n, "|n|"]', "0.3 N*s^2", 0.3),
+        ("K", '[n, "|n|"]', "30 g*m^2", 0.03),
+        ("X", '["|n|", u]', "-900 g", -0.9),
+        ("X", "[voltage]", "20 mN/V", 0.02),
+        ("X", "[voltage, voltage]", "0.1 kg*m/(s^2*V^2)", 0.1),
     ],
 )
 def test_a_value_is_in_any_unit_of_its_dimension(row, factors, quantity, si, text):

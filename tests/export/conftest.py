@@ -43,6 +43,7 @@ def make_model(
     rng = np.random.default_rng(1)
     of_vehicle = experiment.vehicle.coefficient_set
     motion, inputs = rng.standard_normal((50, 9)), rng.standard_normal((50, 4))
+    inputs = np.hstack([inputs, rng.standard_normal((50, 2))])
     return IdentifiedModel(
         experiment=experiment,
         filter="tukf",

@@ -102,3 +102,19 @@ def test_no_name_of_a_vehicle_ends_a_comment(model_with, tmp_path):
     assert "\n" in model.experiment.vehicle.name
     assert "two" not in read_python(python_text(model, losses_of(model), "m"), tmp_path)
     read_matlab(matlab_text(model, losses_of(model), "m"))
+
+
+def test_terms_of_revolutions_and_voltage_take_two_more_inputs(model_with, tmp_path, derivative_of, draw):
+    terms = (
+        '{name: X_n|n|, row: X, factors: [n, "|n|"], value: 0.3}',
+        "{name: K_nV, row: K, factors: [n, voltage], value: 0.02}",
+    )
+    model = model_with(f"vehicle.terms=[{', '.join(terms)}]")
+    motion, inputs = draw(5)
+    inputs = np.array([*inputs, -14.0, 22.0])
+    expected = derivative_of(model, motion, inputs)
+    text = python_text(model, losses_of(model), "model")
+    assert_same(read_python(text, tmp_path)["motion_derivative"](motion, inputs), expected)
+    _, function = read_matlab(matlab_text(model, losses_of(model), "model"))
+    assert_same(np.asarray(function(motion, inputs), dtype=float), expected)
+    assert "revolutions (turn/s), voltage (V)" in text

@@ -87,6 +87,25 @@ def converted(tmp_path_factory):
     return run
 
 
+def test_revolutions_and_voltage_stand_behind_the_other_inputs(converted):
+    _, rates, angles = motion()
+    turns = {"rpm": 60.0 * np.cos(TIME), "u": 24.0 - 0.1 * TIME}
+    log = MemoryLog(**{"imu": imu(rates, angles), "in": INPUTS | turns})
+    inputs = "{table: in, rudder: dr, revolutions: {column: rpm, unit: rpm}, voltage: u}"
+    found = converted(log, GYROSCOPE % "", inputs=inputs)
+    assert [quantity.symbol for quantity in found.inputs.quantities][4:] == ["revolutions", "voltage"]
+    assert_allclose(found.inputs.values[:, 4], np.cos(TIME))
+    assert_allclose(found.inputs.values[:, 5], turns["u"])
+    assert np.array_equal(found.inputs.values[:, 0], INPUTS["dr"])
+
+
+def test_revolutions_without_a_unit_are_refused_as_those_of_a_thrust_are(converted):
+    _, rates, angles = motion()
+    log = MemoryLog(**{"imu": imu(rates, angles), "in": INPUTS | {"n": np.cos(TIME)}})
+    with pytest.raises(ConfigError, match="`unit: rpm` or `turn/s`"):
+        converted(log, GYROSCOPE % "", inputs="{table: in, revolutions: n}")
+
+
 def test_numbers_in_si_come_through_as_they_are(converted):
     velocity, rates, angles = motion()
     velocity[3] = np.nan

@@ -51,6 +51,8 @@ class Draw:
         # Away from kinks and zeros.
         self.motion = motion + 0.05 * np.sign(motion)
         self.inputs[2] = mass * (0.2 + abs(self.inputs[2] / mass))
+        # Revolutions and voltage stand behind the others.
+        self.inputs = np.concatenate([self.inputs, rng.choice([-1.0, 1.0], 2) * rng.uniform(0.2, 2.0, 2)])
         values = dict(zip(COEFFICIENTS.symbols, of_22, strict=True))
         values |= {c.symbol: mass * rng.uniform(-1.0, 1.0) for c in terms}
         self.values, self.of_vehicle = values, CoefficientSet((*COEFFICIENTS, *terms))
@@ -60,7 +62,7 @@ class Draw:
     def force(self, coefficient):
         """Force or moment of a term, by NumPy alone."""
         acting = ACTUATORS.acting(self.inputs)
-        signals = dict(zip(SIGNALS, [*self.motion[:6], *acting[:3]], strict=True))
+        signals = dict(zip(SIGNALS, [*self.motion[:6], *np.delete(acting, 3)], strict=True))
         return self.values[coefficient.symbol] * np.prod(
             [abs(signals[f.strip("|")]) if "|" in f else signals[f] for f in coefficient.factors]
         )
@@ -100,7 +102,7 @@ def test_derivatives_of_a_term_are_those_of_its_formula(seed, product, row, rand
     acting |= {"rudder": names[6] + rudder_trim, "elevator": names[7] + elevator_trim, "thrust": names[8] * thrust}
     parts = [sp.Abs(acting[f.strip("|")]) if "|" in f else acting[f] for f in product]
     formula = value * reduce(lambda a, b: a * b, parts)
-    at = dict(zip(names, [*here.motion[:6], *here.inputs[:3]], strict=True))
+    at = dict(zip(names, [*here.motion[:6], *np.delete(here.inputs, 3)], strict=True))
     at |= dict(zip(others, [*ACTUATORS, here.values[f"{row}_t"]], strict=True))
     by = {i: formula.diff(x) for i, x in enumerate(names[:6])}
     by |= {N_MOTION + 22 + i: formula.diff(x) for i, x in enumerate(others[:3])} | {N_COLUMNS: formula.diff(value)}

@@ -17,7 +17,7 @@ from auvid_cli.report.figures.series import thin
 from auvid_cli.report.figures.style import WIDTH, legend_above, new_figure, tidy
 from auvid_cli.report.notation import symbol_math
 from auvid_cli.report.scales import scale_of
-from auvid_cli.vehicle.parameters import INPUTS, SENSORS
+from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
 
@@ -86,7 +86,7 @@ def timeline_figure(sensors: dict[str, SensorRecord], inspection: Inspection) ->
 
 def _inputs(inspection: Inspection) -> list[_Signal]:
     signals = []
-    for quantity, values in zip(INPUTS, inspection.inputs.values.T, strict=True):
+    for quantity, values in zip(inspection.inputs.quantities, inspection.inputs.values.T, strict=True):
         scale = scale_of(quantity)
         name = f"{quantity.symbol.replace('_', ' ')} ({scale.unit})"
         signals.append(_Signal(name, inspection.inputs.time, scale.factor * values, _INPUT))

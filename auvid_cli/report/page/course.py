@@ -13,7 +13,7 @@ from auvid_cli.report.page.envelope import envelope
 from auvid_cli.report.page.parts import Part, Plot, PlotLine, Plots, Words
 from auvid_cli.report.scales import scale_of
 from auvid_cli.report.sentence import sentence
-from auvid_cli.vehicle.parameters import INPUTS, SENSORS, Quantity
+from auvid_cli.vehicle.parameters import SENSORS, Quantity
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ def course_parts(dataset: Dataset, runs: Mapping[str, FreeRun]) -> list[Part]:
 def input_plots(inputs: InputRecord) -> list[Plot]:
     """Plot each input."""
     plots = []
-    for column, quantity in enumerate(INPUTS):
+    for column, quantity in enumerate(inputs.quantities):
         scale = scale_of(quantity)
         time, values = envelope(inputs.time, inputs.values[:, [column]] * scale.factor, _SPANS)
         says = sentence(f"{quantity.meaning}, {_range(values, scale.unit)}")
