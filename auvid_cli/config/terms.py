@@ -77,14 +77,16 @@ class Term(Settings):
     @field_validator("value", "standard_deviation", mode="before")
     @classmethod
     def _of_its_dimension(cls, value: Any, info: ValidationInfo) -> Any:
+        # Of a row or factors that are wrong themselves nothing follows: one mistake is said once.
         unit = _unit(info)
-        return value if value is None or unit is None else _parsed(value, unit, str(info.field_name))
+        return None if value is None or unit is None else _parsed(value, unit, str(info.field_name))
 
     @field_validator("prior", mode="before")
     @classmethod
     def _guessed_in_its_dimension(cls, value: Any, info: ValidationInfo) -> Any:
-        if not isinstance(value, dict) or (unit := _unit(info)) is None:
-            return value
+        unit = _unit(info)
+        if not isinstance(value, dict) or unit is None:
+            return value if unit is not None else {}
         return {
             key: amount if amount is None or key not in Guess.model_fields else _parsed(amount, unit, key)
             for key, amount in value.items()

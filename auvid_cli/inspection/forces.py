@@ -41,7 +41,7 @@ def force_checks(signals: Signals, vehicle: VehicleSettings) -> list[Check]:
     return [check for check in checks if check is not None]
 
 
-def thrust_check(inputs: InputRecord, coefficients: CoefficientSet) -> list[Check]:
+def doubled_thrust_check(inputs: InputRecord, coefficients: CoefficientSet) -> list[Check]:
     """Say whether a thrust made of the revolutions stands beside terms of these: it would count twice."""
     names = [term.symbol for term in coefficients.of_propulsion if term.row == 0 and "n" in term.signals]
     symbols = [quantity.symbol for quantity in inputs.quantities]

@@ -22,7 +22,7 @@ from auvid_cli.inspection.data_checks import data_checks
 from auvid_cli.inspection.excitation import excitation_checks, fitness_checks
 from auvid_cli.inspection.excursions import excursion_checks
 from auvid_cli.inspection.fin_answers import motion_of, strength_checks
-from auvid_cli.inspection.forces import force_checks, thrust_check
+from auvid_cli.inspection.forces import doubled_thrust_check, force_checks
 from auvid_cli.inspection.grid import Signals, signals_of
 from auvid_cli.inspection.inspection import Inspection, Mark, judged
 from auvid_cli.inspection.kinematic_ties import attitude_rates
@@ -84,7 +84,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     alignment = input_alignment(in_water, motion, time_constant)
     checks += [*input_timing_checks(dataset.inputs, time_constant), *alignment_checks(alignment)]
     checks += actuator_checks(dataset.inputs, actuators)
-    checks += thrust_check(dataset.inputs, dataset.experiment.vehicle.coefficient_set)
+    checks += doubled_thrust_check(dataset.inputs, dataset.experiment.vehicle.coefficient_set)
     checks += force_checks(signals, dataset.experiment.vehicle)
     rotations = rotation_checks(aligned(in_water, alignment), time_constant)
     accelerometer = dataset.sensors.get("accelerometer")

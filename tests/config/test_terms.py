@@ -51,6 +51,14 @@ def test_a_value_is_in_any_unit_of_its_dimension(row, factors, quantity, si, tex
     assert term.value == pytest.approx(si, rel=1e-12)
 
 
+def test_a_wrong_factor_is_said_once_whatever_stands_behind_it(text):
+    term = "{name: X_a, row: X, factors: [nn], value: 1 kg, prior: {mean: 2 kg, standard_deviation: 1 kg}}"
+    with pytest.raises(ConfigError) as error:
+        parse_experiment(text, "test", (with_terms(term),))
+    assert "'nn' is no factor" in str(error.value)
+    assert str(error.value).count("\n") == 0
+
+
 @pytest.mark.parametrize(
     ("terms", "place", "message"),
     [

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.data.dataset import InputRecord
-from auvid_cli.inspection.forces import thrust_check
+from auvid_cli.inspection.forces import doubled_thrust_check
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, CoefficientSet
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
@@ -60,10 +60,10 @@ def test_a_thrust_made_of_the_revolutions_beside_terms_of_these_is_noted():
     turns = np.linspace(0.0, 20.0, 50)
     values = np.column_stack([np.zeros((50, 2)), 0.3 * turns**2 + 1.0, np.zeros(50), turns, np.zeros(50)])
     inputs, of_vehicle = InputRecord(np.arange(50.0), values), CoefficientSet((*COEFFICIENTS, term(0, ("n", "|n|"))))
-    (check,) = thrust_check(inputs, of_vehicle)
+    (check,) = doubled_thrust_check(inputs, of_vehicle)
     assert check.passed is None
     assert "X_n|n| make a force as well" in check.advice
     values[:, 2] = np.sin(turns)
-    (check,) = thrust_check(inputs, of_vehicle)
+    (check,) = doubled_thrust_check(inputs, of_vehicle)
     assert check.passed is True
-    assert thrust_check(inputs, COEFFICIENTS) == []
+    assert doubled_thrust_check(inputs, COEFFICIENTS) == []
