@@ -7,6 +7,12 @@ from auvid_cli.report.screen_table import printed
 from auvid_cli.report.sentence import sentence
 from auvid_cli.report.table import Cell, Column, Symbol, Table, UnitCell
 
+_NOTES = (
+    "Bound: the least standard deviation that any estimate from these data can have (Cramer-Rao), with the noise of "
+    "the sensors alone; with noise %: with process noise, too. The class goes by the larger. Mostly from: the sensor "
+    "that says most of it, and its share.",
+)
+
 
 def assessment_sentences(identifiability: Identifiability) -> list[str]:
     """Say what is missing, what goes together, what cannot be observed, and how bounds fall."""
@@ -58,5 +64,5 @@ def bounds_table(identifiability: Identifiability) -> Table:
         ]
         for bound in sorted(identifiability.bounds, key=lambda bound: ranks[bound.label])
     ]
-    table = Table("bounds", "Least standard deviations that the data allow", columns, rows)
+    table = Table("bounds", "Least standard deviations that the data allow", columns, rows, notes=_NOTES)
     return table if identifiability.groups else table.without("goes with")

@@ -120,7 +120,10 @@ def _checks(shared: Sequence[SharedCheck], names: Sequence[str]) -> Table:
 
 def print_identifiability(console: Console, identifiability: Identifiability) -> None:
     """Print bounds by class, what contributes and goes together, how bounds fall, and what cannot be observed."""
-    console.print(narrowed(console, bounds_table(identifiability), _LEAST_OF_BOUNDS))
+    table = bounds_table(identifiability)
+    console.print(narrowed(console, table, _LEAST_OF_BOUNDS))
+    for note in table.notes:
+        console.print(Text(encodable(console, note)))
     for text in assessment_sentences(identifiability):
         console.print(Text(text))
     if identifiability.holding is not None:

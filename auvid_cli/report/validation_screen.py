@@ -17,6 +17,10 @@ from auvid_cli.validation.results import AHEAD, FREE_RUN, NO_WIDER, ManoeuvreNum
 _DIGITS = 3
 # What gives way where the terminal is narrow, first to last.
 _LEAST_OF_MODELS = "vehicle file", "prior", "unchanged"
+_ERRORS = (
+    "Free run: the model moved from its start by the inputs alone. Noise: of the sensor, as stated. Unchanged: errors "
+    "if the motion stayed as at the start; prior, vehicle file: by the coefficients known before, and by the file's."
+)
 _BAND = (
     "Band: two standard deviations of coefficients, start, measurements and what the model is seen to lack, together."
 )
@@ -38,6 +42,9 @@ def print_validation(console: Console, validation: Validation, passed: bool) -> 
     ahead = [row for row in validation.predictions if row.kind == AHEAD]
     free = [row for row in validation.predictions if row.kind == FREE_RUN]
     console.print(narrowed(console, _free_run(free), _LEAST_OF_MODELS, _DIGITS))
+    if free:
+        console.print(Text(_ERRORS))
+        console.print()
     if ahead:
         console.print(screen_table(console, _fits_ahead(ahead), _DIGITS))
         if any(row.share_within_band is not None for row in ahead):

@@ -36,7 +36,7 @@ def results(skewed, cases, tmp_path_factory):
         vc = ", ".join(map(str, CURRENT))
         script.append(f"[xdot, U, M] = vessel({x}, {ui}, {vc}); still = vessel({x}', {ui}');")
         script.append(f"printf('%.17g ', [bare({m}, {ui}); still; xdot; U; M(:)]); printf('\\n');")
-    command = [OCTAVE, "--norc", "--quiet", "--eval", "\n".join(script)]
+    command = [OCTAVE, "--norc", "--no-history", "--quiet", "--eval", "\n".join(script)]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr
     assert not done.stderr

@@ -1,5 +1,6 @@
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import pairwise
 from xml.etree import ElementTree
 
 import numpy as np
@@ -12,11 +13,13 @@ from matplotlib.figure import Figure
 from auvid_cli.config.figure_format import FigureFormat
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.errors import FileError
+from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Identifiability
 from auvid_cli.evaluation.predicted_motion import FreeRun
 from auvid_cli.report.figures import canvas
 from auvid_cli.report.figures.convergence import convergence_figure
 from auvid_cli.report.figures.draw import FigureQueue
 from auvid_cli.report.figures.free_runs import free_run_figure
+from auvid_cli.report.figures.identifiability import bounds_figure, correlation_figure
 from auvid_cli.report.figures.innovations import innovation_figure
 from auvid_cli.report.figures.limits import around, value_range, with_margin, with_near_zero
 from auvid_cli.report.figures.motion import motion_figure
@@ -52,6 +55,18 @@ def coarsely(monkeypatch):
         print_png(self, path, **options)
 
     monkeypatch.setattr(FigureCanvasAgg, "print_png", without_layout)
+
+
+@pytest.fixture
+def identifiability():
+    """Bounds over nine decades, whose errors do not go together."""
+    labels = [label for _, label in CLASSES]
+    bounds = [
+        CoefficientBound(name, "kg/m", 1.0, 0.01 * percent, percent, np.nan, label, "dvl", 0.75, "")
+        for name, percent, label in zip(TRUE, (1e-5, 2.0, 10.0, 1e4), labels, strict=False)
+    ]
+    growth = [(duration, np.ones(len(bounds)) / duration) for duration in (1.0, 8.0)]
+    return Identifiability(bounds, [], {}, np.eye(len(bounds)), growth, {})
 
 
 @pytest.fixture(scope="module")
@@ -200,6 +215,37 @@ def test_errors_of_the_motion_are_estimates_minus_the_truth(dataset):
     np.testing.assert_allclose(surge.lines[0].get_ydata(), 0.0, atol=1e-12)
     np.testing.assert_allclose(heading.lines[0].get_ydata(), np.rad2deg(0.01), atol=1e-9)
     assert [text.get_text() for text in heading.texts] == [r"$\psi$ (°)"]
+
+
+def test_numbers_at_one_panel_do_not_reach_into_its_neighbour(dataset):
+    estimate = make_estimate("ckf")
+    columns = [estimate.state.index(symbol) for symbol in MOTION_SYMBOLS]
+    # As small as on the default run, where numbers are longest.
+    estimate.mean[:, columns] = motion_at(TIME) + 1.4e-4
+    estimate.standard_deviation[:, columns] = 7e-5
+    figure = motion_error_figure(dataset.truth, [estimate.course(MOTION_SYMBOLS)])
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    for left, right in pairwise(figure.axes):
+        numbers = [label.get_window_extent(renderer) for label in right.get_yticklabels()]
+        if right.get_position().x0 > left.get_position().x0:
+            assert min(extent.x0 for extent in numbers) > left.get_window_extent(renderer).x1
+
+
+def test_signs_of_correlations_are_told_without_colour(identifiability):
+    correlation = identifiability.correlation
+    correlation[0, 1] = correlation[1, 0] = -0.08
+    texts = correlation_figure(identifiability).axes[0].texts
+    assert [(text.get_text(), text.get_position()) for text in texts] == [("-0.08", (1, 0)), ("-0.08", (0, 1))]
+
+
+def test_limits_of_classes_are_named(identifiability):
+    figure = bounds_figure(identifiability)
+    bars = figure.axes[0]
+    assert [text.get_text() for text in bars.texts] == ["1 %", "5 %", "20 %"]
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw(renderer)
+    extents = [text.get_window_extent(renderer) for text in bars.texts]
+    assert all(left.x1 < right.x0 for left, right in pairwise(extents))
 
 
 def test_means_of_free_run_residuals_are_within_the_noise_where_the_model_is_right(dataset):

@@ -1,11 +1,13 @@
 from io import StringIO
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 from auvid_cli.data.check import Check
-from auvid_cli.report.screen import print_checks, print_files, print_summary
+from auvid_cli.evaluation.assessment import CoefficientBound, Identifiability
+from auvid_cli.report.screen import print_checks, print_files, print_identifiability, print_summary
 from auvid_cli.report.screen_table import printed as printed_number
 
 
@@ -140,3 +142,14 @@ def test_an_ascii_terminal_gets_ascii(tmp_path, evaluation):
     with (tmp_path / "out").open("w", encoding="ascii") as file:
         print_summary(Console(file=file, width=100), evaluation)
     assert "+- sd" in (tmp_path / "out").read_text(encoding="ascii")
+
+
+def test_what_a_bound_is_stands_below_the_bounds():
+    names = ["X_u|u|", "Y_v|v|"]
+    bounds = [CoefficientBound(s, "kg/m", 1.0, 0.01, 1.0, 1.2, "within 5 %", "dvl", 0.75, "") for s in names]
+    found = Identifiability(bounds, [], {}, np.eye(2), [(duration, np.ones(2)) for duration in (1.0, 8.0)], {})
+    text = StringIO()
+    print_identifiability(Console(file=text, width=80), found)
+    words = " ".join(text.getvalue().split())
+    assert "Bound: the least standard deviation that any estimate from these data can have" in words
+    assert "Mostly from: the sensor that says most of it, and its share." in words

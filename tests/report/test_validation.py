@@ -194,3 +194,9 @@ def test_a_model_that_is_better_than_its_bands_still_predicts(validation):
     assert "The model of the CKF predicts these data, with bands too wide." in shown(too_wide, 120)
     both = too_wide._replace(checks=Checks([failed, *too_wide.checks]))
     assert "does not predict these data" in shown(both, 120)
+
+
+def test_what_the_errors_of_others_are_is_said_below_them(validation):
+    words = " ".join(shown(validation, 100).split())
+    assert "Noise: of the sensor, as stated. Unchanged: errors if the motion stayed as at the start;" in words
+    assert "prior, vehicle file: by the coefficients known before" in words

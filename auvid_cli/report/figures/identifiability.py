@@ -19,8 +19,8 @@ _HATCHES = dict(zip((label for _, label in CLASSES), ("", "//", "xx", ".."), str
 _LINES = dict(zip((label for _, label in CLASSES), ("-", (0, (6, 2)), (0, (3, 1, 1, 1)), (0, (1, 1.3))), strict=True))
 # Of two durations that are named, the shorter is no more of the longer.
 _APART = 0.7
-# Correlations that are written as numbers, and those whose colour is dark.
-_NAMED, _DARK = 0.3, 0.6
+# Correlations that are written as numbers, for below they are as good as none, and those whose colour is dark.
+_NAMED, _DARK = 0.05, 0.6
 # Percent that a bar without bound, or beyond it, is drawn with.
 _LARGEST = 1e4
 
@@ -41,6 +41,8 @@ def bounds_figure(identifiability: Identifiability) -> Figure:
     bars.set_ylim(n - 0.4, -0.6)
     for limit, _ in CLASSES[:-1]:
         bars.axvline(limit, color="0.4", linewidth=0.8, linestyle=(0, (4, 3)))
+        over = bars.get_xaxis_transform()
+        bars.text(limit, 1.005, f"{limit:g} %", transform=over, ha="center", va="bottom", fontsize=7, color="0.3")
     bars.set_xlabel("Cramér-Rao bound (% of the value)", fontsize=9)
     times = [time for time, _ in identifiability.growth]
     for j, bound in enumerate(identifiability.bounds):
@@ -90,7 +92,7 @@ def correlation_figure(identifiability: Identifiability) -> Figure:
         if i != j:
             value = identifiability.correlation[i, j]
             color = "white" if abs(value) > _DARK else "black"
-            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=6, color=color)
+            axes.text(j, i, f"{value:+.2f}", ha="center", va="center", fontsize=6, color=color)
     figure.colorbar(image, ax=axes, shrink=0.8, label="correlation")
     head(axes, "")
     return figure

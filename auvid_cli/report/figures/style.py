@@ -86,7 +86,7 @@ class Room(NamedTuple):
     left: float = 0.85
     right: float = 0.2
     below: float = 0.5
-    across: float = 0.65
+    across: float = 0.8
     between: float = 0.15
 
 
