@@ -209,7 +209,7 @@ def _report(
         with drawing(folder, choice.figure_format) as figures, terminal.progress("figures") as (progress,):
             figures.add_campaign(findings, filters)
             reasons = list(dict.fromkeys(failure.reason for failure in failures))
-            page = campaign_page(plan.campaign.name, findings, filters, reasons)
+            page = campaign_page(plan.campaign, findings, filters, reasons)
             paths.append(write_page(page, page_in(folder)))
             paths += figures.finish(progress)
         print_findings(terminal.out, findings, paths)

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from auvid_cli.config.assemble import assemble, parse_override
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.config.load import open_source, validated
+from auvid_cli.config.load import as_yaml, open_source, validated
 from auvid_cli.config.position import Mistake
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.tree import Tree
@@ -182,6 +182,11 @@ class Campaign(Settings):
     def n_cells(self) -> int:
         """Return how many combinations of settings there are."""
         return prod(axis.size for axis in self.vary)
+
+
+def dump_campaign(campaign: Campaign) -> str:
+    """Write what a campaign's file and overrides say as YAML, which `load_campaign` reads back to an equal object."""
+    return as_yaml(campaign.model_dump(mode="json", by_alias=True, exclude_unset=True))
 
 
 def load_campaign(path: Path, overrides: Sequence[str] = ()) -> tuple[Campaign, Tree]:

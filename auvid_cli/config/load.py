@@ -145,7 +145,11 @@ def _plain(value: Any) -> Any:
 
 def dump_experiment(experiment: RunSettings) -> str:
     """Write resolved settings as YAML in SI numbers, which `parse_run` reads back to an equal object."""
-    settings = given_settings(experiment)
+    return as_yaml(given_settings(experiment))
+
+
+def as_yaml(settings: dict[str, Any]) -> str:
+    """Write plain values as YAML in the order in which they come."""
     # Where PyYAML was built without libyaml its own dumper writes the same, only more slowly.
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     return yaml.dump(settings, Dumper=dumper, sort_keys=False, width=100, default_flow_style=None)

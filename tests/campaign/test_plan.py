@@ -6,6 +6,7 @@ from statistics import mean, stdev
 import pytest
 
 from auvid_cli.campaign.plan import LARGEST_GROUP, CampaignPlan
+from auvid_cli.config.campaign import dump_campaign, load_campaign
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.errors import ConfigError
 
@@ -269,3 +270,19 @@ def test_without_filters_those_of_the_experiment_run(planned):
 def test_the_same_run_is_not_counted_twice(planned, text):
     with pytest.raises(ConfigError, match=r"campaign\.yaml: two runs of the campaign are the same: ckf with "):
         planned(f"name: twins\nseeds: 2\n{text}\n")
+
+
+def test_what_a_page_states_of_a_campaign_is_the_campaign(planned, tmp_path):
+    text = """\
+name: whole
+settings: {manoeuvre.duration: 5 s}
+seeds: [3, 5]
+filters: [ckf, {name: exact, filter: ekf, settings: {identification.ekf.transition: exact}}]
+vary:
+  - {setting: identification.prior.factor, values: [1, 3]}
+  - {setting: vehicle.parameters.m, draw: {normal: [1, 0.02]}, relative: true, known: false}
+"""
+    campaign = planned(text, "settings.manoeuvre.duration=7 s").campaign
+    copy = tmp_path / "copy.yaml"
+    copy.write_text(dump_campaign(campaign))
+    assert load_campaign(copy)[0] == campaign

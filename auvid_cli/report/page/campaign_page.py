@@ -7,22 +7,24 @@ import pandas as pd
 
 from auvid_cli.campaign.findings import Findings
 from auvid_cli.campaign.status import ended
+from auvid_cli.config.campaign import Campaign
 from auvid_cli.report.campaign_tables import comparison_table, filters_table
 from auvid_cli.report.notation import setting_text
 from auvid_cli.report.page.parts import Page, Part, Section, TablePart, Words
 from auvid_cli.report.page.picture import Axis, Dot, Picture, Rule, Shape, TextLabel, decades
+from auvid_cli.report.page.provenance import campaign_provenance
 
 _ROW, _LEFT, _WIDTH, _TOP = 22.0, 170.0, 560.0, 12.0
 # Combinations that are drawn, and percent beyond which errors stand at the edge.
 _MOST_DRAWN, _LARGEST = 24, 1e3
 
 
-def campaign_page(name: str, findings: Findings, filters: Mapping[str, str], failures: Sequence[str]) -> Page:
+def campaign_page(campaign: Campaign, findings: Findings, filters: Mapping[str, str], failures: Sequence[str]) -> Page:
     """Lay out the statistics of a campaign.
 
     Parameters
     ----------
-    name : str
+    campaign : Campaign
     findings : Findings
     filters : mapping of str
         Of each variant, by name, its filter.
@@ -38,10 +40,11 @@ def campaign_page(name: str, findings: Findings, filters: Mapping[str, str], fai
             "Filters against each other",
             [TablePart(table, sortable=True) for table in comparison_table(findings)],
         ),
+        campaign_provenance(campaign),
     )
     n_seeds = findings.runs["seed"].nunique()
     size = f"{len(findings.runs)} run{'s' * (len(findings.runs) > 1)}, {n_seeds} seed{'s' * (n_seeds > 1)}"
-    return Page(f"Campaign: {name}", size, sections)
+    return Page(f"Campaign: {campaign.name}", size, sections)
 
 
 def _spread(findings: Findings, filters: Mapping[str, str]) -> list[Part]:

@@ -5,6 +5,7 @@ from hashlib import sha256
 from importlib.metadata import version
 
 from auvid_cli import __version__
+from auvid_cli.config.campaign import Campaign, dump_campaign
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.load import dump_experiment
 from auvid_cli.data.dataset import Dataset
@@ -30,15 +31,23 @@ def provenance_section(dataset: Dataset) -> Section:
     dataset : Dataset
         With the settings that count.
     """
-    settings = dump_experiment(dataset.experiment)
+    return _section(dump_experiment(dataset.experiment), "auvid run", dataset.sha256)
+
+
+def campaign_provenance(campaign: Campaign) -> Section:
+    """Return what is needed to make the runs of a campaign again."""
+    return _section(dump_campaign(campaign), "auvid campaign", "")
+
+
+def _section(settings: str, command: str, of_dataset: str) -> Section:
     python = f"{platform.python_implementation()} {platform.python_version()}"
     rows = [
         *(["auvid", __version__], ["Python", f"{python} on {platform.system()} {platform.machine()}"]),
         *([name, version(name)] for name in _LIBRARIES),
-        *([["SHA-256 of the dataset", dataset.sha256]] if dataset.sha256 else []),
+        *([["SHA-256 of the dataset", of_dataset]] if of_dataset else []),
         ["SHA-256 of the settings", sha256(settings.encode()).hexdigest()],
     ]
     columns = Column("what", numeric=False), Column("value", numeric=False)
     table = Table("versions", "Versions and hashes", columns, [[*row] for row in rows])
-    listing = Listing("Settings as YAML: save it, and give its path to auvid run", settings)
+    listing = Listing(f"Settings as YAML: save it, and give its path to {command}", settings)
     return Section("settings", "Settings, hashes, versions", [TablePart(table), listing])

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 from auvid_cli.campaign.findings import Findings
+from auvid_cli.config.campaign import Campaign
 from auvid_cli.data.check import Checks
 from auvid_cli.data.named_rows import NamedRows
 from auvid_cli.evaluation.assessment import CoefficientBound, Identifiability
@@ -16,7 +18,7 @@ from auvid_cli.inspection.inspection import Inspection, Mark
 from auvid_cli.report.page import campaign_page as campaign
 from auvid_cli.report.page.identifiability_page import identifiability_page
 from auvid_cli.report.page.inspection_page import inspection_page
-from auvid_cli.report.page.parts import Plots
+from auvid_cli.report.page.parts import Listing, Plots
 from auvid_cli.report.page.path import path_parts
 from auvid_cli.report.page.picture import Box, Dot, Picture, TextLabel
 from auvid_cli.report.page.render import render_page
@@ -134,8 +136,12 @@ def test_the_page_of_a_campaign_draws_every_run_that_ended(monkeypatch):
         }
     )
     nothing = pd.DataFrame()
+
+    def of(name):
+        return Campaign(name=name, experiment="<i>")
+
     monkeypatch.setattr(campaign, "filters_table", lambda _: table_of_rows("k", "t", NamedRows(("a",), [(1.0,)])))
-    page = campaign.campaign_page("<i>", Findings([], runs, nothing, nothing, nothing), {"ckf": "ckf"}, ["why <u>"])
+    page = campaign.campaign_page(of("x"), Findings([], runs, nothing, nothing, nothing), {"ckf": "ckf"}, ["why <u>"])
     (drawing,) = parts_of(page, Picture)
     dots = [shape for shape in drawing.shapes if isinstance(shape, Dot)]
     assert [dot.says for dot in dots] == ["ckf: 1 %", "ckf: 10 %", "<b>: 1 %", "<b>: 1e+06 %"]
@@ -144,7 +150,9 @@ def test_the_page_of_a_campaign_draws_every_run_that_ended(monkeypatch):
     elements = Elements(render_page(page))
     assert elements.texts("b") == elements.texts("u") == elements.texts("i") == []
     assert page.subtitle == "5 runs, 3 seeds"
-    one = campaign.campaign_page("one", Findings([], runs[:1], nothing, nothing, nothing), {"ckf": "ckf"}, [])
+    (listing,) = parts_of(page, Listing)
+    assert yaml.safe_load(listing.text) == {"name": "x", "experiment": "<i>"}
+    one = campaign.campaign_page(of("one"), Findings([], runs[:1], nothing, nothing, nothing), {"ckf": "ckf"}, [])
     assert one.subtitle == "1 run, 1 seed"
 
 
