@@ -19,10 +19,11 @@ from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.prepared_data import PreparedData
 
 Array = NDArray[np.float64]
+Motion = Callable[[Array], Array]
 
 # Shares below this are rounding.
 _ROUNDING = 1e-9
-# Ticks of the truth beyond those between which a spline is wanted.
+# Instants beyond those between which a spline is wanted.
 _NEIGHBOURS = 8
 
 UNSTABLE = (
@@ -102,7 +103,8 @@ def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
         Of the coefficients, by symbol, SI.
     """
     try:
-        information = information_at(prepared, values, true_initial_motions(prepared), true_motion(prepared))
+        motion = true_motion(prepared) or measured_motion(prepared, values)
+        information = information_at(prepared, values, true_initial_motions(prepared), motion)
     except DataError as error:
         return Bounds({}, {}, str(error))
     if information.lost_after is not None:
@@ -227,19 +229,43 @@ def _beyond_prior(symbols: tuple[str, ...], factor: Array, covariance: Array) ->
     return DataInformation(symbols, (rows * (known / left)) @ rows.T, prior_std)
 
 
-def true_motion(prepared: PreparedData) -> Callable[[Array], Array] | None:
+def true_motion(prepared: PreparedData) -> Motion | None:
     """Return the true motion as a function of times, shape (n, 9); None without truth."""
     truth = prepared.dataset.truth
-    if truth is None:
+    return None if truth is None else _between(truth.time, truth.motion)
+
+
+def measured_motion(prepared: PreparedData, values: Mapping[str, float]) -> Motion | None:
+    """Return the most probable motion with some coefficients, as a function of the times of events, shape (n, 9).
+
+    Parameters
+    ----------
+    prepared : PreparedData
+    values : mapping
+        Of the coefficients, SI, by symbol.
+
+    Returns
+    -------
+    callable or None
+        None where no motion follows the data with these values and the process noise of the settings.
+    """
+    augmented = augmented_problem(prepared)
+    if (about := smoothed_with(augmented, values)) is None:
         return None
+    rows, (_, filtered) = augmented.layout.moving_rows_of("motion"), about
+    time = [timeline.time for segment in augmented.segments for timeline in segment.timelines]
+    motion = [chunk[:, rows] for chunks in filtered.trajectory.moving for chunk in chunks]
+    return _between(np.concatenate(time), np.concatenate(motion))
 
-    def motion(times: Array) -> Array:
+
+def _between(time: Array, motion: Array) -> Motion:
+    def at(times: Array) -> Array:
         # A spline of a run of hours would take more memory than the run.
-        first, last = np.searchsorted(truth.time, times[[0, -1]])
+        first, last = np.searchsorted(time, times[[0, -1]])
         near = slice(max(first - _NEIGHBOURS, 0), last + _NEIGHBOURS)
-        return CubicSpline(truth.time[near], truth.motion[near])(times)
+        return CubicSpline(time[near], motion[near])(times)
 
-    return motion
+    return at
 
 
 def true_initial_motions(prepared: PreparedData) -> list[Array] | None:

@@ -24,6 +24,7 @@ from auvid_cli.evaluation.bounds import (
     UNSTABLE,
     DataInformation,
     information_with_process_noise,
+    measured_motion,
     true_initial_motions,
     true_motion,
 )
@@ -75,7 +76,7 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
         )
     prepared = with_noise_settled(prepare(dataset))
     # Where other coefficients are asked for, the truth is not where they lead.
-    along = true_motion(prepared) if at is None else None
+    along = (true_motion(prepared) if at is None else None) or measured_motion(prepared, coefficients)
     information = information_at(prepared, coefficients, true_initial_motions(prepared), along)
     with_noise = information_with_process_noise(prepared, coefficients)
     values = {

@@ -11,6 +11,7 @@ from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.evaluation.bounds import (
     Bounds,
     BoundsOf,
+    bounds_at,
     bounds_with_process_noise,
     information_with_process_noise,
     true_motion,
@@ -59,6 +60,15 @@ def test_without_truth_it_is_that_of_each_estimate_and_nearly_the_same(short_run
     for bounds in of_estimates:
         ratio = [bounds[symbol] / with_truth[symbol] for symbol in SYMBOLS]
         assert np.abs(np.log(ratio)).max() < 0.2
+
+
+def test_without_truth_it_goes_along_the_measured_motion_where_a_free_one_would_leave_it():
+    """Left to itself a vehicle that is unstable in open loop would be promised a fifth of one bound."""
+    doublets = "manoeuvre=manoeuvres/doublets.yaml", "manoeuvre.speed=1.54 m/s", "manoeuvre.duration=60 s"
+    dataset = simulate(load_experiment(find_experiment("remus100"), [*doublets, "sensors.attitude.source=direct"]))
+    known = dataset.known_coefficients()
+    bounds, measured = (bounds_at(prepare(data), known).of_data for data in (dataset, dataset.without_truth()))
+    assert_allclose([measured[symbol] for symbol in SYMBOLS], [bounds[symbol] for symbol in SYMBOLS], rtol=0.02)
 
 
 def test_without_process_noise_the_bound_with_it_is_that_of_the_free_motion(simulated_with):
