@@ -2,15 +2,18 @@
 
 from collections.abc import Sequence
 from math import ceil, floor
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from auvid_cli.config.envelope import Envelope
 from auvid_cli.config.manoeuvre import ManoeuvreSettings
 from auvid_cli.errors import ConfigError
-from auvid_cli.simulation.true_motion import Truth
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
+
+# The figures of a mission read a band, and load no compiled code.
+if TYPE_CHECKING:
+    from auvid_cli.simulation.true_motion import Truth
 
 _SHARE_OF_CRUISE = 0.4
 _THRUST = INPUT_SYMBOLS.index("surge_force")
@@ -67,7 +70,7 @@ def _largest(envelope: Envelope) -> dict[str, float]:
     return {name: limit for name, limit in limits.items() if limit is not None}
 
 
-def extent_of(truth: Truth, fade_in: float) -> Extent:
+def extent_of(truth: "Truth", fade_in: float) -> Extent:
     """Measure a run; its speed once it has begun, and the work of its thrust, whichever way that points."""
     ground = truth.position.max(axis=0) - truth.position.min(axis=0)
     begun = truth.time >= min(fade_in, truth.time[-1])

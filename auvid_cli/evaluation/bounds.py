@@ -19,7 +19,6 @@ from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.prepared_data import PreparedData
 
 Array = NDArray[np.float64]
-Motion = Callable[[Array], Array]
 
 # Shares below this are rounding.
 _ROUNDING = 1e-9
@@ -103,7 +102,7 @@ def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
         Of the coefficients, by symbol, SI.
     """
     try:
-        motion = true_motion(prepared) or measured_motion(prepared, values)
+        motion = true_motion(prepared) or probable_motion(prepared, values)
         information = information_at(prepared, values, true_initial_motions(prepared), motion)
     except DataError as error:
         return Bounds({}, {}, str(error))
@@ -229,13 +228,13 @@ def _beyond_prior(symbols: tuple[str, ...], factor: Array, covariance: Array) ->
     return DataInformation(symbols, (rows * (known / left)) @ rows.T, prior_std)
 
 
-def true_motion(prepared: PreparedData) -> Motion | None:
+def true_motion(prepared: PreparedData) -> Callable[[Array], Array] | None:
     """Return the true motion as a function of times, shape (n, 9); None without truth."""
     truth = prepared.dataset.truth
     return None if truth is None else _between(truth.time, truth.motion)
 
 
-def measured_motion(prepared: PreparedData, values: Mapping[str, float]) -> Motion | None:
+def probable_motion(prepared: PreparedData, values: Mapping[str, float]) -> Callable[[Array], Array] | None:
     """Return the most probable motion with some coefficients, as a function of the times of events, shape (n, 9).
 
     Parameters
@@ -258,7 +257,7 @@ def measured_motion(prepared: PreparedData, values: Mapping[str, float]) -> Moti
     return _between(np.concatenate(time), np.concatenate(motion))
 
 
-def _between(time: Array, motion: Array) -> Motion:
+def _between(time: Array, motion: Array) -> Callable[[Array], Array]:
     def at(times: Array) -> Array:
         # A spline of a run of hours would take more memory than the run.
         first, last = np.searchsorted(time, times[[0, -1]])

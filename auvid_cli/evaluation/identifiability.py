@@ -24,7 +24,7 @@ from auvid_cli.evaluation.bounds import (
     UNSTABLE,
     DataInformation,
     information_with_process_noise,
-    measured_motion,
+    probable_motion,
     true_initial_motions,
     true_motion,
 )
@@ -75,8 +75,9 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
             "that has them (--at FILE), or give the vehicle those of a similar one"
         )
     prepared = with_noise_settled(prepare(dataset))
-    # Where other coefficients are asked for, the truth is not where they lead.
-    along = (true_motion(prepared) if at is None else None) or measured_motion(prepared, coefficients)
+    # Where other coefficients are asked for, the truth is not where they lead. With a vehicle file's the most probable
+    # motion would owe what the file lacks to process noise, which sways and turns apart where the vehicle did not.
+    along = true_motion(prepared) if at is None else probable_motion(prepared, coefficients)
     information = information_at(prepared, coefficients, true_initial_motions(prepared), along)
     with_noise = information_with_process_noise(prepared, coefficients)
     values = {

@@ -356,7 +356,7 @@ def test_check_lists_verdicts_with_advice_and_its_exit_code_says_whether_one_fai
     said = " ".join(result.stdout.split())
     assert re.search(r"CKF[^:]*: \d+ of \d+ passed, \d+ failed", said)
     assert "FAIL" in said
-    assert re.search(r"identified of coefficients[^:]*: The data do not determine these", said)
+    assert re.search(r"coefficients \(identified\): The data do not determine these", said)
     rows = list(csv.DictReader((folder / "results/spiral/tables/checks.csv").read_text(encoding="utf-8").splitlines()))
     assert {row["passed"] for row in rows} >= {"True", "False"}
     assert all(bool(row["advice"]) == (row["passed"] != "True") for row in rows)

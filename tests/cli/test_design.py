@@ -53,7 +53,10 @@ def test_an_interrupt_keeps_the_best_so_far(tmp_path, monkeypatch):
     ("options", "words"),
     [
         (("--box", "3 deg"), ("--box: expected a length such as",)),
-        (("--roll", "-3 deg", "--depth", "0 m"), ("--roll: ", "--depth: ")),
+        (
+            ("--roll", "-3 deg", "--depth", "0 m"),
+            ("--roll -3 deg: must be greater than 0", "--depth 0 m: must be greater than 0"),
+        ),
         (("--pitch", "89 deg"), ("--pitch 89 deg: must be less than 1.48 rad",)),
         (("--speed", "2 m/s"), ("lower --speed",)),
         (("--fins", "100 deg"), ("--fins 100 deg: expected more than 0 and below 1.6 rad",)),
