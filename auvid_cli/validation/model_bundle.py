@@ -95,7 +95,7 @@ def drawn_models(
     ]
     rows, n = [*estimate.coefficient_rows, *beside], len(estimate.coefficient_rows)
     drawn = np.tile([final[symbol] for symbol in symbols], (count, 1))
-    covariance = estimate.covariance[np.ix_(rows, rows)]
+    covariance = estimate.final_covariance()[np.ix_(rows, rows)]
     variance = np.diagonal(covariance)
     if not (np.isfinite(covariance).all() and (variance > 0.0).all()):
         return None

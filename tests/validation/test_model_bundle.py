@@ -41,6 +41,13 @@ def test_draws_have_the_mean_and_the_covariance_of_the_estimate(estimate, rng):
     assert_allclose(drawn[:, SYMBOLS.index("Y_uvl")], -20.0)
 
 
+def test_draws_are_as_wide_as_a_corrected_standard_deviation(estimate, rng):
+    nominal = estimate.standard_deviation[-1, estimate.state.index("X_u|u|")]
+    assert nominal**2 == pytest.approx(estimate.covariance[0, 0])
+    drawn, _ = drawn_models(replace(estimate, corrected={"X_u|u|": 3.0 * nominal}), 20_000, rng)
+    assert drawn[:, SYMBOLS.index("X_u|u|")].std() == pytest.approx(3.0 * nominal, rel=0.05)
+
+
 def test_coefficients_are_drawn_with_the_thrust_and_the_ballast_that_go_with_them(estimate, rng):
     """What data tell is their sum: a coefficient drawn alone would be ten times as unsure as beside its ballast."""
     covariance = np.zeros((len(estimate.state) + 2,) * 2)
