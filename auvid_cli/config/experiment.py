@@ -415,6 +415,14 @@ class Experiment(RunSettings):
             return data
         return {**data, "identification": {**identification, "filters": _OF_THE_PAPER}}
 
+    @field_validator("manoeuvre")
+    @classmethod
+    def _inputs_of_all_terms(cls, value: AnyManoeuvre, info: ValidationInfo) -> AnyManoeuvre:
+        vehicle: VehicleSettings | None = info.data.get("vehicle")
+        if vehicle is not None and (lacking := value.lacks_propulsion_for(vehicle.coefficient_set)):
+            raise ValueError(lacking)
+        return value
+
     def data_files(self) -> list[Path]:
         """Return those of any run, and the inputs of a recorded manoeuvre."""
         recorded = [Path(self.manoeuvre.file)] if isinstance(self.manoeuvre, Recorded) else []

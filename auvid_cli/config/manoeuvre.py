@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 from auvid_cli.config.disturbance import Disturbance
 from auvid_cli.config.quantity import Amount, Unit
 from auvid_cli.config.settings import Settings
+from auvid_cli.vehicle.coefficients import CoefficientSet
 
 Seconds = Annotated[float, Amount("s"), Field(gt=0, le=1e6)]
 Pause = Annotated[float, Amount("s"), Field(ge=0, le=1e6)]
@@ -170,6 +171,17 @@ class ManoeuvreSettings(Settings):
     ] = None
     fin_trim: FinTrim = FinTrim()
     disturbance: Disturbance = Disturbance()
+
+    def lacks_propulsion_for(self, coefficients: CoefficientSet) -> str:
+        """Say which terms are made of inputs that are not stated, and what to do; "" if there are none."""
+        terms = coefficients.of_propulsion
+        if self.propeller is not None or not terms:
+            return ""
+        return (
+            "the manoeuvre states no revolutions or voltage, of which terms of the vehicle are made "
+            f"({', '.join(term.symbol for term in terms)}): "
+            "manoeuvre.propeller={revolutions: 20 turn/s, voltage: 24 V}, or take these terms out (vehicle.terms)"
+        )
 
     @model_validator(mode="after")
     def _lasts_a_second(self) -> "ManoeuvreSettings":

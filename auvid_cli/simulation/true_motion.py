@@ -137,7 +137,8 @@ def simulate_motion(
     ConfigError
         If the vehicle has no positive-definite mass matrix or lacks coefficients, or the manoeuvre inputs of its terms.
     """
-    check_propulsion(vehicle, manoeuvre)
+    if lacking := manoeuvre.lacks_propulsion_for(vehicle.coefficient_set):
+        raise ConfigError(lacking)
     known = vehicle.known_parameters()
     constants = vehicle_constants(known, vehicle.coefficient_set.terms)
     push = np.zeros(disturbance.shape)
@@ -166,22 +167,6 @@ def simulate_motion(
             "soften the excitation or let the autopilot hold pitch, turn rate and speed"
         )
     return truth._replace(coefficients=coefficients, commands=commands if follows else inputs)
-
-
-def check_propulsion(vehicle: VehicleSettings, manoeuvre: AnyManoeuvre) -> None:
-    """Refuse terms of inputs that a manoeuvre does not state.
-
-    Raises
-    ------
-    ConfigError
-        With these terms.
-    """
-    if manoeuvre.propeller is None and (terms := vehicle.coefficient_set.of_propulsion):
-        names = ", ".join(term.symbol for term in terms)
-        raise ConfigError(
-            f"the manoeuvre states no revolutions or voltage, of which the vehicle's {names} are made: "
-            "manoeuvre.propeller={revolutions: 20 turn/s, voltage: 24 V}, or take these terms out (vehicle.terms)"
-        )
 
 
 @compiled(types.void(_vector, _vector), internal=True)

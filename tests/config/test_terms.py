@@ -47,7 +47,8 @@ def test_a_term_is_a_coefficient_behind_the_22(text):
 )
 def test_a_value_is_in_any_unit_of_its_dimension(row, factors, quantity, si, text):
     override = with_terms(f"{{name: {row}_t, row: {row}, factors: {factors}, value: {quantity}}}")
-    (term,) = parse_experiment(text, "test", (override,)).vehicle.terms
+    turns = "manoeuvre.propeller={revolutions: 20 turn/s, voltage: 24 V}"
+    (term,) = parse_experiment(text, "test", (override, turns)).vehicle.terms
     assert term.value == pytest.approx(si, rel=1e-12)
 
 

@@ -10,6 +10,7 @@ from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.evaluation.identifiability import assess_dataset
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prior import natural_magnitude
+from auvid_cli.simulation.simulate import simulate
 from auvid_cli.vehicle.coefficients import Coefficient, unit_of
 
 TRUE = {"X_n|n|": 0.35, "X_|n|u": -0.9}
@@ -72,9 +73,15 @@ def test_their_file_comes_back_and_one_of_before_is_read(run, tmp_path):
     assert identify(read_dataset(path, ("vehicle.terms=[]",)), FilterName.CKF).time.size
 
 
-def test_a_manoeuvre_that_does_not_state_them_is_refused(simulated_with):
-    with pytest.raises(ConfigError, match=r"states no revolutions or voltage.*X_n\|n\|.*manoeuvre.propeller="):
-        simulated_with(TERMS, "manoeuvre.duration=5 s")
+def test_a_manoeuvre_that_does_not_state_them_is_refused(experiment_with):
+    refusal = r"states no revolutions or voltage.*X_n\|n\|.*manoeuvre.propeller="
+    with pytest.raises(ConfigError, match=refusal) as refused:
+        experiment_with(TERMS)
+    assert "manoeuvres/spiral.yaml" in str(refused.value)
+    # A vehicle may be put in later.
+    stated = experiment_with(TERMS, "manoeuvre.propeller={revolutions: 20 turn/s, voltage: 24 V}")
+    with pytest.raises(ConfigError, match=refusal):
+        simulate(experiment_with().model_copy(update={"vehicle": stated.vehicle}))
 
 
 def test_revolutions_that_stay_the_same_tell_hardly_anything_beside_a_thrust_of_unknown_scale(simulated_with):
