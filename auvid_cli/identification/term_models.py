@@ -59,20 +59,32 @@ class Fit:
 
 
 class Model(NamedTuple):
-    """A model, fitted without what is held out, and with it."""
+    """What is kept of a model that was fitted without what is held out, and with it: no factors, which are large.
+
+    Attributes
+    ----------
+    settings : RunSettings
+    fitted : float
+        Log-likelihood of what is not held out, whatever the coefficients and the motion, but for a constant.
+    whole : float
+        That of all data.
+    terms : dict of tuple of float
+        Value and standard deviation, SI, by all data, of each term beyond the 22 that is estimated, by its symbol.
+    """
 
     settings: RunSettings
-    fit: Fit
-    whole: Fit
+    fitted: float
+    whole: float
+    terms: dict[str, tuple[float, float]]
 
     @property
     def held_out(self) -> float:
         """Return the log-likelihood of what is held out, with all that the rest says taken as known."""
-        return self.whole.log_evidence - self.fit.log_evidence
+        return self.whole - self.fitted
 
     def gains(self, before: "Model") -> tuple[float, float]:
         """Return by how much likelier than another it makes what is held out, and all data."""
-        return self.held_out - before.held_out, self.whole.log_evidence - before.whole.log_evidence
+        return self.held_out - before.held_out, self.whole - before.whole
 
 
 def fitted_model(prepared: PreparedData, settings: RunSettings) -> Model | None:
@@ -84,19 +96,32 @@ def fitted_model(prepared: PreparedData, settings: RunSettings) -> Model | None:
         Its end, a third, is held out.
     settings : RunSettings
     """
-    fitted, held_out = split(prepared)
-    fit, whole = (_fit(prepared, _using(settings, spans)) for spans in (fitted, fitted + held_out))
-    return None if fit is None or whole is None else Model(settings, fit, whole)
+    before = fit_without_held_out(prepared, settings)
+    if before is None:
+        return None
+    fitted = before.log_evidence
+    # One of the two at a time.
+    del before
+    whole = _fit(prepared, _using(settings, sum(split(prepared), ())))
+    if whole is None:
+        return None
+    own = {term.symbol for term in settings.vehicle.coefficient_set.terms}
+    estimated = [symbol for symbol in settings.identification.estimated(settings.vehicle) if symbol in own]
+    return Model(settings, fitted, whole.log_evidence, {symbol: whole.of(symbol) for symbol in estimated})
 
 
-def loosened(prepared: PreparedData, model: Model) -> Fit:
-    """Fit a model with as much process noise as makes the data likeliest, for what it lacks is noise to it."""
-    settings, best = _using(model.settings, split(prepared)[0]), model.fit
+def fit_without_held_out(prepared: PreparedData, settings: RunSettings) -> Fit | None:
+    """Fit the model of some settings to what is not held out; None where the smoother does not settle."""
+    return _fit(prepared, _using(settings, split(prepared)[0]))
+
+
+def loosened(prepared: PreparedData, settings: RunSettings, best: Fit) -> Fit:
+    """Fit a model again with as much process noise as makes the data likeliest, for what it lacks is noise to it."""
     identification, stated = settings.identification, settings.identification.process_noise
     for factor in _LOOSER:
         noise = stated.times(factor, ("velocity", "rate"))
         looser = identification.model_copy(update={"process_noise": noise})
-        fit = _fit(prepared, settings.model_copy(update={"identification": looser}))
+        fit = fit_without_held_out(prepared, settings.model_copy(update={"identification": looser}))
         if fit is None or fit.log_evidence < best.log_evidence:
             break
         best = fit

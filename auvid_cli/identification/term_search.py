@@ -3,7 +3,7 @@
 import functools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,20 @@ from auvid_cli.errors import DataError
 from auvid_cli.filters.candidate_scores import correlation, explained, gains, sizes
 from auvid_cli.filters.problem import FaultScores
 from auvid_cli.identification.prepared_data import PreparedData
-from auvid_cli.identification.term_models import Fit, Model, fitted_model, loosened, split, with_terms
+from auvid_cli.identification.term_models import (
+    Fit,
+    Model,
+    fit_without_held_out,
+    fitted_model,
+    loosened,
+    split,
+    with_terms,
+)
 from auvid_cli.vehicle.coefficients import Coefficient
 from auvid_cli.vehicle.term_library import admissible_terms, regressor_ahead
 
 Array = NDArray[np.float64]
+_Fitted = TypeVar("_Fitted", Fit, Model)
 
 # Gain by the linear problem that makes a term worth a fit: two sigma, for it is rough.
 _LEAST_GAIN = 2.0
@@ -70,21 +79,19 @@ def search_terms(
         return fitted_model(prepared, with_terms(settings, (*settings.vehicle.terms, Term.of(term))))
 
     say("fit of the model as it is")
-    here = fitted_model(prepared, prepared.experiment)
-    if here is None:
-        raise DataError(
-            "the smoother does not settle on these data, so nothing can be said of what its model lacks: see auvid "
-            "identify --filter smoother"
-        )
+    here = _settled(fitted_model(prepared, prepared.experiment))
     for look in range(1, most + 1):
         new = tuple(t for t in _new(candidates, here.settings) if t.symbol not in given_up)
         say(f"look {look}: {len(new)} terms")
-        scored = _Scored.of(here.fit, new)
-        looser = _Scored.of(loosened(prepared, here), new)
+        fit = _settled(fit_without_held_out(prepared, here.settings))
+        scored = _Scored.of(fit, new)
+        looser = _Scored.of(loosened(prepared, here.settings, fit), new)
+        # What smooths hours of data is large, and the models are compared without.
+        del fit
         fits = looser.fits(scored.leaders() + looser.leaders(), functools.partial(tried_with, here.settings))
         least = LEAST_HELD_OUT_GAIN, LEAST_HELD_OUT_GAIN + math.log(len(candidates))
         likelier = [k for k, there in fits.items() if all(np.greater_equal(there.gains(here), least))]
-        found = max(likelier, key=lambda k: fits[k].whole.log_evidence, default=None)
+        found = max(likelier, key=lambda k: fits[k].whole, default=None)
         tried += scored.rows(look, here, fits, found)
         if found is None:
             break
@@ -97,6 +104,22 @@ def search_terms(
                 here, given_up = without, [*given_up, earlier.name]
     kept = [row._replace(found=row.found and row.term not in given_up) for row in tried]
     return TermFindings(tuple(kept), len(candidates), fitted, held_out, here.settings)
+
+
+def _settled(fit: _Fitted | None) -> _Fitted:
+    """Return what was fitted.
+
+    Raises
+    ------
+    DataError
+        If nothing was.
+    """
+    if fit is None:
+        raise DataError(
+            "the smoother does not settle on these data, so nothing can be said of what its model lacks: see auvid "
+            "identify --filter smoother"
+        )
+    return fit
 
 
 class _Scored(NamedTuple):
@@ -132,7 +155,7 @@ class _Scored(NamedTuple):
         while next_ones:
             fits |= {k: there for k in next_ones if (there := fit(self.candidates[k])) is not None}
             tried.update(next_ones)
-            best = max(fits, key=lambda k: fits[k].whole.log_evidence, default=None)
+            best = max(fits, key=lambda k: fits[k].whole, default=None)
             near = [] if best is None else self._near(best)
             next_ones = [k for k in near[:_TRIED_NEAR] if k not in tried]
         return fits
@@ -143,7 +166,7 @@ class _Scored(NamedTuple):
         for k in [k for place, k in enumerate(self.order) if place < _TOLD or k in fits]:
             term, alike, there = self.candidates[k], self._like(k), fits.get(k)
             names = [self.candidates[j].symbol for j in self.order if alike[j] and j != k][:_TOLD]
-            size, deviation = linear[:, k].tolist() if there is None else there.whole.of(term.symbol)
+            size, deviation = linear[:, k].tolist() if there is None else there.terms[term.symbol]
             yield ScoredTerm(
                 *(look, term.symbol, term.unit, term.equation, size, deviation),
                 *(float(self.gains[k]), float(self.shares[k]), ", ".join(names)),
