@@ -1,9 +1,11 @@
 """A vehicle file from size, shape and mass alone: every number with its standard deviation, formula and source."""
 
-from typing import Any
+from typing import Any, get_args
 
 import yaml
 
+from auvid_cli.config.quantity import Unit
+from auvid_cli.config.settings import Settings
 from auvid_cli.config.vehicle import Drawing
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, EQUATION_ROWS, Coefficient
 from auvid_cli.vehicle.geometry import DERIVED_TERMS, DerivedValue, coefficients_from_geometry
@@ -33,18 +35,39 @@ def derived_vehicle_yaml(drawing: Drawing) -> str:
     vehicle = {
         "name": drawing.name,
         "source": "hull, fins and mass alone; formulas by their numbers in auvid's theory",
-        "size": {
-            "length": f"{size.length!r} m",
-            "diameter": f"{size.diameter!r} m",
-            "density": f"{size.density!r} kg/m^3",
-        },
-        "geometry": geometry.model_dump(mode="json", exclude_none=True),
+        "size": _with_units(size),
+        "geometry": _with_units(geometry),
         "parameters": {quantity.symbol: known[quantity.symbol] for quantity in PARAMETERS},
         "coefficients": {coefficient.symbol: known[coefficient.symbol] for coefficient in COEFFICIENTS},
         "terms": [_term(each) | _derived_entry(derived[each.symbol]) for each in DERIVED_TERMS],
     }
     # A line for each entry, however long.
     return yaml.safe_dump(vehicle, sort_keys=False, width=10**6, default_flow_style=None, allow_unicode=True)
+
+
+def _with_units(settings: Settings) -> dict[str, Any]:
+    """Write settings as somebody would, each number with its unit."""
+    fields = ((name, getattr(settings, name), field) for name, field in type(settings).model_fields.items())
+    return {
+        name: _written(value, _unit_in(field.rebuild_annotation()))
+        for name, value, field in fields
+        if value is not None
+    }
+
+
+def _written(value: Any, unit: str) -> Any:
+    if isinstance(value, Settings):
+        return _with_units(value)
+    if isinstance(value, tuple):
+        return [_written(each, unit) for each in value]
+    return f"{value!r} {unit}" if unit else value
+
+
+def _unit_in(annotation: Any) -> str:
+    """Return the unit that stands in a type, however deep, or an empty text."""
+    if isinstance(annotation, Unit):
+        return annotation.unit
+    return next(filter(None, map(_unit_in, get_args(annotation))), "")
 
 
 def _entry(symbol: str, value: float, status: str) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 import pytest
 import yaml
 
-from auvid_cli.config.load import find_experiment, load_experiment, parse_drawing
+from auvid_cli.config.load import find_experiment, load_experiment, parse_drawing, parse_vehicle
 from auvid_cli.config.plausibility import doubts
 from auvid_cli.config.prior import Prior
 from auvid_cli.errors import ConfigError
@@ -57,6 +57,24 @@ def test_each_number_has_a_line_with_formula_and_source(text, vehicle):
     for each in vehicle.derived_values():
         assert f"derived: {each.formula}".replace("'", "''") in lines[each.name]
         assert each.source in lines[each.name]
+
+
+def test_lengths_areas_and_the_speed_are_written_with_their_units_and_read_back():
+    hull = {"type": "table", "station": ["0 m", "40 cm", "1.4 m", 2.0], "radius": [0.0, 0.1, "10 cm", 0.02]}
+    shape = {
+        "hull": hull,
+        "fins": DRAWING["geometry"]["fins"] | {"chord": "7 cm"},
+        "appendages": [{"name": "sail", "area": "20 cm^2", "drag_coefficient": 0.5}],
+    }
+    drawing = parse_drawing(DRAWING | {"geometry": shape})
+    text = derived_vehicle_yaml(drawing)
+    written = yaml.safe_load(text)
+    assert written["size"] == {"length": "2.0 m", "diameter": "0.2 m", "density": "1025.0 kg/m^3"}
+    assert written["geometry"]["hull"]["station"] == ["0.0 m", "0.4 m", "1.4 m", "2.0 m"]
+    assert (written["geometry"]["fins"]["chord"], written["geometry"]["fins"]["taper"]) == ("0.07 m", 1.0)
+    assert written["geometry"]["appendages"] == [{"name": "sail", "area": "0.002 m^2", "drag_coefficient": 0.5}]
+    assert written["geometry"]["speed"] == "1.5 m/s"
+    assert parse_vehicle(text, "vehicle.yaml").geometry == drawing.geometry
 
 
 def test_roll_damping_by_speed_is_a_term_of_which_the_geometry_is_the_prior(text, vehicle):
