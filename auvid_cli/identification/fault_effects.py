@@ -20,6 +20,8 @@ _CURRENTS = tuple(quantity.symbol for quantity in CURRENT)
 _BALLAST = EXCESS_BUOYANCY.symbol, TRIM_MOMENT.symbol
 _NOWHERE = (0.0, 0.0, 0.0)
 _THRUST_INPUT = INPUT_SYMBOLS.index("surge_force")
+# Share of the changes of an input that are not its largest: those, as by a plan, answer nothing.
+_SMALL = 0.98
 _FINS = tuple(INPUT_SYMBOLS.index(name) for name in ("rudder", "elevator"))
 
 
@@ -48,9 +50,13 @@ class VehicleFaults:
             for fault in tested
             if fault.sensor in present
             and (fault.state in constant if fault.is_drift else fault.state not in modelled)
+            and (not fault.answers or fault.answers in modelled)
             and fault.regressor not in modelled_terms
         )
         self._faults = *others, *(DELAY_FAULTS[symbol] for symbol in sought)
+
+        rates = np.concatenate([segment.timelines.input_rate for segment in problem.segments])
+        self._largest_small_rate = np.quantile(np.abs(rates), _SMALL, axis=0)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -68,6 +74,7 @@ class VehicleFaults:
         coefficients = factors(found, of_vehicle=vehicle)
         model = FaultedVehicle(self._problem.known, coefficients, vehicle.terms, *self._mounted())
         rate = self._problem.segments[segment].timelines.input_rate
+        small = np.where(np.abs(rate) <= self._largest_small_rate, rate, 0.0)
         states, times = np.vstack([about.before, about.moving]), np.append(timeline.time[:1], timeline.time)
         motion = states[:, self._motion_rows]
         current, ballast = (
@@ -84,8 +91,8 @@ class VehicleFaults:
         def under(place: NDArray[np.int64], given: NDArray[np.int64]) -> Motion:
             inputs = gain[place] * timeline.inputs[given] + trim[place]
             rates = model.rates(motion[place], inputs, ballast[place])
-            input_rate = gain[place] * rate[given]
-            return Motion(motion[place], inputs, input_rate, rates, current[place], ballast[place], times[place])
+            turned = gain[place] * rate[given], gain[place] * small[given]
+            return Motion(motion[place], inputs, *turned, rates, current[place], ballast[place], times[place])
 
         # Over a substep the motion is taken for that at the event before: faults are small, and substeps short.
         n_substeps, held = np.diff(timeline.substep_offset), timeline.substep_input

@@ -32,19 +32,23 @@ def _of_scores(
     faults: FaultScores, header: EstimateHeader, coefficients: list[int], deviation: Array
 ) -> list[FaultTest]:
     # What it is compiled from serves estimators that test for faults.
-    from auvid_cli.identification.faults import DELAY_FAULTS
+    from auvid_cli.identification.faults import ANSWERING, DELAY_FAULTS
 
     spread = header.experiment.identification.estimate.delay.spread
     faults = faults.besides({fault.name: spread for symbol, fault in DELAY_FAULTS.items() if symbol in header.state})
-    tests, information = [], np.diagonal(faults.information)
-    moved = np.abs(faults.effect[coefficients]) / deviation[coefficients, None]
-    for f, (name, unit) in enumerate(zip(faults.names, faults.units, strict=True)):
+    # A fin that answers pushes looks like one that is late: what the delay of all inputs leaves of it is its own.
+    not_late = faults.besides({DELAY_FAULTS["delay_inputs"].name: spread})
+    tests = []
+    for name, unit in zip(faults.names, faults.units, strict=True):
+        own = not_late if name in ANSWERING else faults
+        f = own.names.index(name)
         # A fault that leaves no trace is not tested: there is nothing to say of it.
-        if information[f] > 0.0:
-            sigma, worst = float(information[f] ** -0.5), int(moved[:, f].argmax())
+        if own.information[f, f] > 0.0:
+            moved = np.abs(own.effect[coefficients, f]) / deviation[coefficients]
+            sigma, worst = float(own.information[f, f] ** -0.5), int(moved.argmax())
             symbol = header.state[coefficients[worst]]
-            size = float(faults.score[f]) * sigma**2
-            tests.append(FaultTest(name, unit, size, sigma, symbol, float(moved[worst, f]) * sigma))
+            size = float(own.score[f]) * sigma**2
+            tests.append(FaultTest(name, unit, size, sigma, symbol, float(moved[worst]) * sigma))
     return tests
 
 

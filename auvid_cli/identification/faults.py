@@ -38,8 +38,8 @@ class Motion(NamedTuple):
     Attributes
     ----------
     motion : ndarray, shape (n, 9)
-    inputs, input_rate : ndarray, shape (n, 4)
-        And how fast they change, per second.
+    inputs, input_rate, small_rate : ndarray, shape (n, 4)
+        And how fast they change, per second; and that without their largest changes.
     rates : ndarray, shape (n, 9)
         How fast the states change.
     current : ndarray, shape (n, 2)
@@ -53,6 +53,7 @@ class Motion(NamedTuple):
     motion: Array
     inputs: Array
     input_rate: Array
+    small_rate: Array
     rates: Array
     current: Array
     ballast: Array
@@ -125,6 +126,10 @@ class FaultedVehicle:
         other = vehicle_constants({**self._parameters, **changed}, self._terms)
         return self._rates(at.motion, at.inputs, at.ballast, other) - at.rates
 
+    def by_ballast(self, at: Motion, change: Array) -> Array:
+        """Return by how much more they change if the ballast is so much greater; the rates are linear in it."""
+        return self.rates(at.motion, at.inputs, at.ballast + change) - at.rates
+
     def by_inputs(self, at: Motion, change: Array) -> Array:
         """Return by how much more they change if the inputs are so much greater; the rates are linear in them."""
         return self.rates(at.motion, at.inputs + change, at.ballast) - at.rates
@@ -163,6 +168,9 @@ class Fault(NamedTuple):
         Of a term that the model lacks.
     is_drift : bool
         Whether it is how what the state stands for changes with time: it is tested where that is one constant.
+    answers : str
+        Symbol of the disturbance that a fin may answer before any sensor shows it: tested where that is estimated, and
+        beside a delay of the inputs.
     """
 
     name: str
@@ -173,6 +181,7 @@ class Fault(NamedTuple):
     effect: Callable[[FaultedVehicle, Motion], Array]
     regressor: Regressor | None = None
     is_drift: bool = False
+    answers: str = ""
 
 
 def _constant(component: int) -> Callable[[FaultedVehicle, Motion], Array]:
@@ -200,6 +209,14 @@ def _offset(given: int) -> Callable[[FaultedVehicle, Motion], Array]:
     return lambda model, at: model.by_inputs(at, np.eye(at.inputs.shape[1])[given])
 
 
+def _scaled(given: int) -> Callable[[FaultedVehicle, Motion], Array]:
+    return lambda model, at: model.by_inputs(at, at.inputs * np.eye(at.inputs.shape[1])[given])
+
+
+def _ballast(part: int) -> Callable[[FaultedVehicle, Motion], Array]:
+    return lambda model, at: model.by_ballast(at, np.eye(_N_BALLAST)[part])
+
+
 def _late_force(model: FaultedVehicle, at: Motion) -> Array:
     before, after = (
         model.specific_force(at.motion + by * at.rates, at.inputs + by * at.input_rate, at.ballast)
@@ -224,6 +241,21 @@ def missing_term(term: Coefficient) -> Fault:
         return model.by_force(at, term.row, np.asarray(np.prod(values, axis=0), dtype=np.float64))
 
     return Fault(term.symbol, term.unit, _TERM, "", "", effect, term.regressor)
+
+
+def _answering(fin: str, given: int, turning: int, pushed: str) -> Fault:
+    """Return as a fault that a fin answers pushes before a sensor shows them: then the rate is what its moves tell.
+
+    That does not go by what a fin does to the rate: where its small moves are all there are, what is found of that may
+    be of either sign.
+    """
+
+    def effect(model: FaultedVehicle, at: Motion) -> Array:
+        rates = np.zeros(at.motion.shape)
+        rates[:, turning] = at.small_rate[:, given]
+        return rates
+
+    return Fault(f"{fin} that answers pushes", "1/s", _ANSWERS, "", "", effect, answers=f"disturbance_{pushed}")
 
 
 def _drift_of(walk: str, fault: Fault) -> Fault:
@@ -254,6 +286,10 @@ _TRIM = "add it to the recorded angle, or estimate it (identification.estimate.b
 _THRUST = "add it to the recorded thrust, or estimate its scale (identification.estimate.biases: [thrust])"
 _TERM = "the model lacks this term, and others make up for it: add it (vehicle.terms)"
 _CHECK = "check vehicle.parameters.{}"
+_ANSWERS = (
+    "an autopilot moves this fin by more than the log has, so that it seems to do less: log what it steers by (its "
+    "gyroscope), move fins by a plan, or hold the coefficients of this axis; or this fin alone is late"
+)
 _WALKS = (
     "it is estimated as one constant: let it walk (identification.estimate.{}), or identify parts of the run one by "
     "one (--use BEGIN:END)"
@@ -265,6 +301,12 @@ _MAY_DRIFT: tuple[tuple[str, Fault], ...] = (
     ("current.walk", Fault("current, east", "m/s", _CURRENT, "current_east", "dvl", _current(1))),
     ("fin_trim.walk", Fault("trim of the rudder", "rad", _TRIM, "rudder_trim", "", _offset(0))),
     ("fin_trim.walk", Fault("trim of the elevator", "rad", _TRIM, "elevator_trim", "", _offset(1))),
+)
+# As constants these are what other faults, or coefficients, are: only of what is estimated a drift is tested for.
+_ONLY_DRIFT: tuple[tuple[str, Fault], ...] = (
+    ("thrust.walk", Fault("scale of the thrust", "1", "", "thrust_scale", "", _scaled(2))),
+    ("ballast.buoyancy_walk", Fault("excess buoyancy", "N", "", "excess_buoyancy", "", _ballast(0))),
+    ("ballast.moment_walk", Fault("moment of trim", "N*m", "", "trim_moment", "", _ballast(1))),
 )
 FAULTS: tuple[Fault, ...] = (
     *(
@@ -306,7 +348,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *(Fault(f"lever arm of the DVL, {a}", "m", _LEVER, f"dvl_{a}", "dvl", _lever(i)) for i, a in enumerate("xyz")),
     *(fault for _, fault in _MAY_DRIFT),
-    *(_drift_of(walk, fault) for walk, fault in _MAY_DRIFT),
+    *(_drift_of(walk, fault) for walk, fault in (*_MAY_DRIFT, *_ONLY_DRIFT)),
     Fault(
         "constant thrust",
         *("N", _THRUST, "", ""),
@@ -324,6 +366,8 @@ FAULTS: tuple[Fault, ...] = (
         *("m", _BALLAST.format("xG", "the moment of trim"), "", ""),
         lambda model, at: model.by_parameter(at, xG=1e-3) / 1e-3,
     ),
+    _answering("rudder", 0, 5, "N"),
+    _answering("elevator", 1, 4, "M"),
     *(missing_term(term(row, ("|v|", "r"))) for row in (1, 5)),
 )
 
@@ -343,6 +387,9 @@ DELAY_FAULTS: dict[str, Fault] = {fault.state: fault for fault in FAULTS if faul
 }
 if DELAY_FAULTS.keys() != {delay.symbol for delay in DELAYS.values()}:
     raise TypeError("each delay that may be estimated is a fault")
+
+ANSWERING = frozenset(fault.name for fault in FAULTS if fault.answers)
+"""Names of those that are tested beside a delay of the inputs, which they look like."""
 
 _REMEDIES = {fault.name: fault.remedy for fault in FAULTS}
 

@@ -177,3 +177,66 @@ def test_a_sensor_without_a_map_of_its_own_gets_a_plain_one():
     assert sensor.standard_deviation == pytest.approx((0.2 * pi / 180.0,) * 3)
     with pytest.raises(ValueError, match=r"columns\.u"):
         plain.model_validate({"columns": {"u": "gy"}, "standard_deviation": "0.2 deg/s"})
+
+
+# Names as the first versions of the map had them; the lag of the fins has moved to the vehicle since.
+OF_BEFORE = """\
+name: run
+vehicle: VEHICLE_FILE
+identification: {fin_time_constant: 0.1 s, integration_step: 0.02 s, prior: {factor: 0.3}}
+logs:
+  main: {file: run.csv, delimiter: ";", header_row: 2, decimal: ",", missing: ["-"]}
+  second: more.csv
+time: {column: t, unit: ms, offset: -0.1 s}
+use: [[0 s, 60 s]]
+exclude: [[5 s, 6 s]]
+sensors:
+  gyroscope:
+    log: main
+    table: imu
+    columns:
+      p: gx
+      q: {column: gy, unit: deg/s, sign: -1}
+      r: {column: gz, scale: 0.1 deg/s, centre: 512, offset: 0.01 rad/s}
+    frame: FLU
+    mount: {yaw: 90 deg}
+    standard_deviation: [0.2 deg/s, 0.2 deg/s, 0.3 deg/s]
+  accelerometer:
+    {log: main, unit: g, columns: {fx: ax, fy: ay, fz: az}, mount: upside down, standard_deviation: 0.1 m/s^2}
+  magnetometer: {log: main, columns: {heading: {column: compass, unit: deg}}, reference: ENU, standard_deviation: 1 deg}
+  dvl:
+    log: second
+    time: {column: stamp, table: other, unit: s}
+    columns: {u: vx, v: vy, w: {column: vz, limits: [-1 m/s, 1 m/s]}}
+    unit: Kn
+    frame: NED
+    position: [0.3 m, 0 m, 0.1 m]
+    valid: {column: ok, values: [1]}
+    repeats: drop
+    exclude: [[1, 2]]
+    standard_deviation: estimate
+  attitude: {log: main, quaternion: pose.q, reference: ENU, frame: FLU, standard_deviation: 0.5 deg}
+  depth: {log: main, columns: {down: {column: pressure, scale: 1.02 m}}, standard_deviation: 2 cm}
+inputs:
+  log: main
+  fins:
+    top: {column: f1, unit: deg}
+    bottom: {column: f2, unit: deg, sign: -1}
+    right: {column: f3, scale: 0.35 deg, centre: 128}
+    left: f4
+  thrust: {revolutions: {column: rpm, unit: rpm}, a: 0.02 N*s^2, b: -1e-4 N*s^2/m}
+  roll_moment: propeller
+"""
+
+
+def test_a_map_of_the_first_versions_is_still_read(load):
+    found = load(OF_BEFORE.replace("VEHICLE_FILE", str(shipped_configs() / "vehicles" / "remus100.yaml")))
+    assert list(found.sensors.given()) == ["gyroscope", "accelerometer", "magnetometer", "dvl", "attitude", "depth"]
+    assert {path for path in found.inputs.channels() if path[0] == "fins"} == {
+        ("fins", fin) for fin in ("top", "bottom", "right", "left")
+    }
+    assert found.vehicle.actuators.fins.time_constant == 0.1
+    assert (found.sensors.dvl.repeats, found.sensors.dvl.frame, found.sensors.attitude.reference) == (
+        *("drop", "NED"),
+        "ENU",
+    )

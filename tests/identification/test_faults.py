@@ -49,7 +49,7 @@ def at(model, rng):
     current = np.tile([0.3, -0.2], (N, 1))
     ballast = rng.standard_normal((N, 2))
     rates = model.rates(motion, inputs, ballast)
-    return Motion(motion, inputs, rng.standard_normal((N, 4)), rates, current, ballast, 3.0 * np.arange(N))
+    return Motion(motion, inputs, *rng.standard_normal((2, N, 4)), rates, current, ballast, 3.0 * np.arange(N))
 
 
 def over_ground(motion):
@@ -256,7 +256,9 @@ def test_what_is_added_is_added_to_its_sensor_at_its_events(along):
     for name, sensor, columns in (("lever arm of the DVL, x", "dvl", 3), ("bias of q", "gyroscope", 3)):
         f = faults.names.index(name)
         own = timeline.measurement_sensor == [*problem.measuring].index(sensor)
-        at = Motion(about.moving[event[own]], *(np.zeros((own.sum(), k)) for k in (4, 4, 9, 2, 2)), np.zeros(own.sum()))
+        at = Motion(
+            about.moving[event[own]], *(np.zeros((own.sum(), k)) for k in (4, 4, 4, 9, 2, 2)), np.zeros(own.sum())
+        )
         assert own.any()
         assert_allclose(added[own, :columns, f], BY_NAME[name].effect(None, at), atol=1e-15)
         assert not added[~own, :, f].any()
@@ -300,7 +302,7 @@ def test_what_ballast_may_be_is_said_to_be_found_along():
 
 def test_what_is_estimated_or_not_measured_is_not_tested(short_run, with_settings):
     everything = names_with(short_run)
-    unasked = [name for name, fault in BY_NAME.items() if not fault.is_drift]
+    unasked = [name for name, fault in BY_NAME.items() if not fault.is_drift and not fault.answers]
     assert everything == tuple(name for name in unasked if BY_NAME[name].sensor not in INERTIAL)
     felt = names_with(with_settings(short_run, "identification.attitude_from=inertial"))
     assert felt == tuple(name for name in unasked if BY_NAME[name].sensor != "magnetic_field")
@@ -448,12 +450,37 @@ def test_a_drift_grows_with_time(model, at):
         assert_allclose(effect(f"drift of the {name}", model, at), at.time[:, None] * effect(name, model, at))
 
 
+def test_a_drift_is_of_what_acts(model, at):
+    rate = at.time[:, None]
+
+    def with_thrust(by):
+        return model.rates(at.motion, at.inputs * (1.0 + by * rate * np.eye(4)[2]), at.ballast)
+
+    def with_ballast(part):
+        return lambda by: model.rates(at.motion, at.inputs, at.ballast + by * rate * np.eye(2)[part])
+
+    for name, function in (
+        ("scale of the thrust", with_thrust),
+        ("excess buoyancy", with_ballast(0)),
+        ("moment of trim", with_ballast(1)),
+    ):
+        expected = by_step(function, 1e-3)
+        assert np.abs(expected).max() > 0.0
+        assert_allclose(effect(f"drift of the {name}", model, at), expected, atol=1e-8 * np.abs(expected).max())
+
+
 def test_drifts_are_tested_of_what_is_estimated_as_a_constant(short_run, with_settings):
-    drifts = {"drift of the trim of the rudder", "drift of the trim of the elevator"}
-    constant = names_with(with_settings(short_run, "identification.estimate.biases=[fin_trim]"))
-    walking = names_with(
-        with_settings(short_run, "identification.estimate={biases: [fin_trim], fin_trim: {walk: 1e-4 rad/s^0.5}}")
+    drifts = {
+        *("drift of the trim of the rudder", "drift of the trim of the elevator", "drift of the scale of the thrust"),
+        *("drift of the excess buoyancy", "drift of the moment of trim"),
+    }
+    names = "biases: [fin_trim, thrust, ballast]"
+    constant = names_with(with_settings(short_run, f"identification.estimate={{{names}}}"))
+    walks = (
+        "fin_trim: {walk: 1e-4 rad/s^0.5}, thrust: {walk: 1e-4 1/s^0.5}, "
+        "ballast: {buoyancy_walk: 0.1 N/s^0.5, moment_walk: 0.1 N*m/s^0.5}"
     )
+    walking = names_with(with_settings(short_run, f"identification.estimate={{{names}, {walks}}}"))
     assert drifts <= {*constant}
     assert not {name for name in (*walking, *names_with(short_run)) if name.startswith("drift")}
 
@@ -471,3 +498,99 @@ def test_a_trim_that_drifts_by_less_than_a_tenth_of_a_degree_is_named(multisine_
     assert abs(found.size - rate * DEGREE) < 3.0 * found.standard_deviation
     assert max(tests[1].values(), key=lambda test: abs(test.z)) == found
     assert "fin_trim.walk" in judge([drifting])["smoother"].remedy
+
+
+def of_growing_ballast(dataset, per_second):
+    """The same run with a ballast that grows: what that does to the motion is added to what was measured."""
+    truth, known = dataset.truth, dataset.experiment.vehicle.known_parameters()
+    model = FaultedVehicle(known, factors(truth.coefficients))
+    held = np.searchsorted(dataset.inputs.time, truth.time + 1e-9, side="right") - 1
+    motions = [[truth.motion[0]], [truth.motion[0]]]
+    for k, (begin, step) in enumerate(zip(truth.time[:-1], np.diff(truth.time), strict=True)):
+        given = dataset.inputs.values[held[k] : held[k] + 1]
+        for motion, growth in zip(motions, (np.zeros(2), np.array(per_second)), strict=True):
+
+            def rates(state, time, growth=growth, given=given):
+                return model.rates(state[None], given, (growth * time)[None])[0]
+
+            first = rates(motion[-1], begin)
+            second = rates(motion[-1] + 0.5 * step * first, begin + 0.5 * step)
+            third = rates(motion[-1] + 0.5 * step * second, begin + 0.5 * step)
+            fourth = rates(motion[-1] + step * third, begin + step)
+            motion.append(motion[-1] + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth))
+    steady, grown = map(np.array, motions)
+    assert_allclose(steady, truth.motion, atol=1e-4)
+    sensors = {}
+    for name, rows in (("gyroscope", slice(3, 6)), ("dvl", slice(0, 3)), ("attitude", slice(6, 9))):
+        record = dataset.sensors[name]
+        more = [np.interp(record.time, truth.time, column) for column in (grown - steady)[:, rows].T]
+        sensors[name] = replace(record, values=record.values + np.stack(more, axis=1))
+    return replace(dataset.without_truth(), sensors=sensors)
+
+
+def of_slipping_thrust(dataset, per_second):
+    """The same run with a record of the thrust that falls behind what acts."""
+    values = dataset.inputs.values.copy()
+    values[:, 2] /= 1.0 + per_second * dataset.inputs.time
+    return replace(dataset.without_truth(), inputs=replace(dataset.inputs, values=values))
+
+
+@pytest.mark.parametrize(
+    ("bias", "name", "changed", "rate"),
+    [
+        ("thrust", "scale of the thrust", of_slipping_thrust, 5e-5),
+        ("ballast", "excess buoyancy", lambda data, rate: of_growing_ballast(data, (rate, 0.0)), 3e-3),
+        ("ballast", "moment of trim", lambda data, rate: of_growing_ballast(data, (0.0, rate)), 3e-3),
+    ],
+)
+def test_thrust_and_ballast_that_drift_and_are_estimated_as_constants_are_named(
+    bias, name, changed, rate, multisine_with
+):
+    """By two thousandths of the thrust, a tenth of a newton or of a newton metre in 40 s."""
+    dataset = multisine_with(f"identification.estimate.biases=[{bias}]")
+    steady, drifting = (identify(data, FilterName.SMOOTHER) for data in (dataset, changed(dataset, rate)))
+    before, found = (
+        {test.fault: test for test in estimate.faults}[f"drift of the {name}"] for estimate in (steady, drifting)
+    )
+    assert abs(before.z) < LARGEST_FAULT < found.z
+    assert abs(found.size - rate) < 3.0 * found.standard_deviation
+    # Of a buoyancy and a moment of trim the one looks like the other at one speed.
+    assert f"(identification.estimate.{bias}." in judge([drifting])["smoother"].remedy
+
+
+def test_small_moves_of_a_fin_that_answers_pushes_are_those_of_a_rate(model, at):
+    for fin, given, turning in (("rudder", 0, 5), ("elevator", 1, 4)):
+        expected = np.zeros((N, 9))
+        expected[:, turning] = at.small_rate[:, given]
+        assert_allclose(effect(f"{fin} that answers pushes", model, at), expected)
+
+
+def test_large_changes_of_a_fin_are_no_answers(along):
+    problem, timeline, about = along
+    faults = VehicleFaults(problem, tested=[BY_NAME["elevator that answers pushes"]._replace(answers="")])
+    rate = problem.segments[0].timelines.input_rate[:, 1]
+    large = np.abs(rate) > np.quantile(np.abs(rate), 0.98)
+    assert 0 < large.mean() < 0.03
+    given = timeline.substep_input[timeline.substep_offset[:-1].clip(max=timeline.substep_input.size - 1)]
+    one = np.diff(timeline.substep_offset) == 1
+    pushed = faults.effects(0, timeline, about).pushed[..., 0]
+    assert not pushed[one & large[given]].any()
+    assert pushed[one & ~large[given]].any()
+
+
+def test_an_autopilot_that_steers_by_more_than_is_logged_is_named(simulated_with):
+    """Of a held depth and heading under pushes; the log has neither gyroscope nor the true pitch."""
+    pushes = "{moment: {standard_deviation: [0.005 N*m, 0.1 N*m, 0.1 N*m], time_constant: 3 s}}"
+    dataset = simulated_with(
+        "manoeuvre={type: lawnmower, duration: 120 s, speed: 1.5 m/s, leg: 40 s, turn_rate: 6 deg/s, "
+        f"autopilot: {{speed: false}}, input_rate: 10 Hz, disturbance: {pushes}}}",
+        "sensors={attitude: {source: direct, rate: 10 Hz, noise: 0.15 deg}, dvl: {rate: 5 Hz, noise: 1 cm/s}}",
+        "identification.coefficients=[M_uude, M_uwl, M_uql, N_uudr]",
+        f"identification.estimate={{biases: [disturbance], disturbance: {pushes}}}",
+        "identification.process_noise={velocity: 1e-5, rate: 1e-5, attitude: 1e-6}",
+        "identification.integration_step=0.05 s",
+    )
+    estimate = identify(dataset.without_truth(), FilterName.SMOOTHER)
+    worst = max(estimate.faults, key=lambda test: abs(test.z))
+    assert worst.fault == "elevator that answers pushes"
+    assert worst.z > LARGEST_FAULT
