@@ -6,12 +6,14 @@ from auvid_cli.api.argument_types import typed
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.tuning import Tuning
 from auvid_cli.identification.delays import settle_delays
-from auvid_cli.identification.noise_tuning import tune_noise
+from auvid_cli.identification.noise_tuning import choose_disturbance, tune_noise
 from auvid_cli.identification.prepared_data import prepare
 
 
 @typed
-def tune(dataset: Dataset, sensors: bool = False, on_pass: Callable[[], None] | None = None) -> Tuning:
+def tune(
+    dataset: Dataset, sensors: bool = False, on_pass: Callable[[], None] | None = None, disturbance: bool = False
+) -> Tuning:
     """Find the process noise, and that of the sensors if asked, that makes a dataset most likely.
 
     Parameters
@@ -23,12 +25,16 @@ def tune(dataset: Dataset, sensors: bool = False, on_pass: Callable[[], None] | 
     on_pass : callable, optional
         Called before each pass through the data, there or back, of which there are some dozens; what it raises ends
         the search.
+    disturbance : bool, default False
+        Whether data are tuned without a disturbance that lasts and with one, which is kept if it is worth the numbers
+        that it takes; else there is one if settings ask for it.
 
     Returns
     -------
     Tuning
-        ``noises`` with 95 % intervals, the ``gain`` in log-likelihood, and the ``experiment`` with the tuned noise, to
-        put into a dataset with `dataclasses.replace`; ``to_pandas()`` makes a table.
+        ``noises`` with 95 % intervals, the ``gain`` in log-likelihood, the ``choice`` of a disturbance if there was
+        one, and the ``experiment`` with the tuned noise, to put into a dataset with `dataclasses.replace`;
+        ``to_pandas()`` makes a table.
 
     Raises
     ------
@@ -43,4 +49,5 @@ def tune(dataset: Dataset, sensors: bool = False, on_pass: Callable[[], None] | 
     >>> [noise.setting.rpartition(".")[2] for noise in tuning.noises]
     ['velocity', 'rate', 'attitude']
     """
-    return tune_noise(settle_delays(prepare(dataset)), sensors, on_pass or (lambda: None))
+    find = choose_disturbance if disturbance else tune_noise
+    return find(settle_delays(prepare(dataset)), sensors, on_pass or (lambda: None))

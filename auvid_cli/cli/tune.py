@@ -23,6 +23,12 @@ def tune(
     sensors: Annotated[
         bool, typer.Option("--sensors", help="Find the noise of the sensors as well, instead of what is stated.")
     ] = False,
+    disturbance: Annotated[
+        bool,
+        typer.Option(
+            "--disturbance", help="Tune with and without a force and moment that last, and keep them if that pays."
+        ),
+    ] = False,
     settings: SetOption = None,
     use: UseOption = None,
     output: OutputOption = None,
@@ -47,7 +53,7 @@ def tune(
             from auvid_cli.api.judgement import judge
             from auvid_cli.api.tuning import tune as tune_noise
             from auvid_cli.report.csv_tables import write_csv_tables
-            from auvid_cli.report.tuning_screen import print_tuning
+            from auvid_cli.report.tuning_screen import choice_text, print_tuning
         with terminal.stage("fit with the stated noise") as say:
             before, passes = identify(read, "smoother"), 0
 
@@ -56,12 +62,14 @@ def tune(
                 passes += 1
                 say(f"tune: pass {passes} through the data")
 
-            tuning = tune_noise(read, sensors, count)
+            tuning = tune_noise(read, sensors, count, disturbance)
             say("fit with the tuned noise")
             after = identify(replace(read, experiment=tuning.experiment), "smoother")
         judged = ((estimate, judge(estimate)[estimate.filter]) for estimate in (before, after))
         print_tuning(terminal.out, tuning, *judged)
         terminal.say(f"log-likelihood: {tuning.gain:.4g} more than as stated")
+        if tuning.choice is not None:
+            terminal.say(choice_text(tuning.choice))
         terminal.say_all(write_csv_tables({"tuning": tuning.rows()}, search.folder / "tables"))
         write_text(search.file, tuning.settings())
         found_settings.say_next(terminal, dataset, settings, use, search.file)

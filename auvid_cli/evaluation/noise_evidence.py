@@ -53,7 +53,9 @@ def process_noise_score(prepared: PreparedData, estimate: Estimate) -> float | N
     """
     own = prepared.with_settings(estimate.experiment)
     augmented = augmented_problem(own)
-    groups = [noise.group for noise in process_noises(augmented, estimate.experiment.identification)]
+    noises = process_noises(augmented, estimate.experiment.identification)
+    # How long a disturbance lasts is no more or less of it.
+    groups = [noise.group for noise in noises if not noise.group.rates]
     if (about := smoothed_with(augmented, dict(zip(estimate.state, estimate.mean[-1], strict=True)))) is None:
         return None
     _, filtered = about

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from auvid_cli.filters.decay import forgetting
 from auvid_cli.filters.descent import minimise
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory
-from auvid_cli.filters.noise_scores import NoiseGroup, NoiseScores, noise_scores
+from auvid_cli.filters.noise_scores import NoiseGroup, NoiseScores, noise_scores, with_time_constants
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoother import most_probable
 
@@ -31,8 +31,9 @@ _LEAST = 1e-9
 _NEGLIGIBLE = 0.01
 # Log-likelihood that an end of a 95 % interval lies below the greatest, and that many standard deviations.
 _BELOW, _DEVIATIONS = 1.92, 1.96
-# An interval that is narrower, in logarithms, cannot reach to no noise at all.
-_NARROW = 0.5
+# An interval that is narrower, in logarithms, cannot reach to no noise at all; and by so much a time is longer that is
+# as good as endless.
+_NARROW, _LONG = 0.5, 5.0
 
 
 class NoiseFactors(NamedTuple):
@@ -42,28 +43,35 @@ class NoiseFactors(NamedTuple):
     ----------
     factor : ndarray, shape (k,)
     low, high : ndarray, shape (k,)
-        Ends of a 95 % interval of each; 0 where less is as likely, however little.
+        Ends of a 95 % interval of each; 0 where less is as likely, however little, and infinite where more is.
+    log_likelihood : float
+        But for a constant of the data.
     gain : float
-        By how much the log-likelihood is greater than with all factors 1.
+        By how much it is greater than with all factors 1.
     converged : bool
     """
 
     factor: Array
     low: Array
     high: Array
+    log_likelihood: float
     gain: float
     converged: bool
 
 
 def scaled(problem: JointProblem, groups: Sequence[NoiseGroup], factors: Array) -> JointProblem:
-    """Multiply densities and standard deviations of groups by their factors."""
-    density, variance = problem.process.noise_density.copy(), problem.sensors.variance.copy()
+    """Multiply densities, standard deviations and time constants of groups by their factors."""
+    process, variance = problem.process, problem.sensors.variance.copy()
     for group, factor in zip(groups, factors.tolist(), strict=True):
-        density[list(group.moving)] *= factor
+        if group.rates:
+            process = with_time_constants(process, group, factor)
+        else:
+            density = process.noise_density.copy()
+            density[list(group.moving)] *= factor
+            process = process._replace(noise_density=density)
         if group.sensor >= 0:
             variance[group.sensor] *= factor**2
-    process, sensors = problem.process._replace(noise_density=density), problem.sensors._replace(variance=variance)
-    return problem._replace(process=process, sensors=sensors)
+    return problem._replace(process=process, sensors=problem.sensors._replace(variance=variance))
 
 
 class _Likelihood:
@@ -72,6 +80,7 @@ class _Likelihood:
     def __init__(self, problem: JointProblem, groups: Sequence[NoiseGroup], on_evaluation: Callable[[], None]) -> None:
         self._problem, self._groups, self._on_evaluation = problem, groups, on_evaluation
         self._present, self.smoothing = problem, LinearSmoothing(problem)
+        self.least = np.array([group.least for group in groups])
 
     def filter(self, logarithms: Array, trajectory: Trajectory) -> Filtered | None:
         """Filter with some noise; None where it cannot be."""
@@ -150,14 +159,17 @@ def most_likely_noise(
     best = log_likelihood(filtered)
     information = likelihood.scores(filtered).information
 
-    def without(i: int) -> float:
+    def below(logarithms: Array) -> float:
+        return best - likelihood.at(logarithms, trajectory)
+
+    def without(i: int, at: float | None = None) -> float:
         # What one group leaves undone others may do: they are as likely as they can be without it.
         others = np.arange(x.size) != i
-        start = np.where(others, x, -_FARTHEST)
-        return best - likelihood.at(_climb(likelihood, start, trajectory, others), trajectory)
+        start = np.where(others, x, groups[i].least if at is None else at)
+        return below(_climb(likelihood, start, trajectory, others))
 
-    low, high = _intervals(lambda logarithms: best - likelihood.at(logarithms, trajectory), without, x, information)
-    return NoiseFactors(np.exp(x), low, high, best - as_stated, converged)
+    low, high = _intervals(below, without, x, information, [bool(group.rates) for group in groups])
+    return NoiseFactors(np.exp(x), low, high, best, best - as_stated, converged)
 
 
 def noise_scores_about(
@@ -172,17 +184,19 @@ def noise_scores_about(
 
 def _climb(likelihood: _Likelihood, x: Array, trajectory: Trajectory, free: NDArray[np.bool_] | None = None) -> Array:
     """Go up along a trajectory, as far as that is worth a step; of some logarithms only, if asked."""
-    here = likelihood.filter(x, trajectory)
+    here, least = likelihood.filter(x, trajectory), likelihood.least
     for _ in range(_MOST_STEPS):
         if here is None:
             break
         scores = likelihood.scores(here)
-        if free is not None:
-            information = scores.information * np.outer(free, free) + np.diag(~free)
-            scores = scores._replace(slope=scores.slope * free, information=information)
+        # What is as little as it may be, and would be less, stays.
+        moves = (x > least) | (scores.slope > 0.0)
+        moves = moves if free is None else moves & free
+        information = scores.information * np.outer(moves, moves) + np.diag(~moves)
+        scores = scores._replace(slope=scores.slope * moves, information=information)
         # No step is much longer than that, even where the data say nothing of noise that is too small to be seen.
         bent = scores.information + np.diag(np.abs(scores.slope) / _LONGEST + _LEAST)
-        step = np.clip(x + np.linalg.solve(bent, scores.slope), -_FARTHEST, _FARTHEST) - x
+        step = np.clip(x + np.linalg.solve(bent, scores.slope), least, _FARTHEST) - x
         if scores.slope @ step < _NEGLIGIBLE:
             break
         level, tried = log_likelihood(here), likelihood.filter(x + step, trajectory)
@@ -196,16 +210,26 @@ def _climb(likelihood: _Likelihood, x: Array, trajectory: Trajectory, free: NDAr
 
 
 def _intervals(
-    below: Callable[[Array], float], without: Callable[[int], float], x: Array, information: Array
+    below: Callable[[Array], float],
+    without: Callable[..., float],
+    x: Array,
+    information: Array,
+    lasts: Sequence[bool] | None = None,
 ) -> tuple[Array, Array]:
-    """Return 95 % intervals of the factors, from the curvature, and of little noise from how much less is as likely."""
+    """Return 95 % intervals of the factors, from the curvature, and of little noise from how much less is as likely.
+
+    Where it `lasts`, a factor is of a time constant: of that, with all else as likely as it can be, any longer may do.
+    """
     variance = np.diag(np.linalg.inv(information + _LEAST * np.eye(x.size)))
     width = np.minimum(_DEVIATIONS * np.sqrt(variance), _FARTHEST)
     some = width < _FARTHEST
     low, high = np.where(some, np.exp(x - width), 0.0), np.where(some, np.exp(x + width), np.inf)
-    for i in np.flatnonzero(width > _NARROW):
+    for i in np.flatnonzero(width > _NARROW).tolist():
         unit = np.eye(x.size)[i]
-        if below(x - (_FARTHEST + x[i]) * unit) < _BELOW or without(int(i)) < _BELOW:
+        if lasts is not None and lasts[i]:
+            low[i] = 0.0 if without(i) < _BELOW else low[i]
+            high[i] = np.inf if without(i, x[i] + _LONG) < _BELOW else high[i]
+        elif below(x - (_FARTHEST + x[i]) * unit) < _BELOW or without(i) < _BELOW:
             low[i] = 0.0
             high[i] = np.exp(x[i] + _until(lambda by, unit=unit: below(x + by * unit) - _BELOW, _FARTHEST - x[i]))
     return low, high

@@ -20,10 +20,27 @@ Array = NDArray[np.float64]
 
 def noise_variance(process: Process, timeline: Timeline) -> Array:
     """Return the variance that process noise adds up to each event, shape (n_events, n_moving); 0 if nothing leads."""
-    elapsed = np.diff(np.concatenate([[0.0], np.cumsum(timeline.substep_duration)])[timeline.substep_offset])
+    elapsed = _elapsed(timeline)
     driven = np.outer(elapsed, process.noise_density**2)
     if process.decay.size == 0:
         return driven
     forgotten = 2.0 * np.outer(elapsed, process.decay)
     left = np.divide(-np.expm1(-forgotten), forgotten, out=np.ones_like(forgotten), where=forgotten != 0.0)
     return driven * left
+
+
+def variance_by_time_constant(process: Process, timeline: Timeline) -> Array:
+    """Return how its logarithm depends on that of a state's time constant, of the same shape.
+
+    A state of variance s^2, which stays, is driven by ``q^2 = 2 a s^2``, of which ``s^2 (1 - exp(-2 a h))`` is left.
+    """
+    elapsed = _elapsed(timeline)
+    if process.decay.size == 0:
+        return np.full((elapsed.size, process.noise_density.size), -1.0)
+    forgotten = 2.0 * np.outer(elapsed, process.decay)
+    return -np.divide(forgotten, np.expm1(forgotten), out=np.ones_like(forgotten), where=forgotten != 0.0)
+
+
+def _elapsed(timeline: Timeline) -> Array:
+    """Return the time that leads to each event, s."""
+    return np.diff(np.concatenate([[0.0], np.cumsum(timeline.substep_duration)])[timeline.substep_offset])

@@ -117,11 +117,16 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     )
 
 
-def _check_time_constants(layout: StateLayout, measuring: dict[str, SensorRecord]) -> None:
-    """Refuse what fades so soon that little is left of it from one measurement to the next."""
-    interval = min(
+def shortest_interval(measuring: dict[str, SensorRecord]) -> float:
+    """Return how often the sensor measures that does so most often, s."""
+    return min(
         float(np.median(np.diff(record.time))) if record.time.size > 1 else np.inf for record in measuring.values()
     )
+
+
+def _check_time_constants(layout: StateLayout, measuring: dict[str, SensorRecord]) -> None:
+    """Refuse what fades so soon that little is left of it from one measurement to the next."""
+    interval = shortest_interval(measuring)
     for block in layout.blocks:
         if block.error is not None and block.error.time_constant < STEPS_PER_TIME_CONSTANT * interval:
             raise DataError(

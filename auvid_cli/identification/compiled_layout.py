@@ -173,6 +173,11 @@ def is_disturbed(constants):
     return constants[constants.size - _FASTEST] > 0.0
 
 
+def place_of_fading_rate(constants: Array, axis: int) -> int:
+    """Return where the rate at which the disturbance of an axis fades stands among the constants."""
+    return constants.size - _FADING + axis
+
+
 @compiled(types.float64(_vector, types.int64), internal=True)
 def fading_rate(constants, axis):
     """Return how fast the disturbing force or moment of an axis fades, 1/s; 0 if it is no state."""

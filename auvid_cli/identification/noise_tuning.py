@@ -1,23 +1,33 @@
 """Process and measurement noise of a dataset, as its innovations make it most likely."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from math import log
 from typing import NamedTuple, TypeVar
 
+import numpy as np
+
 from auvid_cli.config.augmented_states import BiasName, EstimatedDisturbance
-from auvid_cli.config.experiment import Identification
+from auvid_cli.config.disturbance import DisturbingForce, DisturbingMoment
+from auvid_cli.config.experiment import STEPS_PER_TIME_CONSTANT, Identification, RunSettings
 from auvid_cli.config.moving_states import FURTHER_STATES
+from auvid_cli.config.per_axis import three
 from auvid_cli.config.quantity import Unit
 from auvid_cli.config.settings import Settings
-from auvid_cli.data.tuning import TunedNoise, Tuning
+from auvid_cli.data.tuning import DisturbanceChoice, TunedNoise, Tuning
 from auvid_cli.errors import DataError
 from auvid_cli.filters.noise_likelihood import most_likely_noise
 from auvid_cli.filters.noise_scores import NoiseGroup
-from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
+from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem, shortest_interval
+from auvid_cli.identification.compiled_layout import place_of_fading_rate
 from auvid_cli.identification.prepared_data import PreparedData
-from auvid_cli.identification.state_layout import StateLayout
+from auvid_cli.vehicle.matrices import mass_matrix
 from auvid_cli.vehicle.parameters import DISTURBANCE
 
 SettingsClass = TypeVar("SettingsClass", bound=Settings)
+
+# Times the shortest time constant that settings may state, so that one that is rounded may be stated.
+_NOT_SHORTER = 1.01
 
 
 class AdjustableNoise(NamedTuple):
@@ -82,16 +92,66 @@ def tune_noise(
     if settings.smoother.answer == "automatic":
         # Process noise that data ask for is there, and biases the joint answer.
         experiment = _changed(experiment, ("identification", "smoother", "answer"), "marginal")
-    return Tuning(tuple(tuned), likeliest.gain, likeliest.converged, experiment)
+    return Tuning(tuple(tuned), likeliest.log_likelihood, likeliest.gain, likeliest.converged, experiment)
+
+
+def choose_disturbance(
+    prepared: PreparedData, with_sensors: bool = False, on_evaluation: Callable[[], None] = lambda: None
+) -> Tuning:
+    """Tune without a disturbance that lasts, then with one, and keep it if it is worth the numbers that it takes.
+
+    Parameters are those of `tune_noise`, and so is what is raised. The disturbance is that of the settings, whether or
+    not they ask for it; where they state no size, one of each axis, as white process noise has it.
+    """
+    asked = prepared.experiment.identification
+    others = tuple(bias for bias in asked.estimate.biases if bias != BiasName.DISTURBANCE)
+    without = tune_noise(_with_estimate(prepared, biases=others), with_sensors, on_evaluation)
+    stated = asked.estimate.disturbance
+    disturbance = stated if stated.blocks() else _as_of_white_noise(without.experiment)
+    biases = (*others, BiasName.DISTURBANCE)
+    having = _with_estimate(prepared, biases=biases, disturbance=disturbance)
+    with_one = tune_noise(having, with_sensors, on_evaluation)
+    segments = augmented_problem(having).joint.segments
+    measured = sum(int(np.isfinite(timeline.measurement).sum()) for segment in segments for timeline in segment)
+    numbers = len(with_one.noises) - len(without.noises)
+    gain = with_one.log_likelihood - without.log_likelihood
+    choice = DisturbanceChoice(gain, numbers, 0.5 * numbers * log(measured))
+    kept, as_asked = (
+        with_one if choice.is_kept else without,
+        with_one if BiasName.DISTURBANCE in asked.estimate.biases else without,
+    )
+    over_stated = kept.log_likelihood - as_asked.log_likelihood + as_asked.gain
+    return replace(kept, gain=over_stated, choice=choice)
+
+
+def _with_estimate(prepared: PreparedData, **changes: object) -> PreparedData:
+    """Return the data with other blocks of states to be estimated."""
+    experiment = prepared.experiment
+    estimate = experiment.identification.estimate.model_copy(update=changes)
+    identification = experiment.identification.model_copy(update={"estimate": estimate})
+    return prepared.with_settings(experiment.model_copy(update={"identification": identification}))
+
+
+def _as_of_white_noise(experiment: RunSettings) -> EstimatedDisturbance:
+    """Return a disturbance that does in the long run what white process noise does."""
+    noise, force, moment = experiment.identification.process_noise, DisturbingForce(), DisturbingMoment()
+    inertia = np.diagonal(mass_matrix(experiment.vehicle.known_parameters()))
+    of_force, of_moment = (
+        np.array(three(density)) * own / np.sqrt(2.0 * np.array(three(of.time_constant)))
+        for density, own, of in ((noise.velocity, inertia[:3], force), (noise.rate, inertia[3:], moment))
+    )
+    return EstimatedDisturbance(
+        force=force.model_copy(update={"standard_deviation": tuple(of_force.tolist())}),
+        moment=moment.model_copy(update={"standard_deviation": tuple(of_moment.tolist())}),
+    )
 
 
 def process_noises(augmented: AugmentedProblem, settings: Identification) -> Iterator[AdjustableNoise]:
-    """Yield the densities that drive moving states, by the settings that they have."""
+    """Yield what drives moving states, and how long what disturbs them lasts, by the settings that they have."""
     layout, noise = augmented.layout, settings.process_noise
 
     def adjustable(path: tuple[str, ...], of: Settings, rows: slice) -> AdjustableNoise:
-        moving = tuple(range(rows.start, rows.stop))
-        return AdjustableNoise(path, _unit(of, path[-1]), getattr(of, path[-1]), NoiseGroup(moving))
+        return AdjustableNoise(path, _unit(of, path[-1]), getattr(of, path[-1]), NoiseGroup(_rows(rows)))
 
     first = layout.moving_rows_of("motion").start
     for place, key in enumerate(("velocity", "rate", "attitude")):
@@ -103,7 +163,7 @@ def process_noises(augmented: AugmentedProblem, settings: Identification) -> Ite
     for bias in dict.fromkeys(settings.estimate.biases):
         of_bias = getattr(settings.estimate, bias.value)
         if bias == BiasName.DISTURBANCE:
-            yield from _disturbances(layout, of_bias)
+            yield from _disturbances(augmented, settings)
             continue
         for block in of_bias.blocks():
             if block.walk > 0.0:
@@ -111,12 +171,27 @@ def process_noises(augmented: AugmentedProblem, settings: Identification) -> Ite
                 yield adjustable(("estimate", bias.value, own), of_bias, layout.moving_rows_of(block.name))
 
 
-def _disturbances(layout: StateLayout, settings: EstimatedDisturbance) -> Iterator[AdjustableNoise]:
-    """Yield the sizes of what disturbs the motion: one for all three axes, or those of a list one by one."""
+def _disturbances(augmented: AugmentedProblem, settings: Identification) -> Iterator[AdjustableNoise]:
+    """Yield how large what disturbs the motion is, and how long it lasts, of all three axes or of those of a list."""
+    layout, constants = augmented.layout, augmented.process.constants
+    shortest = STEPS_PER_TIME_CONSTANT * max(settings.integration_step, shortest_interval(augmented.measuring))
+    place = {
+        row: place_of_fading_rate(constants, axis)
+        for axis, quantity in enumerate(DISTURBANCE)
+        for row in _rows(layout.moving_rows_of(quantity.symbol))
+    }
     for name, quantities in (("force", DISTURBANCE[:3]), ("moment", DISTURBANCE[3:])):
-        of_name, path = getattr(settings, name), ("estimate", "disturbance", name, "standard_deviation")
-        slices = [layout.moving_rows_of(quantity.symbol) for quantity in quantities]
-        yield from _per_axis(path, of_name, [tuple(range(place.start, place.stop)) for place in slices])
+        of, path = getattr(settings.estimate.disturbance, name), ("estimate", "disturbance", name)
+        rows = [_rows(layout.moving_rows_of(quantity.symbol)) for quantity in quantities]
+        yield from _per_axis((*path, "standard_deviation"), of, rows)
+        for lasts in _per_axis((*path, "time_constant"), of, rows):
+            rates = tuple(place[row] for row in lasts.group.moving)
+            least = min(log(_NOT_SHORTER * shortest / lasts.stated), 0.0)
+            yield lasts._replace(group=lasts.group._replace(rates=rates, least=least))
+
+
+def _rows(rows: slice) -> tuple[int, ...]:
+    return tuple(range(rows.start, rows.stop))
 
 
 def _per_axis(path: tuple[str, ...], of: Settings, rows: Sequence[tuple[int, ...]]) -> Iterator[AdjustableNoise]:

@@ -50,6 +50,19 @@ def test_it_says_what_the_noise_is_and_what_to_do_with_it(simulated_with, tmp_pa
     assert tuned.process_noise.rate == pytest.approx((rate,), rel=0.01)
 
 
+def test_it_chooses_whether_something_pushes(simulated_with, tmp_path, run):
+    asked = "{biases: [disturbance], disturbance: {force: {standard_deviation: 2 N, time_constant: 2 s}}}"
+    dataset = simulated_with("manoeuvre.duration=4 s", *SLOW, FEW, f"identification.estimate={asked}")
+    write_dataset(tmp_path / "dataset.h5", dataset)
+    result = run(tmp_path / "dataset.h5", "--disturbance")
+    assert result.exit_code == 0, result.output
+    (said,) = [line for line in result.output.splitlines() if line.startswith("a disturbance that lasts is")]
+    assert said.startswith("a disturbance that lasts is left out: with it the log-likelihood is ")
+    assert "2 numbers more must bring" in said
+    tuned = read_dataset(tmp_path / "dataset.h5", str(tmp_path / "tuned.yaml")).experiment.identification
+    assert tuned.estimate.biases == ()
+
+
 def test_who_asks_for_it_identifies_with_the_noise_of_the_data(simulated_with):
     dataset = simulated_with("manoeuvre.duration=4 s", *SLOW, FEW, "identification.noise=estimate")
     settings = identify(dataset, "ckf").experiment.identification

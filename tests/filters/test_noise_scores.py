@@ -4,11 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from numba import njit
 from numpy.testing import assert_allclose
 
 from auvid_cli.filters.linear_smoothing import LinearSmoothing, Trajectory
 from auvid_cli.filters.noise_likelihood import scaled
 from auvid_cli.filters.noise_scores import NoiseGroup, noise_scores
+from auvid_cli.filters.problem import TRANSITION_SIGNATURE, Gaussian
 from auvid_cli.filters.segments import JointProblem, joint_gaussian
 
 N_MOVING = 4
@@ -24,30 +26,34 @@ def problem(request, linear_problem, events_of):
     return JointProblem(p.process, p.sensors, segments, joint_gaussian([p.prior] * len(segments), N_MOVING))
 
 
-def filtered_with(problem, logarithms):
+def filtered_with(problem, logarithms, groups=GROUPS):
     """The smoothing of a problem with other noise, what it filters about a point, and that problem."""
-    changed = scaled(problem, GROUPS, np.exp(logarithms))
+    changed = scaled(problem, groups, np.exp(logarithms))
     smoothing = LinearSmoothing(changed)
     moving = [[np.zeros((t.time.size, N_MOVING)) for t in segment] for segment in problem.segments]
     initial = [np.zeros(N_MOVING) for _ in problem.segments]
     return smoothing, smoothing.filter(Trajectory(np.zeros(problem.n_parameters), initial, moving)), changed
 
 
-def log_likelihood(problem, logarithms):
-    _, filtered, _ = filtered_with(problem, logarithms)
+def log_likelihood(problem, logarithms, groups=GROUPS):
+    _, filtered, _ = filtered_with(problem, logarithms, groups)
     return -0.5 * (filtered.least + filtered.log_determinant)
 
 
-def test_the_slope_is_that_of_the_likelihood(problem):
-    at, step = np.array([0.3, -0.7, 0.2, 0.5]), 1e-3
+def differences(problem, at, groups=GROUPS, step=1e-3):
+    """Of two differences, what does not go with the square of the step."""
 
     def difference(way):
-        return (log_likelihood(problem, at + way) - log_likelihood(problem, at - way)) / (2.0 * step)
+        ahead, behind = (log_likelihood(problem, at + by, groups) for by in (way, -way))
+        return (ahead - behind) / (2.0 * step)
 
-    # Of two differences, what does not go with the square of the step.
-    expected = [(8.0 * difference(way) - difference(2.0 * way)) / 6.0 for way in step * np.eye(len(GROUPS))]
+    return [(8.0 * difference(way) - difference(2.0 * way)) / 6.0 for way in step * np.eye(len(groups))]
+
+
+def test_the_slope_is_that_of_the_likelihood(problem):
+    at = np.array([0.3, -0.7, 0.2, 0.5])
     scores = noise_scores(*filtered_with(problem, at), GROUPS)
-    assert_allclose(scores.slope, expected, rtol=1e-6, atol=1e-6)
+    assert_allclose(scores.slope, differences(problem, at), rtol=1e-6, atol=1e-6)
 
 
 def test_they_are_those_of_one_big_gaussian(linear_problem, moments_of_measurements):
@@ -65,3 +71,69 @@ def test_they_are_those_of_one_big_gaussian(linear_problem, moments_of_measureme
     expected = [0.5 * (weight @ by @ weight - np.sum(inverse * by)) for by in by_factor]
     assert_allclose(scores.slope, expected, rtol=1e-7, atol=1e-7)
     assert_allclose(scores.information, 0.5 * probable @ inverse @ probable.T, rtol=1e-6, atol=1e-9)
+
+
+@njit(TRANSITION_SIGNATURE)
+def _fading_carts(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
+    """Two positions that parameters and two speeds move; the speeds fade, at the rates behind the mixing."""
+    elapsed, n_parameters = substep_duration.sum(), mean.size - N_MOVING
+    for i in range(n_parameters, mean.size):
+        for j in range(mean.size):
+            matrix[i, j] = 0.0
+    for axis in range(2):
+        rate, position, speed = constants[2 * n_parameters + axis], n_parameters + axis, n_parameters + 2 + axis
+        for j in range(n_parameters):
+            matrix[position, j] = elapsed * constants[axis * n_parameters + j]
+        matrix[position, position], matrix[speed, speed] = 1.0, np.exp(-rate * elapsed)
+        matrix[position, speed] = -np.expm1(-rate * elapsed) / rate
+    mean[n_parameters:] = matrix[n_parameters:] @ mean
+
+
+RATES = np.array([1.5, 0.4])
+
+
+def fading(problem, with_decay):
+    """The problem with speeds that fade, which nothing is known to begin with but that there are hardly any."""
+    process, n = problem.process, problem.n_parameters
+    decay = np.concatenate([np.zeros(2), RATES]) if with_decay else np.zeros(0)
+    process = process._replace(
+        transition=_fading_carts, constants=np.concatenate([process.constants, RATES]), decay=decay
+    )
+    factor = problem.prior.factor.copy()
+    for place in problem.places:
+        factor[place[n + 2 :]] = 0.0
+        factor[place[n + 2 :], place[n + 2 :]] = 1e-6
+    mean = np.where(np.diagonal(factor) < 1e-5, 0.0, problem.prior.mean)
+    return problem._replace(process=process, prior=Gaussian(mean, factor))
+
+
+def groups_of_fading(problem):
+    first = problem.process.constants.size - 2
+    timed = (NoiseGroup(moving=(2 + axis,), rates=(first + axis,)) for axis in range(2))
+    return NoiseGroup(moving=(0, 1)), NoiseGroup(moving=(2, 3)), *timed, NoiseGroup(sensor=0)
+
+
+@pytest.mark.parametrize("with_decay", [True, False])
+def test_the_slope_by_a_time_constant_is_that_of_the_likelihood(problem, with_decay):
+    faded, at = fading(problem, with_decay), np.array([0.3, -0.7, 0.5, -0.4, 0.2])
+    groups = groups_of_fading(faded)
+    scores = noise_scores(*filtered_with(faded, at, groups), groups)
+    assert_allclose(scores.slope, differences(faded, at, groups), rtol=2e-4, atol=1e-4)
+
+
+def test_what_is_known_of_a_time_constant_is_that_of_one_big_gaussian(linear_problem, moments_of_measurements):
+    p = linear_problem
+    problem = fading(JointProblem(p.process, p.sensors, [[p.timeline]], p.prior), with_decay=False)
+    problem = problem._replace(prior=problem.prior._replace(mean=np.zeros_like(problem.prior.mean)))
+    groups = groups_of_fading(problem)
+    measured, mean, covariance = moments_of_measurements(problem)
+
+    def covariances(change):
+        ahead, behind = (moments_of_measurements(scaled(problem, groups, np.exp(by)))[2] for by in (change, -change))
+        return (ahead - behind) / (2.0 * np.abs(change).max())
+
+    weight, inverse = np.linalg.solve(covariance, measured - mean), np.linalg.inv(covariance)
+    probable = np.array([covariances(way) @ weight for way in 1e-3 * np.eye(len(groups))])
+    scores = noise_scores(*filtered_with(problem, np.zeros(len(groups)), groups), groups)
+    expected = 0.5 * probable @ inverse @ probable.T
+    assert_allclose(scores.information, expected, rtol=1e-3, atol=1e-3 * np.abs(expected).max())

@@ -9,7 +9,7 @@ import yaml
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.identify import identify
-from auvid_cli.identification.noise_tuning import process_noises, tune_noise
+from auvid_cli.identification.noise_tuning import choose_disturbance, process_noises, tune_noise
 from auvid_cli.identification.prepared_data import prepare
 
 FEW = "identification.coefficients=[X_u|u|, N_url, N_uudr]"
@@ -93,14 +93,18 @@ def test_densities_of_three_axes_are_found_one_by_one(simulated_with):
 
 
 DISTURBED = (
-    "{biases: [disturbance], disturbance: {force: {standard_deviation: 2 N}, moment: {standard_deviation: [0, 1, 1]}}}"
+    "{biases: [disturbance], disturbance: {force: {standard_deviation: 2 N, time_constant: 2 s}, "
+    "moment: {standard_deviation: [0, 1, 1], time_constant: 2 s}}}"
 )
 
 
 @pytest.fixture(scope="module")
 def tuned_disturbance(simulated_with):
-    """What pushes is stated too small in force, and in yaw where there is nothing."""
-    pushes = "manoeuvre.disturbance={force: {standard_deviation: 5 N}, moment: {standard_deviation: [0, 2, 0]}}"
+    """What pushes is stated too small in force, and in yaw where there is nothing; and to last for twice as long."""
+    pushes = (
+        "manoeuvre.disturbance={force: {standard_deviation: 5 N, time_constant: 1 s}, "
+        "moment: {standard_deviation: [0, 2, 0], time_constant: 1 s}}"
+    )
     asked = DISTURBED.replace("2 N", "3 N")
     return tune_noise(
         prepare(simulated_with("manoeuvre.duration=15 s", *SLOW, FEW, pushes, f"identification.estimate={asked}"))
@@ -110,14 +114,17 @@ def tuned_disturbance(simulated_with):
 def test_what_disturbs_the_motion_is_sized_by_the_data(tuned_disturbance):
     noises = {noise.setting.partition("disturbance.")[2]: noise for noise in tuned_disturbance.noises}
     sizes = ("force.standard_deviation", 5.0), ("moment.standard_deviation.1", 2.0)
-    for key, true in sizes:
+    times = ("force.time_constant", 1.0), ("moment.time_constant", 1.0)
+    # In 15 s there are 15 time constants.
+    for key, true, widest in (*((*size, 0.5) for size in sizes), *((*time, 1.0) for time in times)):
         width = np.log(noises[key].high / noises[key].low) / 4.0
-        assert abs(np.log(noises[key].tuned / true)) < 3.0 * width < 0.5, key
+        assert abs(np.log(noises[key].tuned / true)) < 3.0 * width < widest, key
     yaw = noises["moment.standard_deviation.2"]
     assert yaw.low == 0.0 < yaw.high < 0.2
     # Not quite none, which a smoother could hardly follow.
     held = tuned_disturbance.experiment.identification.estimate.disturbance.moment.standard_deviation[2]
-    assert held == pytest.approx(0.1 * yaw.high, rel=0.01)
+    assert held == pytest.approx(yaw.worth_stating, rel=0.01)
+    assert yaw._replace(tuned=0.0).worth_stating == pytest.approx(0.1 * yaw.high)
     assert yaw._replace(high=np.inf).worth_stating == yaw.tuned
 
 
@@ -137,3 +144,46 @@ def test_what_is_written_says_beside_what_the_noise_was_found(tuned_disturbance,
     read = experiment_with(f"identification.estimate={estimate}").identification.estimate
     assert read.biases == ("disturbance",)
     assert read == tuned_disturbance.experiment.identification.estimate
+
+
+def test_a_disturbance_is_chosen_where_something_pushes(simulated_with):
+    """Nothing is stated of it; each axis is sized, and what pushes none is not."""
+    pushes = (
+        "manoeuvre.disturbance={force: {standard_deviation: 5 N, time_constant: 1 s}, "
+        "moment: {standard_deviation: [0, 2, 2], time_constant: 1 s}}"
+    )
+    chosen = choose_disturbance(prepare(simulated_with("manoeuvre.duration=15 s", *SLOW, FEW, pushes)))
+    assert chosen.choice.is_kept
+    assert chosen.choice.numbers == 8
+    assert chosen.gain > chosen.choice.gain > chosen.choice.needed
+    assert chosen.experiment.identification.estimate.biases == ("disturbance",)
+    noises = {noise.setting.partition("disturbance.")[2]: noise for noise in chosen.noises}
+    true = {"force.time_constant": 1.0, "moment.time_constant": 1.0}
+    true |= {f"force.standard_deviation.{axis}": 5.0 for axis in range(3)}
+    true |= {f"moment.standard_deviation.{axis}": 2.0 for axis in (1, 2)}
+    for key, value in true.items():
+        width = np.log(noises[key].high / noises[key].low) / 4.0
+        assert abs(np.log(noises[key].tuned / value)) < 3.0 * width < 2.0, key
+    assert noises["moment.standard_deviation.0"].low == 0.0
+
+
+def test_none_is_chosen_where_nothing_pushes(overstated):
+    chosen = choose_disturbance(prepare(overstated))
+    assert not chosen.choice.is_kept
+    assert chosen.choice.gain < 5.0 < chosen.choice.needed
+    assert chosen.experiment.identification.estimate.biases == ()
+    assert yaml.safe_load(chosen.settings())["identification"]["estimate"] == {"biases": []}
+
+
+def test_how_long_it_lasts_is_only_known_as_far_as_white_noise_would_not_do(simulated_with):
+    """A force that is drawn anew at every tick of the inputs."""
+    pushes = "manoeuvre.disturbance.force={standard_deviation: 100 N, time_constant: 1e-9 s}"
+    asked = "{biases: [disturbance], disturbance: {force: {standard_deviation: 2 N, time_constant: 2 s}}}"
+    tuned = tune_noise(
+        prepare(simulated_with("manoeuvre.duration=8 s", *SLOW, FEW, pushes, f"identification.estimate={asked}"))
+    )
+    lasts = next(noise for noise in tuned.noises if noise.is_time_constant)
+    assert lasts.low == 0.0
+    assert lasts.tuned < 1.0
+    stated = tuned.experiment.identification.estimate.disturbance.force.time_constant
+    assert stated == pytest.approx((lasts.tuned,), rel=0.01)
