@@ -8,6 +8,7 @@ from the answer; this linearises anew where the data have led it.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,6 @@ from auvid_cli.filters.fault_scores import Faults, score_faults
 from auvid_cli.filters.huber import SET_ASIDE
 from auvid_cli.filters.influences import corrected_smoothing
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Smoothed, Trajectory, is_led_to
-from auvid_cli.filters.marginal import marginal_answer, marginal_scores
 from auvid_cli.filters.other_answers import answers_of_segments, other_minimum
 from auvid_cli.filters.point_sets import cubature
 from auvid_cli.filters.problem import (
@@ -91,21 +91,22 @@ def run_smoother(
     rivals = [other for rival, _ in others if (other := other_minimum(best, rival)) is not None]
     if len(problem.segments) > 1:
         rivals += answers_of_segments(problem, best)
-    answer, unsettled = best, None
+    answer, unsettled, score = best, None, score_faults
     if marginal:
+        # What it is compiled from serves no other answer.
+        from auvid_cli.filters.marginal import marginal_answer, marginal_scores
+
         found = marginal_answer(problem, smoothing, best, max_passes)
         if found is None:
             return _failed(problem)
         problem, answer, unsettled = found
+        score = partial(marginal_scores, problem)
     outcome = _hand_over(smoothing, problem.sensors, answer, on_chunk, is_answer=marginal)
     if outcome.failure != OK:
         return outcome
     if unsettled is not None:
         return outcome._replace(failure=NOT_CONVERGED, unsettled=unsettled)
-    scores = None
-    if faults is not None:
-        own = smoothing, answer, faults
-        scores = marginal_scores(problem, *own) if marginal else score_faults(*own)
+    scores = None if faults is None else score(smoothing, answer, faults)
     corrected = corrected_smoothing(problem, smoothing, answer)
     return outcome._replace(faults=scores, others=tuple(rivals), corrected=corrected)
 

@@ -97,6 +97,17 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
     known, coefficients = experiment.vehicle.known_parameters(), experiment.vehicle.coefficient_set
     constants = vehicle_constants(known, coefficients.terms)
     process = vehicle_process(constants, held, layout, _known_sensors(measuring), coefficients)
+    sensors = measurement_model(
+        measuring,
+        layout,
+        np.inf if settings.gate is None else settings.gate,
+        THRESHOLD if settings.robust == "huber" else np.inf,
+    )
+    if sensors.nonlinear.any():
+        # What it is compiled from takes long, and few data need it.
+        from auvid_cli.identification.observation import linearise, observe
+
+        process = process._replace(observe=observe, linearise=linearise)
     parameters = _prior_of_parameters(layout, prepared.dataset)
     gaussians = [initial_gaussian(layout, parameters, segment.measured) for segment in prepared.segments]
     return AugmentedProblem(
@@ -105,12 +116,7 @@ def augmented_problem(prepared: PreparedData) -> AugmentedProblem:
         held=held,
         coefficients=coefficients,
         process=process,
-        sensors=measurement_model(
-            measuring,
-            layout,
-            np.inf if settings.gate is None else settings.gate,
-            THRESHOLD if settings.robust == "huber" else np.inf,
-        ),
+        sensors=sensors,
         measuring=measuring,
         segments=prepared.segments,
         prior=joint_gaussian(gaussians, process.noise_density.size),

@@ -48,6 +48,8 @@ def chosen_estimator(name: FilterName, augmented: AugmentedProblem, settings: Id
             # What it is compiled from serves no other estimator.
             from auvid_cli.identification.fault_effects import VehicleFaults
 
+            if settings.is_marginal:
+                import auvid_cli.filters.marginal  # noqa: F401  # Compiled here, and not while filters run.
             sought = [block.name for block in settings.estimate.blocks() if block.shifts]
             own = settings.smoother.max_passes, VehicleFaults(augmented, sought), settings.is_marginal
             return IteratedSmoother(name.value, *problem, *own)

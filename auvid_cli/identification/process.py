@@ -36,7 +36,6 @@ from auvid_cli.identification.disturbance import (
     push,
     undisturbed,
 )
-from auvid_cli.identification.observation import linearise, observe
 from auvid_cli.identification.sinking import before_moving, sink, sink_rate
 from auvid_cli.identification.state_layout import StateLayout
 from auvid_cli.lanes import LANES
@@ -247,7 +246,7 @@ def vehicle_process(
 
     Notes
     -----
-    Its transition is exact; `first_order_transition` may take its place.
+    Its transition is exact; `first_order_transition` may take its place. What nonlinear sensors measure is not said.
     """
     of_symbols = np.array([held.get(symbol, 0.0) for symbol in coefficients.symbols])
     # Terms of the vehicle's own stand behind the errors of the actuators and the ballast.
@@ -260,8 +259,6 @@ def vehicle_process(
         selection=np.array([place[symbol] for symbol in estimated], dtype=np.int64),
         noise_density=layout.noise_density,
         scratch_size=_scratch_size(len(coefficients.terms)),
-        observe=observe,
-        linearise=linearise,
     )
 
 

@@ -18,6 +18,7 @@ from auvid_cli.config.augmented_states import (
 from auvid_cli.config.experiment import Identification
 from auvid_cli.identification.compiled_layout import KnownSensor, KnownSensors
 from auvid_cli.identification.dvl import VELOCITY_ERRORS, measured_velocity, velocity_behind
+from auvid_cli.identification.observation import linearise, observe
 from auvid_cli.identification.process import vehicle_process
 from auvid_cli.identification.state_layout import state_layout
 from auvid_cli.lanes import LANES
@@ -42,7 +43,8 @@ def process_and_layout(asked, has_depth, experiment, **given):
     layout = state_layout(settings, experiment.vehicle, ("depth",) if has_depth else ())
     held = experiment.vehicle.coefficients.by_symbol()
     position = KnownSensors(KnownSensor(ACCELEROMETER, POSITION), KnownSensor(MAGNETOMETER, FIELD))
-    return vehicle_process(vehicle_constants(experiment.vehicle.known_parameters()), held, layout, position), layout
+    process = vehicle_process(vehicle_constants(experiment.vehicle.known_parameters()), held, layout, position)
+    return process._replace(observe=observe, linearise=linearise), layout
 
 
 def linearised(process, state, sensor):
