@@ -119,3 +119,12 @@ def test_no_constant_of_a_compiled_function_comes_from_where_the_cache_does_not_
                 values = [getattr(importlib.import_module(node.module), name.name) for name in node.names]
                 constants = [value for value in values if not isinstance(value, Callable)]
                 assert not constants, (path, node.module, constants)
+
+
+def test_what_few_data_need_is_not_compiled_for_all():
+    code = (
+        "import sys, auvid_cli.api.evaluation, auvid_cli.filters.smoother, auvid_cli.identification.identify;"
+        "print([m for m in ('filters.marginal', 'identification.observation') if f'auvid_cli.{m}' in sys.modules])"
+    )
+    command = [sys.executable, "-c", code]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "[]\n"

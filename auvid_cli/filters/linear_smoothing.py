@@ -146,9 +146,10 @@ class LinearSmoothing:
             state = new_state(gaussian, self._n_components)
             before.append([])
             for chunk, timeline in enumerate(self._segments[segment]):
-                about = self._about(trajectory, segment, chunk, timeline)
+                # Into the arrays of the last trajectory: fresh ones come page by page, and slowly.
+                former, trace = self._kept.pop((segment, chunk), (None, None))
+                about = self._about(trajectory, segment, chunk, timeline, former)
                 before[-1].append(state.copy())
-                _, trace = self._kept.pop((segment, chunk), (None, None))
                 trace = Trace.of(about) if trace is None else trace
                 if (room := room - sum(array.nbytes for array in (*trace, about.rows, about.transition))) >= 0:
                     self._kept[segment, chunk] = about, trace
@@ -224,19 +225,24 @@ class LinearSmoothing:
     def _is_kept(self, filtered: Filtered, segment: int, chunk: int) -> bool:
         return filtered.trajectory is self._kept_of and (segment, chunk) in self._kept
 
-    def _about(self, trajectory: Trajectory, segment: int, chunk: int, timeline: Timeline) -> Linearised:
-        """Linearise a chunk about a trajectory."""
+    def _about(
+        self, trajectory: Trajectory, segment: int, chunk: int, timeline: Timeline, former: Linearised | None = None
+    ) -> Linearised:
+        """Linearise a chunk about a trajectory; in place of a former linearisation of it, if there is one."""
         chunks, shape = trajectory.moving[segment], timeline.measurement.shape
         before = chunks[chunk - 1][-1] if chunk else trajectory.initial[segment]
-        about = Linearised(
-            trajectory.parameters,
-            before,
-            chunks[chunk],
-            residual=np.full(shape, np.nan),
-            rows=np.zeros((*shape, self._n)),
-            defect=np.zeros(chunks[chunk].shape),
-            transition=np.zeros((*chunks[chunk].shape, self._n)),
-        )
+        if former is None:
+            about = Linearised(
+                trajectory.parameters,
+                before,
+                chunks[chunk],
+                residual=np.full(shape, np.nan),
+                rows=np.zeros((*shape, self._n)),
+                defect=np.zeros(chunks[chunk].shape),
+                transition=np.zeros((*chunks[chunk].shape, self._n)),
+            )
+        else:
+            about = former._replace(parameters=trajectory.parameters, before=before, moving=chunks[chunk])
         linearise_process(self._process.transition, self._data, timeline, about, self._work)
         linearise_measurements(self._process.linearise, self._data, timeline, about, self._work)
         return about

@@ -8,6 +8,7 @@ none.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from math import sqrt
 from typing import NamedTuple
 
@@ -20,7 +21,6 @@ from auvid_cli.data.dataset import InputRecord
 from auvid_cli.errors import DataError
 from auvid_cli.filters.fault_scores import score_faults
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
-from auvid_cli.filters.marginal import marginal_answer, marginal_scores
 from auvid_cli.filters.problem import FaultScores
 from auvid_cli.filters.smoother import most_probable
 from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
@@ -213,14 +213,17 @@ def _fit(prepared: PreparedData, symbols: Sequence[str]) -> _Fit | None:
     answers = most_probable(problem, smoothing, max_passes)
     if not answers:
         return None
-    answer, _ = answers[0]
+    (answer, _), score = answers[0], score_faults
     if settings.is_marginal:
+        # What it is compiled from serves no other answer.
+        from auvid_cli.filters.marginal import marginal_answer, marginal_scores
+
         found = marginal_answer(problem, smoothing, answer, max_passes)
         if found is None:
             return None
         problem, answer, _ = found
-    own = smoothing, answer, faults
-    scores = marginal_scores(problem, *own) if settings.is_marginal else score_faults(*own)
+        score = partial(marginal_scores, problem)
+    scores = score(smoothing, answer, faults)
     events = sum(len(chunk) for segment in answer.trajectory.moving for chunk in segment)
     cost = (answer.least + answer.log_determinant) / events
     return _Fit(cost, scores, augmented.layout.scale[: problem.n_parameters])

@@ -40,7 +40,8 @@ _constant = types.Array(types.float64, 1, "C", readonly=True)
 N_COLUMNS = N_MOTION + N_FACTORS
 _N_BALLAST = len(Ballast._fields)
 _N_FORCE = 6 * (8 + _N_BALLAST)
-N_JACOBIAN_WORK = _N_FORCE + 6
+_N_MOMENTUM = _N_FORCE + 6
+N_JACOBIAN_WORK = _N_MOMENTUM + 2 * len(SIGNALS)
 
 
 # Where the ballast stands among the factors, and the one that adds to a fin, less the place of that among `SIGNALS`.
@@ -50,36 +51,38 @@ _THRUST = N_COEFFICIENTS + ActuatorErrors._fields.index("thrust")
 _THRUST_SIGNAL, _N_SIGNAL = SIGNALS.index("thrust"), SIGNALS.index("n")
 
 
-@compiled(types.float64(_vector, _vector, _vector, types.int64), inline=True)
-def _factor(motion, coefficients, inputs, code):
-    """Return one factor of a regressor, fins and thrust as they act."""
-    which = code // 2
-    if which < 6:
-        value = motion[which]
-    elif which < _THRUST_SIGNAL:
-        value = inputs[which - 6] + coefficients[_TRIM + which]
-    elif which == _THRUST_SIGNAL:
-        value = inputs[2] * coefficients[_THRUST]
-    else:
-        value = inputs[4 + which - _N_SIGNAL]
-    return abs(value) if code % 2 else value
+@compiled(types.void(_vector, _vector, _vector, _vector), inline=True)
+def _fill_in_factors(motion, coefficients, inputs, factors):
+    """Fill in all factors of regressors, fins and thrust as they act, each followed by its modulus."""
+    for which in range(len(SIGNALS)):
+        if which < 6:
+            value = motion[which]
+        elif which < _THRUST_SIGNAL:
+            value = inputs[which - 6] + coefficients[_TRIM + which]
+        elif which == _THRUST_SIGNAL:
+            value = inputs[2] * coefficients[_THRUST]
+        else:
+            place = 4 + which - _N_SIGNAL
+            value = inputs[place] if place < inputs.size else 0.0
+        factors[2 * which], factors[2 * which + 1] = value, abs(value)
 
 
-@compiled(types.void(_constant, *[_vector] * 4, types.float64, *[_matrix] * 3, types.int64), inline=True)
-def _differentiate_term(code, motion, coefficients, inputs, inverse, coefficient, force, jacobian, own, column):
+@compiled(types.void(_constant, *[_vector] * 2, *[types.float64] * 2, *[_matrix] * 3, types.int64), inline=True)
+def _differentiate_term(code, factors, inverse, thrust, coefficient, force, jacobian, own, column):
     """Add the derivatives of a term by velocities to those of its force, by all else to the Jacobian's columns.
 
     Parameters
     ----------
     code : ndarray
         From `regressor_code`.
-    motion, coefficients, inputs, jacobian : ndarray
-        As of `motion_jacobian`.
+    factors : ndarray
+        From `_fill_in_factors`.
     inverse : ndarray, shape (36,)
         Of the mass matrix.
-    coefficient : float
-    force : ndarray
-        Derivatives of the forces by velocities.
+    thrust, coefficient : float
+        The former as stated.
+    force, jacobian : ndarray
+        Derivatives of the forces by velocities; as of `motion_jacobian`.
     own : ndarray
         With the derivative by the coefficient in a column.
     column : int
@@ -87,15 +90,14 @@ def _differentiate_term(code, motion, coefficients, inputs, inverse, coefficient
     row, n_factors, regressor = int(code[0]), int(code[1]), 1.0
     for a in range(n_factors):
         factor = int(code[2 + a])
-        value = _factor(motion, coefficients, inputs, factor)
-        regressor *= value
+        regressor *= factors[factor]
         # The product rule: the derivative of this factor times the others.
         slope = coefficient
         if factor % 2:
-            slope *= np.sign(_factor(motion, coefficients, inputs, factor - 1))
+            slope *= np.sign(factors[factor - 1])
         for b in range(n_factors):
             if b != a:
-                slope *= _factor(motion, coefficients, inputs, int(code[2 + b]))
+                slope *= factors[int(code[2 + b])]
         which = factor // 2
         if which < 6:
             force[row, which] += slope
@@ -105,7 +107,7 @@ def _differentiate_term(code, motion, coefficients, inputs, inverse, coefficient
             continue
         by = _TRIM + which
         if which == _THRUST_SIGNAL:
-            by, slope = _THRUST, slope * inputs[2]
+            by, slope = _THRUST, slope * thrust
         for i in range(6):
             jacobian[i, N_MOTION + by] += inverse[6 * i + row] * slope
     for i in range(6):
@@ -138,7 +140,9 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms,
     mass, inverse = by_rows.reshape(6, 6), inverse_by_rows.reshape(6, 6)
     excess, lever_x = excess - coefficients[_BALLAST], lever_x - coefficients[_BALLAST + 1]
     # Of the forces by velocities, roll and pitch, and ballast.
-    force, momentum = work[:_N_FORCE].reshape(6, 8 + _N_BALLAST), work[_N_FORCE:]
+    force, momentum = work[:_N_FORCE].reshape(6, 8 + _N_BALLAST), work[_N_FORCE:_N_MOMENTUM]
+    factors = work[_N_MOMENTUM:]
+    _fill_in_factors(motion, coefficients, inputs, factors)
     for i in range(6):
         momentum[i] = 0.0
         for j in range(6):
@@ -186,13 +190,13 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms,
     for m in range(N_COEFFICIENTS):
         _differentiate_term(
             _CODES[m],
-            *(motion, coefficients, inputs, inverse_by_rows),
+            *(factors, inverse_by_rows, inputs[2]),
             *(coefficients[m], force, jacobian, jacobian, N_MOTION + m),
         )
     for t in range(n_terms(constants)):
         _differentiate_term(
             constants[term_place(constants, t) + 1 :],
-            *(motion, coefficients, inputs, inverse_by_rows),
+            *(factors, inverse_by_rows, inputs[2]),
             *(coefficients[N_FACTORS + t], force, jacobian, by_terms, first + t),
         )
 
@@ -291,13 +295,21 @@ def _transition_workspace(scratch, terms):
 @compiled(types.void(_matrix, _matrix, _matrix), inline=True)
 def _transition_rate(jacobian, transition, rate):
     """Fill in ``A Phi + [0 B]`` for the Jacobian ``[A B]`` and the transition matrix Phi."""
-    for i in range(N_MOTION):
-        # The short sum inside: it is unrolled, and the loop over columns becomes vector instructions.
+    # The short sums inside: they are unrolled, and the loops over columns become vector instructions. Nothing depends
+    # on yaw, the last state, and the rates of angles only on angles and angular rates.
+    for i in range(6):
         for j in range(N_COLUMNS):
             total = 0.0
-            for k in range(N_MOTION):
+            for k in range(8):
                 total += jacobian[i, k] * transition[k, j]
             rate[i, j] = total
+    for i in range(6, N_MOTION):
+        for j in range(N_COLUMNS):
+            total = 0.0
+            for k in range(3, 8):
+                total += jacobian[i, k] * transition[k, j]
+            rate[i, j] = total
+    for i in range(N_MOTION):
         for j in range(N_MOTION, N_COLUMNS):
             rate[i, j] += jacobian[i, j]
 

@@ -40,6 +40,14 @@ def log_likelihood(problem, logarithms, groups=GROUPS):
     return -0.5 * (filtered.least + filtered.log_determinant)
 
 
+def test_a_trajectory_is_filtered_the_same_whatever_was_filtered_before(problem):
+    smoothing, there, _ = filtered_with(problem, np.zeros(len(GROUPS)))
+    elsewhere = smoothing.step(there)
+    again, fresh = smoothing.filter(elsewhere), LinearSmoothing(problem).filter(elsewhere)
+    assert (again.cost, again.least) == (fresh.cost, fresh.least) != (there.cost, there.least)
+    assert np.array_equal(again.final.columns, fresh.final.columns)
+
+
 def differences(problem, at, groups=GROUPS, step=1e-3):
     """Of two differences, what does not go with the square of the step."""
 
