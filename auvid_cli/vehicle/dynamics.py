@@ -48,6 +48,8 @@ _FactorRows = namedtuple(
 )
 _AT = _FactorRows(*range(0, N_FACTORS * LANES, LANES))
 _RUDDER, _ELEVATOR, _THRUST, _N = (SIGNALS.index(name) for name in ("rudder", "elevator", "thrust", "n"))
+_ONE = 2 * len(SIGNALS)
+_LANES, _TWO_ROWS, _FOUR_ROWS = (np.uint64(rows * LANES) for rows in (1, 2, 4))
 N_BLOCK = N_MOTION * LANES
 N_SLOPE = N_BLOCK + LANES
 
@@ -82,10 +84,13 @@ def _coupling(inverse: Array) -> Array:
 
 
 def regressor_code(coefficient: Coefficient) -> list[float]:
-    """Return row, number of factors and factors as numbers: twice the place among `SIGNALS`, one more for a modulus."""
+    """Return row, number of factors and factors as numbers: twice the place among `SIGNALS`, one more for a modulus.
+
+    Behind them, up to `MOST_FACTORS`, stands that of a factor of 1.
+    """
     pairs = zip(coefficient.signals, coefficient.moduli, strict=True)
     codes = [2 * SIGNALS.index(signal) + modulus for signal, modulus in pairs]
-    return [float(n) for n in (coefficient.row, len(codes), *codes, *[0] * (MOST_FACTORS - len(codes)))]
+    return [float(n) for n in (coefficient.row, len(codes), *codes, *[_ONE] * (MOST_FACTORS - len(codes)))]
 
 
 def vehicle_constants(parameters: Mapping[str, float], terms: Sequence[Coefficient] = ()) -> Array:
@@ -218,40 +223,77 @@ def _couple(constants, n_lanes, rates):
             rates[j * n + k] += coupling[6 * j] * surge + coupling[6 * j + 2] * heave + coupling[6 * j + 4] * pitch
 
 
+class _Factor(NamedTuple):
+    """A factor of a regressor as it acts, ``shift + gain * signal``; where the sign is negative the modulus of that."""
+
+    signal: Array
+    gain: float
+    shift: float
+    sign: float
+
+
+_FACTOR = types.NamedTuple((_vector, *[types.float64] * 3), _Factor)
+
+
+@compiled(_FACTOR(types.int64, _vector, _vector, _vector), inline=True)
+def _factor(code, motion, coefficients, inputs):
+    """Find a factor by its code, see `regressor_code`."""
+    # By arithmetic: of a choice the compiler would make a branch in the loop over lanes.
+    which, sign = code // 2, 1.0 - 2.0 * (code % 2)
+    if which < _RUDDER:
+        return _Factor(motion[which * LANES :], 1.0, 0.0, sign)
+    if which == _RUDDER:
+        return _Factor(coefficients[_AT.rudder_trim :], 1.0, inputs[0], sign)
+    if which == _ELEVATOR:
+        return _Factor(coefficients[_AT.elevator_trim :], 1.0, inputs[1], sign)
+    if which == _THRUST:
+        return _Factor(coefficients[_AT.thrust :], inputs[2], 0.0, sign)
+    return _Factor(motion, 0.0, 1.0 if code == _ONE else inputs[4 + which - _N], sign)
+
+
+@compiled(types.float64(_FACTOR, types.uint64), inline=True)
+def _value(factor, k):
+    """Compute a factor in one lane; a modulus is the greater of a value and its negative, without a branch."""
+    value = factor.shift + factor.gain * factor.signal[k]
+    return max(value, factor.sign * value)
+
+
+@compiled(types.void(_vector, _FACTOR, _FACTOR, types.UniTuple(types.float64, 3), types.uint64, _vector), inline=True)
+def _accelerate(value, first, second, shares, n_lanes, rates):
+    """Add the shares that three accelerations, every other row, have in a product with two factors.
+
+    A function of its own since arguments do not overlap: the loop then needs no checks of that.
+    """
+    share0, share1, share2 = shares
+    # That there are no more lanes than a row has the compiler does not know.
+    for k in range(min(n_lanes, _LANES)):
+        force = value[k] * _value(first, k) * _value(second, k)
+        rates[k] += share0 * force
+        rates[_TWO_ROWS + k] += share1 * force
+        rates[_FOUR_ROWS + k] += share2 * force
+
+
 @compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector), internal=True)
 def add_terms(motion, coefficients, inputs, constants, n_lanes, derivative):
-    """Add what the terms of a vehicle's own make of a motion to its derivative; arguments as of `motion_derivative`."""
-    inverse, product = constants[36:72], derivative[N_BLOCK : N_BLOCK + LANES]
+    """Add what the terms of a vehicle's own make of a motion to its derivative; arguments as of `motion_derivative`.
+
+    As there each accelerates the three motions of its own plane.
+    """
+    inverse, product = constants[36:72], derivative[N_BLOCK:]
     for t in range(n_terms(constants)):
         place, value = term_place(constants, t), coefficients[(N_FACTORS + t) * LANES :]
-        for a in range(int(constants[place + 2])):
-            before = value if a == 0 else product
-            code = int(constants[place + 3 + a])
-            which, gain, shift = code // 2, 1.0, 0.0
-            # Fins and thrust as they act.
-            if which == _THRUST:
-                signal, gain = coefficients[_AT.thrust :], inputs[2]
-            elif which == _RUDDER:
-                signal, shift = coefficients[_AT.rudder_trim :], inputs[0]
-            elif which == _ELEVATOR:
-                signal, shift = coefficients[_AT.elevator_trim :], inputs[1]
-            elif which > _THRUST:
-                signal, gain, shift = motion, 0.0, inputs[4 + which - _N]
-            else:
-                signal = motion[which * LANES :]
-            if code % 2:
-                for k in range(n_lanes):
-                    product[k] = before[k] * abs(shift + gain * signal[k])
-            else:
-                for k in range(n_lanes):
-                    product[k] = before[k] * (shift + gain * signal[k])
-        row = int(constants[place + 1])
-        for i in range(6):
-            share, rate = inverse[6 * i + row], derivative[i * LANES : (i + 1) * LANES]
-            # Most vehicles are symmetric, and half of these are zero.
-            if share != 0.0:
-                for k in range(n_lanes):
-                    rate[k] += share * product[k]
+        row, codes = int(constants[place + 1]), constants[place + 3 : place + TERM_WIDTH]
+        # Few have more than two factors.
+        for a in range(2, int(constants[place + 2])):
+            factor = _factor(int(codes[a]), motion, coefficients, inputs)
+            for k in range(n_lanes):
+                product[k] = value[k] * _value(factor, k)
+            value = product
+        first = _factor(int(codes[0]), motion, coefficients, inputs)
+        second = _factor(int(codes[1]), motion, coefficients, inputs)
+        plane = row % 2
+        shares = inverse[6 * plane + row], inverse[6 * plane + 12 + row], inverse[6 * plane + 24 + row]
+        _accelerate(value, first, second, shares, n_lanes, derivative[plane * LANES :])
 
 
 @compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector))
@@ -332,10 +374,10 @@ def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivati
         derivative[6 * n + k] = p + sin_theta * heading_rate
         derivative[7 * n + k] = q * cos_phi - r * sin_phi
         derivative[8 * n + k] = heading_rate
-    if constants[_IS_COUPLED] != 0.0:
-        _couple(constants, n_lanes, derivative)
     if n_terms(constants) > 0:
         add_terms(motion, coefficients, inputs, constants, n_lanes, derivative)
+    if constants[_IS_COUPLED] != 0.0:
+        _couple(constants, n_lanes, derivative)
 
 
 def check_terms(names: Iterable[str], equations: Callable) -> None:
