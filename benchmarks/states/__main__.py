@@ -1,17 +1,24 @@
 """Time per event by the number of states: `python -m benchmarks.states`, some five minutes.
 
 The nine motion states and 1 to 60 coefficients, of which those beyond the 22 are terms that the vehicle does not have
-(their true value is 0); and the 22 with six biases, of gyroscope and accelerometer.
+(their true value is 0); and the 22 with three biases of the gyroscope, with three more of the attitude, and with three
+terms that vehicles often have, estimated and known.
 """
 
 from dataclasses import replace
 from statistics import median
 
+from benchmarks.three_terms import three_terms
 from benchmarks.timing import Timed, described_machine, hold_to_one_core, round_robin
 from docs.section import replace_section
 
 _COUNTS = (1, 4, 8, 12, 16, 22, 23, 25, 28, 32, 36, 40, 48, 55, 60)
-_BIASED = ("identification.estimate.biases=[gyro, attitude]",)
+_BESIDE = {
+    "22 and 6 biases": ("identification.estimate.biases=[gyro, attitude]",),
+    "22 and 3 biases": ("identification.estimate.biases=[gyro]",),
+    "22 and 3 terms": three_terms(estimate=True),
+    "22, 3 terms known": three_terms(estimate=False),
+}
 _FILTERS = ("ckf", "tukf")
 _ROUNDS = 9
 
@@ -48,7 +55,7 @@ def main() -> None:
     dataset = simulate(plain)
     timed: dict[tuple[str, str], Timed] = {}
     states, events = {}, {}
-    cases = {str(count): settings(count) for count in _COUNTS} | {"22 and 6 biases": _BIASED}
+    cases = {str(count): settings(count) for count in _COUNTS} | _BESIDE
     for case, overrides in cases.items():
         told = load_experiment(find_experiment(None), ("manoeuvre.duration=20 s", *overrides))
         prepared = prepare(replace(dataset, experiment=told))

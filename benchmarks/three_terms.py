@@ -1,0 +1,12 @@
+"""Three terms of a kind that vehicles often have besides the 22, as settings of an experiment."""
+
+_TERMS = {"N_|v|r": ("N", '["|v|", r]'), "K_up": ("K", "[u, p]"), "Y_|v|r": ("Y", '["|v|", r]')}
+
+
+def three_terms(*, estimate: bool) -> tuple[str, ...]:
+    """Return the settings that add them, each with a value of 0, to be estimated or held at that."""
+    terms = [
+        f'{{name: "{name}", row: {row}, factors: {factors}, value: 0, estimate: {str(estimate).lower()}}}'
+        for name, (row, factors) in _TERMS.items()
+    ]
+    return (f"vehicle.terms=[{', '.join(terms)}]",)
