@@ -1,6 +1,7 @@
 """Raw sensors: what each of them reports of the true motion, at its own times."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -44,8 +45,15 @@ def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict
             block = slice(first, first + _BLOCK)
             true[block] = measure_block(_Sampled(truth, times[block], current, settings))
         record = corrupt(times, true, settings, name, seed)
-        records[name] = stamped(record, settings, name, seed, truth.time[-1])
+        record = stamped(record, settings, name, seed, truth.time[-1])
+        records[name] = with_shared_clock(record, truth.time, records)
     return records
+
+
+def with_shared_clock(record: SensorRecord, time: Array, records: dict[str, SensorRecord]) -> SensorRecord:
+    """Let a record hold the ticks, or the times of another, if its own are the same: of ten hours at 100 Hz 29 MB."""
+    clocks = time, *(other.time for other in records.values())
+    return replace(record, time=next((clock for clock in clocks if np.array_equal(clock, record.time)), record.time))
 
 
 class _Sampled:

@@ -1,16 +1,14 @@
 """A whole simulated run: plan, true motion, raw sensors, attitude."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.data.dataset import Dataset, SensorRecord, TruthRecord
+from auvid_cli.data.dataset import Dataset, TruthRecord
 from auvid_cli.simulation.ahrs import attitude_reference
 from auvid_cli.simulation.imperfections import stamped
 from auvid_cli.simulation.manoeuvre_plan import make_plan
-from auvid_cli.simulation.sensors import measure
+from auvid_cli.simulation.sensors import measure, with_shared_clock
 from auvid_cli.simulation.true_motion import simulate_motion
 from auvid_cli.simulation.unrecorded import draw_disturbance, draw_fin_trim, record_inputs
 
@@ -41,8 +39,8 @@ def simulate(experiment: Experiment) -> Dataset:
     if ahrs := experiment.sensors.ahrs():
         duration = float(truth.time[-1])
         attitude = attitude_reference(records, ahrs, duration)
-        records["attitude"] = stamped(attitude, ahrs.attitude, "attitude", experiment.seed, duration)
-    _share_clocks(truth.time, records)
+        attitude = stamped(attitude, ahrs.attitude, "attitude", experiment.seed, duration)
+        records["attitude"] = attitude = with_shared_clock(attitude, truth.time, records)
     return Dataset(
         inputs=record_inputs(truth.time, _recorded(truth.commands, trim), manoeuvre.recorded_rate),
         sensors=records,
@@ -64,12 +62,3 @@ def _recorded(commands: Array, trim: Array) -> Array:
     recorded = commands.copy()
     recorded[:, : trim.size] -= trim
     return recorded
-
-
-def _share_clocks(time: Array, records: dict[str, SensorRecord]) -> None:
-    """Let records of the same times hold one array of them: three of ten hours at 100 Hz are 86 MB."""
-    clocks = [time]
-    for name, record in records.items():
-        clock = next((each for each in clocks if np.array_equal(each, record.time)), record.time)
-        records[name] = replace(record, time=clock)
-        clocks.append(clock)

@@ -206,6 +206,17 @@ def test_seeds_differ_and_repeat(experiment_with, standing_still):
         assert not np.any(first == other)
 
 
+def test_noise_is_the_same_in_whatever_parts_it_is_drawn(measurement, monkeypatch):
+    whole = measurement("gyroscope", "{rate: 50 Hz, noise: 0.1 deg/s}", 2.0)
+    monkeypatch.setattr("auvid_cli.simulation.imperfections._BLOCK", 7)
+    assert np.array_equal(measurement("gyroscope", "{rate: 50 Hz, noise: 0.1 deg/s}", 2.0).values, whole.values)
+
+
+def test_sensors_that_tick_together_hold_one_array_of_times_as_soon_as_they_are_there(experiment_with, standing_still):
+    records = measure(standing_still(2.0), experiment_with(*NOISELESS).sensors, STILL_WATER, 1)
+    assert records["gyroscope"].time is records["accelerometer"].time is records["dvl"].time
+
+
 def test_sensors_do_not_share_their_noise(experiment_with, standing_still):
     suite = experiment_with(*(f"sensors.{name}={{rate: 20 Hz, noise: 1}}" for name in RAW)).sensors
     records = measure(standing_still(2.0), suite, STILL_WATER, 1)
