@@ -57,7 +57,7 @@ _TURNS = (
         "clockwise from above; headings of ENU count the other way",
         (
             *("v in a turn", "v against accelerometer", "lever arm", "current", "heading offset", "response of u"),
-            *("bias instability of r", *_FINS, *_LASTING),
+            *("bias instability of r", "trim", *_FINS, *_LASTING),
         ),
     ),
 )

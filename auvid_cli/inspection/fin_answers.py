@@ -82,11 +82,7 @@ def promised_answer(
         return None
     name, rate = next(iter(rates.items()))
     step = signals.grid.step
-    if motion is None:
-        steps = np.full(window, step)
-    else:
-        steps = motion.answer(axis.rate, _STATES[axis.rate], _ANSWERED[axis.rate], step, window)
-    promised, beside = _by_steps(force, steps), _beside(signals, axis)
+    promised, beside = by_steps(force, answer_by_steps(signals, axis, motion, window)), _beside(signals, axis)
     if name != "gyroscope":
         # As the changes of angles are taken, over which the rate is smoothed.
         half = attitude_window(signals, "psi" if name == "attitude" else "heading") // 2
@@ -95,7 +91,14 @@ def promised_answer(
     return PromisedAnswer(change(rate, window), promised, [*beside, *(np.abs(each) * each for each in beside)], window)
 
 
-def _by_steps(force: Array, steps: Array) -> Array:
+def answer_by_steps(signals: Signals, axis: RotationAxis, motion: SmallMotion | None, window: int) -> Array:
+    """Return how much each cell of a window of a unit input changes a rate by its end; alike where nothing says."""
+    if motion is None:
+        return np.full(window, signals.grid.step)
+    return motion.answer(axis.rate, _STATES[axis.rate], _ANSWERED[axis.rate], signals.grid.step, window)
+
+
+def by_steps(force: Array, steps: Array) -> Array:
     """Add up over each window what the means between the middles of cells make of a rate by its end."""
     between = 0.5 * (force[:-1] + force[1:])
     added = np.full(force.size, np.nan)

@@ -28,6 +28,7 @@ from auvid_cli.inspection.inspection import Inspection, Mark, judged
 from auvid_cli.inspection.kinematic_ties import attitude_rates
 from auvid_cli.inspection.lasting_errors import lasting_error_checks, lasting_errors
 from auvid_cli.inspection.likely_causes import causes_by_evidence, causes_check
+from auvid_cli.inspection.rudder_trim import rudder_trim, rudder_trim_checks
 from auvid_cli.inspection.sensor_delays import sensor_delay_checks
 from auvid_cli.inspection.single_sensor import measurement_checks
 from auvid_cli.inspection.steps import angle_steps, gimbal_check, step_check
@@ -95,6 +96,8 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     # Of sensors that contradict each other none is a witness.
     if not any(check.passed is False and check.subject in sound for check in [*rotations, *velocities]):
         checks += strength_checks(aligned(in_water, alignment), motion, time_constant)
+    trim = rudder_trim(aligned(in_water, alignment), motion, time_constant)
+    checks += rudder_trim_checks(trim)
     contradicted = any(check.passed is False and check.subject in sound for check in rotations)
     checks += sensor_delay_checks(signals, time_constant, contradicted)
     if not contradicted:
@@ -107,7 +110,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     presence = {name: _presence(record, span) for name, record in sensors.items()}
     weighty = weighed(checks)
     current = found if found is not None and is_current(signals, found) else None
-    weighty.append(causes_check(causes_by_evidence(alignment, current, errors), weighty))
+    weighty.append(causes_check(causes_by_evidence(alignment, current, trim, errors), weighty))
     return Inspection(Checks(weighty), marks, inputs, presence, span)
 
 

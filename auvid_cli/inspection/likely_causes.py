@@ -1,4 +1,4 @@
-"""What identification should be told of these data, the likeliest first: delay, current, errors that last."""
+"""What identification should be told of these data, the likeliest first: delay, current, trim, errors that last."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -8,6 +8,7 @@ from auvid_cli.inspection.alignment import Alignment
 from auvid_cli.inspection.current import Drift
 from auvid_cli.inspection.inspection import judged
 from auvid_cli.inspection.lasting_errors import LastingError
+from auvid_cli.inspection.rudder_trim import RudderTrim
 
 _SUBJECT, _NAME = "identification", "likely causes"
 
@@ -31,7 +32,7 @@ class LikelyCause(NamedTuple):
 
 
 def causes_by_evidence(
-    alignment: Alignment, drift: Drift | None, errors: Sequence[LastingError]
+    alignment: Alignment, drift: Drift | None, trim: RudderTrim | None, errors: Sequence[LastingError]
 ) -> Iterator[LikelyCause]:
     """Yield what the evidence speaks for.
 
@@ -40,6 +41,8 @@ def causes_by_evidence(
     alignment : Alignment
     drift : Drift or None
         None where there is no current.
+    trim : RudderTrim or None
+        None where nothing tells it.
     errors : sequence of LastingError
     """
     if alignment.is_delayed and alignment.delay is not None:
@@ -48,6 +51,9 @@ def causes_by_evidence(
     if drift is not None:
         remedy = "the current (`identification.estimate.biases: [current]`)"
         yield LikelyCause(0.5 * (drift.size / drift.error) ** 2, "a current", remedy, ("current",))
+    if trim is not None and trim.is_off:
+        remedy = "the trim of the rudder (`identification.estimate.biases: [fin_trim]`)"
+        yield LikelyCause(0.5 * (trim.angle / trim.error) ** 2, "a rudder that is off its middle", remedy, ("trim",))
     if beyond := [error for error in errors if error.is_beyond_noise]:
         yield LikelyCause(
             sum(error.gain for error in beyond),

@@ -36,7 +36,9 @@ class Regression(NamedTuple):
     independent: float
 
 
-def fit(values: Array, regressor: Array, others: Sequence[Array], window: int) -> Regression | None:
+def fit(
+    values: Array, regressor: Array, others: Sequence[Array], window: int, constant: bool = True
+) -> Regression | None:
     """Regress on one signal, on others beside it, and on a constant.
 
     Parameters
@@ -46,6 +48,8 @@ def fit(values: Array, regressor: Array, others: Sequence[Array], window: int) -
     others : sequence of ndarray
     window : int
         Samples over which the signals were averaged.
+    constant : bool
+        Whether there is one beside: not where the regressor itself is as good as constant.
 
     Returns
     -------
@@ -58,7 +62,7 @@ def fit(values: Array, regressor: Array, others: Sequence[Array], window: int) -
     if windows < _FEWEST_WINDOWS + len(others):
         return None
     y, *rows = columns[:, complete[:: 1 + complete.size // _MOST_ROWS]]
-    beside = np.stack([*(_unit(row) for row in rows[1:]), np.ones(y.size)], axis=1)
+    beside = np.stack([*(_unit(row) for row in rows[1:]), *[np.ones(y.size)] * constant], axis=1)
     x = rows[0]
     weighted = _weighted(y, x, beside, np.ones(y.size))
     for _ in range(_ROUNDS):

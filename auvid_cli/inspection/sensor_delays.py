@@ -1,6 +1,6 @@
 """Whether sensors that kinematics tie to each other are stamped by the same clock: rates, angles, depth, velocity."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -39,6 +39,8 @@ class _Pair(NamedTuple):
     measured, expected : ndarray
     turned : mapping of ndarray
         What others make of it if the sign of one of them, whose symbol it is, is turned: that looks like a delay.
+    swings : bool
+        Whether a sensor that sits ahead or aft of the other looks late.
     """
 
     sensor: str
@@ -46,6 +48,7 @@ class _Pair(NamedTuple):
     measured: Array
     expected: Array
     turned: Mapping[str, Array] = MappingProxyType({})
+    swings: bool = False
 
 
 def sensor_delay_checks(signals: Signals, time_constant: float | None, contradicted: bool) -> list[Check]:
@@ -65,8 +68,12 @@ def sensor_delay_checks(signals: Signals, time_constant: float | None, contradic
         if contradicted and pair.sensor != "gyroscope":
             continue
         by_sensors.setdefault((pair.sensor, pair.other), []).append(pair)
-    # A DVL ahead of the accelerometer swings like one that is late: of these two a lag is only noted.
-    largest = {"depth": _LARGEST + _AFT * (time_constant or 0.0), "dvl": np.inf}
+    # A DVL ahead of the accelerometer swings like one that is late: of these two a lag is only noted, unless surge,
+    # which does not swing, tells one by itself.
+    surge = [pair for pair in by_sensors.get(("dvl", "accelerometer"), ()) if not pair.swings]
+    lag = _lag(signals, surge, window)
+    late = lag is not None and lag.beyond > _LARGEST
+    largest = {"depth": _LARGEST + _AFT * (time_constant or 0.0), "dvl": _LARGEST if late else np.inf}
     checks = (
         _check(signals, sensor, other, pairs, window, largest.get(sensor, _LARGEST))
         for (sensor, other), pairs in by_sensors.items()
@@ -88,10 +95,31 @@ def _pairs(signals: Signals, half: int) -> Iterator[_Pair]:
         # What is left of the specific force beside gravity and the turning is the change of a velocity.
         left = value[f"f{'xyz'['uvw'.index(velocity)]}"] - sum(force.others)
         changing = rate_of_change(value[velocity], step, half)
-        yield _Pair("dvl", "accelerometer", changing, response_to_rates(left, step, half))
+        yield _Pair("dvl", "accelerometer", changing, response_to_rates(left, step, half), swings=velocity != "u")
 
 
-def _check(signals: Signals, sensor: str, other: str, pairs: list[_Pair], window: int, largest: float) -> Check | None:
+class _Lag(NamedTuple):
+    """How much later what a sensor measures is than what is expected, and its standard deviation, s.
+
+    Attributes
+    ----------
+    size, error : float
+    turned : list of str
+        Symbols of the signs that seem turned.
+    """
+
+    size: float
+    error: float
+    turned: list[str]
+
+    @property
+    def beyond(self) -> float:
+        """Return how long it is at least, s."""
+        return abs(self.size) - 2.0 * self.error
+
+
+def _lag(signals: Signals, pairs: Sequence[_Pair], window: int) -> _Lag | None:
+    """Find the one lag that pairs of signals have together; None where they hardly agree."""
     lags = np.arange(-round(_LONGEST / signals.grid.step), round(_LONGEST / signals.grid.step) + 1)
     usual = np.abs(lags) * signals.grid.step <= _USUAL
     likelihood, turned = np.zeros(lags.size), list[str]()
@@ -106,16 +134,21 @@ def _check(signals: Signals, sensor: str, other: str, pairs: list[_Pair], window
     if not likelihood.any():
         return None
     cells, error = likeliest_lag(likelihood)
-    lag, unsure = cells * signals.grid.step, error * signals.grid.step
-    beyond = abs(lag) - 2.0 * unsure
-    late, early = (sensor, other) if lag > 0.0 else (other, sensor)
+    return _Lag(cells * signals.grid.step, error * signals.grid.step, turned)
+
+
+def _check(signals: Signals, sensor: str, other: str, pairs: list[_Pair], window: int, largest: float) -> Check | None:
+    lag = _lag(signals, pairs, window)
+    if lag is None:
+        return None
+    late, early = (sensor, other) if lag.size > 0.0 else (other, sensor)
     return judged(
         sensor,
         f"delay against {other}",
-        statistic=f"{late} is {abs(lag):.2f} +- {unsure:.1g} s later than {early}"
-        + (f", if the sign of {', '.join(turned)} is turned, as it seems" if turned else ""),
+        statistic=f"{late} is {abs(lag.size):.2f} +- {lag.error:.1g} s later than {early}"
+        + (f", if the sign of {', '.join(lag.turned)} is turned, as it seems" if lag.turned else ""),
         threshold=f"<= {_USUAL:g} s" + (f"; fails beyond {largest:.2g} s" if np.isfinite(largest) else ""),
-        passed=False if beyond > largest else None if beyond > _USUAL else True,
+        passed=False if lag.beyond > largest else None if lag.beyond > _USUAL else True,
         advice=f"{late} is stamped late, or {early} early: shift the times, state it (`identification.delays`), or let "
         "it be found (`identification.estimate.biases: [delay]`)." + _OTHERWISE.get(sensor, ""),
     )

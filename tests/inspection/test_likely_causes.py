@@ -13,6 +13,7 @@ from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.inspection.inspection import cannot_tell, judged
 from auvid_cli.inspection.lasting_errors import LastingError, lasting_errors
 from auvid_cli.inspection.likely_causes import causes_by_evidence, causes_check
+from auvid_cli.inspection.rudder_trim import RudderTrim
 
 DIRECT = "sensors.attitude={source: direct, rate: 20 Hz, noise: 0.1 deg}", "sensors.gyroscope.rate=20 Hz"
 
@@ -42,23 +43,29 @@ def test_a_coloured_gyroscope_asks_for_its_bias_or_more_process_noise(simulated_
 
 
 def test_causes_stand_in_the_order_of_their_evidence_and_doubtful_ones_are_left_out():
-    late, flow = Alignment(0.5, False, 1.0, gain=30.0), Drift(0.3, 0.4, 0.1)
+    late, flow, trim = Alignment(0.5, False, 1.0, gain=30.0), Drift(0.3, 0.4, 0.1), RudderTrim(-0.02, 0.002)
     errors = [LastingError("r", 0.02, 0.001, 100.0), LastingError("q", 0.001, 0.001, 0.0)]
     notes = [
         judged("x", name, statistic="much", threshold="little", passed=None, advice="")
-        for name in ("delay", "current", "errors that last in r")
+        for name in ("delay", "current", "trim", "errors that last in r")
     ]
-    check = causes_check(causes_by_evidence(late, flow, errors), notes)
+    check = causes_check(causes_by_evidence(late, flow, trim, errors), notes)
     assert [part.partition(" (")[0] for part in check.statistic.split("; ")] == [
         "errors of the gyroscope that last",
+        "a rudder that is off its middle",
         "inputs at another time",
         "a current",
     ]
     # A gain of half the squared standard errors: 0.5 m/s of 0.1 m/s.
     assert "a current (gains 12 in log-likelihood)" in check.statistic
-    assert check.advice.index("[gyro]") < check.advice.index("inputs: -0.5 s") < check.advice.index("[current]")
+    assert (
+        check.advice.index("[gyro]")
+        < check.advice.index("[fin_trim]")
+        < check.advice.index("inputs: -0.5 s")
+        < check.advice.index("[current]")
+    )
     doubted = [cannot_tell("x", "delay", "nothing turns", ""), *notes[1:]]
-    assert "inputs" not in causes_check(causes_by_evidence(late, flow, errors), doubted).statistic
+    assert "inputs" not in causes_check(causes_by_evidence(late, flow, trim, errors), doubted).statistic
 
 
 @pytest.fixture

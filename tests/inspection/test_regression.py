@@ -20,6 +20,16 @@ def test_the_gain_is_that_of_least_squares_where_the_noise_is_normal(rng):
     assert fitted.correlation == pytest.approx(2.5 / np.hypot(2.5, 0.1), abs=1e-3)
 
 
+def test_what_is_as_good_as_constant_is_found_without_a_constant_beside(rng):
+    other, noise = rng.standard_normal((2, 4000))
+    x = 1.0 + 0.01 * rng.standard_normal(4000)
+    y = 0.3 * x - 3.0 * other + 0.1 * noise
+    fitted = fit(y, x, [other], 1, constant=False)
+    assert fitted is not None
+    assert fitted.gain == pytest.approx(np.linalg.lstsq(np.stack([x, other], axis=1), y)[0][0], abs=fitted.error)
+    assert fitted.error == pytest.approx(0.1 / np.sqrt(4000), rel=0.1)
+
+
 def test_a_tenth_of_wild_values_hardly_moves_the_gain(rng):
     x, noise = rng.standard_normal((2, 5000))
     y = -x + 0.1 * noise

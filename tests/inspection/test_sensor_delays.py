@@ -49,11 +49,34 @@ def test_a_late_sensor_is_named_with_its_delay(sensor, seconds, logged, changed)
         time += seconds
 
     check = verdicts(changed(logged, sensor, late))[sensor, f"delay against {PAIRS[sensor]}"]
-    # A DVL ahead of the accelerometer looks like one that is late.
-    assert check.passed is (None if sensor == "dvl" else False)
+    assert check.passed is False
     named, size = check.statistic.split(" is ")
     assert named == (sensor if seconds > 0.0 else PAIRS[sensor])
     assert float(size.split()[0]) == pytest.approx(abs(seconds), abs=0.06)
+
+
+def test_a_dvl_that_sits_ahead_looks_late_but_not_by_surge_and_is_only_noted(logged, changed):
+    truth = logged.truth
+
+    def ahead(time, values):
+        q, r = (np.interp(time, truth.time, truth.motion[:, row]) for row in (4, 5))
+        values[:, 1] += 0.5 * r
+        values[:, 2] -= 0.5 * q
+
+    check = verdicts(changed(logged, "dvl", ahead))["dvl", "delay against accelerometer"]
+    assert check.passed is None
+    assert "later than accelerometer" in check.statistic
+
+
+def test_a_late_dvl_is_only_noted_where_the_speed_hardly_changes(multisine_with, changed):
+    """There the swing of one that sits ahead is all that tells."""
+
+    def late(time, _):
+        time += 0.4
+
+    steady = multisine_with("manoeuvre=manoeuvres/doublets.yaml", "manoeuvre.duration=60 s")
+    check = verdicts(changed(steady, "dvl", late))["dvl", "delay against accelerometer"]
+    assert check.passed is None
 
 
 def test_a_heave_counted_upwards_is_a_sign_and_no_delay(heaving, changed):

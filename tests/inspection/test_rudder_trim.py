@@ -1,0 +1,84 @@
+"""A rudder that stands off its middle on straight courses is noted with its angle; one that keeps a turn is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid_cli.inspection.inspect import inspect_dataset
+from auvid_cli.inspection.rudder_trim import RudderTrim, rudder_trim_checks
+
+DEGREE = np.pi / 180.0
+
+
+def with_rudder(dataset, degrees):
+    """The same run with a record of the rudder that is off by so much."""
+    values = dataset.inputs.values + degrees * DEGREE * np.eye(4)[0]
+    return replace(dataset, inputs=replace(dataset.inputs, values=values))
+
+
+def trims(dataset):
+    return [check for check in inspect_dataset(dataset).checks if (check.subject, check.check) == ("rudder", "trim")]
+
+
+def angle(check):
+    words = check.statistic.split()
+    return float(words[0]), float(words[2])
+
+
+@pytest.fixture(scope="module")
+def zigzag(simulated_with):
+    return simulated_with("manoeuvre=manoeuvres/zigzag_20_20.yaml", "manoeuvre.duration=100 s")
+
+
+@pytest.mark.parametrize("degrees", [-2.0, 1.0])
+def test_a_rudder_off_its_middle_is_noted_with_its_angle(degrees, zigzag):
+    (check,) = trims(with_rudder(zigzag, degrees))
+    stands, unsure = angle(check)
+    assert check.passed is None
+    assert abs(stands - degrees) < 4.0 * unsure
+    assert "[fin_trim]" in check.advice
+
+
+def test_it_is_among_the_likely_causes(zigzag):
+    (causes,) = [check for check in inspect_dataset(with_rudder(zigzag, 2.0)).checks if check.check == "likely causes"]
+    assert "a rudder that is off its middle" in causes.statistic
+    assert "[fin_trim]" in causes.advice
+
+
+def test_one_in_the_middle_passes_beside_a_biased_gyroscope(zigzag):
+    gyroscope = zigzag.sensors["gyroscope"]
+    biased = replace(gyroscope, values=gyroscope.values + DEGREE * np.eye(3)[2])
+    (check,) = trims(replace(zigzag, sensors=zigzag.sensors | {"gyroscope": biased}))
+    assert check.passed
+    assert abs(angle(check)[0]) < 4.0 * angle(check)[1]
+
+
+def test_a_survey_shows_the_trim_of_its_rudder_beside_a_current(experiment_with, simulated_with):
+    settings = "manoeuvre=manoeuvres/lawnmower.yaml", "sensors=sensors/field.yaml", "manoeuvre.duration=200 s"
+    trim = experiment_with(*settings).manoeuvre.fin_trim.rudder / DEGREE
+    (check,) = trims(simulated_with(*settings))
+    stands, unsure = angle(check)
+    assert check.passed is None
+    # What is recorded is less than what the fin stands at, and a straight course has that at zero.
+    assert abs(stands + trim) < 4.0 * unsure
+
+
+def test_nothing_is_said_where_the_course_is_never_straight(simulated_with):
+    assert not trims(simulated_with("manoeuvre.duration=100 s"))
+
+
+def test_nothing_is_said_of_a_vehicle_that_lies_over(zigzag):
+    attitude = zigzag.sensors["attitude"]
+    tilted = replace(attitude, values=attitude.values + 5.0 * DEGREE * np.eye(3)[0])
+    assert not trims(with_rudder(replace(zigzag, sensors=zigzag.sensors | {"attitude": tilted}), 2.0))
+
+
+def test_nothing_is_said_where_only_a_gyroscope_tells_the_turning(zigzag):
+    assert not trims(replace(zigzag, sensors={k: v for k, v in zigzag.sensors.items() if k in ("gyroscope", "dvl")}))
+
+
+def test_what_is_not_known_to_a_fifth_of_a_degree_is_not_judged():
+    assert rudder_trim_checks(RudderTrim(0.1, 0.19 * DEGREE))
+    assert not rudder_trim_checks(RudderTrim(0.1, 0.21 * DEGREE))
+    assert not rudder_trim_checks(None)
