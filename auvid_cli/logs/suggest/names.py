@@ -38,7 +38,10 @@ EARTH_VELOCITY: dict[str, str] = {
     component: rf"(dvl_)?(v|vel|velocity)[_.]?({word[0]}|{word})|{word}_?(v|vel|velocity)"
     for component, word in zip("uvw", ("north", "east", "down"), strict=True)
 }
-QUATERNION_NAMES: dict[str, str] = {axis: rf"(orientation|quaternion|quat|q)[_.]{axis}|q{axis}" for axis in "wxyz"}
+# PX4 numbers its components, w first.
+QUATERNION_NAMES: dict[str, str] = {
+    axis: rf"(orientation|quaternion|quat|q)[_.]{axis}|q{axis}|q\[{number}\]" for number, axis in enumerate("wxyz")
+}
 _OF_QUATERNION = "|".join(QUATERNION_NAMES.values())
 INPUT_NAMES: dict[str, str] = {
     "rudder": r"(rudder|delta_r|dr)(_(angle|cmd|input))?|yaw_input|fin",
@@ -73,7 +76,7 @@ _OWNER, _FILTERED = r"((platform|vehicle|auv|nav|m)_)?", r"(_filt(ered)?)?"
 _SENT = r"(desired_)?"
 _SOME_TIME = r"(t|time|timestamp|stamp)_\w+|\w+_(t|time|timestamp|stamp)"
 _TIMES = r"(t|time|timestamp|stamp|unix_?(s|time)?|t_s|seconds|secs?|time_?(s|us|ms|ns)|epoch\w*|utc\w*|date_?time)"
-_BARE_FIELD = re.compile(r"(data|value)(\[(?P<index>[012])\])?|(?P<axis>[xyz])")
+_BARE_FIELD = re.compile(r"(data|value|xyz)(\[(?P<index>[012])\])?|(?P<axis>[xyz])")
 # What messages of ROS hold that refer to forward-left-up axes and east-north-up by convention (REP 103).
 _REP_103 = {
     "sensor_msgs/Imu": ("orientation.w", "angular_velocity.x", "linear_acceleration.x"),

@@ -222,6 +222,24 @@ def test_topics_of_bare_numbers_are_called_by_their_topics():
     assert {signal["column"] for signal in signals.values()} == {"data"}
 
 
+def test_vectors_of_px4_are_known_by_their_topics_and_its_quaternion_by_numbers():
+    vectors = {f"xyz[{k}]": 0.1 * WAVE for k in range(3)}
+    half = 0.1 * WAVE
+    quaternion = {"q[0]": np.cos(half), "q[1]": np.sin(half), "q[2]": 0.0 * half, "q[3]": 0.0 * half}
+    topics = {"vehicle_angular_velocity": vectors, "vehicle_acceleration": vectors, "vehicle_attitude": quaternion}
+    wanted = {"vehicle_attitude_setpoint": quaternion, "vehicle_local_position": {"vx": WAVE, "vy": WAVE, "vz": WAVE}}
+    text = suggest([Topics(**topics, **wanted)], Path())
+    sensors = yaml.safe_load(text)["sensors"]
+    assert {name: sensors[name]["table"] for name in ("gyroscope", "accelerometer", "attitude")} == {
+        "gyroscope": "vehicle_angular_velocity",
+        "accelerometer": "vehicle_acceleration",
+        "attitude": "vehicle_attitude",
+    }
+    assert list(sensors["gyroscope"]["columns"].values()) == ["xyz[0]", "xyz[1]", "xyz[2]"]
+    assert sensors["attitude"]["quaternion"] == {"w": "q[0]", "x": "q[1]", "y": "q[2]", "z": "q[3]"}
+    assert "vehicle_attitude_setpoint, set-points" in text
+
+
 def test_validity_of_the_message_and_not_of_a_part_of_it():
     dvl = {"beams[0].valid": np.ones(TIME.size), "velocity_valid": np.ones(TIME.size), "velocity.x": WAVE}
     found = yaml.safe_load(suggest([Topics(__dvl=dvl)], Path()))
