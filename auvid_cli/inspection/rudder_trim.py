@@ -56,14 +56,11 @@ def rudder_trim(signals: Signals, motion: SmallMotion | None, time_constant: flo
     """
     turns = moment(signals, _YAW)
     rates = {name: rate for name, rate in rates_by_sensor(signals, _YAW.rate).items() if name != "gyroscope"}
-    lies_over = signals.has("phi") and abs(np.nanmean(signals.values["phi"])) > _LEVEL
-    if turns is None or not rates or lies_over:
+    if turns is None or not rates or _lies_over(signals):
         return None
     ((name, rate),) = rates.items()
-    window, half = (
-        answer_window(signals, _YAW, time_constant),
-        attitude_window(signals, "psi" if name == "attitude" else "heading") // 2,
-    )
+    window = answer_window(signals, _YAW, time_constant)
+    half = attitude_window(signals, "psi" if name == "attitude" else "heading") // 2
     steps = answer_by_steps(signals, _YAW, motion, window)
     per_angle = signals.values["u"] ** 2 if signals.has("u") else np.ones(signals.grid.cells)
     given, per_angle, before = (
@@ -75,6 +72,12 @@ def rudder_trim(signals: Signals, motion: SmallMotion | None, time_constant: flo
     if fitted is None or not fitted.spread**2 >= _LEAST_SHARE * np.nanmean(per_angle**2):
         return None
     return RudderTrim(fitted.gain, fitted.error)
+
+
+def _lies_over(signals: Signals) -> bool:
+    roll = signals.values.get("phi", np.zeros(1))
+    known = roll[np.isfinite(roll)]
+    return bool(known.size) and abs(float(known.mean())) > _LEVEL
 
 
 def rudder_trim_checks(found: RudderTrim | None) -> list[Check]:
