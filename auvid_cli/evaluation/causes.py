@@ -51,7 +51,8 @@ def likely_causes(estimate: Estimate) -> list[Cause]:
     Parameters
     ----------
     estimate : Estimate
-        Best the smoother's, which has been tested for faults. A fault that scores z gains z^2 / 2.
+        Best the smoother's, which has been tested for faults. A fault that scores z gains z^2 / 2. It leaves errors
+        that last: where the likeliest explains most of these, they are named with what they gain beyond it.
     """
     faults = [
         Cause(0.5 * test.z**2, fault_with_size(test), remedy_of_fault(test.fault))
@@ -63,6 +64,13 @@ def likely_causes(estimate: Estimate) -> list[Cause]:
     if any(noise.gain > _WORTH_NAMING and noise.lasts for noise in noises):
         # What lasts asks for more process noise, whatever the innovations of another sensor look like.
         noises = [noise_cause(*of_sensor, or_less_process_noise=False) for of_sensor in told]
+    likeliest = max((fault.gain for fault in faults), default=0.0)
+    noises = [
+        noise._replace(gain=noise.gain - likeliest)
+        if noise.lasts and likeliest < noise.gain < 2.0 * likeliest
+        else noise
+        for noise in noises
+    ]
     likely = [cause for cause in [*faults, *noises] if cause.gain > _WORTH_NAMING]
     return sorted(likely, key=lambda cause: -cause.gain)
 
@@ -104,7 +112,10 @@ def noise_cause(sensor: str, innovations: Innovations, or_less_process_noise: bo
         or_less = ", or less process noise" if or_less_process_noise else ""
         return Cause(gain, f"more noise of {sensor} than stated{or_less}", _TUNE_SENSORS)
     lasting = f"errors of {sensor} that last, or motion that the model does not explain"
-    remedy = f"more process noise ({_TUNE}), or its bias or a disturbance (identification.estimate.biases)"
+    remedy = (
+        f"more process noise ({_TUNE}), a disturbance (`auvid tune --disturbance` finds whether), or its bias "
+        "(identification.estimate.biases)"
+    )
     return Cause(gain, lasting, remedy, lasts=True)
 
 

@@ -50,19 +50,24 @@ def remedy_of_divergence(estimate: Estimate) -> str:
 
 def _remedy_of_unconverged(estimate: Estimate) -> str:
     """Return what may help a fit that did not settle: more steps, unless it is where the data are not met."""
-    settings = estimate.experiment.identification
+    settings, large = estimate.experiment.identification, "its residuals are larger than the noise"
     if estimate.is_free_run_fit:
         more = f"identification.output_error.max_evaluations={2 * settings.output_error.max_evaluations}"
         held = "" if settings.output_error.use_prior else " or let the prior hold them (output_error.use_prior)"
-        elsewhere = "fit shorter segments (--use), or take the smoother"
+        elsewhere = (
+            f"{large}: allow more steps (--set {more}); if they stay large, fit shorter segments (--use), or take the "
+            "smoother"
+        )
     else:
         more = f"identification.smoother.max_passes={2 * settings.smoother.max_passes}"
         held = " or narrow the prior (identification.prior.factor)"
-        elsewhere = "look at signs, units and stated noise (auvid inspect), or raise the process noise"
-    if not mean_nis(estimate) <= LARGEST_NIS:
-        return (
-            f"its residuals are larger than the noise: allow more steps (--set {more}); if they stay large, {elsewhere}"
+        elsewhere = (
+            f"{large}, where more steps (--set {more}) seldom help: look at signs, units and delays (auvid inspect), "
+            "and let the data say how much process noise the model needs (--set identification.noise=estimate, or "
+            "auvid tune)"
         )
+    if not mean_nis(estimate) <= LARGEST_NIS:
+        return elsewhere
     return (
         f"its residuals are as large as the noise: allow more steps (--set {more}); coefficients that still move "
         f"then are not determined by these data: hold them (identification.coefficients){held}"

@@ -83,6 +83,18 @@ def test_causes_stand_in_the_order_of_their_gain(rng, short_estimates):
     assert ["delay" in cause.name for cause in causes] == [True, False, True]
 
 
+@pytest.mark.parametrize(("size", "first"), [(30.0, "delay of the inputs"), (8.0, "errors of dvl that last")])
+def test_a_fault_that_explains_most_of_what_lasts_stands_before_it(size, first, rng, short_estimates):
+    faults = [FaultTest("delay of the inputs", "s", size, 1.0, "N_uudr", 1.0)]
+    noise = {"dvl": innovations_of(autoregressive(rng, 0.2, 10_000))}
+    plain = likely_causes(replace(short_estimates[FilterName.CKF], innovations=noise, faults=[]))
+    causes = likely_causes(replace(short_estimates[FilterName.CKF], innovations=noise, faults=faults))
+    assert causes[0].name.startswith(first)
+    lasts = next(cause for cause in causes if cause.lasts)
+    explained = 0.5 * size**2 if first.startswith("delay") else 0.0
+    assert lasts.gain == pytest.approx(plain[0].gain - explained)
+
+
 def test_errors_of_a_gyroscope_that_last_are_named_and_nobody_says_to_lower_the_process_noise(simulated_with, rng):
     dataset = simulated_with("manoeuvre.duration=60 s", "sensors.attitude.source=direct")
     gyroscope = dataset.sensors["gyroscope"]
