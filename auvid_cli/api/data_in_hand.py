@@ -10,6 +10,7 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.design.task import InHand
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.bounds import information_with_process_noise
+from auvid_cli.evaluation.motion_along import probable_motion
 from auvid_cli.identification.identify import with_noise_settled
 from auvid_cli.identification.prepared_data import prepare
 
@@ -57,12 +58,13 @@ def _information(
             f"--given {name}: holds {', '.join(held)}, so that what it says of the others presumes it; hold it here as "
             "well (--set identification.coefficients=...)"
         )
-    information = information_with_process_noise(with_noise_settled(prepare(dataset)), values)
-    if information is None:
+    about = probable_motion(with_noise_settled(prepare(dataset)), values)
+    if about is None:
         raise DataError(
             f"--given {name}: no trajectory follows its measurements with the coefficients of this design; name an "
             "estimate from it (--at FILE)"
         )
+    information = information_with_process_noise(about)
     inside = [place for place, symbol in enumerate(information.symbols) if symbol in estimated]
     beside = [place for place, symbol in enumerate(information.symbols) if symbol not in estimated]
     across = information.matrix[np.ix_(inside, beside)]

@@ -1,19 +1,21 @@
 """What estimates are held against: the least standard deviation that their data allow."""
 
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.linalg import block_diag, solve_triangular
 
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
-from auvid_cli.filters.smoother import follow
-from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
+from auvid_cli.evaluation.motion_along import (
+    ProbableMotion,
+    probable_motion,
+    true_initial_motions,
+    true_motion,
+)
+from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.delays import delays_about
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.prepared_data import PreparedData
@@ -22,8 +24,6 @@ Array = NDArray[np.float64]
 
 # Shares below this are rounding.
 _ROUNDING = 1e-9
-# Instants beyond those between which a spline is wanted.
-_NEIGHBOURS = 8
 
 UNSTABLE = (
     "the motion is unstable in open loop, and after {:.3g} s its sensitivities differ by more than numbers can hold"
@@ -102,7 +102,8 @@ def bounds_at(prepared: PreparedData, values: Mapping[str, float]) -> Bounds:
         Of the coefficients, by symbol, SI.
     """
     try:
-        motion = true_motion(prepared) or probable_motion(prepared, values)
+        if (motion := true_motion(prepared)) is None and (about := probable_motion(prepared, values)) is not None:
+            motion = about.motion()
         information = information_at(prepared, values, true_initial_motions(prepared), motion)
     except DataError as error:
         return Bounds({}, {}, str(error))
@@ -160,61 +161,23 @@ def bounds_with_process_noise(prepared: PreparedData, reference: Estimate) -> di
     return {symbol: size for symbol, size in bound.items() if symbol in reference.coefficient_set.symbols}
 
 
-def information_with_process_noise(prepared: PreparedData, values: Mapping[str, float]) -> DataInformation | None:
+def information_with_process_noise(about: ProbableMotion) -> DataInformation:
     """Find the same before any estimate, about the trajectory that keeps some coefficients along the measurements.
 
     Parameters
     ----------
-    prepared : PreparedData
-    values : mapping
-        Of all coefficients that are estimated, SI, by symbol.
-
-    Returns
-    -------
-    DataInformation or None
-        None where no trajectory follows the data with these values and the process noise of the settings.
+    about : ProbableMotion
+        With all coefficients that are estimated held.
     """
-    augmented = augmented_problem(prepared)
-    layout = augmented.layout
-    if (about := smoothed_with(augmented, values)) is None:
-        return None
-    smoothing, filtered = about
+    layout, filtered = about.augmented.layout, about.filtered
     n = layout.n_parameters
     covariance = filtered.final.covariance()[:n, :n] * np.outer(layout.scale[:n], layout.scale[:n])
-    symbols, factor = layout.symbols[:n], layout.scale[:n, None] * augmented.prior.factor[:n, :n]
-    if delays := delays_about(prepared, augmented, smoothing, filtered):
-        spread = prepared.experiment.identification.estimate.delay.spread
+    symbols, factor = layout.symbols[:n], layout.scale[:n, None] * about.augmented.prior.factor[:n, :n]
+    if delays := delays_about(about.prepared, about.augmented, about.smoothing, filtered):
+        spread = about.prepared.experiment.identification.estimate.delay.spread
         factor = np.asarray(block_diag(factor, spread * np.eye(len(delays.symbols))), dtype=np.float64)
         symbols, covariance = (*symbols, *delays.symbols), delays.joint(covariance)
     return _beyond_prior(symbols, factor, covariance)
-
-
-def smoothed_with(augmented: AugmentedProblem, values: Mapping[str, float]) -> tuple[LinearSmoothing, Filtered] | None:
-    """Find the most probable motion with some parameters held.
-
-    Parameters
-    ----------
-    augmented : AugmentedProblem
-    values : mapping
-        Of coefficients and other parameters, SI, by symbol; those that are not there stay as the prior has them.
-
-    Returns
-    -------
-    tuple of LinearSmoothing and Filtered, or None
-        The linear problem about the most probable trajectory; None where nothing follows the data.
-    """
-    layout, mean = augmented.layout, augmented.prior.mean.copy()
-    for row, symbol in enumerate(layout.symbols[: layout.n_parameters]):
-        if symbol in values:
-            mean[row] = values[symbol] / layout.scale[row]
-    problem = augmented.joint._replace(prior=augmented.prior._replace(mean=mean))
-    smoothing, trajectory = LinearSmoothing(problem), follow(problem)
-    if trajectory is None or (filtered := smoothing.filter(trajectory)) is None:
-        return None
-    # Noise that the trajectory follows would seem to move the vehicle.
-    smoothed = replace(trajectory.stepped(smoothing.step(filtered), 1.0), parameters=trajectory.parameters)
-    filtered = smoothing.filter(smoothed)
-    return None if filtered is None else (smoothing, filtered)
 
 
 def _beyond_prior(symbols: tuple[str, ...], factor: Array, covariance: Array) -> DataInformation:
@@ -226,51 +189,3 @@ def _beyond_prior(symbols: tuple[str, ...], factor: Array, covariance: Array) ->
     prior_std = np.linalg.norm(factor, axis=1)
     rows = solve_triangular(factor, np.diag(prior_std), lower=True).T @ directions
     return DataInformation(symbols, (rows * (known / left)) @ rows.T, prior_std)
-
-
-def true_motion(prepared: PreparedData) -> Callable[[Array], Array] | None:
-    """Return the true motion as a function of times, shape (n, 9); None without truth."""
-    truth = prepared.dataset.truth
-    return None if truth is None else _between(truth.time, truth.motion)
-
-
-def probable_motion(prepared: PreparedData, values: Mapping[str, float]) -> Callable[[Array], Array] | None:
-    """Return the most probable motion with some coefficients, as a function of the times of events, shape (n, 9).
-
-    Parameters
-    ----------
-    prepared : PreparedData
-    values : mapping
-        Of the coefficients, SI, by symbol.
-
-    Returns
-    -------
-    callable or None
-        None where no motion follows the data with these values and the process noise of the settings.
-    """
-    augmented = augmented_problem(prepared)
-    if (about := smoothed_with(augmented, values)) is None:
-        return None
-    rows, (_, filtered) = augmented.layout.moving_rows_of("motion"), about
-    time = [timeline.time for segment in augmented.segments for timeline in segment.timelines]
-    motion = [chunk[:, rows] for chunks in filtered.trajectory.moving for chunk in chunks]
-    return _between(np.concatenate(time), np.concatenate(motion))
-
-
-def _between(time: Array, motion: Array) -> Callable[[Array], Array]:
-    def at(times: Array) -> Array:
-        # A spline of a run of hours would take more memory than the run.
-        first, last = np.searchsorted(time, times[[0, -1]])
-        near = slice(max(first - _NEIGHBOURS, 0), last + _NEIGHBOURS)
-        return CubicSpline(time[near], motion[near])(times)
-
-    return at
-
-
-def true_initial_motions(prepared: PreparedData) -> list[Array] | None:
-    """Return the true motion next to where each segment starts, shape (9,); None without truth."""
-    truth = prepared.dataset.truth
-    if truth is None:
-        return None
-    starts = [segment.timelines.span[0] for segment in prepared.segments]
-    return [truth.motion[np.argmin(np.abs(truth.time - start))] for start in starts]

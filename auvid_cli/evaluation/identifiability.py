@@ -24,10 +24,8 @@ from auvid_cli.evaluation.bounds import (
     UNSTABLE,
     DataInformation,
     information_with_process_noise,
-    probable_motion,
-    true_initial_motions,
-    true_motion,
 )
+from auvid_cli.evaluation.motion_along import probable_motion, true_initial_motions, true_motion
 from auvid_cli.evaluation.sensor_errors import is_observed
 from auvid_cli.filters.information import Information
 from auvid_cli.identification.fisher import information_at
@@ -77,9 +75,10 @@ def assess_dataset(dataset: Dataset, at: Mapping[str, float] | None = None) -> I
     prepared = with_noise_settled(prepare(dataset))
     # Where other coefficients are asked for, the truth is not where they lead. With a vehicle file's the most probable
     # motion would owe what the file lacks to process noise, which sways and turns apart where the vehicle did not.
-    along = true_motion(prepared) if at is None else probable_motion(prepared, coefficients)
+    about = probable_motion(prepared, coefficients)
+    along = true_motion(prepared) if at is None else None if about is None else about.motion()
     information = information_at(prepared, coefficients, true_initial_motions(prepared), along)
-    with_noise = information_with_process_noise(prepared, coefficients)
+    with_noise = None if about is None else information_with_process_noise(about)
     values = {
         c.symbol: Assessed(
             coefficients[c.symbol], c.unit, abs(coefficients[c.symbol]) or natural_magnitude(c, vehicle.size)

@@ -3,10 +3,9 @@
 import numpy as np
 
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.bounds import smoothed_with
 from auvid_cli.evaluation.causes import LARGEST_FAULT, Cause, causes_text
+from auvid_cli.evaluation.motion_along import probable_motion
 from auvid_cli.filters.noise_likelihood import noise_scores_about
-from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.noise_tuning import process_noises
 from auvid_cli.identification.prepared_data import PreparedData
 
@@ -52,14 +51,12 @@ def process_noise_score(prepared: PreparedData, estimate: Estimate) -> float | N
         or cannot be followed.
     """
     own = prepared.with_settings(estimate.experiment)
-    augmented = augmented_problem(own)
-    noises = process_noises(augmented, estimate.experiment.identification)
+    if (about := probable_motion(own, dict(zip(estimate.state, estimate.mean[-1], strict=True)))) is None:
+        return None
+    noises = process_noises(about.augmented, estimate.experiment.identification)
     # How long a disturbance lasts is no more or less of it.
     groups = [noise.group for noise in noises if not noise.group.rates]
-    if (about := smoothed_with(augmented, dict(zip(estimate.state, estimate.mean[-1], strict=True)))) is None:
-        return None
-    _, filtered = about
-    scores = noise_scores_about(augmented.joint, groups, filtered.trajectory)
+    scores = noise_scores_about(about.augmented.joint, groups, about.filtered.trajectory)
     if scores is None or (information := float(scores.information.sum())) <= 0.0:
         return None
     return float(scores.slope.sum() / np.sqrt(information))

@@ -5,6 +5,7 @@ import pytest
 
 from auvid_cli.design.posterior import knowledge_of, posterior_along
 from auvid_cli.evaluation.bounds import bounds_at, information_with_process_noise
+from auvid_cli.evaluation.motion_along import probable_motion
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.simulation.manoeuvre_plan import make_plan
 from auvid_cli.simulation.simulate import simulate
@@ -37,7 +38,9 @@ def test_it_is_that_of_a_linear_smoother_about_measured_motion(run, overrides):
     """From another algorithm, in square roots, at every measurement, about a trajectory that follows noisy data."""
     experiment, posterior = run(*overrides)
     assert posterior.deviation.shape[1] == len(SYMBOLS) + 2 * len(overrides)
-    information = information_with_process_noise(prepare(simulate(experiment)), experiment.vehicle.all_coefficients())
+    about = probable_motion(prepare(simulate(experiment)), experiment.vehicle.all_coefficients())
+    assert about is not None
+    information = information_with_process_noise(about)
     prior = knowledge_of(experiment).prior_std
     matrix = information.matrix / np.outer(information.prior_std, information.prior_std) + np.diag(prior**-2)
     covariance = np.linalg.inv(matrix)

@@ -14,11 +14,11 @@ from auvid_cli.evaluation.bounds import (
     bounds_at,
     bounds_with_process_noise,
     information_with_process_noise,
-    true_motion,
 )
 from auvid_cli.evaluation.estimate_checks import check_estimate
 from auvid_cli.evaluation.identifiability import assess_dataset
 from auvid_cli.evaluation.judgement import judge_one
+from auvid_cli.evaluation.motion_along import probable_motion, true_motion
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.fisher import information_at
 from auvid_cli.identification.identify import identify
@@ -86,8 +86,9 @@ def test_without_process_noise_the_bound_with_it_is_that_of_the_free_motion(simu
 
 def test_before_any_estimate_the_bound_with_process_noise_is_that_of_the_smoother(short_run, short_estimates):
     prepared, smoother = prepare(short_run), short_estimates[FilterName.SMOOTHER]
-    before = information_with_process_noise(prepared, smoother.final_coefficients())
-    assert before is not None
+    about = probable_motion(prepared, smoother.final_coefficients())
+    assert about is not None
+    before = information_with_process_noise(about)
     after, bound = bounds_with_process_noise(prepared, smoother), before.bound()
     assert np.abs(np.log([bound[symbol] / after[symbol] for symbol in SYMBOLS])).max() < 0.05
     few = before.bound(held=[symbol for symbol in SYMBOLS if symbol not in ("N_url", "N_uudr")])

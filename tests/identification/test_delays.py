@@ -12,6 +12,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
 from auvid_cli.evaluation.bounds import information_with_process_noise
 from auvid_cli.evaluation.judgement import judge
+from auvid_cli.evaluation.motion_along import probable_motion
 from auvid_cli.evaluation.sensor_errors import sensor_error_results
 from auvid_cli.identification.delays import settle_delays, unrecorded_time
 from auvid_cli.identification.found_delays import FoundDelays
@@ -83,7 +84,8 @@ def test_without_them_the_estimate_is_wrong_and_says_so(late, prepared):
 def test_an_unknown_delay_makes_coefficients_unsure(late, prepared, with_settings):
     stated = with_settings(late, f"identification.delays={{inputs: {-LATE}, dvl: {STAMPED}}}")
     known, sought = (
-        information_with_process_noise(data, late.truth.coefficients).bound() for data in (prepare(stated), prepared)
+        information_with_process_noise(probable_motion(data, late.truth.coefficients)).bound()
+        for data in (prepare(stated), prepared)
     )
     assert sought["delay_inputs"] < 0.01
     assert all(sought[symbol] >= known[symbol] * (1.0 - 1e-6) for symbol in known)

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import ConfigError, DataError
-from auvid_cli.evaluation.bounds import true_initial_motions
+from auvid_cli.evaluation.motion_along import true_initial_motions
 from auvid_cli.filters.sensitivities import responses
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.fisher import information_at
