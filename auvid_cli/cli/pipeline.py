@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from auvid_cli.cli.browser import open_page
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import Terminal
+from auvid_cli.config.augmented_states import BiasName
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.plausibility import doubts
@@ -132,6 +133,15 @@ def settle(prepared: "PreparedData", terminal: Terminal) -> "PreparedData":
         if density != stated[name]
     )
     terminal.tell(f"process noise that makes the data most likely, SI: {densities}")
+    estimate = settled.experiment.identification.estimate
+    if BiasName.DISTURBANCE in estimate.biases:
+        pushes = ", ".join(
+            f"{name} {' '.join(f'{size:.3g}' for size in of.standard_deviation)} over "
+            f"{' '.join(f'{time:.3g}' for time in of.time_constant)} s"
+            for name, of in (("force", estimate.disturbance.force), ("moment", estimate.disturbance.moment))
+            if any(of.standard_deviation)
+        )
+        terminal.tell(f"disturbance that makes the data most likely, SI: {pushes}")
     return settled
 
 

@@ -71,13 +71,18 @@ def test_who_asks_for_it_identifies_with_the_noise_of_the_data(simulated_with):
 
 
 def test_the_command_says_what_noise_it_found_first(simulated_with, tmp_path):
-    write_dataset(tmp_path / "dataset.h5", simulated_with("manoeuvre.duration=4 s", *SLOW, FEW))
+    asked = "{biases: [disturbance], disturbance: {force: {standard_deviation: 2 N, time_constant: 2 s}}}"
+    dataset = simulated_with("manoeuvre.duration=4 s", *SLOW, FEW, f"identification.estimate={asked}")
+    write_dataset(tmp_path / "dataset.h5", dataset)
     # Four seconds are no data to be judged by.
     settings = "--set=identification.noise=estimate", "--set=identification.judge=false"
     result = CliRunner().invoke(app, ["identify", f"{tmp_path}/dataset.h5", "--filter", "ckf", *settings])
     assert result.exit_code == 0, result.output
     (said,) = [line for line in result.output.splitlines() if line.startswith("process noise that makes")]
-    settings = read_estimate(tmp_path / "estimates/ckf.h5").experiment.identification.process_noise
+    identification = read_estimate(tmp_path / "estimates/ckf.h5").experiment.identification
+    settings, force = identification.process_noise, identification.estimate.disturbance.force
+    pushes = f"force {force.standard_deviation[0]:.3g} over {force.time_constant[0]:.3g} s"
+    assert f"disturbance that makes the data most likely, SI: {pushes}" in result.output
     densities = {name: getattr(settings, name)[0] for name in ("velocity", "rate", "attitude")}
     assert said.endswith(", ".join(f"{name} {density:.3g}" for name, density in densities.items()))
 
