@@ -3,7 +3,12 @@
 The filters know nothing of vehicles, so the halves have no function in common.
 """
 
-FILTERS = "auvid_cli.filters.square_root", "auvid_cli.filters.information", "auvid_cli.filters.smoother"
+FILTERS = (
+    "auvid_cli.filters.square_root",
+    "auvid_cli.filters.information",
+    "auvid_cli.filters.smoother",
+    "auvid_cli.filters.noise_likelihood",
+)
 
 
 def load_vehicles() -> None:

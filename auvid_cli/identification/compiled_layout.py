@@ -136,25 +136,25 @@ def check_named(symbols: Iterable[str], modules: Iterable[ModuleType], by: int) 
         raise TypeError(f"no compiled code says what comes of {', '.join(missing)}, or the derivative by it")
 
 
-@compiled(types.int64(_vector))
+@compiled(types.int64(_vector), internal=True)
 def first_moving_row(constants):
     """Return the row of the first moving state, behind all parameters; the motion begins there."""
     return int(constants[constants.size - 1])
 
 
-@compiled(types.int64(_vector, types.int64))
+@compiled(types.int64(_vector, types.int64), internal=True)
 def row_of(constants, which):
     """Return the row of the state at which one of `ROW` stands; negative if nowhere."""
     return int(constants[constants.size - 1 - _N_ROWS + which])
 
 
-@compiled(types.int64(_vector, types.int64))
+@compiled(types.int64(_vector, types.int64), internal=True)
 def known_sensor(constants, which):
     """Return which sensor `ACCELEROMETER` or `MAGNETOMETER` is; negative if it is not used."""
     return int(constants[constants.size - _SENSORS + _N_KNOWN * which])
 
 
-@compiled(types.UniTuple(types.float64, 3)(_vector, types.int64))
+@compiled(types.UniTuple(types.float64, 3)(_vector, types.int64), internal=True)
 def known_vector(constants, which):
     """Return the vector of `ACCELEROMETER` or `MAGNETOMETER`, see `KnownSensor`."""
     place = constants.size - _SENSORS + _N_KNOWN * which + 1

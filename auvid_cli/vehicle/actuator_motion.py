@@ -14,7 +14,7 @@ ACTUATOR = types.NamedUniTuple(types.float64, len(Actuator._fields), Actuator)
 _vector = types.float64[::1]
 
 
-@compiled(types.float64(ACTUATOR, types.float64))
+@compiled(types.float64(ACTUATOR, types.float64), internal=True)
 def demanded(actuator, command):
     """Return where a command sends an actuator.
 
@@ -63,7 +63,7 @@ def moved(actuator, position, demand, duration):
     return demand - side * left, demand - side * area / duration
 
 
-@compiled(types.float64(ACTUATOR, types.float64))
+@compiled(types.float64(ACTUATOR, types.float64), internal=True)
 def effective(actuator, position):
     """Return the deflection that would make the force of a stalled fin if it had not stalled.
 

@@ -154,7 +154,7 @@ def n_terms(constants):
     return int(constants[_N_TERMS])
 
 
-@compiled(types.int64(_vector, types.int64))
+@compiled(types.int64(_vector, types.int64), internal=True)
 def term_place(constants, t):
     """Return where the table says of the t-th of them at which value it is held; its code stands behind that."""
     return int(constants[_TERMS_AT]) + TERM_WIDTH * t
