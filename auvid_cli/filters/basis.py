@@ -33,6 +33,8 @@ class Basis(NamedTuple):
         One for each pair, zero for padding.
     last : int
         How many pairs the last tile holds: one of `FEWER`, or `PAIRS`.
+    length : float
+        Of the directions where each lies along an axis; zero where they are turned.
     weight, centred, curvature
         As in `PointSet`.
     """
@@ -41,12 +43,15 @@ class Basis(NamedTuple):
     transposed: Array
     present: Array
     last: int
+    length: float
     weight: float
     centred: bool
     curvature: float
 
 
-BASIS = types.NamedTuple((_matrix, _matrix, _vector, types.int64, types.float64, types.boolean, types.float64), Basis)
+BASIS = types.NamedTuple(
+    (_matrix, _matrix, _vector, types.int64, types.float64, types.float64, types.boolean, types.float64), Basis
+)
 
 
 def basis_of(point_set: PointSet) -> Basis:
@@ -67,7 +72,9 @@ def basis_of(point_set: PointSet) -> Basis:
 
     present = (np.arange(m) < n).astype(float)
     tiles = in_tiles(padded), in_tiles(padded.T)
-    return Basis(*tiles, present, last, point_set.weight, point_set.centred, point_set.curvature)
+    first = float(point_set.directions[0, 0])
+    length = first if np.array_equal(point_set.directions, first * np.eye(n)) else 0.0
+    return Basis(*tiles, present, last, length, point_set.weight, point_set.centred, point_set.curvature)
 
 
 @compiled(types.int64(BASIS), internal=True)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from auvid_cli.filters import square_root
 from auvid_cli.filters.extended import run_extended_filter
 from auvid_cli.filters.point_sets import cubature, transformed, unscented
 from auvid_cli.filters.problem import OK
@@ -146,6 +147,21 @@ def test_sigma_point_filters_are_the_covariance_form(which, problem, run_whole, 
     history = run_whole(partial(run_square_root_filter, point_set), problem)
     see = sigma_view(problem, directions, for_mean, for_covariance)
     assert_equal(history, covariance_filter(problem, linear_predict(problem), see), share_of_largest)
+
+
+@pytest.mark.parametrize("which", [0, 2], ids=["ckf", "ukf"])
+def test_directions_along_the_axes_do_as_they_would_if_they_were_turned(which, problem, run_whole, monkeypatch):
+    """Products with their matrix are left out, and change nothing but rounding."""
+    _, point_set, *_ = list(point_sets(problem.prior.mean.size))[which]
+    run = partial(run_square_root_filter, point_set)
+    basis = square_root.basis_of(point_set)
+    assert basis.length > 0.0
+    without = run_whole(run, problem)
+    monkeypatch.setattr(square_root, "basis_of", lambda _: basis._replace(length=0.0))
+    products = run_whole(run, problem)
+    assert without.failure == products.failure == OK
+    assert_allclose(without.records.mean, products.records.mean, rtol=1e-12, atol=1e-12)
+    assert_allclose(without.covariance, products.covariance, rtol=1e-12, atol=1e-12)
 
 
 def test_the_extended_filter_is_the_textbooks(problem, run_whole, share_of_largest):
