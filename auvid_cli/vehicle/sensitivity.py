@@ -295,18 +295,12 @@ def _transition_workspace(scratch, terms):
 @compiled(types.void(_matrix, _matrix, _matrix), inline=True)
 def _transition_rate(jacobian, transition, rate):
     """Fill in ``A Phi + [0 B]`` for the Jacobian ``[A B]`` and the transition matrix Phi."""
-    # The short sums inside: they are unrolled, and the loops over columns become vector instructions. Nothing depends
-    # on yaw, the last state, and the rates of angles only on angles and angular rates.
-    for i in range(6):
+    # The short sum inside: it is unrolled, and the loop over columns becomes vector instructions. Nothing depends on
+    # yaw, the last state.
+    for i in range(N_MOTION):
         for j in range(N_COLUMNS):
             total = 0.0
-            for k in range(8):
-                total += jacobian[i, k] * transition[k, j]
-            rate[i, j] = total
-    for i in range(6, N_MOTION):
-        for j in range(N_COLUMNS):
-            total = 0.0
-            for k in range(3, 8):
+            for k in range(N_MOTION - 1):
                 total += jacobian[i, k] * transition[k, j]
             rate[i, j] = total
     for i in range(N_MOTION):
