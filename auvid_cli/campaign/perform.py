@@ -14,8 +14,9 @@ from auvid_cli import __version__
 from auvid_cli.campaign.measures import Measure, measures
 from auvid_cli.campaign.plan import CampaignRun, RunGroup
 from auvid_cli.config.actuators import ActuatorSettings
-from auvid_cli.config.experiment import Experiment, Identification, Use
+from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.filter_name import JUDGE
+from auvid_cli.config.identification import Identification, Use
 from auvid_cli.config.load import given_settings
 from auvid_cli.config.terms import Term
 from auvid_cli.data.dataset import Dataset, TruthRecord

@@ -7,7 +7,8 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from auvid_cli.config.assemble import assemble
-from auvid_cli.config.experiment import Identification, IdentificationOfVehicle, with_lag_of_vehicle
+from auvid_cli.config.experiment import with_lag_of_vehicle
+from auvid_cli.config.identification import Identification, IdentificationOfVehicle
 from auvid_cli.config.load import open_source, validated
 from auvid_cli.config.log_columns import TimeSource
 from auvid_cli.config.log_inputs import InputsMap

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.experiment import INPUTS_DELAY, RunSettings
+from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.identification import INPUTS_DELAY
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.vehicle.actuator_motion import follow_commands
 from auvid_cli.vehicle.actuators import IDEAL, N_ACTUATORS, Actuators

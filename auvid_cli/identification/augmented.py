@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from auvid_cli.config.experiment import STEPS_PER_TIME_CONSTANT, RunSettings
+from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.identification import STEPS_PER_TIME_CONSTANT
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.filters.huber import THRESHOLD

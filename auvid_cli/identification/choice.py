@@ -5,8 +5,8 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.experiment import Identification
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.identification import Identification
 from auvid_cli.filters.estimators import (
     Estimator,
     ExtendedKalmanFilter,

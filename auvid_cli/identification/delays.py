@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.augmented_states import DELAYS
-from auvid_cli.config.experiment import INPUTS_DELAY
+from auvid_cli.config.identification import INPUTS_DELAY
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.errors import DataError
 from auvid_cli.filters.fault_scores import score_faults

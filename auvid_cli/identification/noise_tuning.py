@@ -9,7 +9,8 @@ import numpy as np
 
 from auvid_cli.config.augmented_states import BiasName, EstimatedDisturbance
 from auvid_cli.config.disturbance import DisturbingForce, DisturbingMoment
-from auvid_cli.config.experiment import STEPS_PER_TIME_CONSTANT, Identification, RunSettings
+from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.identification import STEPS_PER_TIME_CONSTANT, Identification
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.config.per_axis import three
 from auvid_cli.config.quantity import Unit

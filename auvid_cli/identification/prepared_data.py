@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.experiment import Identification, RunSettings
+from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.identification import Identification
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.data.acting_inputs import as_acting
 from auvid_cli.data.dataset import Dataset, SensorRecord

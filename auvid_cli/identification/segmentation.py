@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.experiment import Use
+from auvid_cli.config.identification import Use
 from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.errors import DataError
 from auvid_cli.identification.timeline import measuring_sensors

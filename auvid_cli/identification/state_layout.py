@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.augmented_states import ErrorBlock
-from auvid_cli.config.experiment import Identification
+from auvid_cli.config.identification import Identification
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.identification.prior import coefficient_priors

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.config.experiment import RunSettings, Use
+from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.identification import Use
 from auvid_cli.config.spans import Spans
 from auvid_cli.config.terms import Term
 from auvid_cli.filters.fault_scores import score_faults

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from auvid_cli.config.actuators import ActuatorSettings
 from auvid_cli.config.augmented_states import EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT, BiasName
-from auvid_cli.config.experiment import Identification, InputSettings, Use
+from auvid_cli.config.identification import Identification, InputSettings, Use
 from auvid_cli.config.prior import Prior
 from auvid_cli.config.vehicle import VehicleEntry
 from auvid_cli.data.acting_inputs import as_acting

@@ -9,8 +9,8 @@ import typer
 from typer.testing import CliRunner
 
 from auvid_cli.cli.validate import validate
-from auvid_cli.config.experiment import Use
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.identification import Use
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
 from auvid_cli.data.estimate_file import new_estimate, write_estimate
 from auvid_cli.identification.identify import identify, set_up_filters

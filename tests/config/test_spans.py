@@ -2,7 +2,7 @@ from math import inf
 
 import pytest
 
-from auvid_cli.config.experiment import Use
+from auvid_cli.config.identification import Use
 from auvid_cli.config.spans import parse_separate_spans, parse_spans
 
 

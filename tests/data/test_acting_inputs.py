@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from auvid_cli.config.experiment import Identification
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.identification import Identification
 from auvid_cli.data.acting_inputs import acted, as_acting
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.errors import ConfigError

@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from auvid_cli.config.experiment import Identification
 from auvid_cli.config.filter_name import FilterName
+from auvid_cli.config.identification import Identification
 from auvid_cli.errors import ConfigError, DataError
 from auvid_cli.filters.extended import run_extended_filter
 from auvid_cli.filters.point_sets import cubature, transformed

@@ -15,7 +15,7 @@ from auvid_cli.config.augmented_states import (
     HardIron,
     ThrustScale,
 )
-from auvid_cli.config.experiment import Identification
+from auvid_cli.config.identification import Identification
 from auvid_cli.identification.compiled_layout import KnownSensor, KnownSensors
 from auvid_cli.identification.dvl import VELOCITY_ERRORS, measured_velocity, velocity_behind
 from auvid_cli.identification.observation import linearise, observe

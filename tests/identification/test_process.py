@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from auvid_cli.config.augmented_states import AugmentedStates, ThrustScale
-from auvid_cli.config.experiment import Identification
+from auvid_cli.config.identification import Identification
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.identification.process import first_order_transition, vehicle_process
 from auvid_cli.identification.state_layout import state_layout
