@@ -75,7 +75,7 @@ def main() -> None:
     seeds, file = asked(__doc__, "disturbance", 20)
     every = range(1, seeds + 1)
     runs = [(name, seed) for seed in every for name in _CASES]
-    rows = all_rows(file, runs, lambda name, seed: found(_CASES[name], seed))
+    rows = all_rows(file, runs, lambda name, seed: found(_CASES[name], seed, disturbance=True))
     runs = [(name, seed) for seed in every for name in _CHOICES]
     kept = all_rows(file.with_stem(f"{file.stem}_chosen"), runs, lambda name, seed: chosen(_CHOICES[name], seed))
     replace_section("disturbance", "\n".join([summary(rows), "", *table(rows), "", *choices(kept)]), "studies")

@@ -68,10 +68,10 @@ CASES |= {
 }
 
 
-def found(case: Case, seed: int) -> pd.DataFrame:
-    """Simulate and tune one seed: a row for each noise."""
+def found(case: Case, seed: int, disturbance: bool = False) -> pd.DataFrame:
+    """Simulate and tune one seed, with how long a disturbance lasts if asked: a row for each noise."""
     experiment = auvid.load_experiment("spiral", *RUN, *case.settings, f"seed={seed}")
-    rows = auvid.tune(auvid.simulate(experiment), sensors=True).to_pandas()
+    rows = auvid.tune(auvid.simulate(experiment), sensors=True, disturbance=disturbance).to_pandas()
     rows["setting"] = rows["setting"].str.removeprefix("identification.")
     true = case.true | {f"measurement_noise.{sensor}": factor for sensor, factor in _SENSORS.items()}
     return rows.assign(true=rows["setting"].map(true))

@@ -26,8 +26,9 @@ def tune(
         Called before each pass through the data, there or back, of which there are some dozens; what it raises ends
         the search.
     disturbance : bool, default False
-        Whether data are tuned without a disturbance that lasts and with one, which is kept if it is worth the numbers
-        that it takes; else there is one if settings ask for it.
+        Whether data are tuned without a disturbance and with one, of which it is found how large it is and how long it
+        lasts, and which is kept if it is worth the numbers that it takes. Else there is one if settings ask for it, and
+        it lasts as long as they say.
 
     Returns
     -------

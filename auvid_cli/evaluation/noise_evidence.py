@@ -53,9 +53,7 @@ def process_noise_score(prepared: PreparedData, estimate: Estimate) -> float | N
     own = prepared.with_settings(estimate.experiment)
     if (about := probable_motion(own, dict(zip(estimate.state, estimate.mean[-1], strict=True)))) is None:
         return None
-    noises = process_noises(about.augmented, estimate.experiment.identification)
-    # How long a disturbance lasts is no more or less of it.
-    groups = [noise.group for noise in noises if not noise.group.rates]
+    groups = [noise.group for noise in process_noises(about.augmented, estimate.experiment.identification)]
     scores = noise_scores_about(about.augmented.joint, groups, about.filtered.trajectory)
     if scores is None or (information := float(scores.information.sum())) <= 0.0:
         return None

@@ -50,7 +50,10 @@ class AdjustableNoise(NamedTuple):
 
 
 def tune_noise(
-    prepared: PreparedData, with_sensors: bool = False, on_evaluation: Callable[[], None] = lambda: None
+    prepared: PreparedData,
+    with_sensors: bool = False,
+    on_evaluation: Callable[[], None] = lambda: None,
+    with_time_constants: bool = False,
 ) -> Tuning:
     """Find the noise that makes the innovations of a smoother's filter most likely; no truth is looked at.
 
@@ -61,6 +64,9 @@ def tune_noise(
         Whether the standard deviations of the sensors are found along, and not as they are stated.
     on_evaluation : callable
         Called before each pass through the data; what it raises ends the search.
+    with_time_constants : bool
+        Whether it is found how long a disturbance lasts, and not as it is stated: more than a log with few sensors
+        tells.
 
     Raises
     ------
@@ -71,7 +77,9 @@ def tune_noise(
     """
     experiment, settings = prepared.experiment, prepared.experiment.identification
     augmented = augmented_problem(prepared)
-    noises = [*process_noises(augmented, settings), *(_sensor_noises(augmented, settings) if with_sensors else ())]
+    noises = [*process_noises(augmented, settings, with_time_constants)]
+    if with_sensors:
+        noises += _sensor_noises(augmented, settings)
     likeliest = most_likely_noise(
         augmented.joint, [noise.group for noise in noises], settings.smoother.max_passes, on_evaluation
     )
@@ -99,7 +107,7 @@ def tune_noise(
 def choose_disturbance(
     prepared: PreparedData, with_sensors: bool = False, on_evaluation: Callable[[], None] = lambda: None
 ) -> Tuning:
-    """Tune without a disturbance that lasts, then with one, and keep it if it is worth the numbers that it takes.
+    """Tune without a disturbance, then with one that lasts as long as data say, and keep it if that pays.
 
     Parameters are those of `tune_noise`, and so is what is raised. The disturbance is that of the settings, whether or
     not they ask for it; where they state no size, one of each axis, as white process noise has it.
@@ -111,7 +119,7 @@ def choose_disturbance(
     disturbance = stated if stated.blocks() else _as_of_white_noise(without.experiment)
     biases = (*others, BiasName.DISTURBANCE)
     having = _with_estimate(prepared, biases=biases, disturbance=disturbance)
-    with_one = tune_noise(having, with_sensors, on_evaluation)
+    with_one = tune_noise(having, with_sensors, on_evaluation, with_time_constants=True)
     segments = augmented_problem(having).joint.segments
     measured = sum(int(np.isfinite(timeline.measurement).sum()) for segment in segments for timeline in segment)
     numbers = len(with_one.noises) - len(without.noises)
@@ -147,8 +155,10 @@ def _as_of_white_noise(experiment: RunSettings) -> EstimatedDisturbance:
     )
 
 
-def process_noises(augmented: AugmentedProblem, settings: Identification) -> Iterator[AdjustableNoise]:
-    """Yield what drives moving states, and how long what disturbs them lasts, by the settings that they have."""
+def process_noises(
+    augmented: AugmentedProblem, settings: Identification, with_time_constants: bool = False
+) -> Iterator[AdjustableNoise]:
+    """Yield what drives moving states and, if asked, how long what disturbs them lasts, by the settings they have."""
     layout, noise = augmented.layout, settings.process_noise
 
     def adjustable(path: tuple[str, ...], of: Settings, rows: slice) -> AdjustableNoise:
@@ -164,7 +174,7 @@ def process_noises(augmented: AugmentedProblem, settings: Identification) -> Ite
     for bias in dict.fromkeys(settings.estimate.biases):
         of_bias = getattr(settings.estimate, bias.value)
         if bias == BiasName.DISTURBANCE:
-            yield from _disturbances(augmented, settings)
+            yield from _disturbances(augmented, settings, with_time_constants)
             continue
         for block in of_bias.blocks():
             if block.walk > 0.0:
@@ -172,8 +182,10 @@ def process_noises(augmented: AugmentedProblem, settings: Identification) -> Ite
                 yield adjustable(("estimate", bias.value, own), of_bias, layout.moving_rows_of(block.name))
 
 
-def _disturbances(augmented: AugmentedProblem, settings: Identification) -> Iterator[AdjustableNoise]:
-    """Yield how large what disturbs the motion is, and how long it lasts, of all three axes or of those of a list."""
+def _disturbances(
+    augmented: AugmentedProblem, settings: Identification, with_time_constants: bool
+) -> Iterator[AdjustableNoise]:
+    """Yield how large what disturbs the motion is and how long it lasts, of all three axes or of those of a list."""
     layout, constants = augmented.layout, augmented.process.constants
     shortest = STEPS_PER_TIME_CONSTANT * max(settings.integration_step, shortest_interval(augmented.measuring))
     place = {
@@ -185,7 +197,7 @@ def _disturbances(augmented: AugmentedProblem, settings: Identification) -> Iter
         of, path = getattr(settings.estimate.disturbance, name), ("estimate", "disturbance", name)
         rows = [_rows(layout.moving_rows_of(quantity.symbol)) for quantity in quantities]
         yield from _per_axis((*path, "standard_deviation"), of, rows)
-        for lasts in _per_axis((*path, "time_constant"), of, rows):
+        for lasts in _per_axis((*path, "time_constant"), of, rows) if with_time_constants else ():
             rates = tuple(place[row] for row in lasts.group.moving)
             least = min(log(_NOT_SHORTER * shortest / lasts.stated), 0.0)
             yield lasts._replace(group=lasts.group._replace(rates=rates, least=least))

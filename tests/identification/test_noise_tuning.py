@@ -106,9 +106,8 @@ def tuned_disturbance(simulated_with):
         "moment: {standard_deviation: [0, 2, 0], time_constant: 1 s}}"
     )
     asked = DISTURBED.replace("2 N", "3 N")
-    return tune_noise(
-        prepare(simulated_with("manoeuvre.duration=15 s", *SLOW, FEW, pushes, f"identification.estimate={asked}"))
-    )
+    run = simulated_with("manoeuvre.duration=15 s", *SLOW, FEW, pushes, f"identification.estimate={asked}")
+    return tune_noise(prepare(run), with_time_constants=True)
 
 
 def test_what_disturbs_the_motion_is_sized_by_the_data(tuned_disturbance):
@@ -179,9 +178,9 @@ def test_how_long_it_lasts_is_only_known_as_far_as_white_noise_would_not_do(simu
     """A force that is drawn anew at every tick of the inputs."""
     pushes = "manoeuvre.disturbance.force={standard_deviation: 100 N, time_constant: 1e-9 s}"
     asked = "{biases: [disturbance], disturbance: {force: {standard_deviation: 2 N, time_constant: 2 s}}}"
-    tuned = tune_noise(
-        prepare(simulated_with("manoeuvre.duration=8 s", *SLOW, FEW, pushes, f"identification.estimate={asked}"))
-    )
+    prepared = prepare(simulated_with("manoeuvre.duration=8 s", *SLOW, FEW, pushes, f"identification.estimate={asked}"))
+    assert not any(noise.is_time_constant for noise in tune_noise(prepared).noises)
+    tuned = tune_noise(prepared, with_time_constants=True)
     lasts = next(noise for noise in tuned.noises if noise.is_time_constant)
     assert lasts.low == 0.0
     assert lasts.tuned < 1.0
