@@ -44,8 +44,8 @@ def yaml_text(model: IdentifiedModel, losses: Losses, name: str) -> str:
 def _estimated(coefficient: IdentifiedCoefficient, model: IdentifiedModel) -> dict[str, Any]:
     doubt = "" if coefficient.identified else ", identified: false"
     return {
-        "value": f"{coefficient.value!r} {coefficient.unit}",
-        "standard_deviation": f"{coefficient.standard_deviation!r} {coefficient.unit}",
+        "value": _quantity(coefficient.value, coefficient.unit),
+        "standard_deviation": _quantity(coefficient.standard_deviation, coefficient.unit),
         "status": f"estimated by {model.filter}{doubt}",
         "source": f"estimate {model.origin.estimate_sha256[:12] or 'in memory'}",
     }
@@ -65,5 +65,10 @@ def _provenance(model: IdentifiedModel) -> str:
 
 
 def _with_unit(entry: dict[str, Any], unit: str) -> dict[str, Any]:
-    quantities = {key: f"{entry[key]!r} {unit}" for key in ("value", "standard_deviation") if key in entry}
+    quantities = {key: _quantity(entry[key], unit) for key in ("value", "standard_deviation") if key in entry}
     return entry | quantities
+
+
+def _quantity(value: float | None, unit: str) -> str | float | None:
+    """Return a value as a vehicle file states it: bare where it has no dimension, as a share of the thrust."""
+    return value if unit == "1" else f"{value!r} {unit}"

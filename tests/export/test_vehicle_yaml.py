@@ -63,6 +63,15 @@ def test_terms_of_its_own_come_back(skewed, load_as_vehicle):
     assert vehicle.terms[0].status == "estimated by tukf"
 
 
+@pytest.mark.parametrize("held", [(), ("X_T",)])
+def test_a_term_without_a_dimension_comes_back(held, model_with, load_as_vehicle):
+    model = model_with("vehicle.terms=[{name: X_T, row: X, factors: [thrust], value: -0.1}]", held=held)
+    assert model.coefficients[-1].unit == "1"
+    vehicle = load_as_vehicle(written(model))
+    assert vehicle.all_coefficients() == {each.symbol: each.value for each in model.coefficients}
+    assert vehicle.terms[0].standard_deviation == model.coefficients[-1].standard_deviation
+
+
 def test_it_says_above_what_is_lost(skewed):
     heading = [line for line in written(skewed).splitlines() if line.startswith("#")]
     assert "# No term of the equations of motion is lost." in heading
