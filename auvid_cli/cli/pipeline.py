@@ -206,7 +206,7 @@ def report_to(
     print_summary(terminal.out, evaluation)
     print_check_counts(terminal.out, verdicts)
     if any(not verdict.passed for verdict in verdicts):
-        terminal.say(f"what is noted, and what to do: auvid check {shlex.quote(str(folder))}")
+        terminal.say(f"what did not pass, and what to do: auvid check {shlex.quote(str(folder))}")
     with terminal.stage("page"):
         # While others draw.
         page = run_page(evaluator.dataset, estimates, evaluation, verdicts)

@@ -1,6 +1,6 @@
 """Settings of how fins and propeller follow their commands."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, model_validator
 
@@ -12,13 +12,17 @@ from auvid_cli.vehicle.actuators import Actuator, Actuators
 class _Follows(Settings):
     """What fins and the propeller have in common; what is not given is not there."""
 
+    # Of commands, in SI.
+    command_unit: ClassVar[str]
+
     @model_validator(mode="after")
     def _something_acts(self) -> Any:
         given = self.model_dump(exclude_none=True)
         dead_band, saturation = given.get("dead_band", 0.0), given.get("saturation")
         if saturation is not None and dead_band >= saturation:
             raise ValueError(
-                f"dead_band ({dead_band:g}) is not less than saturation ({saturation:g}): no command would act"
+                f"dead_band ({dead_band:.4g} {self.command_unit}) is not less than saturation "
+                f"({saturation:.4g} {self.command_unit}): no command would act"
             )
         return self
 
@@ -65,6 +69,8 @@ _TimeConstant = Annotated[
 class FinActuator(_Follows):
     """How both fins follow their commands."""
 
+    command_unit = "rad"
+
     dead_band: Annotated[
         float | None,
         Amount("rad"),
@@ -80,6 +86,8 @@ class FinActuator(_Follows):
 
 class PropellerActuator(_Follows):
     """How the surge force follows what is commanded of it."""
+
+    command_unit = "N"
 
     dead_band: Annotated[
         float | None, Amount("N"), Field(gt=0, description="commands count by what they exceed this, either way")

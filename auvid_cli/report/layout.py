@@ -42,7 +42,7 @@ NIS_MEANS = (
 )
 _CORRECTED = (
     "Corrected sd: standard deviation with allowance for residuals that are correlated in time, where that makes it "
-    f"more than {_WIDER - 1.0:.0%} larger."
+    f"more than {100.0 * (_WIDER - 1.0):.0f} % larger."
 )
 
 

@@ -39,9 +39,11 @@ def sanity_rows(vehicle: VehicleSettings, spiral: FirstSpiral) -> Iterator[Sanit
         yield SanityRow("water displaced by the hull", f"{displaced:.4g} kg", f"mass {known['m']:.4g} kg, {share}")
     yield SanityRow("buoyancy", f"{known['B']:.4g} N", f"weight {known['W']:.4g} N")
     central = central_inertia(known)
-    across, along = full_cylinder(known["m"], size.length, size.diameter)
-    yield SanityRow("inertia about x", f"{central[0, 0]:.3g} kg m^2", f"{across:.3g} of a full cylinder")
-    yield SanityRow("inertia about y, z", f"{central[1, 1]:.3g}, {central[2, 2]:.3g} kg m^2", f"{along:.3g} of one")
+    across, along = (
+        f"{full:.3g} kg m^2 of a full cylinder" for full in full_cylinder(known["m"], size.length, size.diameter)
+    )
+    yield SanityRow("inertia about x", f"{central[0, 0]:.3g} kg m^2", across)
+    yield SanityRow("inertia about y, z", f"{central[1, 1]:.3g}, {central[2, 2]:.3g} kg m^2", along)
     righting = known["W"] * known["zG"] - known["B"] * known["zB"]
     below = f"centre of gravity {1e3 * (known['zG'] - known['zB']):.3g} mm below that of buoyancy"
     yield SanityRow("righting moment", f"{np.deg2rad(righting):.3g} N m for each degree", below)

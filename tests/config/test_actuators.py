@@ -41,7 +41,10 @@ def test_they_are_kept_in_data_files(experiment_with):
     [
         ("fins={rate_limit: 0}", "rate_limit: must be greater than 0"),
         ("fins={rate_limit: 3 rad}", "rate_limit: expected an angular rate"),
-        ("fins={dead_band: 20 deg, saturation: 15 deg}", "no command would act"),
+        (
+            "fins={dead_band: 20 deg, saturation: 15 deg}",
+            "(0.3491 rad) is not less than saturation (0.2618 rad): no com",
+        ),
         ("fins={time_constant: -1 s}", "time_constant: must be greater than 0"),
         ("fins={stall: {slope: 0.5}}", "missing key 'angle'"),
         ("fins={stall: {angle: 20 deg, slope: 2}}", "slope: must be less than 1"),

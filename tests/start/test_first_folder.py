@@ -93,7 +93,7 @@ def test_what_a_vehicle_comes_to_stands_beside_what_is_usual(mine):
     # Of 0.1 m span and 0.012 m^2.
     assert rows["fin: span, mean chord"][1:] == ("0.1, 0.12 m", "0.5 diameters by 0.06 lengths, 4 of them")
     # m d^2 / 8 of a full cylinder.
-    assert rows["inertia about x"].beside == "0.3 of a full cylinder"
+    assert rows["inertia about x"].beside == "0.3 kg m^2 of a full cylinder"
     assert [*sanity_notes(mine.vehicle, mine.spiral)] == []
 
 
