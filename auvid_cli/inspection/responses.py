@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 _SIGMAS, _LEAST_CORRELATION = 5.0, 0.4
 # rad, of a fin that moves at all.
 LEAST_DEFLECTION = 1e-3
+# Of which the means over a window count.
+_OF_ROLL = "phi", "p"
 _SHORTEST_ANSWER, _USUAL_ANSWER, _LONGEST_ANSWER = 0.3, 1.0, 3.0
 
 
@@ -79,15 +81,20 @@ def response_fits(signals: Signals, axis: RotationAxis, time_constant: float | N
     """Fit how fast a rate changes by an input, by the sensor that says the rate: "gyroscope" and "attitude".
 
     The change over a window is regressed on the mean input there, and on what the vehicle did at its begin: so an
-    autopilot, which lets the input follow the motion, does not turn the sign.
+    autopilot, which lets the input follow the motion, does not turn the sign. What rolls is righted and damped within
+    the window, and may be on its way back as it ends: of that the means count, as the integral of the moments has it.
     """
     value, by_sensor = signals.values, rates_by_sensor(signals, axis.rate)
     force, window = moment(signals, axis), answer_window(signals, axis, time_constant)
     if force is None:
         return dict.fromkeys(by_sensor)
-    force = smoothed(force, window)
+
+    def counted(symbol: str, values: Array) -> Array:
+        return smoothed(values, window) if symbol in _OF_ROLL else values
+
+    beside = [counted(symbol, value[symbol]) for symbol in axis.beside if signals.has(symbol)]
     return {
-        name: fit(change(rate, window), force, [rate, *(value[s] for s in axis.beside if signals.has(s))], window)
+        name: fit(change(rate, window), smoothed(force, window), [counted(axis.rate, rate), *beside], window)
         for name, rate in by_sensor.items()
     }
 

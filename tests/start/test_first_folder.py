@@ -1,6 +1,7 @@
 """The files of a first folder: each is one that auvid reads."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,12 @@ from auvid_cli.config.log_map import load_map
 from auvid_cli.config.outline import outline_of_options
 from auvid_cli.data.files import write_folder
 from auvid_cli.errors import ConfigError
+from auvid_cli.inspection.inspect import inspect_dataset
+from auvid_cli.simulation.simulate import simulate
 from auvid_cli.start import first_spiral
 from auvid_cli.start.first_folder import folder_like, folder_of_outline
 from auvid_cli.start.sanity import sanity_notes, sanity_rows
+from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 
 OUTLINE = {"length": 2, "diameter": 0.2, "mass": 60, "fin_span": 0.1, "fin_area": 0.012}
 
@@ -41,6 +45,19 @@ def test_what_is_written_is_read_by_every_command(mine, tmp_path):
     assert (
         load_experiment(find_experiment("spiral"), (f"vehicle={tmp_path}/mine/vehicle.yaml",)).vehicle == mine.vehicle
     )
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_data_of_its_spiral_pass_inspection_and_a_roll_moment_that_is_turned_does_not(mine, turned, tmp_path):
+    """It rolls to and fro within the second in which the answer to a moment is looked for."""
+    write_folder(tmp_path / "mine", mine.texts)
+    data = simulate(load_experiment(find_experiment(str(tmp_path / "mine")), ("manoeuvre.duration=60 s",)))
+    values = data.inputs.values.copy()
+    if turned:
+        values[:, INPUT_SYMBOLS.index("roll_moment")] *= -1.0
+    checks = inspect_dataset(replace(data, inputs=replace(data.inputs, values=values), truth=None)).checks
+    failed = {(check.subject, check.check) for check in checks if check.passed is False}
+    assert failed == ({("roll_moment", "response of p")} if turned else set())
 
 
 def test_a_vehicle_without_a_drawing_starts_from_what_its_file_states(tmp_path):
