@@ -220,11 +220,12 @@ class DvlArm(Settings):
         Field(min_length=1, description="components that are sought: forward, starboard, down"),
     ] = ("x",)
     spread: Annotated[float, Amount("m"), Field(gt=0, description="standard deviation before any data")] = 0.3
+    walk: Annotated[float, Amount("m/s^0.5"), Field(ge=0, description="growth; 0: constant")] = 0.0
 
     def blocks(self) -> tuple[ErrorBlock, ...]:
-        """Return the states, which are constant."""
+        """Return the states, one for each component."""
         return tuple(
-            ErrorBlock(arm.symbol, (arm,), self.spread, 0.0, "dvl")
+            ErrorBlock(arm.symbol, (arm,), self.spread, self.walk, "dvl")
             for axis, arm in zip("xyz", DVL_ARM, strict=True)
             if axis in self.axes
         )

@@ -139,6 +139,16 @@ def test_fin_trims_and_the_arm_of_a_dvl_are_found(off_centre, with_settings, fil
     assert estimate.final_actuators() == (1.0, *trims)
 
 
+def test_an_arm_may_walk(off_centre, with_settings):
+    settings = "identification.estimate={biases: [dvl_arm, fin_trim], dvl_arm: {axes: [x, y, z], walk: 1 mm/s^0.5}}"
+    found = by_state(identify(with_settings(off_centre, settings), FilterName.SMOOTHER))
+    for symbol, value in zip(("dvl_x", "dvl_y", "dvl_z"), ARM, strict=True):
+        row = found[symbol]
+        assert abs(row.estimate - value) < 4.0 * row.standard_deviation, symbol
+        # Of the last instants alone, which 60 s of a constant would beat.
+        assert 1e-3 < row.standard_deviation < 0.01, symbol
+
+
 BALLAST = Ballast(excess_buoyancy=5.0, trim_moment=-1.5)
 
 
