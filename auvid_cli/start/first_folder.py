@@ -34,7 +34,8 @@ name: %(name)s
 seed: 1
 vehicle: vehicle.yaml
 sensors: sensors.yaml
-manoeuvre: # or one of `auvid list manoeuvres`, such as manoeuvres/zigzag_20_20.yaml
+# Or one of `auvid list manoeuvres`: --set manoeuvre=manoeuvres/zigzag_20_20.yaml --set "manoeuvre.speed=%(speed)s"
+manoeuvre:
   # Excitation in proportion to length, speed and righting moment; the simulated vehicle survives it.
 %(spiral)s
 identification:
@@ -171,6 +172,7 @@ def _folder(folder: Path, vehicle_text: str, speed: float | None, origin: str, a
     values = {
         "name": name,
         "spiral": _indented(spiral.lines),
+        "speed": f"{speed:.3g} m/s",
         "prior": "geometry" if vehicle.geometry else "{mean: vehicle}",
         # As if 25 turns a second made the thrust of that speed.
         "gain": f"{drag * speed**2 / 25.0**2:.3g}",

@@ -40,6 +40,11 @@ def test_what_is_written_is_read_by_every_command(mine, tmp_path):
     assert experiment.name == "mine"
     assert experiment.vehicle == mine.vehicle
     assert [*experiment.sensors.given()] == ["gyroscope", "dvl", "attitude", "depth"]
+    # What the file itself proposes runs as fast as its own manoeuvre.
+    proposed = re.findall(r"--set \"?([^\"\n ]+(?: m/s)?)", mine.texts["experiment.yaml"])
+    assert len(proposed) == 2
+    other = load_experiment(find_experiment(str(tmp_path / "mine")), proposed).manoeuvre
+    assert (other.type, other.speed) == ("zigzag", pytest.approx(experiment.manoeuvre.speed))
     log, _ = load_map(tmp_path / "mine" / "map.yaml")
     assert (log.vehicle, log.identification.prior.mean) == (mine.vehicle, "geometry")
     assert (
