@@ -14,3 +14,11 @@ FILTERS = (
 def load_vehicles() -> None:
     """Load, and compile where it has to be, what has to do with vehicles."""
     import auvid_cli.identification.process  # noqa: F401
+
+
+def load_sensors() -> None:
+    """Load what nonlinear sensors measure, which is else compiled when data first need it.
+
+    For commands that would need it while they compute, where the compiler swallows an interrupt and nobody says so.
+    """
+    import auvid_cli.identification.observation  # noqa: F401

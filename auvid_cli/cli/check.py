@@ -24,9 +24,11 @@ def check(
 
         terminal = Terminal(quiet, verbose)
         with terminal.compiling():
-            from auvid_cli.api import checks
+            from auvid_cli.api import checks, core
             from auvid_cli.report.csv_tables import write_csv_tables
             from auvid_cli.report.screen import print_checks
+
+            core.load_sensors()
         dataset, estimates = read_results(results)
         with terminal.stage("check"):
             verdicts = checks.check(dataset, *estimates)

@@ -122,10 +122,13 @@ def design(
         if criterion not in ("D", "worst"):
             raise ConfigError(f"--criterion {criterion}: expected D or worst")
         with terminal.compiling():
+            from auvid_cli.api import core
             from auvid_cli.api import design as api
             from auvid_cli.api.files import read_dataset, read_estimate
             from auvid_cli.report.design_screen import print_design, sentences
             from auvid_cli.report.figures.draw import drawing
+
+            core.load_sensors()
         wish = api.Wish(
             length,
             envelope,

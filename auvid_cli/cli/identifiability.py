@@ -75,11 +75,14 @@ def identifiability(
         keep_apart(tables_and_figures(folder), files)
         coefficients, where = _at(dataset, at)
         with terminal.compiling():
+            from auvid_cli.api import core
             from auvid_cli.api.identifiability import identifiability as assess
             from auvid_cli.cli.browser import open_page
             from auvid_cli.cli.tables import write_and_draw
             from auvid_cli.report.page.identifiability_page import identifiability_page
             from auvid_cli.report.screen import print_identifiability
+
+            core.load_sensors()
         with terminal.stage("sensitivities"):
             bounds = assess(dataset, coefficients)
         laid_out = page, lambda: identifiability_page(dataset, bounds, where)

@@ -117,7 +117,10 @@ def settle(prepared: "PreparedData", terminal: Terminal) -> "PreparedData":
     if not sought:
         return prepared
     with terminal.compiling():
+        from auvid_cli.api import core
         from auvid_cli.api.identification import with_noise_settled
+
+        core.load_sensors()
     with terminal.stage(f"find the {' and the '.join(sought)}"):
         settled = with_noise_settled(prepared)
     if settled.delays is not None:

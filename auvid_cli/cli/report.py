@@ -30,8 +30,11 @@ def report(
         refuse_other_page(page_in(results))
         dataset, estimates = read_results(results)
         with terminal.compiling():
+            from auvid_cli.api import core
             from auvid_cli.api.evaluation import Evaluator
             from auvid_cli.api.preparation import prepare
+
+            core.load_sensors()
         evaluator = Evaluator(prepare(dataset))
         with drawing(results, figure_format) as figures:
             raise typer.Exit(pipeline.report_to(results, evaluator, estimates, terminal, figures, show))

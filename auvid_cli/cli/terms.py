@@ -45,9 +45,12 @@ def terms(
         terminal, changes = Terminal(quiet, verbose), overrides(settings, use=use)
         search = found_settings.begin_search(dataset, changes, output, overwrite, "terms.yaml")
         with terminal.compiling():
+            from auvid_cli.api import core
             from auvid_cli.api.terms import find_terms
             from auvid_cli.report.csv_tables import write_csv_tables
             from auvid_cli.report.term_screen import print_terms
+
+            core.load_sensors()
         with terminal.stage("fit of the model as it is") as say:
             findings = find_terms(search.dataset, any_symmetry, most, say)
         print_terms(terminal.out, findings)

@@ -49,11 +49,14 @@ def tune(
         search = found_settings.begin_search(dataset, changes, output, overwrite, "tuned.yaml")
         read = search.dataset
         with terminal.compiling():
+            from auvid_cli.api import core
             from auvid_cli.api.identification import identify
             from auvid_cli.api.judgement import judge
             from auvid_cli.api.tuning import tune as tune_noise
             from auvid_cli.report.csv_tables import write_csv_tables
             from auvid_cli.report.tuning_screen import choice_text, print_tuning
+
+            core.load_sensors()
         with terminal.stage("fit with the stated noise") as say:
             before, passes = identify(read, "smoother"), 0
 

@@ -65,11 +65,14 @@ def validate(
         estimate = read_estimate(estimate_file)
         datasets = [read_dataset(path, *overrides(None, use=use)) for path in dataset_files]
         with terminal.compiling():
+            from auvid_cli.api import core
             from auvid_cli.api.validation import predict, unseen_segments
             from auvid_cli.cli.browser import open_page
             from auvid_cli.cli.tables import write_and_draw
             from auvid_cli.report.page.validation_page import validation_page
             from auvid_cli.report.validation_screen import print_validation
+
+            core.load_sensors()
         with terminal.stage("compare with the estimate's own data"):
             training = _dataset_behind(estimate_file, estimate)
             segments = [part for dataset in datasets for part in unseen_segments(dataset, estimate, training)]

@@ -109,7 +109,8 @@ def test_terms_of_revolutions_and_voltage_take_two_more_inputs(model_with, tmp_p
         '{name: X_n|n|, row: X, factors: [n, "|n|"], value: 0.3}',
         "{name: K_nV, row: K, factors: [n, voltage], value: 0.02}",
     )
-    model = model_with(f"vehicle.terms=[{', '.join(terms)}]")
+    turns = "manoeuvre.propeller={revolutions: 20 turn/s, voltage: 24 V}"
+    model = model_with(f"vehicle.terms=[{', '.join(terms)}]", turns)
     motion, inputs = draw(5)
     inputs = np.array([*inputs, -14.0, 22.0])
     expected = derivative_of(model, motion, inputs)
