@@ -47,12 +47,8 @@ def derived_vehicle_yaml(drawing: Drawing) -> str:
 
 def _with_units(settings: Settings) -> dict[str, Any]:
     """Write settings as somebody would, each number with its unit."""
-    fields = ((name, getattr(settings, name), field) for name, field in type(settings).model_fields.items())
-    return {
-        name: _written(value, _unit_in(field.rebuild_annotation()))
-        for name, value, field in fields
-        if value is not None
-    }
+    units = {name: _unit_in(field.rebuild_annotation()) for name, field in type(settings).model_fields.items()}
+    return {name: _written(value, units[name]) for name, value in settings if value is not None}
 
 
 def _written(value: Any, unit: str) -> Any:
