@@ -136,6 +136,8 @@ def read_header(path: Path, lines: Sequence[str], layout: TextLayout) -> Header:
     fields = _usual_length(rows) or len(names)
     ends_with_delimiter = fields == len(names) + 1 and all(row[-1] == "" for row in rows)
     if fields != len(names) and not ends_with_delimiter:
+        if layout.names:
+            raise FileError(f"{path}: the map gives {len(names)} `names` to rows of {fields} fields")
         raise FileError(f"{path}:{line}: {len(names)} names above rows of {fields} fields")
     decimal = layout.decimal or _find_decimal(rows, delimiter)
     samples = _columns(rows, len(names))

@@ -11,7 +11,7 @@ from auvid_cli.logs.formats.log import Log, LogColumn
 from auvid_cli.logs.suggest.commented_yaml import Comment, Flow, Line, Phrase, YamlEntry
 from auvid_cli.logs.suggest.found import tracks_of
 from auvid_cli.logs.suggest.judge import Evidence
-from auvid_cli.logs.suggest.names import INPUT_NAMES, find_columns, find_in_logs, named_unit
+from auvid_cli.logs.suggest.names import INPUT_NAMES, SIDES, find_columns, find_in_logs, named_unit
 from auvid_cli.logs.suggest.rows import row_entries, time_of
 from auvid_cli.logs.suggest.ties import PITCHING, TURNING, Track
 
@@ -21,6 +21,9 @@ _LARGEST_FIN_DEGREES, _LARGEST_PERCENT, _LARGEST_FRACTION = 90.0, 110.0, 1.5
 # Pulses of a servo, in microseconds, and the numbers of a byte: their middles.
 _PULSES, _MIDDLE_PULSE, _MIDDLE_BYTE = (800.0, 2200.0), 1500, 128
 _OPPOSITE = (("top", "bottom"), ("right", "left"))
+# Words that fins, and what drives them, are called by.
+_OF_FINS = re.compile(r"(?<![a-z])((stern|bow)_?)?(fin|rudder|elevator|plane|servo)s?(?![a-z])")
+_OF_SERVOS = re.compile("servo")
 
 
 class FoundInput(NamedTuple):
@@ -60,15 +63,13 @@ def find_inputs(logs: Mapping[str, Log]) -> FoundInputs | None:
     signals = _inputs(logs, name, main.table)
     direct = {"rudder", "elevator"} & {*signals}
     signals = {key: signal for key, signal in signals.items() if not (direct and key.startswith("fins."))}
-    thrusters = [
-        text
-        for key, signal in signals.items()
-        if key.startswith(("thrust.", "surge_force"))
-        for text in _alike(logs[signal.log], signal)
-    ]
+    # Revolutions of a thruster are called like its share as well.
+    thrusters = dict.fromkeys(
+        text for key, signal in signals.items() if _is_thrust(key) for text in _alike(logs[signal.log], signal)
+    )
     if thrusters:
-        signals = {key: signal for key, signal in signals.items() if not key.startswith(("thrust.", "surge_force"))}
-    return FoundInputs(name, main.table, signals, thrusters)
+        signals = {key: signal for key, signal in signals.items() if not _is_thrust(key)}
+    return FoundInputs(name, main.table, signals, [*thrusters])
 
 
 def _alike(log: Log, signal: FoundInput) -> list[str]:
@@ -84,7 +85,7 @@ def _alike(log: Log, signal: FoundInput) -> list[str]:
 
 
 def _unnumbered(name: str) -> str:
-    return re.sub(r"\d+", "#", name)
+    return re.sub(rf"_?\d+_?|_?(?<![a-z]){SIDES}(?![a-z])_?", "#", name.lower())
 
 
 def input_tracks(logs: Mapping[str, Log], inputs: FoundInputs | None) -> dict[str, Track]:
@@ -121,8 +122,7 @@ def input_lines(logs: Mapping[str, Log], inputs: FoundInputs | None, judged: Evi
         lines += _opposites(fins, judged)
         yield YamlEntry("fins", lines, "check: positive pushes the tail to starboard, or up; else sign: -1")
     if not deflecting:
-        main = [column.name for column in logs[inputs.log].tables()[inputs.table] if "fin" in column.name.lower()]
-        yield Comment(f"check: no column is called like a fin{_these_may_be([*main, *_possible_fins(logs)])}")
+        yield Comment(f"check: no column is called like a fin{_these_may_be(_possible_fins(logs))}")
     if inputs.thrusters:
         several = f"{', '.join(inputs.thrusters)}: several thrusters are not one surge force"
         yield Comment(f"check: {several}; make a column of their sum along the bow, or say which one pushes")
@@ -147,14 +147,19 @@ def _these_may_be(fins: Iterable[str]) -> str:
 
 
 def _possible_fins(logs: Mapping[str, Log]) -> Iterator[str]:
-    """Yield tables of numbers that have a fin in their names, and those with rows of several servos."""
-    for log in logs.values():
+    """Yield columns that have a fin in their names, or in that of their table, and rows of several servos."""
+    for log_name, log in logs.items():
         for table, columns in log.tables().items():
             names = [column.name for column in columns]
-            if "fin" in table.lower():
-                yield from (f"{table} {name}" for name in names if name.startswith("data"))
-            if "servo" in table.lower() and {"id", "value"} <= {*names}:
-                yield f"{{table: {table}, column: value, rows: {{column: id, values: [0]}}}}, and so on by id"
+            of_servos = _OF_SERVOS.search((table or log_name).lower()) is not None
+            if of_servos and {"id", "value"} <= {*names}:
+                place = f"table: {table}, " if table else f"log: {log_name}, " if len(logs) > 1 else ""
+                yield f"{{{place}column: value, rows: {{column: id, values: [0]}}}}, and so on by id"
+                continue
+            of_fins = _OF_FINS.search(table.lower()) is not None
+            for name in names:
+                if _OF_FINS.search(name.lower()) or (of_fins and name.startswith("data")):
+                    yield f"{table} {name}".strip()
 
 
 def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, FoundInput]:
@@ -172,7 +177,7 @@ def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, FoundInp
             inputs |= {
                 key: FoundInput(new[key], values, log, table, place)
                 for key, values in numbers.items()
-                if _counts(values, elsewhere)
+                if _counts(values, elsewhere and not _is_thrust(key))
             }
     return inputs
 
@@ -180,6 +185,10 @@ def _inputs(logs: Mapping[str, Log], name: str, main: str) -> dict[str, FoundInp
 def _counts(values: Array, must_change: bool) -> bool:
     known = values[np.isfinite(values)]
     return bool(known.size) and (not must_change or bool(np.ptp(known) > 0.0))
+
+
+def _is_thrust(key: str) -> bool:
+    return key.startswith(("thrust.", "surge_force"))
 
 
 def _place(logs: Mapping[str, Log], log: str, table: str) -> dict[str, Flow] | None:

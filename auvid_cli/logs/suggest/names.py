@@ -43,6 +43,11 @@ QUATERNION_NAMES: dict[str, str] = {
     axis: rf"(orientation|quaternion|quat|q)[_.]{axis}|q{axis}|q\[{number}\]" for number, axis in enumerate("wxyz")
 }
 _OF_QUATERNION = "|".join(QUATERNION_NAMES.values())
+# Which of several fins or thrusters, where a number does not say it.
+SIDES = (
+    r"(port|starboard|stbd|left|right|bow|front|fore|fwd|rear|aft|stern|upper|lower|vert(ical)?|lat(eral)?|[fr][lr])"
+)
+_WHICH = rf"(_?\d+|_{SIDES})*"
 INPUT_NAMES: dict[str, str] = {
     "rudder": r"(rudder|delta_r|dr)(_(angle|cmd|input))?|yaw_input|fin",
     "elevator": r"(elevator|stern_?planes?|delta_[se]|de|ds)(_(angle|cmd|input))?|pitch_input",
@@ -50,10 +55,10 @@ INPUT_NAMES: dict[str, str] = {
     "fins.bottom": r"(fins?_)?(yaw_b|bottom|bot)|bottom_fins?",
     "fins.right": r"(fins?_)?(pitch_r|right|starboard|stbd)|(right|starboard|stbd)_fins?",
     "fins.left": r"(fins?_)?(pitch_l|left|port)|(left|port)_fins?",
-    "surge_force": r"surge_force|thrust|thrust_force",
+    "surge_force": rf"surge_force|thrust(_force)?{_WHICH}",
     "thrust.revolutions": r"((prop|screw|shaft|motor|thrust|throttle)\w*)?(rpm|rps|rev/s|turn/s)|(rpm|rps)_\w+"
     r"|propeller_rotation_rate",
-    "thrust.share": r"thruster(_(cmd|command|input))?|motor_speed_cmd|throttle",
+    "thrust.share": rf"({SIDES}_)*thruster{_WHICH}(_(cmd|command|input))?{_WHICH}|motor_speed_cmd|throttle",
     "roll_moment": r"roll_moment",
 }
 # By SI unit: what a name may end with to say another one.
@@ -72,8 +77,8 @@ NAMED_UNITS: dict[str, dict[str, str]] = {
 _ANY_UNIT = rf"(_({'|'.join(end for ends in NAMED_UNITS.values() for end in ends)}))?"
 # What stands before a name, of whose it is, and behind it, of what was done to it.
 _OWNER, _FILTERED = r"((platform|vehicle|auv|nav|m)_)?", r"(_filt(ered)?)?"
-# How MOOS calls what is sent to fins and propeller.
-_SENT = r"(desired_)?"
+# How MOOS, Slocum gliders and others call what is sent to fins and propeller.
+_SENT = r"((desired|commanded|cmd|c)_)?"
 _SOME_TIME = r"(t|time|timestamp|stamp)_\w+|\w+_(t|time|timestamp|stamp)"
 _TIMES = r"(t|time|timestamp|stamp|unix_?(s|time)?|t_s|seconds|secs?|time_?(s|us|ms|ns)|epoch\w*|utc\w*|date_?time)"
 _BARE_FIELD = re.compile(r"(data|value|xyz)(\[(?P<index>[012])\])?|(?P<axis>[xyz])")

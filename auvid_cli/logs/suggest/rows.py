@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from auvid_cli.config.log_columns import unit_factor
 from auvid_cli.logs.clock import FARTHEST
 from auvid_cli.logs.formats.log import HEADER_STAMP, LOG_TIME, Log
 from auvid_cli.logs.suggest.commented_yaml import Flow, Phrase, YamlEntry
@@ -35,10 +36,20 @@ def time_of(log: Log, table: str) -> tuple[Flow, str]:
         return LOG_TIME, "check: the header stamps never change"
     if time.name in (HEADER_STAMP, LOG_TIME):
         return time.name, "check: the clock of the others too?"
-    if time.is_text or time.unit:
+    if time.is_text or (time.unit and _is_time(time.unit)):
         return {"column": time.name}, "check: as text, mm:ss.s, HH:MM:SS or dates" if time.is_text else ""
     numbers = np.asarray(log.read(table, [time.name])[time.name], np.float64)
     steps = np.diff(numbers[np.abs(numbers) < FARTHEST])
     step = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
     unit = "s" if step < 50.0 else "ms" if step < 5e3 else "us" if step < 5e6 else "ns"
-    return {"column": time.name, "unit": unit}, f"check: its median step is {step:.4g}"
+    said = f"the log says {time.unit!r}; " if time.unit else ""
+    return {"column": time.name, "unit": unit}, f"check: {said}its median step is {step:.4g}"
+
+
+def _is_time(unit: str) -> bool:
+    """Say whether the unit that a log states is one of time: that of a Slocum glider is called timestamp."""
+    try:
+        unit_factor(unit, "s")
+    except ValueError:
+        return False
+    return True

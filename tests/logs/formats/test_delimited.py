@@ -271,7 +271,7 @@ def test_stated_names_take_the_place_of_others(opened):
 
 
 def test_stated_names_are_as_many_as_there_are_columns(opened):
-    with pytest.raises(FileError, match="3 names above rows of 2 fields"):
+    with pytest.raises(FileError, match="3 `names` to rows of 2 fields"):
         opened("1,2\n3,4\n", names=("time", "u", "v"))
 
 

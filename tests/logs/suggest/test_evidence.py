@@ -303,6 +303,29 @@ def test_several_thrusters_are_not_one_surge_force():
     assert "several thrusters are not one surge force" in text
 
 
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("rpm_port", "rpm_starboard"),
+        ("left_thruster", "right_thruster"),
+        ("thruster1", "thruster2"),
+        ("thruster_port_cmd", "thruster_stbd_cmd"),
+        ("thruster_1_rpm", "thruster_2_rpm"),
+        ("thrust_fl", "thrust_fr"),
+    ],
+)
+def test_thrusters_of_both_sides_are_not_one_surge_force(names):
+    text, found = suggested(TRUTH | dict.fromkeys(names, TIME))
+    assert not {"thrust", "surge_force"} & {*found["inputs"]}
+    assert f"check: {', '.join(names)}: several thrusters are not one surge force" in text
+
+
+def test_a_thrust_that_never_changes_is_one_in_a_table_of_its_own_too():
+    log = Topics({"DESIRED_RUDDER": {"value": TRUTH["rudder"]}, "DESIRED_THRUST": {"value": np.full(TIME.size, 40.0)}})
+    found = yaml.safe_load(suggest([log], Path()))["inputs"]
+    assert (found["table"], found["surge_force"]["table"]) == ("DESIRED_RUDDER", "DESIRED_THRUST")
+
+
 def test_angles_that_stand_apart_are_put_together():
     log = Topics({"/tilt": {"roll": TRUTH["phi"], "pitch": TRUTH["theta"]}, "/compass": {"heading": TRUTH["psi"]}})
     attitude = yaml.safe_load(suggest([log], Path()))["sensors"]["attitude"]
@@ -338,3 +361,10 @@ def test_messages_of_imc_are_known_by_their_names_and_servos_by_their_ids():
     assert (found["gyroscope"]["table"], found["dvl"]["table"]) == ("AngularVelocity", "GroundVelocity")
     assert found["dvl"]["valid"] == {"column": "validity", "values": [7]}
     assert "these may be fins: {table: SetServoPosition, column: value, rows: {column: id, values: [0]}}" in text
+
+
+def test_servos_of_a_text_log_are_known_by_the_name_of_its_file():
+    log = Columns({"id": np.arange(TIME.size) % 2.0, "value": TRUTH["rudder"]})
+    log.path = Path("SetServoPosition.csv")
+    text = suggest([log, Columns({name: TRUTH[name] for name in ("u", "psi")})], Path())
+    assert "these may be fins: {log: SetServoPosition, column: value, rows: {column: id, values: [0]}}" in text

@@ -246,6 +246,19 @@ def test_validity_of_the_message_and_not_of_a_part_of_it():
     assert found["sensors"]["dvl"]["valid"]["column"] == "velocity_valid"
 
 
+def test_what_a_slocum_glider_calls_time_and_fin_is_known(suggested):
+    headings = {"m_present_time (timestamp)": 1.6e9 + TIME, "m_depth (m)": 5 + WAVE, "c_fin (rad)": 0.2 * WAVE}
+    text, found = suggested(**headings)
+    assert found["sensors"]["depth"]["time"] == {"column": "m_present_time", "unit": "s"}
+    assert "check: the log says 'timestamp'" in text
+    assert found["inputs"]["rudder"] == {"column": "c_fin"}
+
+
+def test_columns_that_may_be_fins_are_named_where_none_is_known(suggested):
+    text, _ = suggested(t=TIME, u=WAVE, rudder_left=WAVE, fin1=WAVE, confined=WAVE)
+    assert "no column looks like a fin or a propeller; these may be fins: rudder_left, fin1\n" in text
+
+
 def test_a_list_that_may_be_fins_is_named():
     text = suggest([Topics(__fins={"data[0]": WAVE, "data[1]": WAVE}, __rpm={"data": 600 + WAVE})], Path())
     assert "these may be fins: /fins data[0], /fins data[1]" in text
