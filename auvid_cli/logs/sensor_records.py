@@ -20,7 +20,12 @@ from auvid_cli.logs.measurements import MeasuredRows, check_plausible, read_requ
 from auvid_cli.logs.refusals import Refusals, RefusedError
 from auvid_cli.logs.requests import Request
 from auvid_cli.logs.sensor_motion import depth_at_origin, interpolate
-from auvid_cli.logs.vehicle_axes import complete_velocity, in_vehicle_axes
+from auvid_cli.logs.vehicle_axes import (
+    complete_velocity,
+    in_vehicle_axes,
+    level_where_roll_is_unknown,
+    turned_by_attitude,
+)
 from auvid_cli.vehicle.parameters import SENSORS
 
 Array = NDArray[np.float64]
@@ -68,19 +73,25 @@ def read_sensors(
     _check_common_time(records, origin, refusals)
     refusals.stop_if_any()
     dvl, depth, summaries = settings.sensors.dvl, settings.sensors.depth, []
+    levelled, taken_as_level = level_where_roll_is_unknown(records), dict[str, str]()
     if isinstance(dvl, DvlMap):
         with refusals.collecting():
-            values = complete_velocity(dvl, records["dvl"], records, ("sensors", "dvl"))
+            taken_as_level["dvl"] = turned_by_attitude(dvl, records)
+            values = complete_velocity(dvl, records["dvl"], levelled, ("sensors", "dvl"))
             records["dvl"] = replace(records["dvl"], values=values)
     if isinstance(depth, DepthMap) and depth.position is not None:
         with refusals.collecting():
-            values = _depth_of_origin(records["depth"], records.get("attitude"), np.array(depth.position))
+            taken_as_level["depth"] = "the lever arm"
+            values = _depth_of_origin(records["depth"], levelled.get("attitude"), np.array(depth.position))
             records["depth"] = replace(records["depth"], values=values)
+    if levelled.get("attitude") is records.get("attitude"):
+        taken_as_level = {}
     for name, sensor in maps.items():
         with refusals.collecting():
             records[name], noise = _finished(name, sensor, records[name], settings.use)
             gaps = _gaps(records[name], settings.use, (*settings.exclude, *sensor.exclude))
-            summaries.append(_summary(name, records[name], noise, rows[name], int(excluded[name].sum()), gaps))
+            number, level = int(excluded[name].sum()), taken_as_level.get(name, "")
+            summaries.append(_summary(name, records[name], noise, rows[name], number, gaps, level))
     refusals.stop_if_any()
     return SensorRecords(records, origin, summaries)
 
@@ -120,7 +131,7 @@ def _check_common_time(records: dict[str, SensorRecord], origin: float, refusals
 
 def _depth_of_origin(depth: SensorRecord, attitude: SensorRecord | None, position: Array) -> Array:
     if attitude is None or not np.isfinite(attitude.values[:, :2]).any(axis=0).all():
-        raise RefusedError(("sensors", "depth", "position"), "a lever arm needs an `attitude` with roll and pitch")
+        raise RefusedError(("sensors", "depth", "position"), "a lever arm needs an `attitude` with pitch")
     tilt = interpolate(attitude.time, attitude.values[:, :2], depth.time, is_angle=True)
     return depth_at_origin(depth.values[:, 0], tilt[:, 0], tilt[:, 1], position)[:, None]
 
@@ -163,7 +174,13 @@ def _gaps(record: SensorRecord, use: TimeSpans, exclude: TimeSpans) -> Gaps | No
 
 
 def _summary(
-    name: str, record: SensorRecord, noise: tuple[Noise, ...], rows: MeasuredRows, excluded: int, gaps: Gaps | None
+    name: str,
+    record: SensorRecord,
+    noise: tuple[Noise, ...],
+    rows: MeasuredRows,
+    excluded: int,
+    gaps: Gaps | None,
+    taken_as_level: str,
 ) -> ImportSummary:
     unit = SENSORS[name][0].unit
     unused = rows.time.size - record.time.size
@@ -185,6 +202,7 @@ def _summary(
             furthest > 2.0 * np.pi,
             f"the heading reaches {furthest:.4g} rad: are these turns, or degrees without a unit?",
         ),
+        (taken_as_level, f"no roll is measured: {taken_as_level} taken as if level"),
         (excluded, f"{excluded} samples in excluded spans set to missing"),
         (rows.invalid, f"{rows.invalid} values not valid or beyond their limits set to missing"),
         (rows.repeats, f"{rows.repeats} rows that repeat the one before left out"),

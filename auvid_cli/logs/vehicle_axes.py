@@ -1,5 +1,7 @@
 """From the axes of a sensor to those of the vehicle."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -53,6 +55,23 @@ def in_vehicle_axes(sensor: SensorMap, rows: MeasuredRows, path: KeyPath) -> Arr
     return values
 
 
+def turned_by_attitude(sensor: DvlMap, records: dict[str, SensorRecord]) -> str:
+    """Name what of a DVL's velocity an attitude is needed for; empty if nothing is."""
+    if sensor.frame in ("NED", "ENU"):
+        return "velocities over ground"
+    return "the lever arm" if sensor.position is not None and _whole(records, "gyroscope") is None else ""
+
+
+def level_where_roll_is_unknown(records: dict[str, SensorRecord]) -> dict[str, SensorRecord]:
+    """Return sensors with a roll of zero where an attitude never measures one."""
+    attitude = records.get("attitude")
+    if attitude is None or np.isfinite(attitude.values[:, 0]).any():
+        return records
+    level = attitude.values.copy()
+    level[:, 0] = 0.0
+    return records | {"attitude": replace(attitude, values=level)}
+
+
 def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, SensorRecord], path: KeyPath) -> Array:
     """Find the velocity of the vehicle's origin in body axes, with attitude and rates of other sensors at its times.
 
@@ -64,7 +83,7 @@ def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, Se
     values, attitude, gyroscope = record.values, _whole(others, "attitude"), _whole(others, "gyroscope")
     if sensor.frame in ("NED", "ENU"):
         if attitude is None:
-            raise RefusedError((*path, "frame"), f"{sensor.frame} velocities need an `attitude` of all three angles")
+            raise RefusedError((*path, "frame"), f"{sensor.frame} velocities need an `attitude` of pitch and heading")
         measured = np.asarray(np.isfinite(values).any(axis=0))
         if not measured[:2].all():
             raise RefusedError((*path, "columns"), f"{sensor.frame} velocities need both of `u` and `v`")
@@ -83,7 +102,7 @@ def complete_velocity(sensor: DvlMap, record: SensorRecord, others: dict[str, Se
             rates = interpolate(time, body_rates(time, angles[known]), record.time)
         else:
             raise RefusedError(
-                (*path, "position"), "a lever arm needs a `gyroscope` or an `attitude` of three components"
+                (*path, "position"), "a lever arm needs a `gyroscope` or an `attitude` of pitch and heading"
             )
         values = velocity_at_origin(values, rates, np.array(sensor.position))
     return values

@@ -14,6 +14,7 @@ from auvid_cli.config.shipped import shipped_configs
 from auvid_cli.errors import ConfigError
 from auvid_cli.logs.convert import convert
 from auvid_cli.logs.formats.log import Log, LogColumn
+from auvid_cli.vehicle.kinematics import body_rates
 
 TIME = np.arange(40) * 0.05
 FLU = np.diag([1.0, -1.0, -1.0])
@@ -316,6 +317,31 @@ def test_velocity_over_ground_is_turned_into_the_body(converted, frame):
     assert found.sensors["dvl"].values == pytest.approx(velocity, abs=1e-12)
 
 
+@pytest.mark.parametrize("ground", [True, False])
+def test_a_roll_that_nothing_measures_is_taken_as_level_and_this_is_said(converted, ground):
+    velocity, _, angles = motion()
+    angles[:, 0] = 0.0
+    lever = np.array([0.6, 0.0, 0.0])
+    rates = body_rates(TIME, angles)
+    stated = rotations(angles).apply(velocity) if ground else velocity + np.cross(rates, lever)
+    log = MemoryLog(**{"imu": imu(rates, angles), "dvl": dvl(stated), "in": INPUTS})
+    how = ", frame: NED" if ground else ", position: [60 cm, 0, 0]"
+    found = converted(log, (ATTITUDE % "").replace("phi: roll, ", ""), DVL % how)
+    assert found.sensors["dvl"].values == pytest.approx(velocity, abs=1e-9)
+    assert np.isnan(found.sensors["attitude"].values[:, 0]).all()
+    remarks = next(own for own in found.summaries if own.name == "dvl").remarks
+    assert any(text.startswith("no roll is measured: ") for text in remarks)
+
+
+def test_a_depth_ahead_of_the_origin_needs_no_roll(converted):
+    _, rates, angles = motion()
+    depth = {"t": TIME, "z": 20.0 - np.sin(angles[:, 1])}
+    log = MemoryLog(**{"imu": imu(rates, angles), "depth": depth, "in": INPUTS})
+    found = converted(log, (ATTITUDE % "").replace("phi: roll, ", ""), DEPTH % ("", ", position: [1, 0, 0]"))
+    assert found.sensors["depth"].values[:, 0] == pytest.approx(20.0)
+    assert any("the lever arm taken as if level" in own.remarks[0] for own in found.summaries if own.name == "depth")
+
+
 def test_lever_arm_is_taken_off_by_the_gyroscope(converted):
     velocity, rates, angles = motion()
     lever = np.array([0.6, 0.05, -0.1])
@@ -559,15 +585,15 @@ def test_propeller_that_loses_thrust_with_speed(converted):
         ([DVL % ", position: [1, 0, 0]"], INPUT_MAP, "sensors.dvl.position: a lever arm needs a `gyroscope` or"),
         ([DEPTH % ("", ", position: [1, 0, 0]")], INPUT_MAP, "sensors.depth.position: a lever arm needs an `attitude`"),
         (
-            [(ATTITUDE % "").replace("phi: roll, ", ""), DEPTH % ("", ", position: [1, 0, 0]")],
+            [(ATTITUDE % "").replace("theta: pitch, ", ""), DEPTH % ("", ", position: [1, 0, 0]")],
             INPUT_MAP,
-            "sensors.depth.position: a lever arm needs an `attitude` with roll and pitch",
+            "sensors.depth.position: a lever arm needs an `attitude` with pitch",
         ),
         ([DEPTH % ("", ", position: [1, 0]")], INPUT_MAP, "expected [forward, starboard, down]"),
         (
             [(GYROSCOPE % "").replace("p: p, ", ""), DVL % ", position: [1, 0, 0]"],
             INPUT_MAP,
-            "sensors.dvl.position: a lever arm needs a `gyroscope` or an `attitude` of three components",
+            "sensors.dvl.position: a lever arm needs a `gyroscope` or an `attitude` of pitch and heading",
         ),
         (
             [(GYROSCOPE % "").replace("p: p", "p: pp")],
