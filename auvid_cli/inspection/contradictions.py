@@ -1,7 +1,8 @@
 """What verdicts that contradict each other make of the rest: of which sign is turned, and of what hangs on it.
 
-A vehicle and its mirror image move by the same equations. Where rudder and slip both seem turned it is the heading that
-is, and turning both would make the data those of the mirror image, which nothing could tell any more.
+A vehicle and its mirror image move by the same equations. Where rudder and slip both seem turned it is rather the
+heading that is; but if both are, turning the heading makes the data those of the mirror image, which nothing could tell
+any more. Only whoever knows which way round the heading counts can tell.
 """
 
 from collections.abc import Sequence
@@ -89,7 +90,9 @@ def _blamed(turn: _Turn, answer: Check, verdicts: dict[_Key, Check]) -> dict[_Ke
     if answer.passed is False and against:
         words = (
             f"{answer.check} and {' and '.join(check.check for check in against)} both contradict {turn.symbols}: turn "
-            f"the sign of that ({turn.positive}) and not of the others, which would make a mirror image of the vehicle."
+            f"the sign of that ({turn.positive}), which one mistake explains, and not of the others. But first make "
+            "sure that it counts the other way: if it does not, all others are turned, and turning it makes the data "
+            "those of a mirror image of the vehicle, which nothing tells any more."
         )
         return {(check.subject, check.check): check._replace(advice=words) for check in (answer, *against)}
     words = (

@@ -83,7 +83,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     in_water = through_water(signals, found)
     motion = motion_of(in_water, dataset.experiment.vehicle)
     alignment = input_alignment(in_water, motion, time_constant)
-    checks += [*input_timing_checks(dataset.inputs, time_constant), *alignment_checks(alignment)]
+    checks += [*input_timing_checks(dataset.inputs, span[1], time_constant), *alignment_checks(alignment)]
     checks += actuator_checks(dataset.inputs, actuators)
     checks += doubled_thrust_check(dataset.inputs, dataset.experiment.vehicle.coefficient_set)
     checks += force_checks(signals, dataset.experiment.vehicle)

@@ -86,22 +86,26 @@ def timing_checks(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> 
     ]
 
 
-def input_timing_checks(inputs: InputRecord, time_constant: float | None) -> list[Check]:
+def input_timing_checks(inputs: InputRecord, end: float, time_constant: float | None) -> list[Check]:
     """Judge rate and longest gap of the inputs, each of which holds until the next; none if there is but one.
 
     Parameters
     ----------
     inputs : InputRecord
+    end : float
+        s, of the data: until then the last of them holds.
     time_constant : float or None
         s, of the vehicle, if it is known.
     """
     intervals = np.diff(inputs.time)
     if not intervals.size:
         return []
-    usual, longest = float(np.median(intervals)), int(intervals.argmax())
+    until = np.append(inputs.time[1:], max(end, inputs.time[-1]))
+    held = until - inputs.time
+    usual, longest = float(np.median(intervals)), int(held.argmax())
     limit = gap_limit(intervals)
     slowest = _LONGEST_HELD if time_constant is None else min(time_constant, _LONGEST_HELD)
-    begin, end = inputs.time[longest], inputs.time[longest + 1]
+    begin, end = inputs.time[longest], until[longest]
     return [
         judged(
             "inputs",
@@ -117,7 +121,7 @@ def input_timing_checks(inputs: InputRecord, time_constant: float | None) -> lis
             "gap",
             statistic=f"{end - begin:.4g} s from t = {begin:.6g} s on",
             threshold=f"<= {limit:.3g} s without an input",
-            passed=True if intervals[longest] <= limit else None,
+            passed=True if held[longest] <= limit else None,
             advice=f"From t = {begin:.6g} s to {end:.6g} s the last inputs are taken to hold. If they were not logged "
             "then, leave that time out (`--use`).",
         ),

@@ -76,6 +76,14 @@ def test_a_turned_sign_fails_without_advice_to_mirror_the_vehicle(symbols, fails
         assert ("turn the sign of that (clockwise from above" in checks[key].advice) == (symbols == ("psi",))
 
 
+def test_two_turned_signs_look_like_one_and_both_are_told(zigzag):
+    """The data are those of the mirror image with a turned heading, so that no advice may be without a condition."""
+    checks = verdicts(turned(zigzag(), "rudder", "v"))
+    assert failed(checks) == {RUDDER, SLIP}
+    for key in (RUDDER, SLIP):
+        assert "if it does not, all others are turned" in checks[key].advice
+
+
 @pytest.mark.parametrize("symbols", [("psi",), ("r",), ("psi", "rudder"), ("r", "v")])
 def test_nothing_downstream_is_called_true_while_r_and_psi_disagree(symbols, zigzag):
     checks = verdicts(turned(zigzag(gyroscope=True), *symbols))

@@ -90,9 +90,10 @@ def test_components_with_times_of_their_own_are_not_missing_at_those_of_others(t
     assert judged(replace(turning, values=values))["missing"].passed
 
 
-def judged_inputs(time, time_constant):
+def judged_inputs(time, time_constant, end=None):
     record = InputRecord(np.asarray(time), np.zeros((len(time), 4)))
-    return {check.check: check for check in input_timing_checks(record, time_constant)}
+    end = time[-1] if end is None else end
+    return {check.check: check for check in input_timing_checks(record, end, time_constant)}
 
 
 def test_even_inputs_pass():
@@ -113,6 +114,13 @@ def test_a_time_without_inputs_is_named():
     gap = judged_inputs(time[(time < 30.05) | (time > 42.05)], 1.0)["gap"]
     assert gap.passed is None
     assert gap.statistic == "12.1 s from t = 30 s on"
+
+
+def test_inputs_that_end_before_the_data_are_named():
+    gap = judged_inputs(0.1 * np.arange(300), 1.0, end=90.0)["gap"]
+    assert gap.passed is None
+    assert gap.statistic == "60.1 s from t = 29.9 s on"
+    assert judged_inputs(0.1 * np.arange(300), 1.0, end=30.5)["gap"].passed
 
 
 def test_a_single_input_has_no_rate():
