@@ -78,7 +78,8 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
     remarks = {f"no Cramer-Rao bound: {bound.remark}" for bound in bounds.values() if bound.remark}
     evaluation = Evaluation([], [], [], [], [], [], {}, [*sorted(remarks), *_of_different_data(estimates)])
     for estimate in estimates:
-        run, errors = free_run(prepared.with_settings(estimate.experiment), estimate)
+        own = prepared.with_settings(estimate.experiment)
+        run, errors = free_run(own, estimate)
         judgement = judgements[estimate.filter]
         is_sound = judgement.grade is Grade.SOUND
         results = coefficient_results(estimate, prepared.dataset.truth, bounds[estimate.filter].of_data, is_sound)
@@ -100,7 +101,9 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
         )
         evaluation.velocity_errors.extend(errors)
         evaluation.consistency.extend(sensor_consistency(estimate))
-        evaluation.sensor_errors.extend(sensor_error_results(estimate))
+        evaluation.sensor_errors.extend(
+            sensor_error_results(estimate, [segment.timelines.span[1] for segment in own.segments])
+        )
         evaluation.faults.extend((estimate.filter, fault) for fault in estimate.faults)
         evaluation.free_runs[estimate.filter] = run
     return evaluation

@@ -306,17 +306,21 @@ def rejections(evaluation: Evaluation) -> list[str]:
 
 def _sensor_errors(evaluation: Evaluation) -> Table:
     filters = _filters(evaluation)
-    by_state = {(row.state, row.filter): row for row in evaluation.sensor_errors}
+    by_state = {(row.state, row.segment, row.filter): row for row in evaluation.sensor_errors}
+    in_segments = any(row.segment is not None for row in evaluation.sensor_errors)
     rows: list[list[Cell]] = []
-    for state, any_row in {row.state: row for row in evaluation.sensor_errors}.items():
-        results = [by_state.get((state, name)) for name in filters]
+    for (state, segment), any_row in {(row.state, row.segment): row for row in evaluation.sensor_errors}.items():
+        results = [by_state.get((state, segment, name)) for name in filters]
         values = [row and PlusMinus(row.estimate, row.standard_deviation) for row in results]
-        rows.append([Symbol(state), UnitCell(any_row.unit), any_row.prior_standard_deviation, *values])
+        which = [segment or "all"] if in_segments else []
+        rows.append([Symbol(state), *which, UnitCell(any_row.unit), any_row.prior_standard_deviation, *values])
     return Table(
         "sensor-errors",
         "Errors of the sensors",
         (
-            *(Column("State", numeric=False), Column("Unit", numeric=False), Column("Prior standard deviation")),
+            Column("State", numeric=False),
+            *([Column("Segment")] if in_segments else []),
+            *(Column("Unit", numeric=False), Column("Prior standard deviation")),
             *_columns("Estimate ± standard deviation", filters),
         ),
         rows,
@@ -328,7 +332,7 @@ def unobserved(evaluation: Evaluation) -> list[str]:
     """Return a sentence for each filter that was asked for a sensor error which the data do not determine."""
     sentences = []
     for name in _filters(evaluation):
-        states = [row.state for row in evaluation.sensor_errors if row.filter == name and not row.observed]
+        states = dict.fromkeys(row.state for row in evaluation.sensor_errors if row.filter == name and not row.observed)
         if states:
             sentences.append(
                 f"{filter_label(name)}: {', '.join(states)} cannot be observed on this manoeuvre; do not use the value."

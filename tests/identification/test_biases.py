@@ -102,6 +102,18 @@ def test_a_bias_that_walks_is_followed(simulated_with, with_settings, kalman_fil
     assert nis[0] > 1.05
 
 
+def test_what_walks_is_reported_of_each_segment(biased, with_settings):
+    spans, walk = [[0.0, 15.0], [20.0, 40.0]], "identification.estimate.gyro.walk=1e-6 rad/s/s^0.5"
+    estimate = identify(with_settings(biased, ALL, walk, f"identification.use.spans={spans}"), FilterName.CKF)
+    rows = [row for row in sensor_error_results(estimate, [15.0, 40.0]) if row.state in ("bias_p", "bias_phi")]
+    assert [(row.state, row.segment) for row in rows] == [("bias_p", 1), ("bias_p", 2), ("bias_phi", None)]
+    of_first = estimate.mean[estimate.time <= 15.0][-1, estimate.state.index("bias_p")]
+    assert rows[0].estimate == of_first != rows[1].estimate
+    cut = replace(estimate, time=estimate.time[:9], mean=estimate.mean[:9])
+    cut = replace(cut, standard_deviation=estimate.standard_deviation[:9])
+    assert [row.segment for row in sensor_error_results(cut, [15.0, 40.0]) if row.state == "bias_p"] == [1]
+
+
 def test_an_error_of_a_sensor_that_is_not_there_is_refused(biased, with_settings):
     sensors = {name: record for name, record in biased.sensors.items() if name != "dvl"}
     with pytest.raises(DataError, match=r"asks for dvl_scale, but the dataset has no valid sample of dvl"):

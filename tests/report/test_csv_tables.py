@@ -12,7 +12,7 @@ COLUMNS = {
     "grade,reason,remedy",
     "velocity_error": "filter,component,unit,mean_absolute_error",
     "consistency": "filter,sensor,measurements,rejected,mean_weight,mean_nis,expected_low,expected_high",
-    "sensor_errors": "filter,state,sensor,unit,estimate,standard_deviation,prior_standard_deviation,observed",
+    "sensor_errors": "filter,state,segment,sensor,unit,estimate,standard_deviation,prior_standard_deviation,observed",
     "faults": "filter,fault,unit,size,standard_deviation,coefficient,susceptibility,z",
 }
 
