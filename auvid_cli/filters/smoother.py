@@ -43,6 +43,10 @@ Array = NDArray[np.float64]
 _FAR = 1.0
 # Times the process noise, and the prior's spread of the parameters, for a start that only follows the measurements.
 _LOOSE, _HELD = 100.0, 1e-3
+# Times the process noise, one after the other, on the way to an answer that is not found at once.
+_EASED = _LOOSE, 10.0
+# Minima to be found from starts that are far from them.
+_MINIMA = 2
 
 
 def run_smoother(
@@ -55,8 +59,9 @@ def run_smoother(
     """Find the most probable parameters and motion.
 
     It starts from the trajectory of a CKF. Where the answer is far from that, or there is none, it starts once more,
-    from a trajectory that keeps the prior's parameters and follows the measurements. The more probable answer counts,
-    and is compared with the other, and with what each of several segments says by itself.
+    from a trajectory that keeps the prior's parameters and follows the measurements; where these two do not both end in
+    a minimum, from the answer to more process noise. The most probable answer counts, and is compared with another,
+    and with what each of several segments says by itself.
 
     Parameters
     ----------
@@ -119,20 +124,40 @@ def _failed(problem: JointProblem) -> FilterOutcome:
 def most_probable(problem: JointProblem, smoothing: LinearSmoothing, max_passes: int) -> list[tuple[Filtered, bool]]:
     """Find the most probable trajectory from each start: where that ends, and whether at a minimum; the best first."""
     answers = []
-    for start in _starts(problem):
+    for start in _starts(problem, smoothing, max_passes):
         if (answer := minimise(smoothing, start, max_passes)) is not None:
             answers.append(answer)
-            if _is_near(start, answer[0]):
+            if _is_near(start, answer[0]) or sum(converged for _, converged in answers) == _MINIMA:
                 break
     return sorted(answers, key=lambda answer: answer[0].cost)
 
 
-def _starts(problem: JointProblem) -> Iterator[Trajectory]:
-    """Yield trajectories to start from: as a CKF has it, and with the prior's parameters along the measurements."""
+def _starts(problem: JointProblem, smoothing: LinearSmoothing, max_passes: int) -> Iterator[Trajectory]:
+    """Yield trajectories to start from: as a CKF has it, along the measurements, and the answer to more noise."""
     if (filtered := _ckf(problem)) is not None:
         yield filtered
     if (followed := follow(problem)) is not None:
         yield followed
+        if (eased := _eased(problem, smoothing, followed, max_passes)) is not None:
+            yield eased
+
+
+def _eased(problem: JointProblem, smoothing: LinearSmoothing, start: Trajectory, max_passes: int) -> Trajectory | None:
+    """Go to the answers to less and less process noise; None if the cost of a start is not finite.
+
+    Little process noise makes a step cost much wherever the motion bends away from its linearisation, so that only
+    ever shorter ones go down. With more of it parameters find their way first.
+    """
+    process, answer = problem.process, start
+    for times in _EASED:
+        smoothing.change_noise(process._replace(noise_density=times * process.noise_density), problem.sensors)
+        found = minimise(smoothing, answer, max_passes)
+        if found is None:
+            answer = None
+            break
+        answer = found[0].trajectory
+    smoothing.change_noise(process, problem.sensors)
+    return answer
 
 
 def follow(problem: JointProblem) -> Trajectory | None:

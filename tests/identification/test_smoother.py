@@ -64,6 +64,21 @@ def test_without_process_noise_it_is_the_output_error_fit(simulated_with):
     assert np.abs(np.log(deviation / of_other)).max() < 0.02
 
 
+def test_it_comes_down_from_more_process_noise_where_steps_with_little_bend_away(simulated_with):
+    """From a slow start, with few measurements, no filter finishes and no other start leads to a minimum."""
+    dataset = simulated_with(
+        "manoeuvre=manoeuvres/multisine.yaml",
+        "manoeuvre.duration=40 s",
+        "sensors={attitude: {source: direct, rate: 10 Hz, noise: 0.15 deg}, dvl: {rate: 5 Hz, noise: 1 cm/s}}",
+        "identification.process_noise={velocity: 1e-5, rate: 1e-5, attitude: 1e-6}",
+        "identification.integration_step=0.05 s",
+    )
+    assert not identify(dataset, FilterName.CKF).completed
+    estimate = identify(dataset, FilterName.SMOOTHER)
+    assert estimate.completed
+    assert np.abs(normalised_errors(dataset, estimate)).max() < 4.0
+
+
 def test_it_says_that_its_passes_did_not_suffice(short_run, with_settings):
     dataset = with_settings(short_run, "identification.smoother.max_passes=1")
     estimate = identify(dataset, FilterName.SMOOTHER)
