@@ -34,6 +34,7 @@ CORE = (
     "lanes.py",
     "compilation.py",
     "code_cache.py",
+    "code_library.py",
 )
 DAMAGED = "auvid:damaged"
 """Kind of the event that something in the cache turned out to be damaged."""

@@ -15,6 +15,7 @@ from numba.extending import intrinsic
 
 from auvid_cli.children import parentage
 from auvid_cli.code_cache import DAMAGED, CodeCache, cache_folder
+from auvid_cli.code_library import PartCompiler, WholeCompiler
 from auvid_cli.lanes import LINE
 
 # An interrupt at the terminal ends it at once; the process that started it says so.
@@ -40,7 +41,7 @@ def compiled(
 ) -> Callable[[Callable], Any]:
     """Decorate a function: compile for exactly this signature, now, or take the machine code from the cache.
 
-    What only compiled functions call is compiled with the first of them; if that is in the cache, it is there, inside.
+    What only compiled functions call is read with the first of them, and optimised and kept inside each.
 
     Parameters
     ----------
@@ -51,8 +52,8 @@ def compiled(
     inline : bool
         Whether to insist on inlining: handing over a tuple of many arrays costs as much as a short function.
     internal : bool
-        Whether only compiled functions call it, as they do those that are inlined: a door for Python takes a while to
-        compile.
+        Whether only compiled functions call it, as they do those that are inlined: it then has no machine code of its
+        own, nor a door for Python, which both take a while to compile.
 
     Notes
     -----
@@ -64,29 +65,30 @@ def compiled(
     arrays but slices of their arguments, which then carry no reference count: its atomic increments were an eighth of
     a filter's time, and what makes and assigns whole arrays takes long to compile.
     """
+    is_part = inline or internal
     options = {
         "nogil": True,
         "error_model": "numpy",
         "fastmath": {"contract", "reassoc"} if reassociate else {"contract"},
         "forceinline": inline,
-        "no_cpython_wrapper": inline or internal,
-        "no_cfunc_wrapper": inline or internal,
+        "no_cpython_wrapper": is_part,
+        "no_cfunc_wrapper": is_part,
         # numba has no public name for it.
         "_nrt": False,
     }
 
     def decorate(function: Callable) -> Any:
-        dispatcher: Any = njit(**options)(function)
+        dispatcher: Any = njit(**options, pipeline_class=PartCompiler if is_part else WholeCompiler)(function)
         if dispatcher is function:
             # numba is told to compile nothing.
             return function
+        dispatcher._compiler._customize_flags = _without_aliases
+        if is_part:
+            _compile_when_asked(dispatcher, signature)
+            return dispatcher
         # Its own cache would run whatever stands in the files; this and the rest is what `njit` does itself.
         dispatcher._cache = CodeCache(function)
-        dispatcher._compiler._customize_flags = _without_aliases
-        if inline or internal:
-            _compile_when_asked(dispatcher, signature)
-        else:
-            _compile(dispatcher, signature)
+        _compile(dispatcher, signature)
         return dispatcher
 
     return decorate
@@ -99,7 +101,7 @@ def _compile(dispatcher: Any, signature: Any) -> None:
 
 
 def _compile_when_asked(dispatcher: Any, signature: Any) -> None:
-    """Compile a function, or load it, as soon as one that calls it is compiled: out of the cache that has it inside."""
+    """Compile a function as soon as one that calls it is compiled: out of the cache that has it inside."""
     of_call = dispatcher.get_call_template
 
     def compiled_first(*argument_types: Any) -> Any:

@@ -91,6 +91,20 @@ def test_what_cannot_be_kept_is_compiled_each_time(compiled_again, tmp_path):
     assert "compiled" in compiled_again()
 
 
+_part = compiled(types.int64(types.int64), internal=True)(_double)
+
+
+def _double_and_one(number):
+    return _part(number) + 1
+
+
+def test_what_only_compiled_functions_call_is_kept_inside_these(tmp_path, monkeypatch):
+    monkeypatch.setattr(code_cache, "cache_folder", lambda: tmp_path)
+    whole = compiled(types.int64(types.int64))(_double_and_one)
+    assert whole(20) == 41
+    assert {path.name.split("-")[0] for path in tmp_path.rglob("*.nb?")} == {"test_compilation._double_and_one"}
+
+
 PACKAGE = Path(auvid_cli.__file__).parent
 
 
