@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from auvid_cli.filters.descent import minimise
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing
 from auvid_cli.filters.smoother import follow
 from auvid_cli.identification.augmented import AugmentedProblem, augmented_problem
@@ -17,6 +18,8 @@ Array = NDArray[np.float64]
 
 # Instants beyond those between which a spline is wanted.
 _NEIGHBOURS = 8
+# Share of the prior's spread that parameters keep which are held, and passes through the data to find the rest.
+_HELD, _PASSES = 1e-4, 20
 
 
 class ProbableMotion(NamedTuple):
@@ -44,13 +47,13 @@ class ProbableMotion(NamedTuple):
 
 
 def probable_motion(prepared: PreparedData, values: Mapping[str, float]) -> ProbableMotion | None:
-    """Find the most probable motion with some parameters held.
+    """Find the most probable motion with some parameters held, and along with it the others: a current, a trim.
 
     Parameters
     ----------
     prepared : PreparedData
     values : mapping
-        Of coefficients and other parameters, SI, by symbol; those that are not there stay as the prior has them.
+        Of coefficients and other parameters, SI, by symbol: those that are held.
 
     Returns
     -------
@@ -58,17 +61,19 @@ def probable_motion(prepared: PreparedData, values: Mapping[str, float]) -> Prob
         None where no motion follows the data with these values and the process noise of the settings.
     """
     augmented = augmented_problem(prepared)
-    layout, mean = augmented.layout, augmented.prior.mean.copy()
-    for row, symbol in enumerate(layout.symbols[: layout.n_parameters]):
-        if symbol in values:
-            mean[row] = values[symbol] / layout.scale[row]
-    problem = augmented.joint._replace(prior=augmented.prior._replace(mean=mean))
-    smoothing, trajectory = LinearSmoothing(problem), follow(problem)
-    if trajectory is None or (filtered := smoothing.filter(trajectory)) is None:
+    layout, prior = augmented.layout, augmented.prior
+    held = [row for row, symbol in enumerate(layout.symbols[: layout.n_parameters]) if symbol in values]
+    mean, factor = prior.mean.copy(), prior.factor.copy()
+    mean[held] = [values[layout.symbols[row]] / layout.scale[row] for row in held]
+    factor[held] *= _HELD
+    known = augmented.joint._replace(prior=prior._replace(mean=mean, factor=factor))
+    # What a current does would else pass for slip, and noise that a trajectory follows would seem to move the vehicle.
+    if (start := follow(known)) is None or (found := minimise(LinearSmoothing(known), start, _PASSES)) is None:
         return None
-    # Noise that the trajectory follows would seem to move the vehicle.
-    smoothed = replace(trajectory.stepped(smoothing.step(filtered), 1.0), parameters=trajectory.parameters)
-    filtered = smoothing.filter(smoothed)
+    trajectory, smoothing = found[0].trajectory, LinearSmoothing(known._replace(prior=prior._replace(mean=mean)))
+    parameters = trajectory.parameters.copy()
+    parameters[held] = mean[held]
+    filtered = smoothing.filter(replace(trajectory, parameters=parameters))
     return None if filtered is None else ProbableMotion(prepared, augmented, smoothing, filtered)
 
 

@@ -96,6 +96,28 @@ def test_before_any_estimate_the_bound_with_process_noise_is_that_of_the_smoothe
     assert all(few[symbol] < bound[symbol] for symbol in few)
 
 
+def test_beside_a_current_that_is_sought_it_is_promised_what_an_estimate_then_has(simulated_with):
+    """Without the current what that does looks like slip, which would tell of coefficients that nothing moves."""
+    dataset = simulated_with(
+        "manoeuvre=manoeuvres/zigzag_20_20.yaml",
+        "manoeuvre.duration=60 s",
+        *("manoeuvre.current_north=0.15 m/s", "manoeuvre.current_east=-0.2 m/s"),
+        *("sensors.attitude.source=direct", "sensors.dvl.noise=1 cm/s", "identification.integration_step=0.05 s"),
+        "identification.coefficients=[X_u|u|, Y_url, Y_uvl, N_url, N_uvl, Y_uudr, N_uudr]",
+        "identification.estimate={biases: [current, thrust, fin_trim], current: {walk: 0 m/s/s^0.5}}",
+        "identification.process_noise={velocity: 1e-3, rate: 1e-3}",
+    )
+    prepared, smoother = prepare(dataset), identify(dataset, FilterName.SMOOTHER)
+    after = bounds_with_process_noise(prepared, smoother)
+    about = probable_motion(prepared, dataset.truth.coefficients)
+    before = information_with_process_noise(about).bound()
+    assert np.abs(np.log([before[symbol] / after[symbol] for symbol in after])).max() < 0.2
+    layout, parameters = about.augmented.layout, about.filtered.trajectory.parameters
+    known = layout.symbols[: parameters.size]
+    found = dict(zip(known, parameters * layout.scale[: parameters.size], strict=True))
+    assert (found["current_north"], found["current_east"]) == pytest.approx((0.15, -0.2), abs=0.01)
+
+
 def test_process_noise_leaves_less_to_be_said_and_no_measurement_nothing(short_run, short_estimates):
     prepared, smoother = prepare(short_run), short_estimates[FilterName.SMOOTHER]
     bounds = bounds_with_process_noise(prepared, smoother)
