@@ -12,14 +12,14 @@ _VELOCITY, _TO_GROUND = r"(v|(ground_?)?vel(ocity)?|linear|dvl_v\w*)[_.]?", r"_v
 # By sensor and component: what the end of a column's name, in small letters, with blanks and dashes as underscores, is.
 SENSOR_NAMES: dict[str, dict[str, str]] = {
     "gyroscope": {
-        "p": r"(gyro\w*_)?p|(gyro?|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?x|roll_?(rate|speed)",
-        "q": r"(gyro\w*_)?q|(gyro?|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?y|pitch_?(rate|speed)",
-        "r": r"(gyro\w*_)?r|(gyro?|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?z|(yaw|turn)_?(rate|speed)",
+        "p": r"(gyro\w*_)?p|(gyro?|g|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?x|roll_?(rate|speed)",
+        "q": r"(gyro\w*_)?q|(gyro?|g|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?y|pitch_?(rate|speed)",
+        "r": r"(gyro\w*_)?r|(gyro?|g|omega|ang\w*_?vel\w*|angular|w|rate)[_.]?z|(yaw|turn)_?(rate|speed)",
     },
     "accelerometer": {
-        "fx": r"(acc\w*_)?fx|(acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?x",
-        "fy": r"(acc\w*_)?fy|(acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?y",
-        "fz": r"(acc\w*_)?fz|(acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?z",
+        "fx": r"(acc\w*_)?fx|(a|acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?x",
+        "fy": r"(acc\w*_)?fy|(a|acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?y",
+        "fz": r"(acc\w*_)?fz|(a|acc?|accel|accelerometer|(lin\w*_?)?acceleration)[_.]?z",
     },
     "dvl": {
         "u": rf"(dvl_)?u|surge(_(speed|velocity))?|{_VELOCITY}x|x{_TO_GROUND}",
@@ -97,6 +97,8 @@ _REP_103 = {
 _SET_POINT = re.compile(
     r"(^|[_./ ])(desired|target|goal|ref|reference|set_?points?|sp|cmd|command(ed|s)?|next)([_./ ]|$)"
 )
+# Where a word begins within DesiredHeading.
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _FILTER_MADE = (
     r"global_position_int|local_position|odom|ekf|[xn]kf\d|kalman|estimat|dead_?reckon|(^|[_./])nav(_|state|solution)"
 )
@@ -157,7 +159,7 @@ def find_columns(
 
 def is_set_point(table: str, name: str) -> bool:
     """Say whether a column is by its name, or by that of its table, what somebody wanted, and no measurement."""
-    return _SET_POINT.search(_plain(table)) is not None or _SET_POINT.search(_plain(name)) is not None
+    return any(_SET_POINT.search(_plain(_CAMEL.sub("_", text))) is not None for text in (table, name))
 
 
 def is_filter_output(table: str, *names: str) -> bool:

@@ -272,6 +272,20 @@ class Topics(Columns):
         return {name: ({"t": TIME} | self.columns[table])[name] for name in columns}
 
 
+def test_a_word_within_a_name_tells_a_set_point_too():
+    log = Topics({"DesiredHeading": {"value": TRUTH["psi"]}, "nav": {"yaw": TRUTH["psi"], "depthRef": TRUTH["down"]}})
+    text = suggest([log], Path())
+    assert "# not used of DesiredHeading, set-points: value" in text
+    assert "depthRef (a set-point?)" in text
+
+
+def test_gyroscope_and_accelerometer_may_be_called_by_one_letter():
+    names = {"ax": "fx", "ay": "fy", "az": "fz", "gx": "p", "gy": "q", "gz": "r"}
+    _, found = suggested({name: TRUTH[symbol] for name, symbol in names.items()})
+    assert found["sensors"]["accelerometer"]["columns"] == {"fx": "ax", "fy": "ay", "fz": "az"}
+    assert found["sensors"]["gyroscope"]["columns"] == {"p": "gx", "q": "gy", "r": "gz"}
+
+
 def test_a_reference_is_no_sensor_and_what_a_filter_made_is_named():
     angles = {name: TRUTH[name] for name in ("phi", "theta", "psi")}
     log = Topics(
