@@ -106,6 +106,7 @@ def design(
         from auvid_cli.data.files import keep_apart, write_text
 
         terminal = Terminal(quiet, verbose)
+        refuse_log(experiment)
         loaded, read = load_with_files(find_experiment(experiment), overrides(settings, seed))
         place, paths = place_of(origin), [output / name for name in _FILES]
         refuse_what_stands(paths, overwrite)

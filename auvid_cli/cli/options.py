@@ -118,8 +118,8 @@ DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Print the resolve
 _LOGS = (".csv", ".csv.gz", ".npz", ".mat", ".bag", ".mcap", ".db3", ".bin", ".tlog", ".ulg", ".lsf", ".alog")
 
 
-def refuse_log(source: str | Path) -> None:
-    """Refuse what is called like a log where a dataset is meant.
+def refuse_log(source: str | Path | None) -> None:
+    """Refuse what is called like a log where a dataset or an experiment is meant; None is no log.
 
     Raises
     ------
@@ -139,8 +139,7 @@ def dataset_path(source: str | None) -> Path | None:
     ConfigError
         If it is called like a log.
     """
-    if source is not None:
-        refuse_log(source)
+    refuse_log(source)
     return Path(source) if source is not None and source.endswith((".h5", ".hdf5")) else None
 
 

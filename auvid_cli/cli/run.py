@@ -15,6 +15,7 @@ from auvid_cli.cli.options import (
     SetOption,
     VerboseOption,
     overrides,
+    refuse_log,
 )
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 
@@ -46,6 +47,7 @@ def run(
         from auvid_cli.data.results_folder import folder_of_run, page_in, products
         from auvid_cli.report.figures.draw import drawing
 
+        refuse_log(experiment)
         loaded, files = load_with_files(find_experiment(experiment), overrides(settings, seed))
         if dry_run:
             print(dump_experiment(loaded), end="")

@@ -14,6 +14,7 @@ from auvid_cli.cli.options import (
     SetOption,
     VerboseOption,
     overrides,
+    refuse_log,
 )
 from auvid_cli.cli.terminal import Terminal, reporting_errors
 
@@ -42,6 +43,7 @@ def simulate(
         from auvid_cli.config.load import dump_experiment, find_experiment, load_with_files
         from auvid_cli.data.results_folder import folder_of_run
 
+        refuse_log(experiment)
         loaded, files = load_with_files(find_experiment(experiment), overrides(settings, seed))
         if dry_run:
             print(dump_experiment(loaded), end="")

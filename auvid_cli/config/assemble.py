@@ -6,7 +6,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 
-from auvid_cli.config.position import OVERRIDE, ConfigSource, KeyPath, Mistake, Position
+from auvid_cli.config.position import OVERRIDE, ConfigSource, KeyPath, Mistake, Position, dotted
 from auvid_cli.config.shipped import shipped_files, shipped_part
 from auvid_cli.config.tree import DEEPEST, Tree, read_tree
 from auvid_cli.printable import shortened
@@ -15,6 +15,8 @@ from auvid_cli.regular import read_bytes
 # Which may name a file, and of what kind such files ship.
 SECTIONS = {"vehicle": "vehicles", "sensors": "sensors", "manoeuvre": "manoeuvres"}
 SUFFIXES = (".yaml", ".yml")
+# Which lists names, and where values of these stand.
+_NAMES, _VALUES = ("identification", "coefficients"), ("vehicle", "coefficients")
 MOST_BYTES = 1_000_000
 
 
@@ -86,12 +88,19 @@ def with_changes(tree: Tree, changes: Iterable[tuple[KeyPath, Tree]], folder: Pa
                 tree = _splice(tree, str(path[0]), folder, mistakes)
             tree = tree.put(path, new)
         except ValueError as error:
-            mistakes.append(Mistake(new.at, path, str(error)))
+            mistakes.append(Mistake(new.at, path, f"{error}{_elsewhere(path)}"))
     for section in SECTIONS:
         tree = _splice(tree, section, folder, mistakes)
     for place in (("manoeuvre", "file"), ("identification", "prior", "from_estimate")):
         tree = _absolute_data_file(tree, place)
     return tree, mistakes
+
+
+def _elsewhere(path: KeyPath) -> str:
+    """Say where a value belongs that was to be put among names."""
+    if path[:-1] != _NAMES or str(path[-1]).isdecimal():
+        return ""
+    return f"; it is 'all', or a list of those to estimate: a value stands in {dotted((*_VALUES, path[-1]))}"
 
 
 def read_changes(override: str) -> tuple[list[tuple[KeyPath, Tree]], list[Mistake]]:

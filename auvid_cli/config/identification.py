@@ -132,6 +132,13 @@ class Identification(Settings):
                 raise ValueError(f"unknown sensor {sensor!r}; there are {', '.join(SENSORS)}")
         return value
 
+    @field_validator("coefficients", mode="before")
+    @classmethod
+    def _names_alone(cls, value: Any) -> Any:
+        if isinstance(value, dict):
+            raise ValueError("expected 'all', or a list of those to estimate; values stand in vehicle.coefficients")
+        return value
+
     @field_validator("coefficients", mode="after")
     @classmethod
     def _known_coefficients(cls, value: Any, info: ValidationInfo) -> Any:

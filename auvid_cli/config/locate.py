@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from auvid_cli.config.position import KeyPath, Mistake
+from auvid_cli.config.position import KeyPath, Mistake, Position
 from auvid_cli.config.quantity import Unit, describe, expected
 from auvid_cli.config.tree import Tree
 
@@ -142,8 +142,9 @@ def _mistake(detail: ErrorDetails, place: _Place, tree: Tree) -> Mistake:
     if kind == "extra_forbidden" and place.holder:
         key = str(place.path[-1])
         hint = _did_you_mean(key, tuple(_fields(place.holder)), "known keys:")
-        *_, node = tree.descend(place.path)
-        return Mistake(node.key_at or node.at, place.path, f"unknown key {key!r}{hint}")
+        *_, holder, node = tree.descend(place.path)
+        changed = _changed_kind(holder) if node.at.source == holder.at.source else None
+        return Mistake(changed or node.key_at or node.at, place.path, f"unknown key {key!r}{hint}")
     if kind == "value_error":
         return at_value(tree, place.path, str(context["error"]))
     *_, node = tree.descend(place.path)
@@ -152,7 +153,13 @@ def _mistake(detail: ErrorDetails, place: _Place, tree: Tree) -> Mistake:
 
 def _at_mapping(tree: Tree, path: KeyPath, message: str) -> Mistake:
     *_, node = tree.descend(path)
-    return Mistake(node.heading, path, message)
+    return Mistake(_changed_kind(node) or node.heading, path, message)
+
+
+def _changed_kind(mapping: Tree) -> Position | None:
+    """Return where another source made a mapping one of another kind, which has other keys; None if none did."""
+    kind = mapping.child("type")
+    return None if kind is None or kind.at.source == mapping.at.source else kind.at
 
 
 def at_value(tree: Tree, path: KeyPath, message: str) -> Mistake:

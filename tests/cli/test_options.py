@@ -55,6 +55,9 @@ def test_a_log_that_is_no_dataset_yet_is_sent_to_import():
 @pytest.mark.parametrize(
     "command",
     [
+        "run dive.csv",
+        "simulate dive.csv",
+        "design dive.csv",
         "inspect dive.csv",
         "tune dive.csv",
         "terms dive.csv",

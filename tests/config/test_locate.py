@@ -101,6 +101,11 @@ def test_one_mistake(text, old, new, message):
         ("coefficients: [K_p|p|, 3]", "identification.coefficients.1: expected text, got 3"),
         ("coefficients: 5", "identification.coefficients: expected 'all', or a list"),
         (
+            "coefficients: {X_u|u|: -5}",
+            "identification.coefficients: expected 'all', or a list of those to estimate; values stand in "
+            "vehicle.coefficients",
+        ),
+        (
             "coefficients: [X_uu]",
             "identification.coefficients: 'X_uu' is not a coefficient; did you mean 'X_u|u|'?",
         ),
@@ -142,6 +147,24 @@ def test_mistake_of_the_identification(text, settings, message):
 )
 def test_mistake_of_an_override_points_at_the_override(text, override, message):
     assert f"--set {override}: {message}" in errors(text, override)[0]
+
+
+def test_a_value_among_names_is_told_where_values_stand(text):
+    for before in ([], ["identification.coefficients=all"]):
+        (line,) = errors(text, *before, "identification.coefficients.X_u|u|=-5")
+        assert line.startswith("--set identification.coefficients.X_u|u|=-5")
+        assert "vehicle.coefficients" in line
+
+
+def test_another_kind_is_the_mistake_of_who_chose_it_and_not_of_the_file(text):
+    """The keys of the old kind are right where they stand; a key of the override's own is told by itself."""
+    lines = errors(text, "manoeuvre.type=turning_circle", "manoeuvre.keel=1")
+    assert {line.partition(": ")[0] for line in lines} == {
+        "--set manoeuvre.type=turning_circle",
+        "--set manoeuvre.keel=1",
+    }
+    assert any("missing key 'rudder'" in line for line in lines)
+    assert any("manoeuvre.pitch: unknown key" in line for line in lines)
 
 
 def test_missing_key_of_a_referenced_file_points_into_it(text, tmp_path):

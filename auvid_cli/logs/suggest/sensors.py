@@ -142,7 +142,11 @@ def sensor_lines(logs: Mapping[str, Log], sensors: Mapping[str, FoundSensor], ju
             comment if sensor.main.match.is_filter_output else "",
         )
     if not sensors:
-        yield Comment("required: no column looks like a sensor; see docs/how-to/import-logs.md for what may stand here")
+        yield Comment(
+            "required: no column looks like a sensor, and what a navigation filter made is none: log what measures "
+            "the motion itself (velocities u, v, w of a DVL; turn rates p, q, r; roll, pitch and yaw; depth), see "
+            "docs/how-to/import-logs.md"
+        )
 
 
 def _sensor(

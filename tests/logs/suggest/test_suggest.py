@@ -60,6 +60,14 @@ def test_names_and_values_tell_sensors_units_and_inputs(suggested):
     assert "dvl" not in found["sensors"]
 
 
+def test_a_log_of_a_navigation_filter_alone_is_told_what_it_lacks(suggested):
+    text, found = suggested(time=TIME, ekf_u=WAVE, ekf_roll=WAVE, ekf_yaw=WAVE)
+    assert found["sensors"] is None
+    (line,) = (line for line in text.splitlines() if "looks like a sensor" in line)
+    assert "what a navigation filter made is none" in line
+    assert "velocities u, v, w of a DVL" in line
+
+
 def test_numbers_that_nothing_measures_do_not_count(suggested):
     wild = WAVE.copy()
     wild[[50, 51]] = 1.7e308, -1.7e308
