@@ -65,7 +65,7 @@ def _write_sensor(group: h5py.Group, name: str, record: SensorRecord) -> None:
         if any(values := getattr(record, vector.name)):
             write_dimension(group, vector.dimension, np.array(vector.axes), vector.along)
             write_variable(group, vector.name, np.array(values), (vector.dimension,), vector.meaning, vector.unit)
-    valid = np.isfinite(record.values).astype(np.int8)
+    valid = np.isfinite(record.values).view(np.int8)
     write_variable(group, "valid", valid, ("time", "component"), "1 where the component was measured")
 
 

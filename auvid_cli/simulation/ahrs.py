@@ -22,7 +22,6 @@ from auvid_cli.compilation import compiled
 from auvid_cli.config.sensors import AhrsSensors
 from auvid_cli.data.dataset import SensorRecord
 from auvid_cli.errors import SimulationError
-from auvid_cli.simulation.sensors import sample_times
 from auvid_cli.vehicle.kinematics import GRAVITY
 
 Array = NDArray[np.float64]
@@ -32,8 +31,8 @@ _GYROSCOPE, _DVL, _ACCELEROMETER, _MAGNETOMETER, _OUTPUT = range(5)
 _INITIAL_TILT = np.deg2rad(3.0)
 
 
-def attitude_reference(records: dict[str, SensorRecord], sensors: AhrsSensors, duration: float) -> SensorRecord:
-    """Estimate roll, pitch and yaw at the rate of `sensors.attitude`.
+def attitude_reference(records: dict[str, SensorRecord], sensors: AhrsSensors, times: Array) -> SensorRecord:
+    """Estimate roll, pitch and yaw.
 
     Parameters
     ----------
@@ -41,8 +40,8 @@ def attitude_reference(records: dict[str, SensorRecord], sensors: AhrsSensors, d
         gyroscope, accelerometer, magnetometer and dvl.
     sensors : AhrsSensors
         Noise levels as stated; nothing here knows the true biases.
-    duration : float
-        Length of the run, s.
+    times : ndarray, shape (n,)
+        At which they are wanted, s.
 
     Returns
     -------
@@ -51,7 +50,6 @@ def attitude_reference(records: dict[str, SensorRecord], sensors: AhrsSensors, d
         scatter, because the errors of an AHRS are correlated in time.
     """
     settings = sensors.attitude
-    output = sample_times(settings, duration)
     gyroscope, dvl, accelerometer, magnetometer = (
         records[name] for name in ("gyroscope", "dvl", "accelerometer", "magnetometer")
     )
@@ -68,15 +66,15 @@ def attitude_reference(records: dict[str, SensorRecord], sensors: AhrsSensors, d
         gyro_bias=settings.ahrs.gyro_bias,
     )
     unknown = np.full((2, 3), np.nan)
-    values = np.full((output.size, 3), np.nan)
+    values = np.full((times.size, 3), np.nan)
     _run(
-        (*(source.time for source in sources), output),
+        (*(source.time for source in sources), times),
         (*(source.values for source in sources), values),
         noise,
         np.zeros(5, np.int64),
         _Ahrs(np.eye(3), np.zeros((6, 6)), np.zeros((6, 6)), *unknown, *np.zeros((3, 3)), *np.zeros((3, 6))),
     )
-    return SensorRecord(output, values, np.array(settings.stated_standard_deviation()))
+    return SensorRecord(times, values, np.array(settings.stated_standard_deviation()))
 
 
 class _Noise(NamedTuple):

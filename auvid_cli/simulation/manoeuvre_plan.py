@@ -91,7 +91,8 @@ def make_plan(manoeuvre: AnyManoeuvre) -> ManoeuvrePlan:
     ticks = round(manoeuvre.duration * manoeuvre.input_rate)
     time = np.arange(ticks + 1) / manoeuvre.input_rate
     ramp = _ramp(time, manoeuvre.excitation.fade_in)
-    feedforward = ramp[:, None] * _excitation(manoeuvre.excitation, time)
+    feedforward = _excitation(manoeuvre.excitation, time)
+    feedforward *= ramp[:, None]
     first = manoeuvre.speed if manoeuvre.initial_speed is None else manoeuvre.initial_speed
     speed = first + (manoeuvre.speed - first) * ramp
     plan = ManoeuvrePlan(time, feedforward, speed, np.zeros(time.size), _propulsion(manoeuvre, time, ramp))

@@ -8,7 +8,7 @@ from auvid_cli.data.dataset import Dataset, TruthRecord
 from auvid_cli.simulation.ahrs import attitude_reference
 from auvid_cli.simulation.imperfections import stamped
 from auvid_cli.simulation.manoeuvre_plan import make_plan
-from auvid_cli.simulation.sensors import measure, with_shared_clock
+from auvid_cli.simulation.sensors import measure, sample_times, shared_clock
 from auvid_cli.simulation.true_motion import simulate_motion
 from auvid_cli.simulation.unrecorded import draw_disturbance, draw_fin_trim, record_inputs
 
@@ -38,9 +38,9 @@ def simulate(experiment: Experiment) -> Dataset:
     records = measure(truth, experiment.sensors, current, experiment.seed)
     if ahrs := experiment.sensors.ahrs():
         duration = float(truth.time[-1])
-        attitude = attitude_reference(records, ahrs, duration)
-        attitude = stamped(attitude, ahrs.attitude, "attitude", experiment.seed, duration)
-        records["attitude"] = attitude = with_shared_clock(attitude, truth.time, records)
+        times = shared_clock(sample_times(ahrs.attitude, duration), truth.time, records)
+        attitude = attitude_reference(records, ahrs, times)
+        records["attitude"] = stamped(attitude, ahrs.attitude, "attitude", experiment.seed, duration)
     return Dataset(
         inputs=record_inputs(truth.time, _recorded(truth.commands, trim), manoeuvre.recorded_rate),
         sensors=records,
