@@ -10,7 +10,8 @@ from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import AugmentedProblem
-from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, Fault, FaultedVehicle, Motion
+from auvid_cli.identification.faulted_vehicle import FaultedVehicle, Motion
+from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, Fault
 from auvid_cli.vehicle.dynamics import factors
 from auvid_cli.vehicle.parameters import INPUT_SYMBOLS
 

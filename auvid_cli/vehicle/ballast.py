@@ -35,3 +35,4 @@ class Ballast(NamedTuple):
 
 
 NO_BALLAST = Ballast()
+N_BALLAST = len(Ballast._fields)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from auvid_cli.compilation import compiled
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.actuators import ActuatorErrors
-from auvid_cli.vehicle.ballast import Ballast
+from auvid_cli.vehicle.ballast import N_BALLAST
 from auvid_cli.vehicle.coefficients import COEFFICIENTS, N_COEFFICIENTS, SIGNALS
 from auvid_cli.vehicle.dynamics import (
     N_BLOCK,
@@ -38,14 +38,13 @@ _constant = types.Array(types.float64, 1, "C", readonly=True)
 
 # Of a derivative by the motion and all factors; behind them is one for each term of the vehicle's own.
 N_COLUMNS = N_MOTION + N_FACTORS
-_N_BALLAST = len(Ballast._fields)
-_N_FORCE = 6 * (8 + _N_BALLAST)
+_N_FORCE = 6 * (8 + N_BALLAST)
 _N_MOMENTUM = _N_FORCE + 6
 N_JACOBIAN_WORK = _N_MOMENTUM + 2 * len(SIGNALS)
 
 
 # Where the ballast stands among the factors, and the one that adds to a fin, less the place of that among `SIGNALS`.
-_BALLAST = N_FACTORS - _N_BALLAST
+_BALLAST = N_FACTORS - N_BALLAST
 _TRIM = N_COEFFICIENTS + ActuatorErrors._fields.index("rudder_trim") - SIGNALS.index("rudder")
 _THRUST = N_COEFFICIENTS + ActuatorErrors._fields.index("thrust")
 _THRUST_SIGNAL, _N_SIGNAL = SIGNALS.index("thrust"), SIGNALS.index("n")
@@ -140,14 +139,14 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms,
     mass, inverse = by_rows.reshape(6, 6), inverse_by_rows.reshape(6, 6)
     excess, lever_x = excess - coefficients[_BALLAST], lever_x - coefficients[_BALLAST + 1]
     # Of the forces by velocities, roll and pitch, and ballast.
-    force, momentum = work[:_N_FORCE].reshape(6, 8 + _N_BALLAST), work[_N_FORCE:_N_MOMENTUM]
+    force, momentum = work[:_N_FORCE].reshape(6, 8 + N_BALLAST), work[_N_FORCE:_N_MOMENTUM]
     factors = work[_N_MOMENTUM:]
     _fill_in_factors(motion, coefficients, inputs, factors)
     for i in range(6):
         momentum[i] = 0.0
         for j in range(6):
             momentum[i] += mass[i, j] * motion[j]
-        for j in range(8 + _N_BALLAST):
+        for j in range(8 + N_BALLAST):
             force[i, j] = 0.0
     for i in range(N_MOTION):
         for j in range(N_COLUMNS):
@@ -204,7 +203,7 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms,
         for k in range(6):
             for j in range(8):
                 jacobian[i, j] += inverse[i, k] * force[k, j]
-            for j in range(_N_BALLAST):
+            for j in range(N_BALLAST):
                 jacobian[i, N_MOTION + _BALLAST + j] += inverse[i, k] * force[k, 8 + j]
     pitch_rate, yaw_rate = motion[4], motion[5]
     turning = pitch_rate * sin_phi + yaw_rate * cos_phi

@@ -15,7 +15,8 @@ from auvid_cli.filters.problem import SEGMENT
 from auvid_cli.filters.smoothing_forward import Linearised
 from auvid_cli.identification.augmented import augmented_problem
 from auvid_cli.identification.fault_effects import VehicleFaults
-from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, FaultedVehicle, Motion, remedy_of_fault
+from auvid_cli.identification.faulted_vehicle import FaultedVehicle, Motion
+from auvid_cli.identification.faults import DELAY_FAULTS, FAULTS, remedy_of_fault
 from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.identification.process import vehicle_process
