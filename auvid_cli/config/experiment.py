@@ -76,6 +76,11 @@ class RunSettings(Settings):
     def _with_lag_of_vehicle(cls, data: Any) -> Any:
         return with_lag_of_vehicle(data)
 
+    @property
+    def has_ahrs(self) -> bool:
+        """Say whether the attitude is computed by an AHRS, as it is taken to be of a recorded run."""
+        return True
+
     def data_files(self) -> list[Path]:
         """Return the files with numbers that the settings name."""
         earlier = self.identification.prior.from_estimate
@@ -113,6 +118,11 @@ class Experiment(RunSettings):
         if vehicle is not None and (lacking := value.lacks_propulsion_for(vehicle.coefficient_set)):
             raise ValueError(lacking)
         return value
+
+    @property
+    def has_ahrs(self) -> bool:
+        """Say whether an AHRS computes the attitude."""
+        return self.sensors.has_ahrs
 
     def data_files(self) -> list[Path]:
         """Return those of any run, and the inputs of a recorded manoeuvre."""

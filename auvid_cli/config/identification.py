@@ -113,6 +113,11 @@ class Identification(Settings):
     output_error: OutputErrorSettings = OutputErrorSettings()
 
     @property
+    def unused_sensors(self) -> tuple[str, ...]:
+        """Name the sensors of motion that no estimator listens to, whether or not there are such."""
+        return ("attitude",) if self.attitude_from == "inertial" else INERTIAL
+
+    @property
     def seeks_delays(self) -> bool:
         """Say whether delays are found before all else."""
         return BiasName.DELAY in self.estimate.biases
@@ -152,9 +157,8 @@ class Identification(Settings):
 
     @model_validator(mode="after")
     def _biases_of_sensors_in_use(self) -> "Identification":
-        unused = ("attitude",) if self.attitude_from == "inertial" else INERTIAL
         for name in self.estimate.biases:
-            if any(block.sensor in unused for block in AugmentedStates(biases=(name,)).blocks()):
+            if any(block.sensor in self.unused_sensors for block in AugmentedStates(biases=(name,)).blocks()):
                 raise ValueError(
                     f"estimate.biases has {name}, which is not used with attitude_from: {self.attitude_from}; leave "
                     f"it out, or set attitude_from: {'ahrs' if self.attitude_from == 'inertial' else 'inertial'}"

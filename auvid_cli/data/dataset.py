@@ -73,6 +73,10 @@ class SensorRecord:
         return replace(self, time=self.time[first:past], values=self.values[first:past])
 
 
+# s, for which a last input may hold, and within which two times are the same.
+_LONGEST_HELD, _ROUNDING = 1.0, 1e-9
+
+
 @dataclass(frozen=True)
 class InputRecord:
     """Inputs, constant from each time to the next: rudder, elevator, surge force, roll moment.
@@ -92,6 +96,14 @@ class InputRecord:
     def quantities(self) -> tuple[Quantity, ...]:
         """Return what each column is."""
         return ALL_INPUTS[: self.values.shape[1]]
+
+    def ends_before(self, last: float) -> bool:
+        """Say whether measurements up to a last one, s, go on for too long after the last input to take it to hold.
+
+        That is for longer than a second, and than any other input held.
+        """
+        held = float(np.diff(self.time).max(initial=0.0))
+        return last - float(self.time[-1]) > max(_LONGEST_HELD, held) + _ROUNDING
 
     def check_for(self, coefficients: CoefficientSet) -> None:
         """Refuse coefficients of inputs that are not here.

@@ -28,9 +28,9 @@ def response_to_rates(rates: Array, interval: float, half: int) -> Array:
     return smoothed
 
 
-def rate_noise(interval: float, half: int) -> float:
-    """Return the standard deviation of such a slope over that of white noise of the samples, 1/s."""
-    return float(np.linalg.norm(_weights(interval, half)))
+def rate_noise(interval: float, half: int, averaged: int = 1) -> float:
+    """Return the standard deviation of such a slope, or of a mean of so many, over that of white samples, 1/s."""
+    return float(np.linalg.norm(np.convolve(_weights(interval, half), np.full(averaged, 1.0 / averaged))))
 
 
 def _weights(interval: float, half: int) -> Array:

@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 
-from auvid_cli.data.dataset import Dataset
+import numpy as np
+
+from auvid_cli.data.dataset import Dataset, InputRecord
 from auvid_cli.errors import DataError
 
 
 def within(dataset: Dataset, begin: float, end: float) -> Dataset:
-    """Cut inputs and all sensors to a span of time, s; an input that holds when it begins is known from there on.
+    """Cut inputs and all sensors to a span of time, s; an input that holds as it begins, or ends, is known there.
 
     Raises
     ------
@@ -21,4 +23,7 @@ def within(dataset: Dataset, begin: float, end: float) -> Dataset:
     window = dataset.sensors_between(begin, end)
     if not any(record.time.size for record in window.sensors.values()):
         raise DataError(f"no sensor says anything from t = {begin:g} s to {end:g} s")
-    return replace(window, inputs=dataset.inputs.between(begin, end))
+    inputs = dataset.inputs.between(begin, end)
+    if inputs.time[-1] < end <= dataset.inputs.time[-1]:
+        inputs = InputRecord(np.append(inputs.time, end), np.vstack([inputs.values, inputs.values[-1:]]))
+    return replace(window, inputs=inputs)

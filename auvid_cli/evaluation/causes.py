@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
-from auvid_cli.config.experiment import Experiment
 from auvid_cli.data.estimate import Estimate, FaultTest
 from auvid_cli.data.innovations import LAGS, Innovations
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
@@ -140,8 +139,5 @@ def fault_with_size(test: FaultTest) -> str:
 
 
 def is_from_ahrs(estimate: Estimate) -> bool:
-    """Say whether the attitude was computed by an AHRS, as it is taken to be of a recorded run."""
-    experiment = estimate.experiment
-    if "attitude" not in estimate.innovations:
-        return False
-    return not isinstance(experiment, Experiment) or experiment.sensors.has_ahrs
+    """Say whether an attitude was used that an AHRS computed."""
+    return "attitude" in estimate.innovations and estimate.experiment.has_ahrs

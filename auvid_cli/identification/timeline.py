@@ -14,7 +14,7 @@ from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Indices, Sensors, Timeline
 from auvid_cli.identification.state_layout import StateLayout
 from auvid_cli.vehicle.kinematics import GRAVITY, body_to_earth
-from auvid_cli.vehicle.parameters import COMPASSES, INERTIAL, MOTION_SYMBOLS, SENSORS, state_of
+from auvid_cli.vehicle.parameters import COMPASSES, MOTION_SYMBOLS, SENSORS, state_of
 
 Array = NDArray[np.float64]
 # Times in whole nanoseconds.
@@ -44,7 +44,7 @@ def measuring_sensors(dataset: Dataset) -> dict[str, SensorRecord]:
         If there is none, an inertial one is missing, or one states no positive noise.
     """
     is_inertial = dataset.experiment.identification.attitude_from == "inertial"
-    unused = ("attitude",) if is_inertial else INERTIAL
+    unused = dataset.experiment.identification.unused_sensors
     measuring = {}
     for name, record in dataset.sensors.items():
         if name not in unused and np.isfinite(record.values).any():
@@ -203,7 +203,11 @@ class Timelines:
         self._ticks = [_nanoseconds(record.time) for record in self._records]
         self._inputs = np.ascontiguousarray(inputs.values)
         self._changes = _nanoseconds(inputs.time)
-        _check_coverage(self._changes, self._end)
+        if inputs.ends_before(self.span[1]):
+            raise DataError(
+                f"the inputs end at t = {inputs.time[-1]:g} s, the measurements go on to {self.span[1]:g} s: cut the "
+                "measurements (--use) or extend the inputs"
+            )
         self._step, self._chunk = step, chunk
 
     @property
@@ -287,16 +291,6 @@ def _held(changes: Ticks, times: Ticks) -> Indices:
 
 def _last_measurement(record: SensorRecord) -> float:
     return float(record.time[np.isfinite(record.values).any(axis=1)].max(initial=-np.inf))
-
-
-def _check_coverage(changes: Ticks, last: np.int64) -> None:
-    """Refuse measurements after the last input has held for longer than a second and than any other input did."""
-    longest = max(1.0, float(np.diff(changes).max(initial=0)) * _NANOSECOND)
-    if last - changes[-1] > longest / _NANOSECOND:
-        raise DataError(
-            f"the inputs end at t = {changes[-1] * _NANOSECOND:g} s, the measurements go on to "
-            f"{last * _NANOSECOND:g} s: cut the measurements or extend the inputs"
-        )
 
 
 def _nanoseconds(time: Array) -> Ticks:

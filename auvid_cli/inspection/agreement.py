@@ -1,25 +1,42 @@
 """Whether the gyroscope turns as the attitude does: signs, axes, units and scales of both."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from auvid_cli.data.check import Check
+from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.data.rate_of_change import rate_noise
 from auvid_cli.inspection.grid import Signals
 from auvid_cli.inspection.inspection import cannot_tell, judged
-from auvid_cli.inspection.kinematic_ties import attitude_rates, tied
+from auvid_cli.inspection.kinematic_ties import attitude_rates, attitude_window, tied
 from auvid_cli.inspection.mistaken_units import mistaken_units
 from auvid_cli.inspection.regression import Regression
 from auvid_cli.inspection.responses import AXES, RotationAxis, answers, response_check, response_fits, slips
+from auvid_cli.inspection.single_sensor import ENOUGH_FOR_NOISE, continuous, noise_floor
+from auvid_cli.vehicle.parameters import SENSORS
 
 _TOLERANCE = 0.2
 _LEAST_CORRELATION = 0.7
 # rad/s, of a rate that attitude shows.
 _LEAST_SPREAD = np.deg2rad(0.3)
 _SIGMAS = 3.0
+# How many times what the noise of an angle makes of it a rate must be for that not to hide it.
+_TIMES_NOISE = 3.0
 _THRESHOLD = f"gain 1 +- {_TOLERANCE}, correlation >= {_LEAST_CORRELATION}"
 
 
-def rotation_checks(signals: Signals, time_constant: float | None) -> list[Check]:
-    """Judge rates against angles about each axis, and the answer to each moment."""
+def rotation_checks(signals: Signals, sensors: Mapping[str, SensorRecord], time_constant: float | None) -> list[Check]:
+    """Judge rates against angles about each axis, and the answer to each moment.
+
+    Parameters
+    ----------
+    signals : Signals
+    sensors : mapping of str to SensorRecord
+        What they are made of.
+    time_constant : float or None
+        s, of the vehicle, if it is known.
+    """
     checks = []
     for axis in AXES:
         fits = response_fits(signals, axis, time_constant)
@@ -28,7 +45,8 @@ def rotation_checks(signals: Signals, time_constant: float | None) -> list[Check
             if tie is not None and signals.has(axis.rate):
                 window = signals.window(axis.rate, angle)
                 fitted = tied(signals.values[axis.rate], tie.main, tie.others, window)
-                checks.append(_agreement(axis, angle, subject, fitted, _votes(signals, axis, fits)))
+                noise = _noise_of_rate(signals, sensors, angle, window)
+                checks.append(_agreement(axis, angle, subject, fitted, noise, _votes(signals, axis, fits)))
             elif signals.has(axis.rate) or signals.has(angle):
                 lacking, known = (axis.rate, subject) if signals.has(angle) else (angle, "gyroscope")
                 if lacking != "heading":
@@ -36,6 +54,25 @@ def rotation_checks(signals: Signals, time_constant: float | None) -> list[Check
                     checks.append(cannot_tell(known, f"{axis.rate} against {angle}", reason, _THRESHOLD))
         checks.append(response_check(signals, axis, fits))
     return checks
+
+
+def _noise_of_rate(signals: Signals, sensors: Mapping[str, SensorRecord], angle: str, window: int) -> float:
+    """Return the standard deviation, rad/s, of what noise of an angle makes of its change, averaged over a window."""
+    floor, step = _noise_floor(sensors, angle), signals.grid.step
+    half = attitude_window(signals, "heading" if angle == "heading" else "psi") // 2
+    return floor * float(np.sqrt(signals.interval[angle] / step)) * rate_noise(step, half, window)
+
+
+def _noise_floor(sensors: Mapping[str, SensorRecord], symbol: str) -> float:
+    """Return the scatter of the first sensor of an angle, rad, as far as it is enough to tell."""
+    columns = (
+        continuous(record.values[:, component], quantity)
+        for name, record in sensors.items()
+        for component, quantity in enumerate(SENSORS[name])
+        if quantity.symbol == symbol
+    )
+    values = next(columns)
+    return noise_floor(values) if values.size > ENOUGH_FOR_NOISE else 0.0
 
 
 def _votes(signals: Signals, axis: RotationAxis, fits: dict[str, Regression | None]) -> dict[str, tuple[int, ...]]:
@@ -48,11 +85,18 @@ def _votes(signals: Signals, axis: RotationAxis, fits: dict[str, Regression | No
 
 
 def _agreement(
-    axis: RotationAxis, angle: str, other: str, fitted: Regression | None, votes: dict[str, tuple[int, ...]]
+    axis: RotationAxis,
+    angle: str,
+    other: str,
+    fitted: Regression | None,
+    noise: float,
+    votes: dict[str, tuple[int, ...]],
 ) -> Check:
     name = f"{axis.rate} against {angle}"
-    if fitted is None or fitted.spread < _LEAST_SPREAD:
+    if fitted is None or fitted.spread < _LEAST_SPREAD or _is_hidden(fitted, noise):
         turning = "too short" if fitted is None else f"{np.rad2deg(fitted.spread):.2g} deg/s"
+        if fitted is not None and fitted.spread >= _LEAST_SPREAD:
+            turning += f", of which noise of {angle} makes {np.rad2deg(noise):.2g}"
         return judged(
             "gyroscope",
             name,
@@ -77,6 +121,12 @@ def _agreement(
         passed=agrees,
         advice=_advice(fitted, axis.rate, angle, "" if undecided else subject),
     )
+
+
+def _is_hidden(fitted: Regression, noise: float) -> bool:
+    """Say whether noise of the angle may be all that makes a gain too small, or hides that the two belong together."""
+    by_noise = abs(fitted.correlation) < _LEAST_CORRELATION or 0.0 < fitted.gain < 1.0
+    return by_noise and fitted.spread < _TIMES_NOISE * noise
 
 
 def _advice(fitted: Regression, rate: str, angle: str, subject: str) -> str:

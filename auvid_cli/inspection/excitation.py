@@ -1,5 +1,7 @@
 """How lively the manoeuvre is, what it therefore cannot tell, and whether the sensors are fast enough to see it."""
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,40 +21,57 @@ _LEAST_FORCE, _LEAST_ROLL_MOMENT = 1e-3, 1e-3
 _TIMES_NOISE = 3.0
 _MOVING = 0.2
 _LEAST_MOVING = 0.5
+# What balances an input in steady motion: of which velocity, and by which coefficient.
+_BALANCED = {"surge_force": ("u", "X_u|u|"), "roll_moment": ("p", "K_p|p|")}
 _LEAST_PER_TIME_CONSTANT, _GOOD_PER_TIME_CONSTANT = 1.0, 2.0
 
 
 def excitation_checks(dataset: Dataset, signals: Signals) -> list[Check]:
     """Judge RMS and peak of each input, velocity and rate, about its mean; and the share of time under way."""
     of_vehicle = dataset.experiment.vehicle.coefficient_set
-    checks = [_input(quantity, signals.values[quantity.symbol], of_vehicle) for quantity in INPUTS]
     noise = {
         quantity.symbol: record.standard_deviation[component]
         for name, record in dataset.sensors.items()
         for component, quantity in enumerate(SENSORS[name])
     }
-    checks += [
+    motions = [
         _motion(q, signals.values[q.symbol], noise[q.symbol], of_vehicle) for q in MOTION[:6] if signals.has(q.symbol)
     ]
+    moving = {motion.subject for motion in motions if motion.passed}
+    checks = [_input(quantity, signals.values[quantity.symbol], moving, of_vehicle) for quantity in INPUTS]
+    checks += motions
     if signals.has("u"):
         checks.append(_under_way(signals.values["u"]))
     return checks
 
 
-def _input(quantity: Quantity, values: Array, of_vehicle: CoefficientSet) -> Check:
-    finite = values[np.isfinite(values)]
+def _input(quantity: Quantity, values: Array, moving: Collection[str], of_vehicle: CoefficientSet) -> Check:
+    finite, symbol = values[np.isfinite(values)], quantity.symbol
     least = _LEAST_FIN
-    if quantity.symbol == "surge_force":
+    if symbol == "surge_force":
         least = max(_LEAST_SHARE * abs(float(finite.mean())), _LEAST_FORCE)
-    elif quantity.symbol == "roll_moment":
+    elif symbol == "roll_moment":
         least = _LEAST_ROLL_MOMENT
-    advice = f"{quantity.symbol} hardly moves: {_cannot_tell(quantity.symbol, of_vehicle)}"
+    velocity, coefficient = _BALANCED.get(symbol, ("", ""))
+    untold = _untold(symbol, of_vehicle, coefficient)
+    if abs(float(finite.mean())) >= least:
+        how = f"{untold} only by the steady motion that it holds, no better than it and the rest of that are known"
+    elif velocity in moving:
+        how = f"{coefficient} only by how {velocity} changes of itself"
+    else:
+        return _channel(quantity, finite, least, f"{symbol} hardly moves: {_cannot_tell(untold)}")
+    advice = f"{symbol} hardly moves: these data tell {how} (`auvid identifiability` says how well)."
     return _channel(quantity, finite, least, advice)
 
 
 def _motion(quantity: Quantity, values: Array, noise: float, of_vehicle: CoefficientSet) -> Check:
     finite = values[np.isfinite(values)]
-    advice = f"{quantity.symbol} hardly stands out of its noise: {_cannot_tell(quantity.symbol, of_vehicle)}"
+    untold = (
+        "drag, lift and fin forces at one speed only; that is no obstacle, but they are known for this speed."
+        if quantity.symbol == "u"
+        else _cannot_tell(_untold(quantity.symbol, of_vehicle))
+    )
+    advice = f"{quantity.symbol} hardly stands out of its noise: {untold}"
     return _channel(quantity, finite, _TIMES_NOISE * noise, advice)
 
 
@@ -72,13 +91,14 @@ def _channel(quantity: Quantity, values: Array, least: float, advice: str) -> Ch
     )
 
 
-def _cannot_tell(symbol: str, of_vehicle: CoefficientSet) -> str:
-    balanced = {"surge_force": ("X_u|u|",), "roll_moment": ("K_p|p|",)}.get(symbol, ())
+def _untold(symbol: str, of_vehicle: CoefficientSet, *others: str) -> str:
+    """Name the coefficients of what a velocity or an input does, and others."""
     name = "thrust" if symbol == "surge_force" else symbol
-    undetermined = (*balanced, *(c.symbol for c in of_vehicle if name in c.signals))
-    if symbol == "u":
-        return "drag, lift and fin forces at one speed only; that is no obstacle, but they are known for this speed."
-    return f"do not expect {', '.join(undetermined)} from these data; move it more, or hold them at known values."
+    return ", ".join(filter(None, (*others, *(c.symbol for c in of_vehicle if name in c.signals))))
+
+
+def _cannot_tell(untold: str) -> str:
+    return f"do not expect {untold} from these data; move it more, or hold them at known values."
 
 
 def _under_way(values: Array) -> Check:

@@ -83,6 +83,12 @@ def signals_of(inputs: InputRecord, sensors: Mapping[str, SensorRecord], span: t
     return Signals(grid, values, intervals)
 
 
+def span_of(inputs: InputRecord, sensors: Mapping[str, SensorRecord]) -> tuple[float, float]:
+    """Return the first and the last time, s, of inputs and sensors."""
+    times = [inputs.time, *(record.time for record in sensors.values())]
+    return min(float(time[0]) for time in times), max(float(time[-1]) for time in times)
+
+
 def _on(grid: Grid, time: Array, values: Array) -> Array:
     """Return the mean of each cell, or of slow measurements the line between two."""
     usual = float(np.median(np.diff(time)))

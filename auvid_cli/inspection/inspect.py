@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from auvid_cli.config.experiment import ImportedRun, RunSettings
 from auvid_cli.config.plausibility import doubts
 from auvid_cli.config.vehicle import VehicleSettings
-from auvid_cli.data.acting_inputs import acted
+from auvid_cli.data.acting_inputs import acted, as_acting
 from auvid_cli.data.check import Check, Checks
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
 from auvid_cli.inspection.actuator_limits import actuator_checks
@@ -23,16 +23,16 @@ from auvid_cli.inspection.excitation import excitation_checks, fitness_checks
 from auvid_cli.inspection.excursions import excursion_checks
 from auvid_cli.inspection.fin_answers import motion_of, strength_checks
 from auvid_cli.inspection.forces import doubled_thrust_check, force_checks
-from auvid_cli.inspection.grid import Signals, signals_of
+from auvid_cli.inspection.grid import Signals, signals_of, span_of
 from auvid_cli.inspection.inspection import Inspection, Mark, judged
 from auvid_cli.inspection.kinematic_ties import attitude_rates
-from auvid_cli.inspection.lasting_errors import lasting_error_checks, lasting_errors
+from auvid_cli.inspection.lasting_errors import biases_to_look_for, lasting_error_checks, lasting_errors
 from auvid_cli.inspection.likely_causes import causes_by_evidence, causes_check
 from auvid_cli.inspection.rudder_trim import rudder_trim, rudder_trim_checks
 from auvid_cli.inspection.sensor_delays import sensor_delay_checks
 from auvid_cli.inspection.single_sensor import measurement_checks
 from auvid_cli.inspection.steps import angle_steps, gimbal_check, step_check
-from auvid_cli.inspection.timing import input_timing_checks, timing_checks
+from auvid_cli.inspection.timing import input_end_check, input_timing_checks, timing_checks
 from auvid_cli.inspection.velocity import mean_speed, velocity_checks
 from auvid_cli.vehicle.parameters import SENSORS
 
@@ -63,7 +63,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
         checks += _sensor_checks(dataset, name, screening)
         marks += screening.marks
         sound[name] = screening.record
-    span = _span(dataset.inputs, sensors)
+    span = span_of(dataset.inputs, sensors)
     actuators = dataset.experiment.vehicle.actuators.actuators()
     acting = acted(dataset.inputs, actuators, dataset.experiment.identification.integration_step)
     signals = signals_of(acting, sound, span)
@@ -83,16 +83,17 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     in_water = through_water(signals, found)
     motion = motion_of(in_water, dataset.experiment.vehicle)
     alignment = input_alignment(in_water, motion, time_constant)
-    checks += [*input_timing_checks(dataset.inputs, span[1], time_constant), *alignment_checks(alignment)]
+    checks += [*_input_end(dataset, sensors), *input_timing_checks(dataset.inputs, time_constant)]
+    checks += alignment_checks(alignment)
     checks += actuator_checks(dataset.inputs, actuators)
     checks += doubled_thrust_check(dataset.inputs, dataset.experiment.vehicle.coefficient_set)
     checks += force_checks(signals, dataset.experiment.vehicle)
-    rotations = rotation_checks(aligned(in_water, alignment), time_constant)
+    rotations = rotation_checks(aligned(in_water, alignment), sound, time_constant)
     accelerometer = dataset.sensors.get("accelerometer")
     ahead = 0.0 if accelerometer is None else accelerometer.position[0]
     velocities = velocity_checks(aligned(signals, alignment), length, time_constant, ahead)
     errors = lasting_errors(signals, sound)
-    checks += [*rotations, *velocities, *_stability(signals), *lasting_error_checks(errors)]
+    checks += [*rotations, *velocities, *_stability(signals), *lasting_error_checks(dataset, errors)]
     # Of sensors that contradict each other none is a witness.
     if not any(check.passed is False and check.subject in sound for check in [*rotations, *velocities]):
         checks += strength_checks(aligned(in_water, alignment), motion, time_constant)
@@ -110,7 +111,9 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     presence = {name: _presence(record, span) for name, record in sensors.items()}
     weighty = weighed(checks)
     current = found if found is not None and is_current(signals, found) else None
-    weighty.append(causes_check(causes_by_evidence(alignment, current, trim, errors), weighty))
+    weighty.append(
+        causes_check(causes_by_evidence(alignment, current, trim, errors, biases_to_look_for(dataset)), weighty)
+    )
     return Inspection(Checks(weighty), marks, inputs, presence, span)
 
 
@@ -167,9 +170,15 @@ def _vehicle(vehicle: VehicleSettings) -> list[Check]:
     ]
 
 
-def _span(inputs: InputRecord, sensors: dict[str, SensorRecord]) -> tuple[float, float]:
-    times = [inputs.time, *(record.time for record in sensors.values())]
-    return min(float(time[0]) for time in times), max(float(time[-1]) for time in times)
+def _input_end(dataset: Dataset, sensors: dict[str, SensorRecord]) -> list[Check]:
+    """Judge whether the inputs last as long as what estimators listen to, as these take either to be timed."""
+    settings = dataset.experiment.identification
+    ends = [
+        float(record.time[np.isfinite(record.values).any(axis=1)].max()) - settings.delays.get(name, 0.0)
+        for name, record in sensors.items()
+        if name not in settings.unused_sensors
+    ]
+    return [input_end_check(as_acting(dataset.inputs, dataset.experiment), max(ends))] if ends else []
 
 
 def _angles(sensors: dict[str, SensorRecord]) -> Iterator[tuple[str, int, str]]:

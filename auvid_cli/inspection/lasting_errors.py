@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.data.check import Check
-from auvid_cli.data.dataset import SensorRecord
+from auvid_cli.data.dataset import Dataset, SensorRecord
 from auvid_cli.inspection.grid import Signals, change, smoothed
 from auvid_cli.inspection.inspection import judged
-from auvid_cli.vehicle.parameters import SENSORS
+from auvid_cli.vehicle.parameters import INERTIAL, SENSORS
 
 Array = NDArray[np.float64]
 
@@ -107,8 +107,17 @@ def _stated(sensors: Mapping[str, SensorRecord], symbol: str) -> float:
     )
 
 
-def lasting_error_checks(found: list[LastingError]) -> list[Check]:
+def biases_to_look_for(dataset: Dataset) -> str:
+    """Name the blocks that find such errors of the gyroscope and of what estimators listen to beside it."""
+    settings = dataset.experiment.identification
+    if settings.attitude_from == "inertial":
+        return ", ".join(("gyro", *(name for name in INERTIAL if name in dataset.sensors)))
+    return "gyro, attitude" if dataset.experiment.has_ahrs else "gyro"
+
+
+def lasting_error_checks(dataset: Dataset, found: list[LastingError]) -> list[Check]:
     """Judge them: a note where they are more than noise."""
+    biases, without = biases_to_look_for(dataset), _without_ahrs(dataset)
     return [
         judged(
             "gyroscope",
@@ -116,9 +125,24 @@ def lasting_error_checks(found: list[LastingError]) -> list[Check]:
             statistic=f"{np.rad2deg(error.size):.2g} deg/s over {_SPAN:g} s beside the attitude",
             threshold=f"<= {_LARGEST:g} times {np.rad2deg(error.expected):.2g} deg/s, which the stated noise makes",
             passed=None if error.is_beyond_noise else True,
-            advice=f"{error.rate} and the attitude part for seconds, more than noise as stated: look for a bias "
-            "(`identification.estimate.biases: [gyro]`, with `gyro.walk` if it wanders), or state more process noise "
-            "(`auvid tune` finds how much), not less.",
+            advice=f"{error.rate} and the attitude part for seconds, more than noise as stated: look for biases "
+            f"(`identification.estimate.biases: [{biases}]`, with `gyro.walk` if that of the gyroscope wanders), or "
+            f"state more process noise (`auvid tune` finds how much), not less.{without}",
         )
         for error in found
     ]
+
+
+def _without_ahrs(dataset: Dataset) -> str:
+    """Say how to do without the attitude of an AHRS, if that is used and what it heard is recorded as well."""
+    settings = dataset.experiment.identification
+    raw = [name for name in INERTIAL if name in dataset.sensors]
+    if settings.attitude_from == "inertial" or not dataset.experiment.has_ahrs:
+        return ""
+    made = " An AHRS's attitude is the output of a filter, whose errors last as well"
+    if "accelerometer" not in raw or len(raw) < 2:
+        return f"{made}."
+    return (
+        f"{made}: do without it (`auvid identify DATASET --set identification.attitude_from=inertial --set "
+        f"'identification.estimate.biases=[gyro, {', '.join(raw)}]'`)."
+    )

@@ -32,7 +32,7 @@ class LikelyCause(NamedTuple):
 
 
 def causes_by_evidence(
-    alignment: Alignment, drift: Drift | None, trim: RudderTrim | None, errors: Sequence[LastingError]
+    alignment: Alignment, drift: Drift | None, trim: RudderTrim | None, errors: Sequence[LastingError], biases: str
 ) -> Iterator[LikelyCause]:
     """Yield what the evidence speaks for.
 
@@ -44,6 +44,8 @@ def causes_by_evidence(
     trim : RudderTrim or None
         None where nothing tells it.
     errors : sequence of LastingError
+    biases : str
+        Names of blocks that find these.
     """
     if alignment.is_delayed and alignment.delay is not None:
         setting = f"its delay (`identification.delays={{inputs: {-alignment.delay:.2g} s}}`)"
@@ -58,7 +60,8 @@ def causes_by_evidence(
         yield LikelyCause(
             sum(error.gain for error in beyond),
             "errors of the gyroscope that last",
-            "the bias of the gyroscope (`identification.estimate.biases: [gyro]`) or more process noise (`auvid tune`)",
+            f"the bias of the gyroscope (`identification.estimate.biases: [{biases}]`) or more process noise (`auvid "
+            "tune`)",
             tuple(f"errors that last in {error.rate}" for error in beyond),
         )
 

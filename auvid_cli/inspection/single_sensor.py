@@ -19,6 +19,8 @@ _LEAST_OF_STATED = 0.2
 # Usual spans of five measurements.
 _LONGEST_FIVE = 1.75
 _ORDERS = (2, 4, 6, 8)
+# Samples that are more than this tell a noise floor.
+ENOUGH_FOR_NOISE = _ORDERS[-1]
 _TIMES_STATED = 2.0
 # So many samples show a quantisation step.
 _ENOUGH = 100_000
@@ -135,7 +137,7 @@ def measurement_checks(
     steps, floors = {}, {}
     for component, quantity in enumerate(SENSORS[name]):
         values, noise = continuous(record.values[:, component], quantity), record.standard_deviation[component]
-        if values.size > _ORDERS[-1] and noise > 0.0:
+        if values.size > ENOUGH_FOR_NOISE and noise > 0.0:
             steps[quantity.symbol] = level_distance(values) / noise
             floors[quantity.symbol] = noise_floor(values) / noise
     if not floors:

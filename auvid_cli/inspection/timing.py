@@ -86,26 +86,45 @@ def timing_checks(name: str, record: SensorRecord, jumps: NDArray[np.int64]) -> 
     ]
 
 
-def input_timing_checks(inputs: InputRecord, end: float, time_constant: float | None) -> list[Check]:
-    """Judge rate and longest gap of the inputs, each of which holds until the next; none if there is but one.
+def input_end_check(acting: InputRecord, last: float) -> Check:
+    """Judge whether the inputs last as long as the measurements, as estimators do.
+
+    Parameters
+    ----------
+    acting : InputRecord
+        As estimators take them to have acted.
+    last : float
+        s, of the last measurement that these listen to.
+    """
+    begin, end = float(acting.time[0]), float(acting.time[-1])
+    leave_out = f"leave it out (`--use {begin:.6g}:{end:.6g}`, of `inspect` and `identify` alike), " * (begin < end)
+    return judged(
+        "inputs",
+        "end",
+        statistic=f"t = {end:.6g} s, the measurements go on to {last:.6g} s",
+        threshold="at most 1 s before the measurements, or as long as an input held",
+        passed=not acting.ends_before(last),
+        advice=f"Every estimator refuses what comes after the last input: {leave_out}find the inputs of that time, or "
+        "state what did not change as a `constant` in the map.",
+    )
+
+
+def input_timing_checks(inputs: InputRecord, time_constant: float | None) -> list[Check]:
+    """Judge rate and longest gap of the inputs, each of which holds until the next; none if they never change.
 
     Parameters
     ----------
     inputs : InputRecord
-    end : float
-        s, of the data: until then the last of them holds.
     time_constant : float or None
         s, of the vehicle, if it is known.
     """
     intervals = np.diff(inputs.time)
-    if not intervals.size:
+    if not np.diff(inputs.values, axis=0).any():
         return []
-    until = np.append(inputs.time[1:], max(end, inputs.time[-1]))
-    held = until - inputs.time
-    usual, longest = float(np.median(intervals)), int(held.argmax())
+    usual, longest = float(np.median(intervals)), int(intervals.argmax())
     limit = gap_limit(intervals)
     slowest = _LONGEST_HELD if time_constant is None else min(time_constant, _LONGEST_HELD)
-    begin, end = inputs.time[longest], until[longest]
+    begin, end = inputs.time[longest], inputs.time[longest + 1]
     return [
         judged(
             "inputs",
@@ -121,7 +140,7 @@ def input_timing_checks(inputs: InputRecord, end: float, time_constant: float | 
             "gap",
             statistic=f"{end - begin:.4g} s from t = {begin:.6g} s on",
             threshold=f"<= {limit:.3g} s without an input",
-            passed=True if held[longest] <= limit else None,
+            passed=True if intervals[longest] <= limit else None,
             advice=f"From t = {begin:.6g} s to {end:.6g} s the last inputs are taken to hold. If they were not logged "
             "then, leave that time out (`--use`).",
         ),

@@ -59,7 +59,7 @@ def read_inputs(
     refusals.stop_if_any()
     begin = float(min(record.time[0] for record in sensors.records.values()))
     end = float(max(record.time[-1] for record in sensors.records.values()))
-    time, held = hold(channels) if channels else (np.array([begin]), {})
+    time, held = hold(channels) if channels else (np.unique([begin, end]), {})
     held |= {".".join(key): np.full(time.size, value) for key, value in settings.inputs.constants().items()}
     remarks: tuple[str, ...] = ()
     early = tuple(

@@ -27,6 +27,14 @@ def test_ends_belong_to_a_part_and_an_input_holds_into_it(dataset):
     assert part.inputs.values.tolist() == [[4.0, 5.0, 6.0, 7.0], [8.0, 9.0, 10.0, 11.0]]
 
 
+def test_an_input_that_holds_as_a_part_ends_is_known_until_then(dataset):
+    """But for the last one, of which nobody knows how long it held."""
+    part = within(dataset, 12.0, 17.0)
+    assert part.inputs.time.tolist() == [12.0, 17.0]
+    assert np.array_equal(part.inputs.values[1], dataset.inputs.values[1])
+    assert within(dataset, 32.0, 40.0).inputs.time.tolist() == [32.0]
+
+
 def test_a_part_that_holds_all_is_the_same(dataset):
     part = within(dataset, -np.inf, np.inf)
     assert part.inputs.time.tolist() == dataset.inputs.time.tolist()

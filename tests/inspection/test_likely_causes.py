@@ -42,6 +42,26 @@ def test_a_coloured_gyroscope_asks_for_its_bias_or_more_process_noise(simulated_
     assert "lower" not in causes.advice
 
 
+@pytest.mark.parametrize(
+    ("settings", "biases", "does_without"),
+    [
+        ((), "[gyro, attitude]", True),
+        (("identification.attitude_from=inertial",), "[gyro, accelerometer, magnetometer]", False),
+        (("sensors.attitude={source: direct, noise: 0.1 deg}",), "[gyro]", False),
+    ],
+)
+def test_the_advice_on_what_lasts_is_for_the_attitude_that_is_used(settings, biases, does_without, simulated_with):
+    """What an AHRS makes is told only where one is used; and the biases are those that settings take."""
+    run = "sensors=sensors/table_iii_bias.yaml", "sensors.gyroscope.bias_spread=1 deg/s", "manoeuvre.duration=100 s"
+    dataset = simulated_with(*run, *settings, f"identification.estimate.biases={biases}")
+    checks = inspect_dataset(dataset.without_truth()).checks
+    advices = {check.advice for check in checks if check.check.startswith("errors that last") and not check.passed}
+    assert advices
+    for advice in advices:
+        assert f"biases: {biases}" in advice
+        assert ("--set identification.attitude_from=inertial" in advice) is does_without
+
+
 def test_causes_stand_in_the_order_of_their_evidence_and_doubtful_ones_are_left_out():
     late, flow, trim = Alignment(0.5, False, 1.0, gain=30.0), Drift(0.3, 0.4, 0.1), RudderTrim(-0.02, 0.002)
     errors = [LastingError("r", 0.02, 0.001, 100.0), LastingError("q", 0.001, 0.001, 0.0)]
@@ -49,7 +69,7 @@ def test_causes_stand_in_the_order_of_their_evidence_and_doubtful_ones_are_left_
         judged("x", name, statistic="much", threshold="little", passed=None, advice="")
         for name in ("delay", "current", "trim", "errors that last in r")
     ]
-    check = causes_check(causes_by_evidence(late, flow, trim, errors), notes)
+    check = causes_check(causes_by_evidence(late, flow, trim, errors, "gyro"), notes)
     assert [part.partition(" (")[0] for part in check.statistic.split("; ")] == [
         "errors of the gyroscope that last",
         "a rudder that is off its middle",
@@ -65,7 +85,7 @@ def test_causes_stand_in_the_order_of_their_evidence_and_doubtful_ones_are_left_
         < check.advice.index("[current]")
     )
     doubted = [cannot_tell("x", "delay", "nothing turns", ""), *notes[1:]]
-    assert "inputs" not in causes_check(causes_by_evidence(late, flow, trim, errors), doubted).statistic
+    assert "inputs" not in causes_check(causes_by_evidence(late, flow, trim, errors, "gyro"), doubted).statistic
 
 
 @pytest.fixture

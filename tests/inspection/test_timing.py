@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from auvid_cli.data.dataset import InputRecord, SensorRecord
+from auvid_cli.errors import DataError
+from auvid_cli.identification.prepared_data import prepare
+from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.inspection.timing import clock_jumps, input_timing_checks, new_measurement_rate, timing_checks
 
 
@@ -90,10 +93,10 @@ def test_components_with_times_of_their_own_are_not_missing_at_those_of_others(t
     assert judged(replace(turning, values=values))["missing"].passed
 
 
-def judged_inputs(time, time_constant, end=None):
-    record = InputRecord(np.asarray(time), np.zeros((len(time), 4)))
-    end = time[-1] if end is None else end
-    return {check.check: check for check in input_timing_checks(record, end, time_constant)}
+def judged_inputs(time, time_constant):
+    values = np.zeros((len(time), 4))
+    values[::2, 0] = 0.1
+    return {check.check: check for check in input_timing_checks(InputRecord(np.asarray(time), values), time_constant)}
 
 
 def test_even_inputs_pass():
@@ -116,11 +119,40 @@ def test_a_time_without_inputs_is_named():
     assert gap.statistic == "12.1 s from t = 30 s on"
 
 
-def test_inputs_that_end_before_the_data_are_named():
-    gap = judged_inputs(0.1 * np.arange(300), 1.0, end=90.0)["gap"]
-    assert gap.passed is None
-    assert gap.statistic == "60.1 s from t = 29.9 s on"
-    assert judged_inputs(0.1 * np.arange(300), 1.0, end=30.5)["gap"].passed
+@pytest.mark.parametrize(
+    ("last", "setting", "passed"),
+    [
+        (30.5, "", True),
+        (31.5, "", False),
+        (90.0, "", False),
+        # What was stamped two seconds late was measured within the inputs; inputs that act later end later.
+        (31.5, "identification.delays={dvl: 2 s, gyroscope: 2 s, attitude: 2 s}", True),
+        (31.5, "identification.delays={inputs: 2 s}", True),
+        (39.0, "", False),
+    ],
+)
+def test_inputs_that_end_early_fail_where_estimators_refuse_them(last, setting, passed, short_run, with_settings):
+    """At 10 Hz until 30 s; by the rule that `Timelines` has."""
+    time = 0.1 * np.arange(301)
+    motion = np.linspace(0.0, last, 400)
+    sensors = {
+        name: replace(record, time=motion, values=np.resize(record.values, (400, record.values.shape[1])))
+        for name, record in short_run.sensors.items()
+    }
+    dataset = replace(short_run, inputs=InputRecord(time, np.zeros((301, 4))), sensors=sensors)
+    dataset = with_settings(dataset, setting) if setting else dataset
+    (end,) = (check for check in inspect_dataset(dataset).checks if (check.subject, check.check) == ("inputs", "end"))
+    assert end.passed is passed
+    if passed:
+        prepare(dataset)
+    else:
+        assert "--use 0:30" in end.advice
+        with pytest.raises(DataError, match="inputs end at t = 30 s"):
+            prepare(dataset)
+
+
+def test_inputs_that_never_change_have_no_rate():
+    assert input_timing_checks(InputRecord(np.array([0.0, 300.0]), np.ones((2, 4))), 1.0) == []
 
 
 def test_a_single_input_has_no_rate():

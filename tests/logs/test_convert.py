@@ -682,7 +682,10 @@ def test_an_input_may_be_a_constant(converted):
     assert_allclose(found.inputs.values[:, 0], INPUTS["dr"])
     assert found.inputs.values[:, 1:3].tolist() == [[0.0, 10.9]] * TIME.size
     alone = converted(log, DVL % "", inputs="{surge_force: {constant: 10.9 N}, rudder: {constant: 2 deg}}").inputs
-    assert_allclose(alone.values, [[np.radians(2.0), 0.0, 10.9, 0.0]])
+    assert_allclose(alone.values, [[np.radians(2.0), 0.0, 10.9, 0.0]] * 2)
+    # They hold as long as the sensors measure, and estimators take them to.
+    assert_allclose(alone.time, [0.0, np.ptp(TIME)])
+    assert not alone.ends_before(float(alone.time[-1]))
     with pytest.raises(ConfigError, match="expected 'column' or 'constant', one of them"):
         converted(log, DVL % "", inputs="{table: in, rudder: {column: dr, constant: 0 deg}}")
 
