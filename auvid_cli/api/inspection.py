@@ -5,6 +5,9 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.time_window import within
 from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.inspection.inspection import Inspection
+from auvid_cli.inspection.unused_sensors import contradictions_of_unused
+
+__all__ = ["contradictions_of_unused", "inspect"]
 
 
 @typed

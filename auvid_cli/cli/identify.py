@@ -63,10 +63,12 @@ def identify(
         prepared = pipeline.settle(prepare(dataset), terminal)
         estimates = pipeline.identify_to(folder, prepared, chosen, terminal, overwrite)
         with terminal.compiling():
+            from auvid_cli.api.inspection import contradictions_of_unused
             from auvid_cli.api.judgement import judge
-            from auvid_cli.report.judgements import judgement_sentences
+            from auvid_cli.report.judgements import contradiction_sentences, judgement_sentences
         judgements = judge(*estimates)
         terminal.say_all(judgement_sentences(judgements, with_sound=True))
+        terminal.say_all(contradiction_sentences(contradictions_of_unused(dataset)))
         code = pipeline.exit_code(judgements)
         terminal.say(f"next: auvid report {folder}")
         if code == DONE:

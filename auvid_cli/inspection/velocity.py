@@ -19,6 +19,7 @@ from auvid_cli.inspection.pitch_offset import (
 )
 from auvid_cli.inspection.regression import Regression
 from auvid_cli.inspection.responses import known_sign, slips, thrust_check
+from auvid_cli.inspection.velocity_scale import scale_check
 
 Array = NDArray[np.float64]
 
@@ -67,8 +68,10 @@ def velocity_checks(
             # A depth that contradicts itself is no witness.
             dive = None if depth.passed is False else dive
     if forces:
-        checks.append(_against_force(signals, "u", forces["u"]))
+        checks.append(against_force(signals, "u", forces["u"]))
     witness = dive if signals.has("down") else None
+    if witness is not None:
+        checks.append(scale_check(signals, witness))
     found = drift(signals)
     directions = [_direction(signals, s, forces, witness, found, length) for s in ("v", "w") if signals.has(s)]
     checks += directions
@@ -112,8 +115,8 @@ def _speed(signals: Signals) -> Check:
     )
 
 
-def _against_force(signals: Signals, symbol: str, tie: Tie) -> Check:
-    """Judge the change of a velocity by the accelerometer: sign and order of size."""
+def against_force(signals: Signals, symbol: str, tie: Tie) -> Check:
+    """Judge the change of a velocity, of symbol u, v or w, by the accelerometer: sign and order of size."""
     window = signals.window(symbol, f"f{'xyz'['uvw'.index(symbol)]}")
     force = signals.values[f"f{'xyz'['uvw'.index(symbol)]}"]
     moved = tied(force, tie.main, tie.others, window)
@@ -156,7 +159,7 @@ def _direction(
                 advice="The depth changes against w: turn the sign of w (positive down).",
             )
     if forces:
-        against = _against_force(signals, symbol, forces[symbol])
+        against = against_force(signals, symbol, forces[symbol])
         if against.passed is not None:
             return against
     name, outwards = f"{symbol} in a turn", f"{symbol} points out of the turn"

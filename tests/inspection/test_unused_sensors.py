@@ -1,0 +1,34 @@
+"""An accelerometer that no estimator listens to, against the DVL."""
+
+import pytest
+
+from auvid_cli.inspection.unused_sensors import contradictions_of_unused
+from auvid_cli.report.judgements import contradiction_sentences
+
+
+@pytest.fixture
+def felt(sound_run, changed):
+    """Function: a sound run whose accelerometer has its axes times these."""
+
+    def run(*factors):
+        def turn(time, values):
+            values *= factors
+
+        return changed(sound_run(), "accelerometer", turn)
+
+    return run
+
+
+def test_one_that_agrees_is_not_mentioned(felt):
+    assert contradiction_sentences(contradictions_of_unused(felt(1.0, 1.0, 1.0))) == []
+
+
+@pytest.mark.parametrize("factors", [(-1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (1 / 9.81, 1 / 9.81, 1 / 9.81)])
+def test_one_that_contradicts_is_said_beside_a_sound_estimate(factors, felt):
+    (said,) = contradiction_sentences(contradictions_of_unused(felt(*factors)))
+    assert said.startswith("The accelerometer, which was not used, contradicts the DVL")
+
+
+def test_one_that_is_used_is_judged_with_the_estimate(felt, with_settings):
+    used = with_settings(felt(-1.0, 1.0, 1.0), "identification.attitude_from=inertial")
+    assert contradictions_of_unused(used) == []
