@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 
 from auvid_cli.children import parentage
 from auvid_cli.code_cache import DAMAGED, CodeCache, cache_folder
-from auvid_cli.code_library import PartCompiler, WholeCompiler
+from auvid_cli.code_library import ApartCompiler, CompilerFlags, PartCompiler, WholeCompiler, stay_apart
 from auvid_cli.lanes import LINE
 
 # An interrupt at the terminal ends it at once; the process that started it says so.
@@ -32,12 +32,19 @@ for module in sys.argv[1:]:
 
 def _without_aliases(flags: Any) -> Any:
     """Have a function compiled for arrays that share nothing which it writes; numba has no option for it."""
+    flags = CompilerFlags(flags)
     flags.noalias = True
     return flags
 
 
 def compiled(
-    signature: Any, *, reassociate: bool = False, inline: bool = False, internal: bool = False
+    signature: Any,
+    *,
+    reassociate: bool = False,
+    inline: bool = False,
+    internal: bool = False,
+    apart: bool = False,
+    pointer: bool = False,
 ) -> Callable[[Callable], Any]:
     """Decorate a function: compile for exactly this signature, now, or take the machine code from the cache.
 
@@ -54,6 +61,10 @@ def compiled(
     internal : bool
         Whether only compiled functions call it, as they do those that are inlined: it then has no machine code of its
         own, nor a door for Python, which both take a while to compile.
+    apart : bool
+        Whether compiled functions call it where it is: they do not take it in, which takes a while for each of them.
+    pointer : bool
+        Whether it is handed to compiled functions.
 
     Notes
     -----
@@ -72,13 +83,14 @@ def compiled(
         "fastmath": {"contract", "reassoc"} if reassociate else {"contract"},
         "forceinline": inline,
         "no_cpython_wrapper": is_part,
-        "no_cfunc_wrapper": is_part,
+        "no_cfunc_wrapper": not pointer,
         # numba has no public name for it.
         "_nrt": False,
     }
 
     def decorate(function: Callable) -> Any:
-        dispatcher: Any = njit(**options, pipeline_class=PartCompiler if is_part else WholeCompiler)(function)
+        compiler = PartCompiler if is_part else ApartCompiler if apart else WholeCompiler
+        dispatcher: Any = njit(**options, pipeline_class=compiler)(function)
         if dispatcher is function:
             # numba is told to compile nothing.
             return function
@@ -89,6 +101,9 @@ def compiled(
         # Its own cache would run whatever stands in the files; this and the rest is what `njit` does itself.
         dispatcher._cache = CodeCache(function)
         _compile(dispatcher, signature)
+        if apart:
+            for result in dispatcher.overloads.values():
+                stay_apart(result.library)
         return dispatcher
 
     return decorate

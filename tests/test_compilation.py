@@ -3,6 +3,7 @@
 import ast
 import importlib
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -103,6 +104,70 @@ def test_what_only_compiled_functions_call_is_kept_inside_these(tmp_path, monkey
     whole = compiled(types.int64(types.int64))(_double_and_one)
     assert whole(20) == 41
     assert {path.name.split("-")[0] for path in tmp_path.rglob("*.nb?")} == {"test_compilation._double_and_one"}
+
+
+APART = """
+import sys
+import numba
+import numpy
+from numba import types
+from auvid_cli.compilation import compiled, told_of_compilation
+vector = types.float64[::1]
+for _ in range(int(sys.argv[1])):
+    numba.njit("int64(int64)")(lambda number: number)
+told = []
+with told_of_compilation(lambda: told.append(1), list):
+    @compiled(types.void(vector), reassociate=True, apart=True)
+    def double(values):
+        for k in range(values.size):
+            values[k] *= 2.0
+    @compiled(types.void(vector), reassociate=True, internal=True)
+    def double_twice(values):
+        double(values)
+        double(values)
+    @compiled(types.void(vector), reassociate=True)
+    def eightfold(values):
+        double(values)
+        double_twice(values)
+values = numpy.ones(3)
+eightfold(values)
+print(values.tolist(), len(told))
+"""
+
+
+def test_what_stays_apart_is_found_by_what_another_process_compiled(tmp_path):
+    """Whatever else it compiled before, and however it orders sets."""
+    script, eight = tmp_path / "eightfold.py", "[8.0, 8.0, 8.0]"
+    script.write_text(APART)
+
+    def said(before):
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONHASHSEED": str(before)}
+        command = [sys.executable, script, str(before)]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.strip()
+
+    assert said(0) == f"{eight} 3"
+    for before in range(1, 5):
+        (path,) = tmp_path.rglob("*double-*.nbc")
+        path.unlink()
+        assert said(before) == f"{eight} 1"
+
+
+@compiled(types.int64(types.int64), apart=True)
+def _triple(number):
+    return 3 * number
+
+
+def _triple_and_one(number):
+    return _triple(number) + 1
+
+
+def test_what_stays_apart_is_called_where_it_is(tmp_path, monkeypatch):
+    monkeypatch.setattr(code_cache, "cache_folder", lambda: tmp_path)
+    caller = compiled(types.int64(types.int64))(_triple_and_one)
+    assert caller(5) == 16
+    (code,) = caller.inspect_llvm().values()
+    assert re.findall(r"^declare .*_triple", code, re.MULTILINE)
+    assert not re.findall(r"^define .*_triple\b(?!_and)", code, re.MULTILINE)
 
 
 PACKAGE = Path(auvid_cli.__file__).parent

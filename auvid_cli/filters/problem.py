@@ -34,12 +34,12 @@ OBSERVATION_SIGNATURE = types.void(
 LINEARISATION_SIGNATURE = types.void(*(_vector, types.int64, _vector, _vector, _indices, _vector, _matrix, _vector))
 
 
-@compiled(OBSERVATION_SIGNATURE)
+@compiled(OBSERVATION_SIGNATURE, pointer=True)
 def nothing_nonlinear(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
     """Stand in for the observation of a problem without nonlinear sensors; never called."""
 
 
-@compiled(LINEARISATION_SIGNATURE)
+@compiled(LINEARISATION_SIGNATURE, pointer=True)
 def nothing_to_linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scratch):
     """Stand in for the derivative of that observation; never called."""
 

@@ -27,7 +27,7 @@ if _added := [block.name for block in ERROR_BLOCKS if block.additive and block.s
     raise TypeError(f"what is added to a sensor that compiled code knows it has to name: {', '.join(_added)}")
 
 
-@compiled(OBSERVATION_SIGNATURE)
+@compiled(OBSERVATION_SIGNATURE, pointer=True)
 def observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, predicted, scratch):
     """Predict what a sensor measures of a block of states."""
     if sensor == known_sensor(constants, ACCELEROMETER):
@@ -38,7 +38,7 @@ def observe(moving, parameters, sensor, inputs, constants, selection, n_lanes, p
         measure_velocities(moving, parameters, constants, n_lanes, predicted)
 
 
-@compiled(LINEARISATION_SIGNATURE)
+@compiled(LINEARISATION_SIGNATURE, pointer=True)
 def linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scratch):
     """Predict what a sensor measures of one state, and the derivative by the state."""
     for i in range(matrix.shape[0]):

@@ -122,7 +122,7 @@ def _workspace(scratch, terms):
     )
 
 
-@compiled(PROCESS_SIGNATURE)
+@compiled(PROCESS_SIGNATURE, pointer=True)
 def _advance(motion, parameters, inputs, constants, selection, n_lanes, duration, scratch):
     # Not from `_workspace`: with slices that begin at an offset a step of the sigma-point filters is 2 to 4 % longer.
     n = N_COEFFICIENT_BLOCK + n_terms(constants) * LANES
@@ -148,7 +148,7 @@ def _fill_in(sensitivity, constants, selection, matrix):
         fill_in_row(sensitivity[i], constants, selection, matrix[first_moving_row(constants) + i])
 
 
-@compiled(TRANSITION_SIGNATURE)
+@compiled(TRANSITION_SIGNATURE, pointer=True)
 def _exact_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     """Integrate the variational equation along the motion."""
     work, n_columns = _workspace(scratch, n_terms(constants)), N_COLUMNS + n_terms(constants)
@@ -176,7 +176,7 @@ def _exact_transition(mean, inputs, substep_input, substep_duration, constants, 
         fill_in_forces(constants, work.disturbance, matrix)
 
 
-@compiled(TRANSITION_SIGNATURE)
+@compiled(TRANSITION_SIGNATURE, pointer=True)
 def first_order_transition(mean, inputs, substep_input, substep_duration, constants, selection, matrix, scratch):
     """Linearise once, where the interval begins: the paper's I + A dt, Table A1."""
     work, n_columns = _workspace(scratch, n_terms(constants)), N_COLUMNS + n_terms(constants)

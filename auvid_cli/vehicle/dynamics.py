@@ -296,7 +296,7 @@ def add_terms(motion, coefficients, inputs, constants, n_lanes, derivative):
         _accelerate(value, first, second, shares, n_lanes, derivative[plane * LANES :])
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector))
+@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, _vector), apart=True)
 def motion_derivative(motion, coefficients, inputs, constants, n_lanes, derivative):
     """Differentiate the nine motion states by time, Sabet et al. 2018, eqs. (3), (8) and (13).
 
@@ -398,7 +398,7 @@ N_WORK = 2 * N_BLOCK + N_SLOPE
 N_COEFFICIENT_BLOCK = N_FACTORS * LANES
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, types.float64, _vector))
+@compiled(types.void(_vector, _vector, _vector, _vector, types.uint64, types.float64, _vector), apart=True)
 def runge_kutta_step(motion, coefficients, inputs, constants, n_lanes, duration, work):
     """Advance a block of motion states by one classical fourth-order Runge-Kutta step, in place.
 

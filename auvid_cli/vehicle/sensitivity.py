@@ -113,7 +113,7 @@ def _differentiate_term(code, factors, inverse, thrust, coefficient, force, jaco
         own[i, column] = inverse[6 * i + row] * regressor
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _matrix, types.int64, _vector))
+@compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _matrix, types.int64, _vector), apart=True)
 def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms, first, work):
     """Differentiate `motion_derivative` by the motion states, the 22 coefficients, the actuators' errors, the ballast
     and the coefficients of the vehicle's own terms.
@@ -318,7 +318,7 @@ def _rate_of_terms(jacobian, by_terms, transition, rate):
             rate[i, t] = total
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector, types.float64, _matrix, _vector))
+@compiled(types.void(_vector, _vector, _vector, _vector, types.float64, _matrix, _vector), apart=True)
 def transition_step(motion, coefficients, inputs, constants, duration, transition, scratch):
     """Advance one motion state and its transition matrix together by one Runge-Kutta step, in place.
 
