@@ -13,12 +13,10 @@ from numba.core.compiler_machinery import PassManager
 from numba.core.runtime.nrt import rtsys
 from numba.core.typed_passes import NativeLowering, NoPythonBackend, NopythonTypeInference, PreLowerStripPhis
 from numba.core.untyped_passes import (
-    DeadBranchPrune,
     FixupArgs,
     GenericRewrites,
     IRProcessing,
     ReconstructSSA,
-    RewriteSemanticConstants,
     TranslateByteCode,
 )
 
@@ -28,8 +26,6 @@ _STAGES = (
     TranslateByteCode,
     FixupArgs,
     IRProcessing,
-    RewriteSemanticConstants,
-    DeadBranchPrune,
     GenericRewrites,
     ReconstructSSA,
     NopythonTypeInference,
