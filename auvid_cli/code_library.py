@@ -4,13 +4,16 @@ numba would optimise a function by itself, then with what it calls, and make mac
 again inside each function that calls it: a third of the time that compiling takes, for code that is no faster.
 """
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 from weakref import WeakSet
 
+from numba.core import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, Flags
 from numba.core.compiler_machinery import PassManager
 from numba.core.runtime.nrt import rtsys
+from numba.core.targetconfig import ConfigStack
 from numba.core.typed_passes import NativeLowering, NoPythonBackend, NopythonTypeInference, PreLowerStripPhis
 from numba.core.untyped_passes import (
     FixupArgs,
@@ -47,6 +50,28 @@ class CompilerFlags(Flags):
 
     def __eq__(self, other: object) -> bool:
         return self is other or (isinstance(other, CompilerFlags) and self._values == other._values)
+
+
+class _TypingContext:
+    """numba's, which remembers what came of an operation on some types: else all of that name is tried each time."""
+
+    _found: ClassVar[dict[Any, Any]] = {}
+
+    def __init__(self, context: Any) -> None:
+        self._context = context
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._context, name)
+
+    def resolve_function_type(self, function: Any, arguments: tuple[Any, ...], keywords: Mapping[str, Any]) -> Any:
+        """Return the signature that a function, an operator for example, has for some arguments."""
+        if isinstance(function, types.Type) and not isinstance(function, types.BaseFunction):
+            return self._context.resolve_function_type(function, arguments, keywords)
+        # What numba has written in Python it compiles with the settings of who calls it.
+        key = function, tuple(arguments), tuple(keywords.items()), ConfigStack.top_or_none()
+        if key not in self._found:
+            self._found[key] = self._context.resolve_function_type(function, arguments, keywords)
+        return self._found[key]
 
 
 class _Whole(JITCodeLibrary):
@@ -104,6 +129,7 @@ class WholeCompiler(CompilerBase):
         state = self.state
         state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
+        state.typingctx = _TypingContext(state.typingctx)
         manager = PassManager("compiled")
         for stage in _STAGES:
             manager.add_pass(stage, stage.__name__)

@@ -13,6 +13,8 @@ FILTERS = (
 
 def load_vehicles() -> None:
     """Load, and compile where it has to be, what has to do with vehicles."""
+    import auvid_cli.identification.faults
+    import auvid_cli.identification.free_motion
     import auvid_cli.identification.process  # noqa: F401
 
 
