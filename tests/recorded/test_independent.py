@@ -27,6 +27,7 @@ from auvid_cli.inspection.inspect import inspect_dataset
 from auvid_cli.simulation.imperfections import corrupt
 from auvid_cli.simulation.sensors import sample_times
 from auvid_cli.validation.data_leakage import check_unseen
+from auvid_cli.validation.results import Prediction
 from auvid_cli.validation.validate import validate
 
 SHARED = Path(os.environ.get("AUVID_SHARED", Path(__file__).parents[2].parent / "shared"))
@@ -166,17 +167,22 @@ def test_it_predicts_a_zigzag_that_it_has_never_seen(loosely_identified, recorde
     assert held["p", 5.0] < 0.85
 
 
-def test_with_the_terms_that_are_found_in_run_e_it_predicts_the_zigzag_better(recorded):
-    def errors(*settings: str) -> dict[tuple[str, float], float]:
+def test_with_the_terms_that_are_found_in_run_e_it_predicts_the_zigzag_better_and_its_bands_hold(recorded):
+    def ahead(*settings: str) -> list[Prediction]:
         run_e = recorded("E_combined_multisine", 1, *LOOSE, *settings)
-        found = validate([recorded("B_zigzag_10_10", 2)], identify(run_e, FilterName.SMOOTHER), run_e)
-        return {(row.signal, row.horizon_s): row.rmse for row in found.predictions}
+        return validate([recorded("B_zigzag_10_10", 2)], identify(run_e, FilterName.SMOOTHER), run_e).predictions
 
-    plain, with_terms = errors(), errors(FOUND)
+    def errors(rows: list[Prediction]) -> dict[tuple[str, float], float]:
+        return {(row.signal, row.horizon_s): row.rmse for row in rows}
+
+    found = ahead(FOUND)
+    plain, with_terms = errors(ahead()), errors(found)
     # The last is that of the free run, of 195 s.
     horizons = 5.0, 50.0, max(horizon for _, horizon in plain)
     assert horizons[-1] > 190.0
     assert all(3.0 * with_terms[signal, horizon] < plain[signal, horizon] for signal in "vpr" for horizon in horizons)
+    held = {signal: [row.share_within_band for row in found if row.signal == signal][1:] for signal, _ in plain}
+    assert all(np.mean(shares) > 0.85 and min(shares) > 0.75 for shares in held.values())
 
 
 def test_with_tuned_noise_and_a_second_look_its_bands_are_those_of_its_errors(recorded):
