@@ -19,6 +19,17 @@ import hypothesis
 import numpy as np
 import pytest
 
+from auvid_cli.api import core
+from auvid_cli.compilation import compile_elsewhere, is_compiled
+
+# Where nothing is compiled yet, in two processes, as commands do it: the workers of the tests do not run before.
+if not is_compiled(core.FILTERS[0]):
+    _partner = compile_elsewhere(*core.FILTERS)
+    import auvid_cli.simulation.simulate  # noqa: F401
+
+    core.load_vehicles()
+    _partner.wait()
+
 from auvid_cli.api import validation
 from auvid_cli.config.experiment import Experiment, FilterName
 from auvid_cli.config.load import dump_experiment, find_experiment, load_experiment, parse_experiment
