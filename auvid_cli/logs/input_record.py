@@ -63,8 +63,8 @@ def read_inputs(
     held |= {".".join(key): np.full(time.size, value) for key, value in settings.inputs.constants().items()}
     remarks: tuple[str, ...] = ()
     early = tuple(
-        f"{name} ends at t = {channel.time[-1]:.4g} s, {end - channel.time[-1]:.4g} s before the sensors: its last "
-        f"value is taken to hold; unless it did, leave that time out with `use: [[0 s, {channel.time[-1]:.4g} s]]`"
+        f"{name} ends at t = {channel.time[-1]:.4g} s, {end - channel.time[-1]:.4g} s before the sensors: "
+        f"unless its last value held, leave that time out with `use: [[0 s, {channel.time[-1]:.4g} s]]`"
         for name, channel in channels.items()
         if _ends_early(channel, end)
     )
