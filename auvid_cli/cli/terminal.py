@@ -135,7 +135,7 @@ class Terminal:
             with self.stage("loading the compiled core") as change:
 
                 def say_so() -> None:
-                    label = "compiling the numerical core, once: some 20 to 30 s"
+                    label = "compiling the numerical core, once: some 10 to 20 s"
                     change(label)
                     if not self._err.is_terminal and not self.quiet and not self._printed:
                         complain(label)
