@@ -25,7 +25,7 @@ _vector = types.float64[::1]
 _wrap = compiled(types.float64(types.float64), inline=True)(wrap)
 
 
-@compiled(types.float64(types.float64, types.boolean))
+@compiled(types.float64(types.float64, types.boolean), internal=True)
 def wrapped(difference, angular):
     """Bring a difference of angles to [-pi, pi), and leave any other as it is."""
     return _wrap(difference) if angular else difference

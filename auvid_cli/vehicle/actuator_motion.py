@@ -24,7 +24,7 @@ def demanded(actuator, command):
     return np.copysign(max(min(abs(command), actuator.saturation) - actuator.dead_band, 0.0), command)
 
 
-@compiled(types.UniTuple(types.float64, 2)(ACTUATOR, types.float64, types.float64, types.float64))
+@compiled(types.UniTuple(types.float64, 2)(ACTUATOR, types.float64, types.float64, types.float64), internal=True)
 def moved(actuator, position, demand, duration):
     """Move an actuator towards a constant demand.
 
