@@ -125,10 +125,14 @@ def carry_errors(timeline, about, trace, effects, error, moved):
                     if h != 0.0:
                         for f in range(n_faults):
                             effect[f] += h * error[j, f]
+                # Divided once, here: a quotient in the loop below would be divided at every turn.
+                by_variance = moved[0]
+                for f in range(n_faults):
+                    by_variance[f] = effect[f] / trace.total[k, c]
                 for j in range(n):
-                    gain = trace.gain[k, c, j] / trace.total[k, c]
+                    gain = trace.gain[k, c, j]
                     for f in range(n_faults):
-                        error[j, f] -= gain * effect[f]
+                        error[j, f] -= gain * by_variance[f]
 
 
 def shown_faults(

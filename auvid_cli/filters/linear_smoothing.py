@@ -123,10 +123,10 @@ class LinearSmoothing:
     def __init__(self, problem: JointProblem) -> None:
         process, sensors, self._segments, _ = problem
         self._process, self._priors = process, problem.priors
-        self._data, self._n_components = ModelData.of(process, sensors), sensors.matrix.shape[1]
+        self._data = ModelData.of(process, sensors)
         self._n_parameters = problem.n_parameters
         self._n = problem.n_parameters + problem.n_moving
-        self._work = Work.of(process, self._n, self._n_components)
+        self._work = Work.of(process, self._n, sensors.matrix.shape[1])
         self._kept, self._kept_of = dict[tuple[int, int], tuple[Linearised, Trace]](), None
 
     def change_noise(self, process: Process, sensors: Sensors) -> None:
@@ -143,7 +143,7 @@ class LinearSmoothing:
             cost += distance
             # The first segment's prior counts as a whole, of the others what it says of their own states.
             by_parameters.append(owed)
-            state = new_state(gaussian, self._n_components)
+            state = new_state(gaussian)
             before.append([])
             for chunk, timeline in enumerate(self._segments[segment]):
                 # Into the arrays of the last trajectory: fresh ones come page by page, and slowly.

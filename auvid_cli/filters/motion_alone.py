@@ -58,9 +58,8 @@ class MotionAlone:
     def __init__(self, problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered, segment: int) -> None:
         self._problem, self._smoothing, self._filtered, self._segment = problem, smoothing, filtered, segment
         self._step = filtered.final.mean[: problem.n_parameters]
-        n_components = problem.sensors.matrix.shape[1]
-        self._work = Work.of(problem.process, problem.n_moving, n_components)
-        self._start = new_state(self._beginning(), n_components)
+        self._work = Work.of(problem.process, problem.n_moving, problem.sensors.matrix.shape[1])
+        self._start = new_state(self._beginning())
 
     def forward(self) -> Iterator[MotionChunk]:
         """Filter chunk by chunk."""

@@ -23,12 +23,12 @@ _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 
 
-def _four_products(pairs: int) -> Callable:
+def four_products(pairs: int) -> Callable:
     """Compile it for one length of rows: with a known one the loop is all vector instructions."""
     row = np.uint64(pairs)
 
     @compiled(types.void(_vector, *[types.uint64] * 4, _vector, _vector), reassociate=True, internal=True)
-    def four_products(left, first, across, along, n_terms, right, out):
+    def products(left, first, across, along, n_terms, right, out):
         """Fill `out` with four rows of a matrix product, each `pairs` long: ``sum_j left_j right_j``.
 
         Four rows and four terms at a time load and store a quarter as often as one by one; `n_terms` is rounded up to a
@@ -52,10 +52,10 @@ def _four_products(pairs: int) -> Callable:
                 out[k + _2 * row] += c0 * t0 + c1 * t1 + c2 * t2 + c3 * t3
                 out[k + _3 * row] += d0 * t0 + d1 * t1 + d2 * t2 + d3 * t3
 
-    return four_products
+    return products
 
 
-_in_whole_tile, _in_half_tile, _in_quarter_tile = (_four_products(pairs) for pairs in (PAIRS, FEWER[1], FEWER[0]))
+_in_whole_tile, _in_half_tile, _in_quarter_tile = (four_products(pairs) for pairs in (PAIRS, FEWER[1], FEWER[0]))
 
 
 @compiled(types.void(_vector, *[types.uint64] * 4, _vector, types.int64, _vector), inline=True)

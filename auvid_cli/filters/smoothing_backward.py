@@ -13,8 +13,11 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
+from auvid_cli.filters.factor import LEAST, SPARE_ROWS, TILE, orthogonalise
 from auvid_cli.filters.problem import TIMELINE
 from auvid_cli.filters.smoothing_forward import LINEARISED, TRACE
+from auvid_cli.filters.workspace import padded
+from auvid_cli.lanes import zeros_on_lines
 
 Array = NDArray[np.float64]
 
@@ -31,8 +34,8 @@ class Adjoint(NamedTuple):
     ----------
     mean : ndarray, shape (n,)
         r.
-    root : ndarray, shape (n, n + 32)
-        W, as far as `n_columns` says; of no size where variances are not asked for.
+    root : ndarray, shape (n and `SPARE_ROWS`, whole tiles)
+        W, as far as `n_columns` says, zero beyond; of no size where variances are not asked for.
     n_columns : ndarray of int, shape (1,)
     work : ndarray, shape (as of `root`)
         Overwritten.
@@ -46,9 +49,10 @@ class Adjoint(NamedTuple):
     @classmethod
     def of_nothing(cls, n: int, with_variance: bool) -> "Adjoint":
         """Say nothing yet of a deviation of n components."""
-        shape = (n, n + _MORE) if with_variance else (0, 0)
+        shape = n + SPARE_ROWS, padded(n + _MORE)
+        root = zeros_on_lines(*shape) if with_variance else np.zeros((0, 0))
         # The mean of a step needs some room as well.
-        return cls(np.zeros(n), np.zeros(shape), np.zeros(1, dtype=np.int64), np.zeros((n, n + _MORE)))
+        return cls(zeros_on_lines(n), root, np.zeros(1, dtype=np.int64), zeros_on_lines(*shape))
 
     def pass_on(self, owed: Array) -> None:
         """Go over to the motion before, which is another: what is known of this one says something of the parameters.
@@ -58,13 +62,19 @@ class Adjoint(NamedTuple):
         owed : ndarray, shape (n, n_parameters)
             What the deviation owes to the parameters, themselves included.
         """
-        n_parameters = owed.shape[1]
+        n, n_parameters = owed.shape
         self.mean[:n_parameters], self.mean[n_parameters:] = owed.T @ self.mean, 0.0
         if self.root.size:
-            self.root[:n_parameters], self.root[n_parameters:] = owed.T @ self.root, 0.0
+            self.root[:n_parameters], self.root[n_parameters:] = owed.T @ self.root[:n], 0.0
 
 
 ADJOINT = types.NamedTuple((_vector, _matrix, types.int64[::1], _matrix), Adjoint)
+
+
+@compiled(types.int64(ADJOINT), inline=True)
+def _whole_tiles(adjoint):
+    """Count the columns of the root in whole tiles: loops over these leave nothing over that is no vector."""
+    return (adjoint.n_columns[0] + (TILE - 1)) // TILE * TILE
 
 
 @compiled(types.void(types.float64[:], _matrix, types.int64, _vector), reassociate=True, internal=True)
@@ -93,32 +103,24 @@ def _take_in(row, gain, error, total, adjoint):
     return share
 
 
-@compiled(types.void(_matrix, types.int64, _matrix), reassociate=True, internal=True)
-def _make_square(root, n_columns, work):
+@compiled(types.void(ADJOINT), reassociate=True, internal=True)
+def _make_square(adjoint):
     """Find the lower-triangular root of the same covariance, by modified Gram-Schmidt; see `triangularise`.
 
     A row that vanishes stays as it is: nothing is said of that component.
     """
-    n = root.shape[0]
+    n, root, rows = adjoint.mean.size, adjoint.root, adjoint.work
     for i in range(n):
-        for k in range(n_columns):
-            work[i, k] = root[i, k]
+        for k in range(root.shape[1]):
+            rows[i, k] = root[i, k]
             root[i, k] = 0.0
     for i in range(n):
-        square = 0.0
-        for k in range(n_columns):
-            square += work[i, k] * work[i, k]
-        if square > 0.0:
-            norm = np.sqrt(square)
-            root[i, i] = norm
-            for j in range(i + 1, n):
-                dot = 0.0
-                for k in range(n_columns):
-                    dot += work[j, k] * work[i, k]
-                root[j, i] = dot / norm
-                share = dot / square
-                for k in range(n_columns):
-                    work[j, k] -= share * work[i, k]
+        row, square = rows[i], 0.0
+        for k in range(row.size):
+            square += row[k] * row[k]
+        if square >= LEAST:
+            orthogonalise(rows, i, n, square, root)
+    adjoint.n_columns[0] = n
 
 
 @compiled(types.float64(_vector, _vector, types.float64, ADJOINT), reassociate=True, internal=True)
@@ -129,25 +131,23 @@ def _take_in_covariance(row, gain, total, adjoint):
     """
     n, root, product = row.size, adjoint.root, adjoint.work[0]
     if adjoint.n_columns[0] == root.shape[1]:
-        _make_square(root, root.shape[1], adjoint.work)
-        adjoint.n_columns[0] = n
-    n_columns = adjoint.n_columns[0]
+        _make_square(adjoint)
+    n_columns, last = _whole_tiles(adjoint), adjoint.n_columns[0]
     for k in range(n_columns):
         product[k] = 0.0
     _add_rows(gain, root, n_columns, product)
-    known = 0.0
+    known, inverse = 0.0, 1.0 / total
     for k in range(n_columns):
+        product[k] *= inverse
         known += product[k] * product[k]
-    last = 1.0 / np.sqrt(total)
     for i in range(n):
         h = row[i]
         if h != 0.0:
-            share = h / total
             for k in range(n_columns):
-                root[i, k] -= share * product[k]
-        root[i, n_columns] = h * last
-    adjoint.n_columns[0] = n_columns + 1
-    return 1.0 / total + known / (total * total)
+                root[i, k] -= h * product[k]
+            root[i, last] = h * np.sqrt(inverse)
+    adjoint.n_columns[0] = last + 1
+    return inverse + known
 
 
 @compiled(types.void(_matrix, types.int64, ADJOINT), reassociate=True, internal=True)
@@ -164,7 +164,7 @@ def back_in_time(transition, n_parameters, adjoint):
             mean[j] += moving[0, i] * transition[i, j]
     if root.shape[0] == 0:
         return
-    n_columns = adjoint.n_columns[0]
+    n_columns = _whole_tiles(adjoint)
     for i in range(n_moving):
         for k in range(n_columns):
             moving[i, k] = root[n_parameters + i, k]
@@ -230,7 +230,7 @@ def backward(timeline, about, trace, adjoint, step, variance):
                 total += row[j] * mean[j]
             step[event, i] = total
             if root.shape[0] > 0:
-                n_columns = adjoint.n_columns[0]
+                n_columns = _whole_tiles(adjoint)
                 for k in range(n_columns):
                     projected[k] = 0.0
                 _add_rows(row, root, n_columns, projected)

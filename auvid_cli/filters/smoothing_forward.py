@@ -23,14 +23,17 @@ from auvid_cli.filters.problem import (
     Gaussian,
     Process,
 )
+from auvid_cli.filters.sigma_points import four_products
 from auvid_cli.filters.square_root_state import STATE, State
 from auvid_cli.filters.workspace import padded
+from auvid_cli.lanes import zeros_on_lines
 
 Array = NDArray[np.float64]
 
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
+_1 = np.uint64(1)
 
 
 class Linearised(NamedTuple):
@@ -111,13 +114,17 @@ class Work(NamedTuple):
     ----------
     point : ndarray, shape (n,)
     matrix : ndarray, shape (n, n)
-    product : ndarray, shape (even number of moving states, n)
-    rows : ndarray, shape (even number of moving states, whole tiles)
-        Zero beyond the moving rows of the matrix.
+    turned : ndarray, shape (n_tiles, n in whole tiles * TILE)
+        Moving rows of a transition, or of the factor: their columns one after the other, `TILE` rows to a tile; zero
+        beyond.
+    moved : ndarray, shape (n_tiles, TILE)
+        Moving rows of the mean.
+    product : ndarray, shape (n_tiles, 4 * TILE)
+        Of these with four columns, or rows, of the factor.
     spread : ndarray, shape (moving states and `SPARE_ROWS`, whole tiles)
     lower : ndarray, shape (as many, as many)
     gain : ndarray, shape (width of the factor,)
-    measured, ratio, share : ndarray, shape (whole tiles and one more,)
+    measured, ratio, share : ndarray, shape (width and one more,)
     predictions : ndarray, shape (c,)
         What a sensor sees of a state.
     process : ndarray
@@ -126,8 +133,9 @@ class Work(NamedTuple):
 
     point: Array
     matrix: Array
+    turned: Array
+    moved: Array
     product: Array
-    rows: Array
     spread: Array
     lower: Array
     gain: Array
@@ -141,32 +149,33 @@ class Work(NamedTuple):
     def of(cls, process: Process, n: int, n_components: int) -> "Work":
         """Make it for a state of n entries, and sensors of up to `n_components`."""
         n_moving = process.noise_density.size
-        rows, even_moving = n_moving + SPARE_ROWS, n_moving + n_moving % 2
+        rows, width, n_tiles = n_moving + SPARE_ROWS, padded(n), padded(n_moving) // TILE
         return cls(
-            point=np.zeros(n),
+            point=zeros_on_lines(n),
             matrix=np.eye(n),
-            product=np.zeros((even_moving, n)),
-            rows=np.zeros((even_moving, padded(n))),
-            spread=np.zeros((rows, padded(2 * n_moving))),
-            lower=np.zeros((rows, rows)),
-            gain=np.zeros(padded(n + n_components)),
-            measured=np.zeros(padded(n) + 1),
-            ratio=np.zeros(padded(n) + 1),
-            share=np.zeros(padded(n) + 1),
-            predictions=np.zeros(n_components),
-            process=np.zeros(process.scratch_size),
+            turned=zeros_on_lines(n_tiles, width * TILE),
+            moved=zeros_on_lines(n_tiles, TILE),
+            product=zeros_on_lines(n_tiles, 4 * TILE),
+            spread=zeros_on_lines(rows, padded(2 * n_moving)),
+            lower=zeros_on_lines(rows, rows),
+            gain=zeros_on_lines(width),
+            measured=zeros_on_lines(width + 1),
+            ratio=zeros_on_lines(width + 1),
+            share=zeros_on_lines(width + 1),
+            predictions=zeros_on_lines(n_components),
+            process=zeros_on_lines(process.scratch_size),
         )
 
 
-def new_state(gaussian: Gaussian, n_components: int) -> State:
-    """Lay out a Gaussian, with room for measurements of up to `n_components`."""
-    n = gaussian.mean.size
-    return State.of(gaussian, padded(n), padded(n + n_components))
+def new_state(gaussian: Gaussian) -> State:
+    """Lay out a Gaussian."""
+    width = padded(gaussian.mean.size)
+    return State.of(gaussian, width, width)
 
 
 LINEARISED = types.NamedTuple((_vector, _vector, _matrix, _matrix, _stack, _matrix, _stack), Linearised)
 TRACE = types.NamedTuple((_matrix, _stack, _stack, *[_matrix] * 5), Trace)
-WORK = types.NamedTuple((_vector, *[_matrix] * 5, *[_vector] * 6), Work)
+WORK = types.NamedTuple((_vector, *[_matrix] * 6, *[_vector] * 6), Work)
 
 
 _weight = compiled(types.float64(types.float64, types.float64), inline=True)(weight)
@@ -217,41 +226,51 @@ def linearise_process(transition, data, timeline, about, work):
                     about.transition[event, i, j] = work.matrix[n_parameters + i, j]
 
 
+_products = four_products(TILE)
+
+
+@compiled(types.void(_matrix, _vector, WORK), reassociate=True, internal=True)
+def _turn(transition, mean, work):
+    """Turn the moving rows of a transition, and move the mean by them."""
+    n_moving, n = transition.shape
+    for tile in range(work.turned.shape[0]):
+        turned, moved, first = work.turned[tile], work.moved[tile], tile * TILE
+        for i in range(min(TILE, n_moving - first)):
+            for k in range(n):
+                turned[k * TILE + i] = transition[first + i, k]
+        for i in range(TILE):
+            moved[i] = 0.0
+        for k in range(n):
+            for i in range(TILE):
+                moved[i] += mean[k] * turned[k * TILE + i]
+
+
 @compiled(types.boolean(_matrix, _vector, STATE, WORK), reassociate=True, internal=True)
 def _predict(transition, noise, state, work):
     """Move mean and factor of the deviation; False if there is no factor."""
-    n, mean, columns, rows, moved = state.n, state.mean, state.columns, work.rows, work.product
-    n_moving = noise.size
+    n, mean, columns, spread, product = state.n, state.mean, state.columns, work.spread, work.product
+    n_moving, width, n_tiles = noise.size, columns.shape[1], work.turned.shape[0]
     n_parameters = n - n_moving
-    spread = work.spread
-    for i in range(spread.shape[0]):
+    factor = columns.reshape(-1)
+    _turn(transition, mean, work)
+    for i in range(n_moving):
+        mean[n_parameters + i] = work.moved[i // TILE, i % TILE]
         for k in range(spread.shape[1]):
             spread[i, k] = 0.0
-    for i in range(n_moving):
-        for j in range(n):
-            rows[i, j] = transition[i, j]
-        total = 0.0
-        for j in range(n):
-            total += rows[i, j] * mean[j]
-        work.point[i] = total
-    # Two rows at a time, from a tile's edge on: what stands before a column's diagonal is zero.
-    for j in range(n):
-        edge = j // TILE * TILE
-        column = columns[j][edge:]
-        for i in range(0, n_moving, 2):
-            row0, row1 = rows[i][edge:], rows[i + 1][edge:]
-            total0, total1 = 0.0, 0.0
-            for k in range(row0.size):
-                total0 += row0[k] * column[k]
-                total1 += row1[k] * column[k]
-            moved[i, j], moved[i + 1, j] = total0, total1
-    for i in range(n_moving):
-        mean[n_parameters + i] = work.point[i]
-        for j in range(n_parameters):
-            columns[j, n_parameters + i] = moved[i, j]
-        for j in range(n_moving):
-            spread[i, j] = moved[i, n_parameters + j]
         spread[i, n_moving + i] = np.sqrt(noise[i])
+    # Four columns at a time, from a tile's edge on: what stands before the diagonal is zero.
+    for j in range(0, n, 4):
+        edge = j // TILE * TILE
+        first, n_terms = np.uint64(j * width + edge), np.uint64(n - edge)
+        for tile in range(n_tiles):
+            _products(factor, first, np.uint64(width), _1, n_terms, work.turned[tile, edge * TILE :], product[tile])
+        for r in range(min(4, n - j)):
+            for i in range(n_moving):
+                moved = product[i // TILE, r * TILE + i % TILE]
+                if j + r < n_parameters:
+                    columns[j + r, n_parameters + i] = moved
+                else:
+                    spread[i, j + r - n_parameters] = moved
     if not triangularise(spread, n_moving, work.lower):
         return False
     for j in range(n_moving):
@@ -260,77 +279,83 @@ def _predict(transition, noise, state, work):
     return True
 
 
-@compiled(types.void(_vector, STATE, types.int64), reassociate=True, inline=True)
-def _predict_component(row, state, place):
-    """Put a combination of the state's rows at `place` of mean and factor."""
-    mean, columns = state.mean, state.columns
-    predicted = 0.0
+@compiled(types.void(_vector, STATE, _vector), reassociate=True, inline=True)
+def _gather(row, state, measured):
+    """Fill in a combination of the state's rows in the basis of the factor."""
+    columns = state.columns
     for j in range(state.n):
-        columns[j, place] = 0.0
+        measured[j] = 0.0
     for i in range(state.n):
         h = row[i]
         if h != 0.0:
-            predicted += h * mean[i]
             for j in range(i + 1):
-                columns[j, place] += h * columns[j, i]
-    mean[place] = predicted
+                measured[j] += h * columns[j, i]
+
+
+@compiled(types.float64(_vector, _vector), reassociate=True, inline=True)
+def _combined(row, values):
+    total = 0.0
+    for i in range(row.size):
+        total += row[i] * values[i]
+    return total
 
 
 @compiled(types.float64(types.int64, _matrix, _vector, LINEARISED, STATE, TRACE, WORK), reassociate=True, internal=True)
 def _update(k, rows, noise, about, state, trace, work):
     """Condition on measurement k, component by component; returns the sum of their NIS."""
-    n, mean, columns, measured = state.n, state.mean, state.columns, work.measured
-    width = columns.shape[1]
+    n, mean, columns, measured, error = state.n, state.mean, state.columns, work.measured, trace.error[k]
     for c in range(rows.shape[0]):
         trace.innovation[k, c] = np.nan
         trace.variance[k, c] = np.nan
         if np.isnan(about.residual[k, c]):
-            mean[n + c] = 0.0
-            for j in range(n):
-                columns[j, n + c] = 0.0
             continue
-        _predict_component(rows[c], state, n + c)
+        _gather(rows[c], state, measured)
         total = noise[c] / trace.weight[k, c]
         for j in range(n):
-            total += columns[j, n + c] * columns[j, n + c]
-        # Minus the innovation rides along, so that the updates carry it on.
-        mean[n + c] -= about.residual[k, c]
-        trace.innovation[k, c] = -mean[n + c]
+            total += measured[j] * measured[j]
+        error[c] = about.residual[k, c] - _combined(rows[c], mean)
+        trace.innovation[k, c] = error[c]
         trace.variance[k, c] = total
     nis = 0.0
     for c in range(rows.shape[0]):
         if np.isnan(about.residual[k, c]):
             continue
-        error = -mean[n + c]
-        for j in range(n):
-            measured[j] = columns[j, n + c]
+        _gather(rows[c], state, measured)
         variance = noise[c] / trace.weight[k, c]
         total = carlson_update(columns, n, measured, variance, work.gain, work.ratio, work.share)
-        nis += error * error / total
-        step = error / total
-        for i in range(width):
+        step = error[c] / total
+        nis += error[c] * step
+        for i in range(work.gain.size):
             mean[i] += work.gain[i] * step
-        trace.error[k, c], trace.total[k, c] = error, total
+        # The innovations of the others are carried on.
+        for other in range(c + 1, rows.shape[0]):
+            error[other] -= _combined(rows[other], work.gain) * step
+        trace.total[k, c] = total
         for i in range(n):
             trace.gain[k, c, i] = work.gain[i]
     return nis
 
 
-@compiled(types.void(types.int64, STATE, types.int64, TRACE), reassociate=True, internal=True)
-def _write_down(event, state, n_parameters, trace):
+@compiled(types.void(types.int64, STATE, types.int64, TRACE, WORK), reassociate=True, internal=True)
+def _write_down(event, state, n_parameters, trace, work):
+    """Write down the mean, and the moving rows of the covariance, four columns of these at a time."""
     n, columns, covariance = state.n, state.columns, trace.covariance[event]
+    width = columns.shape[1]
+    factor = columns.reshape(-1)
     for i in range(n):
         trace.filtered[event, i] = state.mean[i]
-    for i in range(n - n_parameters):
-        for k in range(n):
-            covariance[i, k] = 0.0
-    for j in range(n):
-        edge = j // TILE * TILE
-        column = columns[j][edge:n]
-        for i in range(n - n_parameters):
-            share, row = columns[j, n_parameters + i], covariance[i][edge:]
-            for k in range(column.size):
-                row[k] += share * column[k]
+    for tile in range(work.turned.shape[0]):
+        first, moving, product = n_parameters + tile * TILE, work.turned[tile], work.product[tile]
+        rows = min(TILE, n - first)
+        for j in range(n):
+            for i in range(rows):
+                moving[j * TILE + i] = columns[j, first + i]
+        for k in range(0, n, 4):
+            # Of the triangle nothing stands behind the diagonal.
+            _products(factor, np.uint64(k), _1, np.uint64(width), np.uint64(k + 4), moving, product)
+            for r in range(min(4, n - k)):
+                for i in range(rows):
+                    covariance[tile * TILE + i, k + r] = product[r * TILE + i]
 
 
 @compiled(
@@ -397,5 +422,5 @@ def forward(sensors, noise, timeline, about, state, trace, work):
                     log_determinant += np.log(trace.total[k, c] * trace.weight[k, c])
         if not cost < np.inf:
             return event, cost, least, log_determinant
-        _write_down(event, state, n_parameters, trace)
+        _write_down(event, state, n_parameters, trace, work)
     return timeline.time.size, cost, least, log_determinant
