@@ -80,7 +80,7 @@ def triangularise(rows, n, lower):
 
 @compiled(types.void(*[_vector] * 5, types.uint64, *[_four] * 3), reassociate=True, internal=True)
 def _condition_four(column0, column1, column2, column3, gain, edge, measured, keep, give):
-    """Condition four columns of a factor, the last first, as `carlson_update` does; as arguments they do not overlap."""
+    """Condition four columns of a factor, the last first, see `carlson_update`; as arguments they do not overlap."""
     f0, f1, f2, f3 = measured
     keep0, keep1, keep2, keep3 = keep
     give0, give1, give2, give3 = give

@@ -26,8 +26,6 @@ from auvid_cli.vehicle.dynamics import (
 )
 from auvid_cli.vehicle.parameters import N_MOTION
 
-_CODES = np.array([regressor_code(c) for c in COEFFICIENTS])
-
 Array = NDArray[np.float64]
 
 _vector = types.float64[::1]
@@ -38,79 +36,69 @@ _constant = types.Array(types.float64, 1, "C", readonly=True)
 
 # Of a derivative by the motion and all factors; behind them is one for each term of the vehicle's own.
 N_COLUMNS = N_MOTION + N_FACTORS
-_N_FORCE = 6 * (8 + N_BALLAST)
+# What forces depend on: velocities, roll and pitch, then the actuators' errors and the ballast.
+_N_ATTITUDE = 8
+_N_FORCE_COLUMNS = _N_ATTITUDE + N_FACTORS - N_COEFFICIENTS
+_N_FORCE = 6 * _N_FORCE_COLUMNS
 _N_MOMENTUM = _N_FORCE + 6
-N_JACOBIAN_WORK = _N_MOMENTUM + 2 * len(SIGNALS)
+_N_SIGNAL_VALUES = _N_MOMENTUM + 2 * len(SIGNALS)
+N_JACOBIAN_WORK = _N_SIGNAL_VALUES + 2 * len(SIGNALS)
 
 
-# Where the ballast stands among the factors, and the one that adds to a fin, less the place of that among `SIGNALS`.
+# Where they stand among the factors.
 _BALLAST = N_FACTORS - N_BALLAST
-_TRIM = N_COEFFICIENTS + ActuatorErrors._fields.index("rudder_trim") - SIGNALS.index("rudder")
 _THRUST = N_COEFFICIENTS + ActuatorErrors._fields.index("thrust")
+# Rudder and elevator stand side by side among the signals, as their trims do among the factors.
+_TRIM = N_COEFFICIENTS + ActuatorErrors._fields.index("rudder_trim") - SIGNALS.index("rudder")
 _THRUST_SIGNAL, _N_SIGNAL = SIGNALS.index("thrust"), SIGNALS.index("n")
+# In which column forces depend on what changes each signal; nothing changes revolutions and voltage.
+_OF_ERRORS = _N_ATTITUDE - N_COEFFICIENTS
+_COLUMNS = np.array([*range(6), *(_OF_ERRORS + _TRIM + which for which in (6, 7)), _OF_ERRORS + _THRUST, 0, 0])
+_CODES = np.array([regressor_code(c) for c in COEFFICIENTS])
 
 
-@compiled(types.void(_vector, _vector, _vector, _vector), inline=True)
-def _fill_in_factors(motion, coefficients, inputs, factors):
-    """Fill in all factors of regressors, fins and thrust as they act, each followed by its modulus."""
+@compiled(types.void(*[_vector] * 5), inline=True)
+def _fill_in_signals(motion, coefficients, inputs, values, slopes):
+    """Fill in all signals as they act, each followed by its modulus, and how they grow with what changes them."""
     for which in range(len(SIGNALS)):
+        slope = 1.0
         if which < 6:
             value = motion[which]
         elif which < _THRUST_SIGNAL:
             value = inputs[which - 6] + coefficients[_TRIM + which]
         elif which == _THRUST_SIGNAL:
-            value = inputs[2] * coefficients[_THRUST]
+            value, slope = inputs[2] * coefficients[_THRUST], inputs[2]
         else:
             place = 4 + which - _N_SIGNAL
-            value = inputs[place] if place < inputs.size else 0.0
-        factors[2 * which], factors[2 * which + 1] = value, abs(value)
+            value, slope = inputs[place] if place < inputs.size else 0.0, 0.0
+        values[2 * which], values[2 * which + 1] = value, abs(value)
+        slopes[2 * which], slopes[2 * which + 1] = slope, slope * np.sign(value)
 
 
-@compiled(types.void(_constant, *[_vector] * 2, *[types.float64] * 2, *[_matrix] * 3, types.int64), inline=True)
-def _differentiate_term(code, factors, inverse, thrust, coefficient, force, jacobian, own, column):
-    """Add the derivatives of a term by velocities to those of its force, by all else to the Jacobian's columns.
+@compiled(types.float64(_constant, _vector, _vector, types.float64, _matrix), inline=True)
+def _differentiate_term(code, values, slopes, coefficient, force):
+    """Add the derivatives of a term to those of its force; returns that by the coefficient.
 
     Parameters
     ----------
     code : ndarray
         From `regressor_code`.
-    factors : ndarray
-        From `_fill_in_factors`.
-    inverse : ndarray, shape (36,)
-        Of the mass matrix.
-    thrust, coefficient : float
-        The former as stated.
-    force, jacobian : ndarray
-        Derivatives of the forces by velocities; as of `motion_jacobian`.
-    own : ndarray
-        With the derivative by the coefficient in a column.
-    column : int
+    values, slopes : ndarray
+        From `_fill_in_signals`.
+    coefficient : float
+    force : ndarray, shape (6, _N_FORCE_COLUMNS)
     """
-    row, n_factors, regressor = int(code[0]), int(code[1]), 1.0
+    row, n_factors, regressor, before = int(code[0]), int(code[1]), 1.0, coefficient
     for a in range(n_factors):
         factor = int(code[2 + a])
-        regressor *= factors[factor]
         # The product rule: the derivative of this factor times the others.
-        slope = coefficient
-        if factor % 2:
-            slope *= np.sign(factors[factor - 1])
-        for b in range(n_factors):
-            if b != a:
-                slope *= factors[int(code[2 + b])]
-        which = factor // 2
-        if which < 6:
-            force[row, which] += slope
-            continue
-        # Revolutions and voltage are as they are stated.
-        if which > _THRUST_SIGNAL:
-            continue
-        by = _TRIM + which
-        if which == _THRUST_SIGNAL:
-            by, slope = _THRUST, slope * thrust
-        for i in range(6):
-            jacobian[i, N_MOTION + by] += inverse[6 * i + row] * slope
-    for i in range(6):
-        own[i, column] = inverse[6 * i + row] * regressor
+        slope = before * slopes[factor]
+        for b in range(a + 1, n_factors):
+            slope *= values[int(code[2 + b])]
+        force[row, _COLUMNS[factor // 2]] += slope
+        before *= values[factor]
+        regressor *= values[factor]
+    return regressor
 
 
 @compiled(types.void(_vector, _vector, _vector, _vector, _matrix, _matrix, types.int64, _vector), apart=True)
@@ -138,15 +126,14 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms,
     by_rows, inverse_by_rows, excess, lever_x, lever_y, lever_z = named_constants(constants)
     mass, inverse = by_rows.reshape(6, 6), inverse_by_rows.reshape(6, 6)
     excess, lever_x = excess - coefficients[_BALLAST], lever_x - coefficients[_BALLAST + 1]
-    # Of the forces by velocities, roll and pitch, and ballast.
-    force, momentum = work[:_N_FORCE].reshape(6, 8 + N_BALLAST), work[_N_FORCE:_N_MOMENTUM]
-    factors = work[_N_MOMENTUM:]
-    _fill_in_factors(motion, coefficients, inputs, factors)
+    force, momentum = work[:_N_FORCE].reshape(6, _N_FORCE_COLUMNS), work[_N_FORCE:_N_MOMENTUM]
+    values, slopes = work[_N_MOMENTUM:_N_SIGNAL_VALUES], work[_N_SIGNAL_VALUES:]
+    _fill_in_signals(motion, coefficients, inputs, values, slopes)
     for i in range(6):
         momentum[i] = 0.0
         for j in range(6):
             momentum[i] += mass[i, j] * motion[j]
-        for j in range(8 + N_BALLAST):
+        for j in range(_N_FORCE_COLUMNS):
             force[i, j] = 0.0
     for i in range(N_MOTION):
         for j in range(N_COLUMNS):
@@ -180,31 +167,27 @@ def motion_jacobian(motion, coefficients, inputs, constants, jacobian, by_terms,
         force[4, c] = lever_z * change[0] - lever_x * change[2]
         force[5, c] = lever_x * change[1] - lever_y * change[0]
 
+    force[0, _OF_ERRORS + _THRUST] = inputs[2]
     for i in range(3):
-        force[i, 8] = -down[i]
-    force[4, 9], force[5, 9] = down[2], -down[1]
+        force[i, _OF_ERRORS + _BALLAST] = -down[i]
+    force[4, _OF_ERRORS + _BALLAST + 1], force[5, _OF_ERRORS + _BALLAST + 1] = down[2], -down[1]
 
-    for i in range(6):
-        jacobian[i, N_MOTION + _THRUST] = inverse[i, 0] * inputs[2]
     for m in range(N_COEFFICIENTS):
-        _differentiate_term(
-            _CODES[m],
-            *(factors, inverse_by_rows, inputs[2]),
-            *(coefficients[m], force, jacobian, jacobian, N_MOTION + m),
-        )
+        row, regressor = int(_CODES[m, 0]), _differentiate_term(_CODES[m], values, slopes, coefficients[m], force)
+        for i in range(6):
+            jacobian[i, N_MOTION + m] = inverse[i, row] * regressor
     for t in range(n_terms(constants)):
-        _differentiate_term(
-            constants[term_place(constants, t) + 1 :],
-            *(factors, inverse_by_rows, inputs[2]),
-            *(coefficients[N_FACTORS + t], force, jacobian, by_terms, first + t),
-        )
+        code = constants[term_place(constants, t) + 1 :]
+        regressor = _differentiate_term(code, values, slopes, coefficients[N_FACTORS + t], force)
+        for i in range(6):
+            by_terms[i, first + t] = inverse[i, int(code[0])] * regressor
 
     for i in range(6):
         for k in range(6):
-            for j in range(8):
+            for j in range(_N_ATTITUDE):
                 jacobian[i, j] += inverse[i, k] * force[k, j]
-            for j in range(N_BALLAST):
-                jacobian[i, N_MOTION + _BALLAST + j] += inverse[i, k] * force[k, 8 + j]
+            for j in range(_N_ATTITUDE, _N_FORCE_COLUMNS):
+                jacobian[i, N_MOTION - _OF_ERRORS + j] += inverse[i, k] * force[k, j]
     pitch_rate, yaw_rate = motion[4], motion[5]
     turning = pitch_rate * sin_phi + yaw_rate * cos_phi
     turning_by_roll = pitch_rate * cos_phi - yaw_rate * sin_phi
