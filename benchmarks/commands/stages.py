@@ -7,6 +7,8 @@ from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
+from threadpoolctl import threadpool_limits
+
 from auvid_cli.config.filter_name import JUDGE, FilterName
 from auvid_cli.config.load import find_experiment, load_experiment
 from auvid_cli.data.dataset_file import read_dataset, write_dataset
@@ -58,10 +60,12 @@ class Stages:
 
 def stages(folder: Path, rounds: int) -> list[str]:
     """Write the table of the steps over some rounds, after one that is not timed."""
-    one_round(folder, Stages())
     timed = Stages()
-    for _ in range(rounds):
-        one_round(folder, timed)
+    # As in the command.
+    with threadpool_limits(1):
+        one_round(folder, Stages())
+        for _ in range(rounds):
+            one_round(folder, timed)
     ratios = timed.ratios(JUDGE.value, FilterName.CKF.value)
     return [
         "| step of the default run | wall, median (s) | min - max | processor (s) | share of the filters |",

@@ -29,6 +29,14 @@ def leftovers(folder):
     return [path for path in Path(folder).rglob(".*") if path.is_file()]
 
 
+def test_linear_algebra_takes_no_threads_of_its_own():
+    look = "import auvid_cli.__main__, numpy, threadpoolctl; print(threadpoolctl.threadpool_info()[0]['num_threads'])"
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    command = [sys.executable, "-c", look]
+    result = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=60)
+    assert (result.stdout, result.stderr) == ("1\n", "")
+
+
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
