@@ -9,7 +9,7 @@ from numba import types
 from auvid_cli.compilation import compiled
 
 # Rows of a factor are padded with zeros to whole tiles, and worked on from a tile's edge on.
-TILE = 16
+TILE = 8
 _0, _1, _2, _3, _4, _TILE = (np.uint64(number) for number in (0, 1, 2, 3, 4, TILE))
 _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]

@@ -75,6 +75,34 @@ def pairs_in(basis, tile):
     return basis.last if tile == basis.directions.shape[0] - 1 else PAIRS
 
 
+@compiled(
+    types.void(types.float64, types.uint64, *[_vector, types.uint64] * 3),
+    reassociate=True,
+    internal=True,
+)
+def _set_out(centre, pairs, deviations, first, points, plus, others, minus):
+    """Put points on both sides of the centre; `others` is the same block again, of which other lanes are filled."""
+    for k in range(pairs):
+        points[plus + k] = centre + deviations[first + k]
+        others[minus + k] = centre - deviations[first + k]
+
+
+@compiled(
+    types.float64(types.float64, types.uint64, *[_vector, types.uint64] * 2, *[_vector] * 2),
+    reassociate=True,
+    internal=True,
+)
+def _take_apart(weight, pairs, points, plus, present, first, middle, difference):
+    """Take a row of pairs apart into middles and weighted differences; returns the sum of the middles."""
+    total = 0.0
+    for k in range(pairs):
+        one, other = points[plus + k], points[plus + pairs + k]
+        middle[first + k] = 0.5 * (one + other)
+        difference[first + k] = weight * (one - other)
+        total += middle[first + k] * present[first + k]
+    return total
+
+
 @compiled(types.void(BASIS, STATE, types.int64, WORKSPACE), reassociate=True, inline=True)
 def draw_points(basis, state, n_moving, work):
     """Fill blocks with the points ``mean +- S delta_k``, one block to a tile, and the centre behind them if it counts.
@@ -95,12 +123,8 @@ def draw_points(basis, state, n_moving, work):
             products_in_tile(factor, first, _1, np.uint64(width), n_terms, basis.directions[tile], pairs, scratch)
             for r in range(min(4, n - i)):
                 lane = i + r - n_parameters if i + r >= n_parameters else i + r + n_moving
-                row = points[tile, lane * LANES : (lane + 1) * LANES]
-                deviation = scratch[r * pairs : (r + 1) * pairs]
-                plus, minus, centre = row[:pairs], row[pairs:], mean[i + r]
-                for k in range(pairs):
-                    plus[k] = centre + deviation[k]
-                    minus[k] = centre - deviation[k]
+                block, plus, count = points[tile], np.uint64(lane * LANES), np.uint64(pairs)
+                _set_out(mean[i + r], count, scratch, np.uint64(r) * count, block, plus, block, plus + count)
 
 
 @compiled(types.boolean(types.int64, _vector), reassociate=True, inline=True)
@@ -143,12 +167,8 @@ def collect_points(images, basis, n_images, first_even, image_mean, work):
         middle, difference = spread[i, first_even : first_even + m], odd[i]
         total = 0.0
         for tile in range(n_tiles):
-            pairs = pairs_in(basis, tile)
-            points, first = images[tile, i * LANES : (i + 1) * LANES], tile * PAIRS
-            for k in range(pairs):
-                middle[first + k] = 0.5 * (points[k] + points[pairs + k])
-                difference[first + k] = basis.weight * (points[k] - points[pairs + k])
-                total += middle[first + k] * present[first + k]
+            pairs, plus, first = np.uint64(pairs_in(basis, tile)), np.uint64(i * LANES), np.uint64(tile * PAIRS)
+            total += _take_apart(basis.weight, pairs, images[tile], plus, present, first, middle, difference)
         centre = 2.0 * basis.weight * total if basis.centred else images[n_tiles, i * LANES]
         shift = 0.0
         for k in range(m):

@@ -13,10 +13,9 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.filters.factor import LEAST, SPARE_ROWS, TILE, orthogonalise
+from auvid_cli.filters.factor import LEAST, SPARE_ROWS, orthogonalise
 from auvid_cli.filters.problem import TIMELINE
 from auvid_cli.filters.smoothing_forward import LINEARISED, TRACE
-from auvid_cli.filters.workspace import padded
 from auvid_cli.lanes import zeros_on_lines
 
 Array = NDArray[np.float64]
@@ -25,6 +24,8 @@ _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 # Columns that are added to a root before it is made square again.
 _MORE = 32
+# The loops over columns go by so many.
+_WHOLE = 16
 
 
 class Adjoint(NamedTuple):
@@ -34,7 +35,7 @@ class Adjoint(NamedTuple):
     ----------
     mean : ndarray, shape (n,)
         r.
-    root : ndarray, shape (n and `SPARE_ROWS`, whole tiles)
+    root : ndarray, shape (n and `SPARE_ROWS`, a multiple of 16)
         W, as far as `n_columns` says, zero beyond; of no size where variances are not asked for.
     n_columns : ndarray of int, shape (1,)
     work : ndarray, shape (as of `root`)
@@ -49,7 +50,7 @@ class Adjoint(NamedTuple):
     @classmethod
     def of_nothing(cls, n: int, with_variance: bool) -> "Adjoint":
         """Say nothing yet of a deviation of n components."""
-        shape = n + SPARE_ROWS, padded(n + _MORE)
+        shape = n + SPARE_ROWS, -(-(n + _MORE) // _WHOLE) * _WHOLE
         root = zeros_on_lines(*shape) if with_variance else np.zeros((0, 0))
         # The mean of a step needs some room as well.
         return cls(zeros_on_lines(n), root, np.zeros(1, dtype=np.int64), zeros_on_lines(*shape))
@@ -72,9 +73,9 @@ ADJOINT = types.NamedTuple((_vector, _matrix, types.int64[::1], _matrix), Adjoin
 
 
 @compiled(types.int64(ADJOINT), inline=True)
-def _whole_tiles(adjoint):
-    """Count the columns of the root in whole tiles: loops over these leave nothing over that is no vector."""
-    return (adjoint.n_columns[0] + (TILE - 1)) // TILE * TILE
+def _whole_columns(adjoint):
+    """Count the columns of the root, rounded up: what is left over would be gone through one by one."""
+    return (adjoint.n_columns[0] + (_WHOLE - 1)) // _WHOLE * _WHOLE
 
 
 @compiled(types.void(types.float64[:], _matrix, types.int64, _vector), reassociate=True, internal=True)
@@ -132,7 +133,7 @@ def _take_in_covariance(row, gain, total, adjoint):
     n, root, product = row.size, adjoint.root, adjoint.work[0]
     if adjoint.n_columns[0] == root.shape[1]:
         _make_square(adjoint)
-    n_columns, last = _whole_tiles(adjoint), adjoint.n_columns[0]
+    n_columns, last = _whole_columns(adjoint), adjoint.n_columns[0]
     for k in range(n_columns):
         product[k] = 0.0
     _add_rows(gain, root, n_columns, product)
@@ -164,7 +165,7 @@ def back_in_time(transition, n_parameters, adjoint):
             mean[j] += moving[0, i] * transition[i, j]
     if root.shape[0] == 0:
         return
-    n_columns = _whole_tiles(adjoint)
+    n_columns = _whole_columns(adjoint)
     for i in range(n_moving):
         for k in range(n_columns):
             moving[i, k] = root[n_parameters + i, k]
@@ -230,7 +231,7 @@ def backward(timeline, about, trace, adjoint, step, variance):
                 total += row[j] * mean[j]
             step[event, i] = total
             if root.shape[0] > 0:
-                n_columns = _whole_tiles(adjoint)
+                n_columns = _whole_columns(adjoint)
                 for k in range(n_columns):
                     projected[k] = 0.0
                 _add_rows(row, root, n_columns, projected)

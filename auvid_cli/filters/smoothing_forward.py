@@ -34,6 +34,8 @@ _vector = types.float64[::1]
 _matrix = types.float64[:, ::1]
 _stack = types.float64[:, :, ::1]
 _1 = np.uint64(1)
+# Moving rows that are worked on at once.
+_ROWS = 16
 
 
 class Linearised(NamedTuple):
@@ -114,12 +116,12 @@ class Work(NamedTuple):
     ----------
     point : ndarray, shape (n,)
     matrix : ndarray, shape (n, n)
-    turned : ndarray, shape (n_tiles, n in whole tiles * TILE)
-        Moving rows of a transition, or of the factor: their columns one after the other, `TILE` rows to a tile; zero
+    turned : ndarray, shape (n_parts, width of the factor * _ROWS)
+        Moving rows of a transition, or of the factor: their columns one after the other, `_ROWS` rows to a part; zero
         beyond.
-    moved : ndarray, shape (n_tiles, TILE)
+    moved : ndarray, shape (n_parts, _ROWS)
         Moving rows of the mean.
-    product : ndarray, shape (n_tiles, 4 * TILE)
+    product : ndarray, shape (n_parts, 4 * _ROWS)
         Of these with four columns, or rows, of the factor.
     spread : ndarray, shape (moving states and `SPARE_ROWS`, whole tiles)
     lower : ndarray, shape (as many, as many)
@@ -149,13 +151,13 @@ class Work(NamedTuple):
     def of(cls, process: Process, n: int, n_components: int) -> "Work":
         """Make it for a state of n entries, and sensors of up to `n_components`."""
         n_moving = process.noise_density.size
-        rows, width, n_tiles = n_moving + SPARE_ROWS, padded(n), padded(n_moving) // TILE
+        rows, width, n_parts = n_moving + SPARE_ROWS, padded(n), -(-n_moving // _ROWS)
         return cls(
             point=zeros_on_lines(n),
             matrix=np.eye(n),
-            turned=zeros_on_lines(n_tiles, width * TILE),
-            moved=zeros_on_lines(n_tiles, TILE),
-            product=zeros_on_lines(n_tiles, 4 * TILE),
+            turned=zeros_on_lines(n_parts, width * _ROWS),
+            moved=zeros_on_lines(n_parts, _ROWS),
+            product=zeros_on_lines(n_parts, 4 * _ROWS),
             spread=zeros_on_lines(rows, padded(2 * n_moving)),
             lower=zeros_on_lines(rows, rows),
             gain=zeros_on_lines(width),
@@ -226,35 +228,35 @@ def linearise_process(transition, data, timeline, about, work):
                     about.transition[event, i, j] = work.matrix[n_parameters + i, j]
 
 
-_products = four_products(TILE)
+_products = four_products(_ROWS)
 
 
 @compiled(types.void(_matrix, _vector, WORK), reassociate=True, internal=True)
 def _turn(transition, mean, work):
     """Turn the moving rows of a transition, and move the mean by them."""
     n_moving, n = transition.shape
-    for tile in range(work.turned.shape[0]):
-        turned, moved, first = work.turned[tile], work.moved[tile], tile * TILE
-        for i in range(min(TILE, n_moving - first)):
+    for part in range(work.turned.shape[0]):
+        turned, moved, first = work.turned[part], work.moved[part], part * _ROWS
+        for i in range(min(_ROWS, n_moving - first)):
             for k in range(n):
-                turned[k * TILE + i] = transition[first + i, k]
-        for i in range(TILE):
+                turned[k * _ROWS + i] = transition[first + i, k]
+        for i in range(_ROWS):
             moved[i] = 0.0
         for k in range(n):
-            for i in range(TILE):
-                moved[i] += mean[k] * turned[k * TILE + i]
+            for i in range(_ROWS):
+                moved[i] += mean[k] * turned[k * _ROWS + i]
 
 
 @compiled(types.boolean(_matrix, _vector, STATE, WORK), reassociate=True, internal=True)
 def _predict(transition, noise, state, work):
     """Move mean and factor of the deviation; False if there is no factor."""
     n, mean, columns, spread, product = state.n, state.mean, state.columns, work.spread, work.product
-    n_moving, width, n_tiles = noise.size, columns.shape[1], work.turned.shape[0]
+    n_moving, width, n_parts = noise.size, columns.shape[1], work.turned.shape[0]
     n_parameters = n - n_moving
     factor = columns.reshape(-1)
     _turn(transition, mean, work)
     for i in range(n_moving):
-        mean[n_parameters + i] = work.moved[i // TILE, i % TILE]
+        mean[n_parameters + i] = work.moved[i // _ROWS, i % _ROWS]
         for k in range(spread.shape[1]):
             spread[i, k] = 0.0
         spread[i, n_moving + i] = np.sqrt(noise[i])
@@ -262,11 +264,11 @@ def _predict(transition, noise, state, work):
     for j in range(0, n, 4):
         edge = j // TILE * TILE
         first, n_terms = np.uint64(j * width + edge), np.uint64(n - edge)
-        for tile in range(n_tiles):
-            _products(factor, first, np.uint64(width), _1, n_terms, work.turned[tile, edge * TILE :], product[tile])
+        for part in range(n_parts):
+            _products(factor, first, np.uint64(width), _1, n_terms, work.turned[part, edge * _ROWS :], product[part])
         for r in range(min(4, n - j)):
             for i in range(n_moving):
-                moved = product[i // TILE, r * TILE + i % TILE]
+                moved = product[i // _ROWS, r * _ROWS + i % _ROWS]
                 if j + r < n_parameters:
                     columns[j + r, n_parameters + i] = moved
                 else:
@@ -344,18 +346,18 @@ def _write_down(event, state, n_parameters, trace, work):
     factor = columns.reshape(-1)
     for i in range(n):
         trace.filtered[event, i] = state.mean[i]
-    for tile in range(work.turned.shape[0]):
-        first, moving, product = n_parameters + tile * TILE, work.turned[tile], work.product[tile]
-        rows = min(TILE, n - first)
+    for part in range(work.turned.shape[0]):
+        first, moving, product = n_parameters + part * _ROWS, work.turned[part], work.product[part]
+        rows = min(_ROWS, n - first)
         for j in range(n):
             for i in range(rows):
-                moving[j * TILE + i] = columns[j, first + i]
+                moving[j * _ROWS + i] = columns[j, first + i]
         for k in range(0, n, 4):
             # Of the triangle nothing stands behind the diagonal.
             _products(factor, np.uint64(k), _1, np.uint64(width), np.uint64(k + 4), moving, product)
             for r in range(min(4, n - k)):
                 for i in range(rows):
-                    covariance[tile * TILE + i, k + r] = product[r * TILE + i]
+                    covariance[part * _ROWS + i, k + r] = product[r * _ROWS + i]
 
 
 @compiled(

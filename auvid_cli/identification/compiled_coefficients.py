@@ -32,16 +32,16 @@ def fill_in_lanes(moving, parameters, constants, selection, n_lanes, coefficient
         row = coefficients[m * LANES : (m + 1) * LANES]
         if j < selection.size and selection[j] == m:
             scale, scaled = constants[SCALE + j], parameters[j * LANES : (j + 1) * LANES]
-            for k in range(LANES):
+            for k in range(n_lanes):
                 row[k] = scale * scaled[k]
             j += 1
         else:
-            for k in range(LANES):
+            for k in range(n_lanes):
                 row[k] = constants[HELD + m]
     for a in range(N_ERRORS):
         error = coefficients[(N_COEFFICIENTS + a) * LANES : (N_COEFFICIENTS + a + 1) * LANES]
         which = (ROW.thrust_scale, ROW.rudder_trim, ROW.elevator_trim, ROW.excess_buoyancy, ROW.trim_moment)[a]
-        for k in range(LANES):
+        for k in range(n_lanes):
             error[k] = NO_ERRORS[a]
         if row_of(constants, which) >= 0:
             for k in range(n_lanes):
@@ -50,11 +50,11 @@ def fill_in_lanes(moving, parameters, constants, selection, n_lanes, coefficient
         row = coefficients[(N_FACTORS + t) * LANES : (N_FACTORS + t + 1) * LANES]
         if j < selection.size and selection[j] == N_FACTORS + t:
             scale, scaled = constants[SCALE + j], parameters[j * LANES : (j + 1) * LANES]
-            for k in range(LANES):
+            for k in range(n_lanes):
                 row[k] = scale * scaled[k]
             j += 1
         else:
-            for k in range(LANES):
+            for k in range(n_lanes):
                 row[k] = constants[term_place(constants, t)]
 
 
