@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Array = NDArray[np.float64]
+# Seconds, or whole nanoseconds.
+_Clock = TypeVar("_Clock", NDArray[np.float64], NDArray[np.int64])
 
 
 class Vector(NamedTuple):
@@ -40,6 +42,11 @@ VECTORS = (
         *("direction", ("north", "east", "down"), "in the axes of the earth"),
     ),
 )
+
+
+def shared_clock(times: _Clock, clocks: Iterable[_Clock]) -> _Clock:
+    """Return the first of some clocks that says the same times, else these: of ten hours at 100 Hz 29 MB."""
+    return next((clock for clock in clocks if np.array_equal(clock, times)), times)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """dataset.h5: measurement and writing a Dataset."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.load import dump_experiment, parse_run
-from auvid_cli.data.dataset import VECTORS, Dataset, InputRecord, SensorRecord, TruthRecord
+from auvid_cli.data.dataset import VECTORS, Dataset, InputRecord, SensorRecord, TruthRecord, shared_clock
 from auvid_cli.data.netcdf import digest, new_file, write_dimension, write_variable
 from auvid_cli.data.netcdf_reading import (
     FileAttributes,
@@ -102,9 +102,14 @@ def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:
         # Files of before have no others.
         inputs = ALL_INPUTS if all(quantity.symbol in group for quantity in PROPULSION) else INPUTS
         check_units(group, inputs)
+        times = read_array(group, "time")
+        sensors: dict[str, SensorRecord] = {}
+        for name, of_sensor in subgroups(file, "sensors").items():
+            clocks = times, *(record.time for record in sensors.values())
+            sensors[name] = _read_sensor(of_sensor, name, clocks)
         dataset = Dataset(
-            InputRecord(read_array(group, "time"), read_table(group, [quantity.symbol for quantity in inputs])),
-            {name: _read_sensor(group, name) for name, group in subgroups(file, "sensors").items()},
+            InputRecord(times, read_table(group, [quantity.symbol for quantity in inputs])),
+            sensors,
             parse_run(settings, f"{path} (settings)", overrides),
             _read_truth(subgroup(file, "truth")) if "truth" in file else None,
             digest(path),
@@ -113,14 +118,15 @@ def read_dataset(path: Path, overrides: tuple[str, ...] = ()) -> Dataset:
     return dataset
 
 
-def _read_sensor(group: h5py.Group, name: str) -> SensorRecord:
+def _read_sensor(group: h5py.Group, name: str, clocks: Iterable[NDArray[np.float64]]) -> SensorRecord:
     if name not in SENSORS:
         raise ValueError(f"unknown sensor {name!r}; auvid knows {', '.join(SENSORS)}")
     values = read_table(group, [quantity.symbol for quantity in SENSORS[name]])
     mark_missing(group, "valid", values)
     check_units(group, SENSORS[name])
     values[~np.isfinite(values)] = np.nan
-    record = SensorRecord(read_array(group, "time"), values, read_array(group, "standard_deviation"))
+    times = shared_clock(read_array(group, "time"), clocks)
+    record = SensorRecord(times, values, read_array(group, "standard_deviation"))
     return replace(record, **{v.name: tuple(read_array(group, v.name)) for v in VECTORS if v.name in group})
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.angles import wrap
-from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord
+from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, shared_clock
 from auvid_cli.errors import DataError
 from auvid_cli.filters.problem import Indices, Sensors, Timeline
 from auvid_cli.identification.state_layout import StateLayout
@@ -200,9 +200,11 @@ class Timelines:
                 f"no measurement is left at or after t = {start:g} s, where inputs and all sensors have begun"
             )
         self._records = tuple(measuring.values())
-        self._ticks = [_nanoseconds(record.time) for record in self._records]
         self._inputs = np.ascontiguousarray(inputs.values)
         self._changes = _nanoseconds(inputs.time)
+        self._ticks: list[NDArray[np.int64]] = []
+        for record in self._records:
+            self._ticks.append(shared_clock(_nanoseconds(record.time), (self._changes, *self._ticks)))
         if inputs.ends_before(self.span[1]):
             raise DataError(
                 f"the inputs end at t = {inputs.time[-1]:g} s, the measurements go on to {self.span[1]:g} s: cut the "

@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.experiment import Experiment
-from auvid_cli.data.dataset import Dataset, TruthRecord
+from auvid_cli.data.dataset import Dataset, TruthRecord, shared_clock
 from auvid_cli.simulation.ahrs import attitude_reference
 from auvid_cli.simulation.imperfections import stamped
 from auvid_cli.simulation.manoeuvre_plan import make_plan
-from auvid_cli.simulation.sensors import measure, sample_times, shared_clock
+from auvid_cli.simulation.sensors import measure, sample_times
 from auvid_cli.simulation.true_motion import simulate_motion
 from auvid_cli.simulation.unrecorded import draw_disturbance, draw_fin_trim, record_inputs
 
@@ -38,7 +38,7 @@ def simulate(experiment: Experiment) -> Dataset:
     records = measure(truth, experiment.sensors, current, experiment.seed)
     if ahrs := experiment.sensors.ahrs():
         duration = float(truth.time[-1])
-        times = shared_clock(sample_times(ahrs.attitude, duration), truth.time, records)
+        times = shared_clock(sample_times(ahrs.attitude, duration), (truth.time,))
         attitude = attitude_reference(records, ahrs, times)
         records["attitude"] = stamped(attitude, ahrs.attitude, "attitude", experiment.seed, duration)
     return Dataset(
