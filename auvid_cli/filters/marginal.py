@@ -3,15 +3,17 @@
 With the motion integrated out (Laplace's approximation), minus twice the logarithm of the parameters' posterior is the
 least cost of a trajectory with these parameters, plus the sum of the logarithms of its innovations' variances S. That
 sum depends on the parameters: where process noise is strong the joint answer is off by several of its standard
-deviations. A Newton step takes that back, ``-P grad(sum log S) / 2`` with P the parameters' covariance; then the motion
-follows the parameters, and the next step is found there.
+deviations. A Newton step takes that back, ``-P grad(sum log S) / 2`` with P the covariance of the parameters with these
+and with the whole motion, on which S depends as well; then the motion follows the parameters, and the next step is
+found there.
 
 Of a Kalman filter that knows the parameters, with Lambda the covariance of the adjoint after a transition F (see
 `auvid_cli.filters.smoothing_backward`) and P the filtered one before it,
 
     d(sum log S) = 2 sum_k <Lambda F P, dF> + 2 sum_k <h' P_smoothed / r, dh>
 
-The derivative of a column of F by a parameter is that of the parameter's column by a state.
+The derivative of a column of F by a parameter, or by a state, is that of the parameter's or state's column by the
+column's own state.
 """
 
 from dataclasses import replace
@@ -28,6 +30,7 @@ from auvid_cli.filters.fault_scores import FaultEffects, Faults, score_faults
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory
 from auvid_cli.filters.motion_alone import MotionAlone
 from auvid_cli.filters.problem import TIMELINE, FaultScores, Gaussian, ModelData, Timeline, Unsettled
+from auvid_cli.filters.pulls import pulled, pulled_scores
 from auvid_cli.filters.segments import JointProblem
 from auvid_cli.filters.smoothing_backward import ADJOINT, Adjoint, back_in_time, take_in_event
 from auvid_cli.filters.smoothing_forward import (
@@ -158,15 +161,15 @@ def _follow(problem: JointProblem, answer: Filtered, parameters: Array) -> _Foll
 
 def marginal_step(problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered) -> Array:
     """Find the step from the joint answer to the most probable parameters, shape (n_parameters,)."""
-    n = problem.n_parameters
-    by_parameters, _ = _slopes(problem, smoothing, filtered, None)
-    return -0.5 * filtered.final.covariance()[:n, :n] @ by_parameters
+    slopes, _ = _slopes(problem, smoothing, filtered, None)
+    return -0.5 * pulled(smoothing, filtered, slopes).parameters
 
 
 def marginal_scores(problem: JointProblem, smoothing: LinearSmoothing, answer: Filtered, faults: Faults) -> FaultScores:
     """Find what the data say of faults, with the motion integrated out.
 
-    The sum of logarithms depends on faults as it does on parameters, and what parameters take up of a fault changes it.
+    The sum of logarithms depends on faults as it does on parameters, and what parameters and motion take up of a fault
+    changes it: a scale of what measures a velocity changes this, and all damping with it.
 
     Parameters
     ----------
@@ -178,41 +181,56 @@ def marginal_scores(problem: JointProblem, smoothing: LinearSmoothing, answer: F
     faults : Faults
     """
     scores = score_faults(smoothing, answer, faults)
-    by_parameters, by_faults = _slopes(problem, smoothing, answer, faults)
-    return scores._replace(score=scores.score - 0.5 * (by_faults + by_parameters @ scores.effect))
+    slopes, by_faults = _slopes(problem, smoothing, answer, faults)
+    taken_up = pulled_scores(smoothing, answer, slopes, faults)
+    return scores._replace(score=scores.score - 0.5 * (by_faults + taken_up))
 
 
 def _slopes(
     problem: JointProblem, smoothing: LinearSmoothing, filtered: Filtered, faults: Faults | None
-) -> tuple[Array, Array]:
-    """Return the derivatives of the sum of logarithms by the parameters and by faults."""
+) -> tuple[Trajectory, Array]:
+    """Return the derivatives of the sum of logarithms by parameters and motion, and by faults."""
     n, n_moving = problem.n_parameters, problem.n_moving
-    slopes = np.zeros(n + (0 if faults is None else len(faults.names)))
+    n_states = n + n_moving
+    slopes = np.zeros(n_states + (0 if faults is None else len(faults.names)))
     data = ModelData.of(problem.process, problem.sensors)
-    work = Work.of(problem.process, n + n_moving, problem.sensors.matrix.shape[1])
+    work = Work.of(problem.process, n_states, problem.sensors.matrix.shape[1])
+    initial, moving, times = list[Array](), list[list[Array]](), 2.0 / _CHANGE
     for segment in range(len(problem.segments)):
 
         def columns(timeline: Timeline, about: Linearised, segment: int = segment) -> FaultEffects:
-            """Return what parameters, then faults, do to a chunk."""
-            of_parameters = about.transition[..., :n], about.rows[..., :n]
+            """Return what parameters, moving states, then faults, do to a chunk."""
             if faults is None:
-                return FaultEffects(*of_parameters)
-            pairs = zip(of_parameters, faults.effects(segment, timeline, about), strict=True)
+                return FaultEffects(about.transition, about.rows)
+            pairs = zip((about.transition, about.rows), faults.effects(segment, timeline, about), strict=True)
             return FaultEffects(*(np.concatenate(pair, axis=-1) for pair in pairs))
 
         adjoint = Adjoint.of_nothing(n_moving, with_variance=True)
+        moving.append([])
+        # By the state before the chunk that was looked at last: at an event of the chunk before, or where it all began.
+        by_last = np.zeros(n_moving)
         for timeline, about, motion, _, before, trace in MotionAlone(problem, smoothing, filtered, segment).backward():
             by_transition, by_rows = np.zeros(motion.transition.shape), np.zeros(motion.rows.shape)
             scratch = np.zeros((n_moving + adjoint.root.shape[1], n_moving))
             variance = problem.sensors.variance[timeline.measurement_sensor] / trace.weight
             _look_back(timeline, motion, trace, adjoint, before, variance, by_transition, by_rows, scratch)
             here = columns(timeline, about)
+            # A transition leads from the event before its own.
+            seen_at = 1 + np.repeat(np.arange(timeline.time.size), np.diff(timeline.measurement_offset))
+            by_states = np.zeros((1 + timeline.time.size, n_moving))
+            by_states[-1] = by_last
             for state in range(n_moving):
                 beside = columns(timeline, _beside(problem, data, timeline, about, state, work))
-                slopes += np.einsum("ki,kij->j", by_transition[..., state], beside.pushed - here.pushed)
-                slopes += np.einsum("kc,kcj->j", by_rows[..., state], beside.added - here.added)
-    slopes *= 2.0 / _CHANGE
-    return slopes[:n], slopes[n:]
+                led = np.einsum("ki,kij->kj", by_transition[..., state], beside.pushed - here.pushed)
+                seen = np.einsum("kc,kcj->kj", by_rows[..., state], beside.added - here.added)
+                slopes += led.sum(axis=0) + seen.sum(axis=0)
+                by_states[:-1] += led[:, n:n_states]
+                np.add.at(by_states, seen_at, seen[:, n:n_states])
+            moving[-1].insert(0, times * by_states[1:])
+            by_last = by_states[0]
+        initial.append(times * by_last)
+    slopes *= times
+    return Trajectory(slopes[:n], initial, moving), slopes[n_states:]
 
 
 def _beside(
