@@ -44,7 +44,7 @@ KERNELS = {
     "filters.prediction.predict": (0.55, 500),
     "filters.measurement.update": (0.50, 640),
     "filters.square_root._run": (0.52, 1100),
-    "vehicle.dynamics.runge_kutta_step": (0.55, 53),
+    "vehicle.dynamics.runge_kutta_step": (0.45, 101),
     "vehicle.sensitivity.transition_step": (0.51, 337),
     "vehicle.sensitivity.motion_jacobian": (0.0, 319),
 }
