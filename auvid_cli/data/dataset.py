@@ -74,6 +74,11 @@ class SensorRecord:
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     earth_field: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
+    @property
+    def measured_times(self) -> Array:
+        """Return the times at which any component was measured, s."""
+        return self.time[np.isfinite(self.values).any(axis=1)]
+
     def between(self, begin: float, end: float) -> "SensorRecord":
         """Return the samples from one time to another, s, both included."""
         first, past = np.searchsorted(self.time, begin), np.searchsorted(self.time, end, side="right")

@@ -82,7 +82,7 @@ def _without(spans: Iterable[Span], holes: Iterable[Span]) -> list[Span]:
 
 
 def _silences(record: SensorRecord, longest: float, everything: Span) -> list[Span]:
-    time = record.time[np.isfinite(record.values).any(axis=1)]
+    time = record.measured_times
     ends = np.concatenate([everything[:1], time, everything[1:]])
     long = np.flatnonzero(np.diff(ends) > longest)
     return [(float(ends[i]), float(ends[i + 1])) for i in long]

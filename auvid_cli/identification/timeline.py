@@ -193,7 +193,7 @@ class Timelines:
     def __init__(
         self, inputs: InputRecord, measuring: dict[str, SensorRecord], start: float, step: float, chunk: int = CHUNK
     ) -> None:
-        self.span = start, float(max(_last_measurement(record) for record in measuring.values()))
+        self.span = start, float(max(record.measured_times.max(initial=-np.inf) for record in measuring.values()))
         self._begin, self._end = _nanoseconds(np.array(self.span))
         if self._end < self._begin:
             raise DataError(
@@ -289,10 +289,6 @@ def _substeps(changes: Ticks, before: np.int64, events: Ticks, step: float) -> t
 def _held(changes: Ticks, times: Ticks) -> Indices:
     """Return the row of the inputs that holds from each time on; before the first that one."""
     return np.maximum(np.searchsorted(changes, times, side="right") - 1, 0)
-
-
-def _last_measurement(record: SensorRecord) -> float:
-    return float(record.time[np.isfinite(record.values).any(axis=1)].max(initial=-np.inf))
 
 
 def _nanoseconds(time: Array) -> Ticks:

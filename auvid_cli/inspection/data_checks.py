@@ -66,7 +66,7 @@ def _rounded(filter_name: str, name: str, record: SensorRecord, longest: float) 
 
 def _gap(filter_name: str, name: str, record: SensorRecord) -> tuple[float, Check]:
     """Return the longest time without a measurement, s, and the verdict on it."""
-    time = record.time[np.isfinite(record.values).any(axis=1)]
+    time = record.measured_times
     intervals = np.diff(time)
     longest = int(intervals.argmax())
     limit = gap_limit(intervals)

@@ -174,7 +174,7 @@ def _input_end(dataset: Dataset, sensors: dict[str, SensorRecord]) -> list[Check
     """Judge whether the inputs last as long as what estimators listen to, as these take either to be timed."""
     settings = dataset.experiment.identification
     ends = [
-        float(record.time[np.isfinite(record.values).any(axis=1)].max()) - settings.delays.get(name, 0.0)
+        float(record.measured_times.max()) - settings.delays.get(name, 0.0)
         for name, record in sensors.items()
         if name not in settings.unused_sensors
     ]
@@ -212,7 +212,7 @@ def _stability(signals: Signals) -> list[Check]:
 
 def _presence(record: SensorRecord, span: tuple[float, float]) -> Array:
     """Count, over the usual, the measurements in each interval of the span, 0 to 1; each has room for a few."""
-    time = record.time[np.isfinite(record.values).any(axis=1)]
+    time = record.measured_times
     usual = float(np.median(np.diff(record.time))) if record.time.size > 1 else np.inf
     expected = (span[1] - span[0]) / usual
     intervals = int(np.clip(expected / _MEASUREMENTS, 1, _INTERVALS))

@@ -111,8 +111,13 @@ def biases_to_look_for(dataset: Dataset) -> str:
     """Name the blocks that find such errors of the gyroscope and of what estimators listen to beside it."""
     settings = dataset.experiment.identification
     if settings.attitude_from == "inertial":
-        return ", ".join(("gyro", *(name for name in INERTIAL if name in dataset.sensors)))
+        return ", ".join(("gyro", *_inertial(dataset)))
     return "gyro, attitude" if dataset.experiment.has_ahrs else "gyro"
+
+
+def _inertial(dataset: Dataset) -> list[str]:
+    """Name the sensors that there are of those that an AHRS hears beside the gyroscope."""
+    return [name for name in INERTIAL if name in dataset.sensors]
 
 
 def lasting_error_checks(dataset: Dataset, found: list[LastingError]) -> list[Check]:
@@ -136,7 +141,7 @@ def lasting_error_checks(dataset: Dataset, found: list[LastingError]) -> list[Ch
 def _without_ahrs(dataset: Dataset) -> str:
     """Say how to do without the attitude of an AHRS, if that is used and what it heard is recorded as well."""
     settings = dataset.experiment.identification
-    raw = [name for name in INERTIAL if name in dataset.sensors]
+    raw = _inertial(dataset)
     if settings.attitude_from == "inertial" or not dataset.experiment.has_ahrs:
         return ""
     made = " An AHRS's attitude is the output of a filter, whose errors last as well"

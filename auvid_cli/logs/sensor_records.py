@@ -170,7 +170,7 @@ def _standard_deviation(name: str, values: Array, noise: tuple[Noise, ...]) -> A
 
 
 def _gaps(record: SensorRecord, use: TimeSpans, exclude: TimeSpans) -> Gaps | None:
-    return find_gaps(record.time[np.isfinite(record.values).any(axis=1)], use, exclude)
+    return find_gaps(record.measured_times, use, exclude)
 
 
 def _summary(
