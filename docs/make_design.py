@@ -28,7 +28,7 @@ from auvid_cli.design.trials import sizes_of
 from auvid_cli.identification.identify import identify
 from auvid_cli.report.notation import filter_label
 from auvid_cli.simulation.simulate import simulate
-from docs.resumable import all_rows, asked
+from docs.resumable import EARLIER_SPIRAL, all_rows, asked
 from docs.section import replace_section
 
 _EXPERIMENTS = "remus100", "lauv", "spiral", "lrauv"
@@ -55,9 +55,14 @@ on 8 further vehicles. Of a vehicle: the least and the largest gain. Not complet
 _MANOEUVRE: TypeAdapter[AnyManoeuvre] = TypeAdapter(AnyManoeuvre)
 
 
+def _experiment(name: str, *overrides: str) -> Experiment:
+    earlier = EARLIER_SPIRAL if name == "spiral" else ()
+    return load_experiment(find_experiment(name), (*earlier, *overrides))
+
+
 def design(name: str, seed: int) -> pd.DataFrame:
     """Find a run for a vehicle: a row for it, and one for the spiral."""
-    experiment = load_experiment(find_experiment(name), (f"seed={seed}",))
+    experiment = _experiment(name, f"seed={seed}")
     start, wish = monotonic(), Wish(_DURATION, Envelope(), None, None, (), "D", _DRAWS, None)
     with designing(experiment, wish) as task:
         *_, reached = islice(searching(task), _GENERATIONS)
@@ -92,7 +97,7 @@ class Fleet:
             From 0: vehicle by vehicle, then the next seed.
         """
         name, sensors, kind = case.split(", ")
-        experiment = load_experiment(find_experiment(name), _SENSORS[sensors])
+        experiment = _experiment(name, *_SENSORS[sensors])
         vehicle = _vehicles(experiment)[seed % _VEHICLES]
         changes = {"vehicle": vehicle, "manoeuvre": self._manoeuvres[name, kind], "seed": 1 + seed // _VEHICLES}
         dataset = simulate(experiment.model_copy(update=changes))

@@ -11,7 +11,7 @@ import pandas as pd
 
 import auvid_cli as auvid
 from docs.make_tune import RUN, SLOW_GYROSCOPE, Case, found, summary, table
-from docs.resumable import all_rows, asked
+from docs.resumable import WIDE_PRIOR, all_rows, asked
 from docs.section import replace_section
 
 _LASTS = (
@@ -49,7 +49,7 @@ _CHOICES = {"nothing": (), "5 N and 0.2, 2, 2 N m over 3 s": (_LASTS,)}
 
 def chosen(settings: tuple[str, ...], seed: int) -> pd.DataFrame:
     """Simulate one seed and choose whether something pushes."""
-    experiment = auvid.load_experiment("spiral", *RUN, *settings, f"seed={seed}")
+    experiment = auvid.load_experiment("spiral", WIDE_PRIOR, *RUN, *settings, f"seed={seed}")
     choice = auvid.tune(auvid.simulate(experiment), disturbance=True).choice
     assert choice is not None, "that was asked for"
     return pd.DataFrame({"gain": [choice.gain], "needed": [choice.needed], "is_kept": [choice.is_kept]})

@@ -15,7 +15,7 @@ from auvid_cli.config.load import dump_experiment, parse_experiment
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError
-from docs.resumable import all_rows, asked
+from docs.resumable import WIDE_PRIOR, all_rows, asked
 from docs.section import replace_section
 
 # s. Each input of the vehicle's own holds for 10 ms, which straight lines between records do not, so that by these the
@@ -79,7 +79,7 @@ def _delay(estimate: Estimate) -> tuple[float, ...]:
 
 def found(manoeuvre: str, seed: int) -> pd.DataFrame:
     """Identify one seed in each way: a row for each."""
-    run = auvid.load_experiment("spiral", f"seed={seed}", f"manoeuvre=manoeuvres/{manoeuvre}.yaml", *_RUN)
+    run = auvid.load_experiment("spiral", WIDE_PRIOR, f"seed={seed}", f"manoeuvre=manoeuvres/{manoeuvre}.yaml", *_RUN)
     dataset = auvid.simulate(run)
     late = replace(dataset, inputs=replace(dataset.inputs, time=dataset.inputs.time + _LATE))
     return pd.DataFrame([{"way": way, **asdict(outcome(late, *settings))} for way, settings in _WAYS.items()])

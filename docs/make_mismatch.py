@@ -12,7 +12,7 @@ import pandas as pd
 
 import auvid_cli as auvid
 from auvid_cli.data.dataset import Dataset
-from docs.resumable import all_rows, asked
+from docs.resumable import WIDE_PRIOR, all_rows, asked
 from docs.section import replace_section
 
 _SENSORS = (
@@ -63,8 +63,8 @@ CASES = {
 def data(manoeuvre: tuple[str, ...], case: Case, seed: int) -> Dataset:
     """Simulate what happens, as the smoother is told of it."""
     settings = (*manoeuvre, *_SENSORS, f"seed={seed}")
-    told = auvid.load_experiment("spiral", *settings, *case.told)
-    return replace(auvid.simulate(auvid.load_experiment("spiral", *settings, *case.true)), experiment=told)
+    told = auvid.load_experiment("spiral", WIDE_PRIOR, *settings, *case.told)
+    return replace(auvid.simulate(auvid.load_experiment("spiral", WIDE_PRIOR, *settings, *case.true)), experiment=told)
 
 
 def found(case: Case, seed: int) -> pd.DataFrame:

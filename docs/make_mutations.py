@@ -27,7 +27,7 @@ from auvid_cli.data.dataset import Dataset
 from auvid_cli.errors import AuvidError
 from auvid_cli.vehicle.kinematics import GRAVITY, body_to_earth
 from auvid_cli.vehicle.parameters import SENSORS
-from docs.resumable import all_rows, asked
+from docs.resumable import WIDE_PRIOR, all_rows, asked
 from docs.section import replace_section
 
 Columns = dict[str, NDArray[np.float64]]
@@ -164,7 +164,7 @@ class GoodLog:
     """A simulated run, its columns in SI, and what is known of it."""
 
     def __init__(self, seed: int, folder: Path) -> None:
-        experiment = auvid.load_experiment("spiral", f"seed={seed}", *_RUN)
+        experiment = auvid.load_experiment("spiral", WIDE_PRIOR, f"seed={seed}", *_RUN)
         self._dataset, self._folder = auvid.simulate(experiment), folder
         self.true = experiment.vehicle.all_coefficients()
         sensors = self._dataset.sensors

@@ -24,6 +24,7 @@ from auvid_cli.identification.identify import identify
 from auvid_cli.identification.prepared_data import prepare
 from auvid_cli.report.notation import filter_label
 from auvid_cli.simulation.simulate import simulate
+from docs.resumable import EARLIER_SPIRAL
 from docs.section import replace_section
 
 _WHITE = "sensors.attitude={source: direct, rate: 100 Hz, noise: 0.1 deg}"
@@ -62,7 +63,8 @@ def outcomes(job: tuple[str, int]) -> list[Outcome]:
     """Run all filters on one seed of a setting."""
     setting, seed = job
     experiment, overrides = _SETTINGS[setting]
-    dataset = simulate(load_experiment(find_experiment(experiment), (f"seed={seed}", *overrides)))
+    earlier = EARLIER_SPIRAL if experiment == "spiral" else ()
+    dataset = simulate(load_experiment(find_experiment(experiment), (f"seed={seed}", *earlier, *overrides)))
     by_filter, bounds_of = [], BoundsOf(prepare(dataset))
     for name in FilterName:
         estimate = identify(dataset, name)
@@ -104,7 +106,7 @@ def manoeuvre_row(job: tuple[str, str]) -> str:
     """Put into a row what a manoeuvre says of a vehicle, with white attitude noise."""
     vehicle, manoeuvre = job
     own = load_experiment(find_experiment(vehicle), ())
-    overrides = [_WHITE]
+    overrides = [_WHITE, *(EARLIER_SPIRAL if vehicle == "spiral" else ())]
     if manoeuvre != "spiral":
         speed = f"manoeuvre.speed={own.manoeuvre.speed}"
         overrides += [f"manoeuvre=manoeuvres/{manoeuvre}.yaml", speed, "manoeuvre.duration=300 s"]

@@ -12,7 +12,7 @@ import auvid_cli as auvid
 from auvid_cli.identification.prior import natural_magnitude
 from auvid_cli.vehicle.coefficients import EQUATION_ROWS, Coefficient
 from auvid_cli.vehicle.term_library import term
-from docs.resumable import all_rows, asked
+from docs.resumable import WIDE_PRIOR, all_rows, asked
 from docs.section import replace_section
 
 _SETTINGS = (
@@ -39,13 +39,15 @@ _CASES |= {t.symbol: (t, share) for row, factors, share in _PLANTED for t in [te
 
 def found(planted: Coefficient | None, share: float, seed: int) -> pd.DataFrame:
     """Look for terms in one seed: the terms that were found, with their sizes, in one row."""
-    told = auvid.load_experiment("spiral", *_SETTINGS, f"seed={seed}")
+    told = auvid.load_experiment("spiral", WIDE_PRIOR, *_SETTINGS, f"seed={seed}")
     value, true = 0.0, told
     if planted is not None:
         value = share * natural_magnitude(planted, told.vehicle.size)
         factors = ", ".join(f'"{factor}"' for factor in planted.factors)
         own = f'vehicle.terms=[{{name: "{planted.symbol}", row: {EQUATION_ROWS[planted.row]}, factors: [{factors}], '
-        true = auvid.load_experiment("spiral", *_SETTINGS, f"seed={seed}", f'{own}value: "{value!r} {planted.unit}"}}]')
+        true = auvid.load_experiment(
+            "spiral", WIDE_PRIOR, *_SETTINGS, f"seed={seed}", f'{own}value: "{value!r} {planted.unit}"}}]'
+        )
     findings = auvid.find_terms(replace(auvid.simulate(true), experiment=told))
     first = next(iter(findings.found), None)
     row = {

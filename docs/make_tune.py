@@ -10,7 +10,7 @@ from typing import NamedTuple
 import pandas as pd
 
 import auvid_cli as auvid
-from docs.resumable import all_rows, asked
+from docs.resumable import WIDE_PRIOR, all_rows, asked
 from docs.section import replace_section
 
 _SENSORS = {"gyroscope": 0.5, "attitude": 0.5, "dvl": 0.5}
@@ -70,7 +70,7 @@ CASES |= {
 
 def found(case: Case, seed: int, disturbance: bool = False) -> pd.DataFrame:
     """Simulate and tune one seed, with how long a disturbance lasts if asked: a row for each noise."""
-    experiment = auvid.load_experiment("spiral", *RUN, *case.settings, f"seed={seed}")
+    experiment = auvid.load_experiment("spiral", WIDE_PRIOR, *RUN, *case.settings, f"seed={seed}")
     rows = auvid.tune(auvid.simulate(experiment), sensors=True, disturbance=disturbance).to_pandas()
     rows["setting"] = rows["setting"].str.removeprefix("identification.")
     true = case.true | {f"measurement_noise.{sensor}": factor for sensor, factor in _SENSORS.items()}

@@ -7,6 +7,10 @@ from typing import NamedTuple
 
 import pandas as pd
 
+# The default experiment as it was when these studies were made: a wide prior, and a gentle start of the spiral.
+WIDE_PRIOR = "identification.prior.factor=3"
+EARLIER_SPIRAL = "manoeuvre=manoeuvres/spiral_gentle.yaml", WIDE_PRIOR
+
 
 class Asked(NamedTuple):
     """How many seeds are asked for, and where rows are kept."""

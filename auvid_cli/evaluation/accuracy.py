@@ -170,3 +170,8 @@ def average_steady_state_error(results: list[CoefficientResult]) -> float | None
     """Return the mean over the coefficients that have one, percent; None if none has."""
     errors = [r.steady_state_error_percent for r in results if r.steady_state_error_percent is not None]
     return float(np.mean(errors)) if errors else None
+
+
+def relative_rmse(results: list[CoefficientResult]) -> list[float]:
+    """Return RMSE / |true value| of each coefficient that has both; comparable over coefficients and vehicles."""
+    return [row.rmse / abs(row.true) for row in results if row.rmse is not None and row.true]

@@ -3,12 +3,15 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from auvid_cli.data.estimate import Estimate, FaultTest
 from auvid_cli.data.named_rows import NamedRows, frames
 from auvid_cli.evaluation.accuracy import (
     CoefficientResult,
     average_steady_state_error,
     coefficient_results,
+    relative_rmse,
 )
 from auvid_cli.evaluation.bounds import Bounds, bounds_with_process_noise
 from auvid_cli.evaluation.consistency import SensorConsistency, mean_nis, sensor_consistency, status_of
@@ -23,10 +26,27 @@ if TYPE_CHECKING:
 
 
 class FilterSummary(NamedTuple):
-    """A row of ``summary.csv``."""
+    """A row of ``summary.csv``.
+
+    Attributes
+    ----------
+    filter : str
+    average_steady_state_error_percent : float or None
+        Mean over the coefficients; None without truth or after divergence.
+    mean_relative_rmse, median_relative_rmse : float or None
+        RMSE / |true value| over the coefficients, dimensionless; None as above.
+    mean_nis : float
+        Mean normalised innovation squared of a component.
+    cpu_time_s : float
+    steps : int
+    microseconds_per_step : float
+    status, grade, reason, remedy : str
+    """
 
     filter: str
     average_steady_state_error_percent: float | None
+    mean_relative_rmse: float | None
+    median_relative_rmse: float | None
     mean_nis: float
     cpu_time_s: float
     steps: int
@@ -83,6 +103,7 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
         judgement = judgements[estimate.filter]
         is_sound = judgement.grade is Grade.SOUND
         results = coefficient_results(estimate, prepared.dataset.truth, bounds[estimate.filter].of_data, is_sound)
+        relative = relative_rmse(results)
         steps = max(estimate.steps, 1)
         evaluation.coefficients.extend(
             result._replace(bound_with_process_noise=with_noise.get(result.coefficient)) for result in results
@@ -91,6 +112,8 @@ def evaluate(prepared: PreparedData, estimates: list[Estimate], bounds_of: Calla
             FilterSummary(
                 estimate.filter,
                 average_steady_state_error(results),
+                float(np.mean(relative)) if relative else None,
+                float(np.median(relative)) if relative else None,
                 mean_nis(estimate),
                 estimate.cpu_time,
                 steps,

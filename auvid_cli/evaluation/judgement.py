@@ -24,7 +24,7 @@ from auvid_cli.evaluation.causes import (
     told_as_noise,
 )
 from auvid_cli.evaluation.consistency import status_of
-from auvid_cli.evaluation.remedies import remedy_of_divergence, remedy_of_nonlinearity
+from auvid_cli.evaluation.remedies import remedy_of_divergence, remedy_of_linearisation, remedy_of_nonlinearity
 from auvid_cli.evaluation.signs import out_of_proportion, pushing_drag, unlike_the_vehicle_file
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
 from auvid_cli.identification.faults import remedy_of_fault
@@ -117,7 +117,10 @@ def _judge(estimate: Estimate, reference: Estimate | None, doubt: Judgement | No
     if not estimate.completed:
         return Judgement(Grade.DIVERGED, status.removeprefix("diverged "), remedy_of_divergence(estimate))
     if status != "completed":
-        known = [remedy_of_nonlinearity(estimate), "" if doubt is None else doubt.advice]
+        known = [
+            remedy_of_nonlinearity(estimate) or remedy_of_linearisation(estimate),
+            "" if doubt is None else doubt.advice,
+        ]
         otherwise = "do not use it; look at stated noise, biases, outliers and signs (auvid check)"
         remedy = "; ".join(filter(None, known)) or otherwise
         return Judgement(Grade.INCONSISTENT, status.removeprefix("inconsistent: "), remedy)

@@ -1,8 +1,10 @@
 """What may help a filter that diverged or was led astray."""
 
 from auvid_cli.config.augmented_states import AugmentedStates, BiasName
+from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.estimate import Estimate
-from auvid_cli.evaluation.consistency import LARGEST_NIS, mean_nis
+from auvid_cli.data.innovations import WINDOW
+from auvid_cli.evaluation.consistency import LARGEST_NIS, LARGEST_NIS_IN_WINDOW, mean_nis, windowed_nis
 
 # Errors with which a DVL is no linear sensor.
 _NONLINEAR = [
@@ -25,6 +27,23 @@ def remedy_of_nonlinearity(estimate: Estimate) -> str:
         f"with {' and '.join(nonlinear)} to be found a Kalman filter "
         f"{narrow if settings.prior.factor > _NARROWER else 'may go astray from a narrow prior too'}; "
         "output_error needs none (--filter output_error)"
+    )
+
+
+def remedy_of_linearisation(estimate: Estimate) -> str:
+    """Return what may help an EKF whose innovations are too large at the start of the run only; empty if not."""
+    is_ekf = estimate.filter == FilterName.EKF
+    if not is_ekf or not mean_nis(estimate) <= LARGEST_NIS:
+        return ""
+    windows = [windowed_nis(innovations) for innovations in estimate.innovations.values()]
+    begin = min((float(window[0, 0]) for window in windows if len(window)), default=0.0)
+    late = [nis for window in windows for start, nis in window if start > begin + 0.5 * WINDOW]
+    if any(nis > LARGEST_NIS_IN_WINDOW for nis in late):
+        return ""
+    return (
+        "an EKF linearises about its own estimate, which is far off in the first seconds; its standard deviations are "
+        "too small from then on, with either ekf.transition: use the CKF, the TUKF or the smoother, or a narrower "
+        "prior (identification.prior.factor)"
     )
 
 

@@ -1,5 +1,6 @@
-"""How far a coefficient is over time from where it should be, or from where it ends."""
+"""Convergence of a coefficient over time: its estimates, and their distance from the true or the final value."""
 
+from collections.abc import Sequence
 from math import isfinite
 from typing import NamedTuple
 
@@ -7,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+# Per cent of a run's estimates that an axis shows for certain; brief excursions beyond them are cut off.
+SHOWN_PERCENT = 98.0
 
 
 class Convergence(NamedTuple):
@@ -53,3 +57,27 @@ def convergence_of(time: Array, mean: Array, origin: float, spans: int) -> Conve
     known = percent[~np.isnan(percent)]
     begin = np.arange(0, percent.size, -(-percent.size // spans))
     return Convergence(time[begin], np.fmax.reduceat(percent, begin), float(known[-1]) if known.size else float("nan"))
+
+
+def shown_range(means: Sequence[Array], true: float | None) -> tuple[float, float] | None:
+    """Return the range of a linear axis from which the convergence of estimates can be read.
+
+    Parameters
+    ----------
+    means : sequence of ndarray, shape (n,)
+        Estimates of one coefficient over time, by each filter.
+    true : float or None
+
+    Returns
+    -------
+    (float, float) or None
+        Holds the true value, the start, the end, and `SHOWN_PERCENT` of each filter's estimates; None without any
+        finite value.
+    """
+    cut = 0.5 * (100.0 - SHOWN_PERCENT)
+    finite = [mean[np.isfinite(mean)] for mean in means]
+    values = [np.append(np.percentile(mean, [cut, 100.0 - cut]), mean[[0, -1]]) for mean in finite if mean.size]
+    if not values:
+        return None
+    shown = np.concatenate([*values, [] if true is None else [true]])
+    return float(shown.min()), float(shown.max())

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from auvid_cli.config.filter_name import JUDGE, FilterName
+from auvid_cli.data.named_rows import NamedRows
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.judgements import judgement_sentences
@@ -13,7 +14,6 @@ from auvid_cli.report.paper import NOTE, published, published_filters
 from auvid_cli.report.sentence import sentence
 from auvid_cli.report.table import (
     DEVIATION_DIGITS,
-    ERROR_DIGITS,
     UNIDENTIFIED,
     Cell,
     Column,
@@ -25,17 +25,18 @@ from auvid_cli.report.table import (
     number,
 )
 
-_RMSE = "RMSE"
-_ERROR = "Steady-state error (%)"
+PAPER = "paper"
+_ERROR = "steady_state_error_percent"
 _VELOCITY = "Mean absolute error"
 _BOUND = "Cramér-Rao bound"
 _AVERAGE = "average error %"
 # A corrected standard deviation is told where it is more than so many times the nominal one.
 _WIDER = 1.02
-_ERROR_OF = (
-    "Error %: how far the mean over the last tenth of the run lies from the true value; an estimate beside it is that "
-    "at the end."
+_RMSE_OF = (
+    "RMSE: over the whole run, from the initial value of zero, in the coefficient's unit. "
+    "Relative: RMSE / |true value| over all coefficients, comparable between vehicles."
 )
+_ERROR_OF = "Steady-state error: distance of the mean over the last tenth of the run from the true value."
 NIS_MEANS = (
     "NIS: squares of the innovations by their stated variance, mean of a component. 1: noise is as stated. More: data "
     "and model disagree. Less: more noise is stated than there is, as it is on purpose of an AHRS."
@@ -46,22 +47,13 @@ _CORRECTED = (
 )
 
 
-def lay_out(evaluation: Evaluation, with_paper: bool) -> list[Table]:
-    """Lay out all printed tables.
-
-    Parameters
-    ----------
-    evaluation : Evaluation
-    with_paper : bool
-        Whether the published columns stand beside ours.
-    """
-    has_truth = any(row.true is not None for row in evaluation.coefficients)
-    accuracy = [_accuracy(evaluation, with_paper)] if has_truth else []
+def lay_out(evaluation: Evaluation) -> list[Table]:
+    """Return all printed tables, with the published values next to ours."""
     return [
-        *accuracy,
-        estimates(evaluation, _filters(evaluation), with_truth=False),
+        *accuracy(evaluation),
+        estimates(evaluation, _filters(evaluation)),
         _bounds(evaluation),
-        _velocities(evaluation, with_paper),
+        _velocities(evaluation),
         consistency(evaluation),
         *([_sensor_errors(evaluation)] if evaluation.sensor_errors else []),
         *([_faults(evaluation)] if evaluation.faults else []),
@@ -85,42 +77,110 @@ def results_by_coefficient(evaluation: Evaluation) -> dict[str, dict[str, Coeffi
     return results
 
 
-def _accuracy(evaluation: Evaluation, with_paper: bool) -> Table:
-    filters = _filters(evaluation)
-    in_paper = published_filters("table_iv", "rmse", filters) if with_paper else []
-    keys = [f"{quantity}_{name}" for quantity in ("rmse", "sse_percent") for name in in_paper]
-    paper = published("table_iv")
+def accuracy(evaluation: Evaluation) -> list[Table]:
+    """Return the two halves of the paper's Table IV, RMSE and steady-state error; no table without a truth."""
+    if all(row.true is None for row in evaluation.coefficients):
+        return []
+    rmse = Table("rmse", "RMSE of the coefficients (Table IV)", (), [], notes=(_RMSE_OF,))
+    rmse_averages = (
+        ("relative mean", "", "mean_relative_rmse", ""),
+        ("relative median", "", "median_relative_rmse", ""),
+        ("CPU time", "s", "cpu_time_s", "cpu_time_s"),
+    )
+    error = Table(_ERROR, "Steady-state error of the coefficients, % (Table IV)", (), [], notes=(_ERROR_OF,))
+    error_averages = (("average", "", "average_steady_state_error_percent", "average"),)
+    return [
+        _half(evaluation, rmse, "rmse", rmse_averages),
+        _half(evaluation, error, "sse_percent", error_averages),
+    ]
 
-    def theirs(row: str) -> list[Cell]:
-        return [paper.get(row, {}).get(key, "") for key in keys]
+
+def _half(
+    evaluation: Evaluation, table: Table, published_key: str, averages: Sequence[tuple[str, str, str, str]]
+) -> Table:
+    """Return one half of Table IV.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+    table : Table
+        Key, which is the field of `CoefficientResult`, title and note.
+    published_key : str
+        Prefix of the published columns.
+    averages : sequence of (heading, unit, field of `FilterSummary`, published row)
+        Rows below the coefficients.
+    """
+    filters = _filters(evaluation)
+    in_paper = published_filters("table_iv", published_key, filters)
+    counted = {name: [0, 0] for name in in_paper}
+
+    def published_value(row: str, name: str) -> str:
+        return published("table_iv").get(row, {}).get(f"{published_key}_{name}", "")
+
+    def side_by_side(values: Sequence[Cell], row: str) -> list[Cell]:
+        pairs = zip(filters, values, strict=True)
+        return [cell for name, value in pairs for cell in (value, *[published_value(row, name)] * (name in in_paper))]
 
     rows: list[list[Cell]] = []
     for symbol, by_filter in results_by_coefficient(evaluation).items():
-        results = [by_filter.get(name) for name in filters]
         any_row = next(iter(by_filter.values()))
-        rmse = [row and marked(row, row.rmse) for row in results]
-        error = [row and marked(row, row.steady_state_error_percent) for row in results]
-        rows.append([Symbol(symbol), UnitCell(any_row.unit), any_row.true, *rmse, *error, *theirs(symbol)])
-    nothing = [""] * len(filters)
-    average = [row.average_steady_state_error_percent for row in evaluation.summary]
-    cpu_time = [row.cpu_time_s for row in evaluation.summary]
-    return Table(
-        "accuracy",
-        "Accuracy of the coefficients (as Table IV)",
-        (
-            *(Column("Coefficient", numeric=False), Column("Unit", numeric=False), Column("True")),
-            *_columns(_RMSE, filters),
-            *_columns(_ERROR, filters),
-            *_columns(f"{_RMSE}, *paper*", in_paper),
-            *_columns(f"{_ERROR}, *paper*", in_paper),
-        ),
-        rows,
-        [
-            ["Average", "", "", *nothing, *average, *theirs("average")],
-            ["CPU time", "s", "", *cpu_time, *nothing, *theirs("cpu_time_s")],
-        ],
-        (*([NOTE] if in_paper else []), _ERROR_OF, *mark_explained(evaluation)),
+        results = [by_filter.get(name) for name in filters]
+        cells = [None if row is None else marked(row, getattr(row, table.key)) for row in results]
+        rows.append([Symbol(symbol), UnitCell(any_row.unit), any_row.true, *side_by_side(cells, symbol)])
+        for name, row in by_filter.items():
+            ours, theirs = getattr(row, table.key), published_value(symbol, name)
+            if ours is not None and theirs:
+                counted[name][0] += ours < float(theirs)
+                counted[name][1] += 1
+    totals: list[list[Cell]] = [
+        [heading, unit, "", *side_by_side([getattr(row, field) for row in evaluation.summary], published_row)]
+        for heading, unit, field, published_row in averages
+    ]
+    if in_paper:
+        counts = ["{} of {}".format(*counted[name]) if name in counted else "" for name in filters]
+        totals.append(["below paper", "", "", *side_by_side(counts, "")])
+    headings = [Column(header) for name in filters for header in (filter_label(name), *[PAPER] * (name in in_paper))]
+    return table._replace(
+        columns=(Column("coefficient", numeric=False), Column("unit", numeric=False), Column("true"), *headings),
+        rows=rows,
+        totals=totals,
+        notes=(*table.notes, *([NOTE] if in_paper else []), *mark_explained(evaluation)),
     )
+
+
+def table_iv(evaluation: Evaluation) -> dict[str, NamedRows]:
+    """Return Table IV as the rows of ``table_iv.csv``, both halves side by side; empty without a truth.
+
+    Below the coefficients stand the averages, the number of rows below the paper's and the CPU time.
+    """
+    halves = accuracy(evaluation)
+    if not halves:
+        return {}
+    headings = ["coefficient", "unit", "true"]
+    for table in halves:
+        name = ""
+        for column in table.columns[3:]:
+            name = f"{name}_paper" if column.header == PAPER else f"{table.key}_{column.header.lower()}"
+            headings.append(name)
+    rmse, errors = halves
+    n_rmse, n_errors = (len(table.columns) - 3 for table in halves)
+    rows = [
+        *([*left, *right[3:]] for left, right in zip(rmse.rows, errors.rows, strict=True)),
+        *([*row, *[None] * n_errors] for row in rmse.totals),
+        *([*row[:3], *[None] * n_rmse, *row[3:]] for row in errors.totals),
+    ]
+    return {"table_iv": NamedRows(tuple(headings), [[_plain(cell) for cell in row] for row in rows])}
+
+
+def _plain(cell: Cell) -> str | float | None:
+    match cell:
+        case Symbol(name) | UnitCell(name):
+            return name
+        case Unidentified(PlusMinus(value)) | PlusMinus(value):
+            return value
+        case Unidentified(value):
+            return value
+    return cell if isinstance(cell, float) else cell or None
 
 
 def marked(row: CoefficientResult, cell: float | PlusMinus | None) -> Cell:
@@ -133,48 +193,27 @@ def mark_explained(evaluation: Evaluation) -> list[str]:
     return [] if all(row.identified for row in evaluation.coefficients) else [UNIDENTIFIED]
 
 
-def estimates(evaluation: Evaluation, filters: Sequence[str], with_truth: bool, with_deviations: bool = True) -> Table:
-    """Lay out what filters found, as for the terminal so for files.
-
-    Parameters
-    ----------
-    evaluation : Evaluation
-    filters : sequence of str
-    with_truth : bool
-        Whether the true values, where they are known, and the errors stand beside it.
-    with_deviations : bool
-        Whether the standard deviations do.
-    """
-    has_truth = with_truth and any(row.true is not None for row in evaluation.coefficients)
+def estimates(evaluation: Evaluation, filters: Sequence[str], with_deviations: bool = True) -> Table:
+    """Return the estimates at the end, for terminal and files, with or without their standard deviations."""
     wider = {row.filter for row in evaluation.coefficients if with_deviations and _is_wider(row)}
-    columns = [Column("symbol", numeric=False), Column("unit", numeric=False), *[Column("true")] * has_truth]
+    columns = [Column("symbol", numeric=False), Column("unit", numeric=False)]
     for name in filters:
-        columns.append(Column(f"{filter_label(name)}{' ± sd' if with_deviations else ''}"))
-        columns += [Column("corrected sd")] * (name in wider) + [Column("error %")] * has_truth
+        header = f"{filter_label(name)}{' ± sd' * with_deviations}"
+        columns += [Column(header), *[Column("corrected sd")] * (name in wider)]
 
     def cells(name: str, row: CoefficientResult | None) -> list[Cell]:
         if row is None:
-            return [None] * (1 + (name in wider) + has_truth)
+            return [None] * (1 + (name in wider))
         estimate = PlusMinus(row.estimate, row.standard_deviation) if with_deviations else row.estimate
-        corrected = _corrected(row) if name in wider else []
-        error = row.steady_state_error_percent
-        return [
-            marked(row, estimate),
-            *corrected,
-            *[None if error is None else number(error, ERROR_DIGITS)] * has_truth,
-        ]
+        return [marked(row, estimate), *(_corrected(row) if name in wider else [])]
 
     rows: list[list[Cell]] = []
     for symbol, by_filter in results_by_coefficient(evaluation).items():
         any_row = next((by_filter[name] for name in filters if name in by_filter), None)
         if any_row is not None:
             results = (cell for name in filters for cell in cells(name, by_filter.get(name)))
-            rows.append([Symbol(symbol), UnitCell(any_row.unit), *[any_row.true] * has_truth, *results])
-    notes = (
-        *([_ERROR_OF] if has_truth else []),
-        *mark_explained(evaluation),
-        *([_CORRECTED] if wider & {*filters} else []),
-    )
+            rows.append([Symbol(symbol), UnitCell(any_row.unit), *results])
+    notes = (*mark_explained(evaluation), *([_CORRECTED] if wider & {*filters} else []))
     return Table("estimates", "Estimates and their standard deviations at the end", tuple(columns), rows, notes=notes)
 
 
@@ -216,9 +255,9 @@ def _bounds(evaluation: Evaluation) -> Table:
     )
 
 
-def _velocities(evaluation: Evaluation, with_paper: bool) -> Table:
+def _velocities(evaluation: Evaluation) -> Table:
     filters = _filters(evaluation)
-    in_paper = published_filters("table_v", "mae", filters) if with_paper else []
+    in_paper = published_filters("table_v", "mae", filters)
     paper = published("table_v")
     errors = {(row.component, row.filter): row.mean_absolute_error for row in evaluation.velocity_errors}
     units = {row.component: row.unit for row in evaluation.velocity_errors}

@@ -5,9 +5,8 @@ from functools import cache
 from importlib.resources import files
 
 NOTE = (
-    "Columns marked *paper* are those of Sabet et al. (2018). The vehicle, the tuning of the noise, the priors, "
-    "the length of the run and its step were not published, so those columns can be read next to ours but there "
-    "is no ground for expecting the two to agree."
+    "Paper: Sabet et al. (2018). Its vehicle, noise, priors, length of the run and step are not published, so these "
+    "values are for orientation."
 )
 
 

@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from rich.console import Console
 from rich.table import Table as ScreenTable
@@ -17,6 +16,8 @@ from auvid_cli.report.bounds import assessment_sentences, bounds_table, holding_
 from auvid_cli.report.judgements import judgement_sentences
 from auvid_cli.report.layout import (
     NIS_MEANS,
+    PAPER,
+    accuracy,
     consistency,
     estimates,
     mark_explained,
@@ -40,7 +41,7 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
     Parameters
     ----------
     console : rich.console.Console
-        Where it is narrow, units and then standard deviations are left out, the latter only with a truth, and said so.
+        Where it is narrow, units, true values and the paper's columns are left out, and named below the table.
     evaluation : Evaluation
     """
     if console.quiet:
@@ -49,9 +50,13 @@ def print_summary(console: Console, evaluation: Evaluation) -> None:
     filters = [row.filter for row in evaluation.summary]
     notes = dict.fromkeys(mark_explained(evaluation))
     if evaluation.coefficients:
-        for choice in _choices_that_fit(console, evaluation, filters):
-            console.print(_rendered(console, choice))
-            notes |= dict.fromkeys(choice.table.notes)
+        for table in accuracy(evaluation):
+            console.print(Text(table.title))
+            console.print(narrowed(console, table, ("unit", "true", PAPER), ERROR_DIGITS + 1))
+            notes |= dict.fromkeys(table.notes)
+        for screen in _estimate_tables(console, evaluation, filters):
+            console.print(screen)
+        notes |= dict.fromkeys(estimates(evaluation, filters).notes)
     console.print(screen_table(console, runs(evaluation), unbroken=("filter", "judgement")))
     for text in judgement_sentences(evaluation.judgements(), with_sound=False):
         console.print(Text(text))
@@ -130,30 +135,15 @@ def print_identifiability(console: Console, identifiability: Identifiability) ->
         console.print(Text(holding_sentence(identifiability.holding)), soft_wrap=True)
 
 
-class _Choice(NamedTuple):
-    """A table of estimates, and what is left out of it."""
-
-    table: Table
-    left_out: tuple[str, ...]
-
-
-def _rendered(console: Console, choice: _Choice) -> ScreenTable:
-    unbroken = ("symbol", "unit", "true", "error %")
-    return screen_table(console, choice.table, unbroken=unbroken, left_out=choice.left_out)
-
-
-def _choices_that_fit(console: Console, evaluation: Evaluation, filters: list[str]) -> list[_Choice]:
-    """Choose one table with as much in it as there is room for, or else one for each filter."""
-    wide = [_Choice(estimates(evaluation, filters, with_truth=True), ())]
-    if any(row.true is not None for row in evaluation.coefficients):
-        bare = estimates(evaluation, filters, with_truth=True, with_deviations=False)
-        wide.append(_Choice(bare, ("standard deviations",)))
+def _estimate_tables(console: Console, evaluation: Evaluation, filters: list[str]) -> list[ScreenTable]:
+    """Return one table with as much as there is room for, or else one for each filter."""
+    full, bare = estimates(evaluation, filters), estimates(evaluation, filters, with_deviations=False)
     choices = [
-        narrow
-        for choice in wide
-        for narrow in (choice, _Choice(choice.table.without("unit"), ("units", *choice.left_out)))
+        screen_table(console, table.without(*left_out), unbroken=("symbol", "unit"), left_out=(*words, *left_out))
+        for table, words in ((full, ()), (bare, ("standard deviations",)))
+        for left_out in ((), ("unit",))
     ]
-    narrowest = choices[-1] if len(filters) == 1 else None
-    if chosen := next((choice for choice in choices if fits(console, _rendered(console, choice))), narrowest):
+    chosen = next((choice for choice in choices if fits(console, choice)), choices[-1] if len(filters) == 1 else None)
+    if chosen is not None:
         return [chosen]
-    return [choice for name in filters for choice in _choices_that_fit(console, evaluation, [name])]
+    return [choice for name in filters for choice in _estimate_tables(console, evaluation, [name])]

@@ -60,7 +60,9 @@ def screen_table(
     for column in table.columns:
         header, justify = Text(encodable(console, column.header)), "right" if column.numeric else "left"
         screen.add_column(header, justify=justify, no_wrap=column.header in unbroken, overflow="fold")
-    for row in table.rows:
+    for row in [*table.rows, *table.totals]:
+        if table.totals and row is table.totals[0]:
+            screen.add_section()
         texts = (_cell(console, cell, digits) for cell in row)
         screen.add_row(*(Text(text, styles.get(text, "")) for text in texts))
     return screen

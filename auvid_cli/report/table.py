@@ -75,9 +75,9 @@ class Table(NamedTuple):
     totals: Sequence[list[Cell]] = ()
     notes: tuple[str, ...] = ()
 
-    def without(self, header: str) -> "Table":
-        """Leave out the columns with a heading."""
-        kept = [column.header != header for column in self.columns]
+    def without(self, *headers: str) -> "Table":
+        """Return the table without the columns of these headings."""
+        kept = [column.header not in headers for column in self.columns]
         rows, totals = ([list(compress(row, kept)) for row in body] for body in (self.rows, self.totals))
         return self._replace(columns=tuple(compress(self.columns, kept)), rows=rows, totals=totals)
 

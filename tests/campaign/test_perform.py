@@ -17,7 +17,11 @@ from auvid_cli.vehicle.coefficients import N_COEFFICIENTS, SYMBOLS
 
 TEXT = """\
 name: short
-settings: {manoeuvre.duration: 20 s, sensors.attitude.source: direct, identification.judge: false}
+settings:
+  manoeuvre: manoeuvres/spiral_gentle.yaml
+  manoeuvre.duration: 20 s
+  sensors.attitude.source: direct
+  identification.judge: false
 seeds: [4]
 filters: [ckf, {name: wide, filter: ckf, settings: {identification.prior.factor: 10}}]
 """
@@ -116,7 +120,7 @@ def test_a_worker_of_another_version_does_nothing(planned):
 
 
 def test_data_that_cannot_be_simulated_fail_all_their_runs(planned):
-    text = TEXT.replace("duration: 20 s", "duration: 20 s, manoeuvre.pitch: 1.5, manoeuvre.initial_pitch: 1.5")
+    text = TEXT.replace("duration: 20 s", "duration: 20 s\n  manoeuvre.pitch: 1.5\n  manoeuvre.initial_pitch: 1.5")
     (group,) = planned(text).groups()
     for done in perform(group):
         assert done.failure

@@ -264,7 +264,7 @@ def test_without_filters_those_of_the_experiment_run(planned):
     [
         "filters: [ckf, {name: same, filter: ckf}]",
         "filters: [ckf]\nvary: [{setting: identification.prior.factor, values: [3, 3.0]}]",
-        "filters: [ckf, {name: same, filter: ckf, settings: {identification.prior.factor: 3}}]",
+        "filters: [ckf, {name: same, filter: ckf, settings: {identification.prior.factor: 0.7}}]",
     ],
 )
 def test_the_same_run_is_not_counted_twice(planned, text):

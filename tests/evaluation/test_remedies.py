@@ -102,3 +102,20 @@ def test_a_factor_says_nothing_of_a_prior_from_an_earlier_estimate(ended):
     without = remedy(ended("ekf", "identification.prior.from_estimate=earlier.h5"))
     assert "from_estimate" in without
     assert "factor" not in without
+
+
+def with_large_innovations(estimate, begin, end):
+    """The estimate with innovations twice as large as stated between two times, s, of 300 s."""
+    time = np.arange(0.0, 300.0, 0.1)
+    size = np.where((time >= begin) & (time < end), 2.0, 1.0)
+    ones = np.ones((time.size, 3))
+    innovations = Innovations(time, size[:, None] * ones, ones, 3.0 * size**2, np.ones(3))
+    return replace(estimate, innovations={"dvl": innovations}, status="completed")
+
+
+def test_ekf_inconsistent_at_the_start_only_is_explained_by_linearisation(ended):
+    early = remedy(with_large_innovations(ended("ekf"), 0.0, 20.0))
+    assert "linearises" in early
+    assert "smoother" in early
+    assert "linearises" not in remedy(with_large_innovations(ended("ekf"), 100.0, 120.0))
+    assert "linearises" not in remedy(with_large_innovations(ended("ckf"), 0.0, 20.0))

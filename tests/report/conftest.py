@@ -10,7 +10,7 @@ from auvid_cli.config.vehicle import VehicleSettings
 from auvid_cli.data.dataset import Dataset, InputRecord, SensorRecord, TruthRecord
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import Innovations
-from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results
+from auvid_cli.evaluation.accuracy import average_steady_state_error, coefficient_results, relative_rmse
 from auvid_cli.evaluation.consistency import mean_nis, sensor_consistency, status_of
 from auvid_cli.evaluation.evaluate import Evaluation, FilterSummary
 from auvid_cli.evaluation.free_run import FreeRun, VelocityError
@@ -134,6 +134,8 @@ def evaluation_of(dataset: Dataset, estimates: list[Estimate], blown_up: tuple[s
             FilterSummary(
                 estimate.filter,
                 average_steady_state_error(results),
+                float(np.mean(relative_rmse(results))) if relative_rmse(results) else None,
+                float(np.median(relative_rmse(results))) if relative_rmse(results) else None,
                 mean_nis(estimate),
                 estimate.cpu_time,
                 steps,

@@ -15,6 +15,7 @@ from auvid_cli.config.filter_name import FilterName
 from auvid_cli.errors import FileError
 from auvid_cli.evaluation.assessment import CLASSES, CoefficientBound, Identifiability
 from auvid_cli.evaluation.predicted_motion import FreeRun
+from auvid_cli.report.convergence import shown_range
 from auvid_cli.report.figures import canvas
 from auvid_cli.report.figures.convergence import convergence_figure
 from auvid_cli.report.figures.draw import FigureQueue
@@ -25,7 +26,7 @@ from auvid_cli.report.figures.limits import around, value_range, with_margin, wi
 from auvid_cli.report.figures.motion import motion_figure
 from auvid_cli.report.figures.motion_errors import motion_error_figure
 from auvid_cli.report.figures.path import path_figure
-from auvid_cli.report.figures.series import spaced, thin, unwrapped
+from auvid_cli.report.figures.series import log_spaced, spaced, thin, unwrapped
 from auvid_cli.report.figures.style import new_figure, plain_log_ticks
 from auvid_cli.report.write import write_tables
 from auvid_cli.vehicle.coefficients import COEFFICIENTS
@@ -34,7 +35,7 @@ from auvid_cli.vehicle.parameters import MOTION, MOTION_SYMBOLS
 from .conftest import TIME, TRUE, diverged, evaluation_of, make_estimate, motion_at
 
 ALL = {
-    *("path", "convergence", "motion_errors", "free_runs", "innovations"),
+    *("path", "estimates", "convergence", "motion_errors", "free_runs", "innovations"),
 }
 # One of each group, where a panel like the others would show nothing more.
 FEW = tuple({c.group: c.symbol for c in reversed(COEFFICIENTS)}.values())[::-1]
@@ -103,7 +104,7 @@ def test_a_single_filter_with_a_few_coefficients_and_no_truth(tmp_path, dataset,
     estimate = make_estimate("ukf", symbols=("X_u|u|", "Y_uvl", "N_uvl"))
     dataset = dataset.without_truth()
     paths = draw_figures(dataset, [estimate], evaluation_of(dataset, [estimate]), tmp_path)
-    assert {path.stem for path in paths} == {"path", "convergence", "free_runs", "innovations"}
+    assert {path.stem for path in paths} == {"path", "estimates", "convergence", "free_runs", "innovations"}
 
 
 @pytest.mark.usefixtures("coarsely")
@@ -114,7 +115,7 @@ def test_diverged_filters_are_drawn_as_far_as_they_went(tmp_path, dataset, sampl
     estimates = [broken, *(make_estimate(name, FEW[:1]) for name in others)]
     dataset = dataset.without_truth()
     paths = draw_figures(dataset, estimates, evaluation_of(dataset, estimates, blown_up=("ekf",)), tmp_path)
-    assert len(paths) == 4
+    assert len(paths) == 5
 
 
 @pytest.mark.usefixtures("coarsely")
@@ -349,3 +350,20 @@ def test_a_logarithmic_axis_has_numbers_however_little_it_spans(low, high):
     said = [label.get_text() for label in axes.get_yticklabels() if low <= label.get_position()[1] <= high]
     assert 2 <= len(said) <= 15
     assert [float(text) for text in said] == sorted(float(text) for text in said)
+
+
+def test_log_spaced_samples_begin_and_end_where_asked():
+    time = np.arange(0.0, 300.01, 0.01)
+    some = log_spaced(time, 0.3, 200)
+    assert time[some[0]] == pytest.approx(0.3)
+    assert some[-1] == time.size - 1
+    ratios = time[some[1:]] / time[some[:-1]]
+    assert ratios.max() == pytest.approx(1000.0 ** (1 / 199), abs=0.035)
+    assert log_spaced(np.zeros(1), 0.3, 200).tolist() == [0]
+
+
+def test_shown_range_holds_truth_start_and_end_and_cuts_brief_excursions():
+    mean = np.concatenate([[0.0], np.full(5, 1e6), np.full(994, -3.0)])
+    low, high = shown_range([mean], -3.5)
+    assert (low, high) == (-3.5, 0.0)
+    assert shown_range([np.full(3, np.nan)], None) is None

@@ -26,22 +26,28 @@ def test_nothing_is_cut_off(evaluation, width):
         assert row.coefficient in text
 
 
-def test_at_100_columns_all_filters_stand_side_by_side_with_deviations(evaluation):
-    text = printed(evaluation, 100)
-    assert "EKF ± sd" in text
-    line = next(line for line in text.splitlines() if line.startswith(" X_u|u|"))
-    assert " ".join(line.split()[-12:]) == "10.20 ± 0.25 2.0 10.10 ± 0.25 1.0 10.05 ± 0.25 0.50"
+def test_table_iv_at_100_columns_has_the_paper_next_to_each_filter(evaluation):
+    lines = [line.split() for line in printed(evaluation, 100).splitlines() if line.startswith(" X_u|u|")]
+    rmse, error, estimates = lines
+    assert rmse[-6:] == ["0.878", "0.0201", "0.868", "0.0186", "0.868", "0.01235"]
+    assert error[-6:] == ["2.00", "0.3692", "1.00", "0.0408", "0.500", "0.0324"]
+    assert " ".join(estimates[-9:]) == "10.20 ± 0.25 10.10 ± 0.25 10.05 ± 0.25"
 
 
-def test_at_80_columns_the_deviations_give_way_and_are_named(evaluation):
+def test_averages_stand_below_table_iv(evaluation):
     text = printed(evaluation, 80)
-    assert "sd" not in text
-    assert "left out at 80 columns: standard deviations" in text
+    for heading in ("relative mean", "relative median", "average", "below paper"):
+        assert f" {heading} " in text
+    assert "RMSE / |true value|" in " ".join(text.split())
+
+
+def test_a_narrow_terminal_drops_columns_and_names_them(evaluation):
+    assert "left out at 60 columns: unit, true, paper" in printed(evaluation, 60)
     assert "left out" not in printed(evaluation, 100)
 
 
 def test_what_an_error_is_of_is_said_where_there_is_one(evaluation):
-    explained = "Error %: how far the mean over the last tenth of the run lies from the true value"
+    explained = "Steady-state error: distance of the mean over the last tenth of the run from the true value."
     assert explained in printed(evaluation, 200)
     rows = [row._replace(true=None, rmse=None, steady_state_error_percent=None) for row in evaluation.coefficients]
     assert explained not in printed(evaluation._replace(coefficients=rows), 200)

@@ -3,7 +3,7 @@ import re
 import pytest
 
 from auvid_cli.report.latex import escape_latex, render_latex
-from auvid_cli.report.layout import estimates, lay_out
+from auvid_cli.report.layout import estimates, lay_out, table_iv
 from auvid_cli.report.markdown import render_markdown
 from auvid_cli.report.notation import symbol_math, unit_latex, unit_text
 from auvid_cli.report.paper import published, published_filters
@@ -47,24 +47,46 @@ def test_symbols_and_units_in_print():
     assert unit_latex("kg*m^2/rad^2") == r"kg\,m$^{2}$/rad$^{2}$"
 
 
-def test_markdown_holds_our_numbers_and_the_published_ones(evaluation):
-    text = render_markdown(lay_out(evaluation, with_paper=True))
-    accuracy = markdown_rows(text, r"X_u\|u\|")[0]
+def test_table_iv_has_the_published_values_next_to_ours(evaluation):
+    text = render_markdown(lay_out(evaluation))
+    rmse, error = markdown_rows(text, r"X_u\|u\|")[:2]
     ours = [row for row in evaluation.coefficients if row.coefficient == "X_u|u|"]
-    assert accuracy[:3] == ["X_u|u|", "kg/m", "10.00"]
-    assert accuracy[3:6] == [number(row.rmse) for row in ours]
-    assert accuracy[6:9] == [number(row.steady_state_error_percent) for row in ours] == ["2.000", "1.000", "0.5000"]
-    assert accuracy[9:] == ["0.0201", "0.0186", "0.01235", "0.3692", "0.0408", "0.0324"]
-    assert markdown_rows(text, "Average")[0][6:9] == ["2.000", "1.000", "0.5000"]
-    assert markdown_rows(text, "Average")[0][12:] == ["6.064", "1.815", "0.7672"]
-    assert markdown_rows(text, "CPU time")[0][3:6] == ["0.1250"] * 3
+    assert rmse[:3] == error[:3] == ["X_u|u|", "kg/m", "10.00"]
+    assert rmse[3::2] == [number(row.rmse) for row in ours]
+    assert rmse[4::2] == ["0.0201", "0.0186", "0.01235"]
+    assert error[3::2] == [number(row.steady_state_error_percent) for row in ours] == ["2.000", "1.000", "0.5000"]
+    assert error[4::2] == ["0.3692", "0.0408", "0.0324"]
+    assert markdown_rows(text, "average")[0][3:] == ["2.000", "6.064", "1.000", "1.815", "0.5000", "0.7672"]
+    assert markdown_rows(text, "CPU time")[0][3:] == ["0.1250", "3.543", "0.1250", "75.897", "0.1250", "77.328"]
     assert markdown_rows(text, "u")[0][5:] == ["0.174", "0.142", "0.1379"]
     assert "10.20 ± 0.25" in text
     assert "not published" in text
 
 
+def test_table_iv_averages_are_those_of_its_rows(evaluation):
+    """Relative RMSE over the coefficients, and the number of rows below the paper's, recomputed from the CSV file."""
+    table = table_iv(evaluation)["table_iv"].to_pandas().set_index("coefficient")
+    own = table.iloc[: len({row.coefficient for row in evaluation.coefficients})]
+    for name in ("ekf", "ckf", "tukf"):
+        relative = own[f"rmse_{name}"].astype(float) / own["true"].astype(float).abs()
+        summary = next(row for row in evaluation.summary if row.filter == name)
+        assert table.loc["relative mean", f"rmse_{name}"] == pytest.approx(relative.mean())
+        assert summary.mean_relative_rmse == pytest.approx(relative.mean())
+        assert table.loc["relative median", f"rmse_{name}"] == pytest.approx(relative.median())
+        for half in ("rmse", "steady_state_error_percent"):
+            pair = own[[f"{half}_{name}", f"{half}_{name}_paper"]].astype(float).dropna()
+            below = int((pair.iloc[:, 0] < pair.iloc[:, 1]).sum())
+            assert f"{below} of {len(pair)}" in set(table.loc["below paper", f"{half}_{name}"])
+
+
+def test_table_iv_exists_in_latex_with_the_paper(evaluation):
+    latex = render_latex(lay_out(evaluation))
+    assert r"\label{tab:rmse}" in latex
+    assert "0.01235" in latex
+
+
 def test_markdown_tables_are_rectangular(evaluation):
-    for block in re.findall(r"(?:^\|.*\n)+", render_markdown(lay_out(evaluation, with_paper=True)), re.MULTILINE):
+    for block in re.findall(r"(?:^\|.*\n)+", render_markdown(lay_out(evaluation)), re.MULTILINE):
         widths = {len(re.split(r"(?<!\\)\|", line)) for line in block.splitlines()}
         assert len(widths) == 1
 
@@ -72,7 +94,7 @@ def test_markdown_tables_are_rectangular(evaluation):
 def test_a_column_of_units_is_called_so(evaluation):
     named = {
         column.header
-        for table in lay_out(evaluation, with_paper=True)
+        for table in lay_out(evaluation)
         for row in table.rows
         for column, cell in zip(table.columns, row, strict=True)
         if isinstance(cell, UnitCell)
@@ -82,30 +104,30 @@ def test_a_column_of_units_is_called_so(evaluation):
 
 def test_what_is_not_identified_is_marked_and_the_mark_explained(evaluation):
     """The data say nothing of N_uudr; of the others the standard deviation is 0.25, a fraction of the value."""
-    markdown = render_markdown(lay_out(evaluation, with_paper=False))
-    assert all(cell.endswith(" †") for cell in markdown_rows(markdown, "N_uudr")[0][3:])
-    assert markdown_rows(markdown, "N_uudr")[1][2:] == ["31.62 ± 0.25 †", "31.31 ± 0.25 †", "31.15 ± 0.25 †"]
-    assert markdown_rows(markdown, "N_uudr")[2][2:] == ["—"] * 4
-    assert "†" not in "".join(markdown_rows(markdown, "Y_url")[1])
-    assert markdown_rows(markdown, "Y_url")[2][2:] == ["0.2000", "1.250", "1.250", "1.250"]
-    assert markdown.count("† not to be relied on") == 2
-    latex = render_latex(lay_out(evaluation, with_paper=False))
+    markdown = render_markdown(lay_out(evaluation))
+    assert all(cell.endswith(" †") for half in (0, 1) for cell in markdown_rows(markdown, "N_uudr")[half][3::2])
+    assert markdown_rows(markdown, "N_uudr")[2][2:] == ["31.62 ± 0.25 †", "31.31 ± 0.25 †", "31.15 ± 0.25 †"]
+    assert markdown_rows(markdown, "N_uudr")[3][2:] == ["—"] * 4
+    assert "†" not in "".join(markdown_rows(markdown, "Y_url")[2])
+    assert markdown_rows(markdown, "Y_url")[3][2:] == ["0.2000", "1.250", "1.250", "1.250"]
+    assert markdown.count("† not to be relied on") == 3
+    latex = render_latex(lay_out(evaluation))
     assert r"$31.62$ $\pm$ $0.25$\,$\dagger$" in latex
     identified = evaluation._replace(coefficients=[row._replace(identified=True) for row in evaluation.coefficients])
-    assert "†" not in render_markdown(lay_out(identified, with_paper=False))
+    assert "†" not in render_markdown(lay_out(identified))
 
 
 def test_each_filter_has_its_own_bound_where_there_is_no_truth(evaluation):
     rows = [row._replace(cramer_rao_bound=0.4) if row.filter == "ckf" else row for row in evaluation.coefficients]
     changed = evaluation._replace(coefficients=rows, remarks=["no Cramer-Rao bound: why"])
-    markdown = render_markdown(lay_out(changed, with_paper=False))
-    assert markdown_rows(markdown, "Y_url")[2][2:5] == ["0.2000", "0.4000", "0.2000"]
+    markdown = render_markdown(lay_out(changed))
+    assert markdown_rows(markdown, "Y_url")[3][2:5] == ["0.2000", "0.4000", "0.2000"]
     assert "No Cramer-Rao bound: why." in markdown
 
 
 def test_no_filter_is_marked_as_the_best(evaluation):
-    assert "**" not in render_markdown(lay_out(evaluation, with_paper=True))
-    assert r"\textbf" not in render_latex(lay_out(evaluation, with_paper=False))
+    assert "**" not in render_markdown(lay_out(evaluation))
+    assert r"\textbf" not in render_latex(lay_out(evaluation))
 
 
 def test_only_filters_that_ran_stand_beside_the_paper(evaluation):
@@ -115,15 +137,14 @@ def test_only_filters_that_ran_stand_beside_the_paper(evaluation):
         velocity_errors=[row._replace(filter="ukf") for row in evaluation.velocity_errors if row.filter == "ekf"],
         consistency=[],
     )
-    text = render_markdown(lay_out(ukf, with_paper=True))
+    text = render_markdown(lay_out(ukf))
     assert "paper" not in text
-    assert "RMSE, UKF" in text
+    assert "| true | UKF |" in text.lower().replace("ukf", "UKF")
 
 
 def test_latex_balances_and_is_rectangular(evaluation):
-    text = render_latex(lay_out(evaluation, with_paper=False))
-    assert "paper" not in text
-    assert "0.7672" not in text
+    text = render_latex(lay_out(evaluation))
+    assert "0.7672" in text
     unescaped = re.sub(r"\\[{}$&%_#]", "", text)
     assert unescaped.count("{") == unescaped.count("}")
     assert unescaped.count("$") % 2 == 0
@@ -155,16 +176,16 @@ def test_a_diverged_filter_is_said_to_be_and_has_dashes(evaluation):
             for row in evaluation.coefficients
         ],
     )
-    markdown = render_markdown(lay_out(changed, with_paper=True))
+    markdown = render_markdown(lay_out(changed))
     assert "EKF diverged: at t = 0.200 s: not finite." in markdown
     assert markdown_rows(markdown, "Y_url")[0][3] == "—"
     assert "— ± 0.25" in markdown
-    assert "EKF diverged: at t = 0.200 s: not finite." in render_latex(lay_out(changed, with_paper=False))
+    assert "EKF diverged: at t = 0.200 s: not finite." in render_latex(lay_out(changed))
 
 
 def test_without_truth_there_is_no_table_of_accuracy(evaluation):
     rows = [row._replace(true=None, rmse=None, steady_state_error_percent=None) for row in evaluation.coefficients]
-    text = render_markdown(lay_out(evaluation._replace(coefficients=rows), with_paper=True))
+    text = render_markdown(lay_out(evaluation._replace(coefficients=rows)))
     assert "RMSE" not in text
     assert "EKF ± sd" in text
 
@@ -191,7 +212,7 @@ def test_a_corrected_standard_deviation_stands_where_it_is_wider(evaluation):
             for row in evaluation.coefficients
         ]
         filters = [row.filter for row in evaluation.summary]
-        table = estimates(evaluation._replace(coefficients=rows), filters, with_truth=False)
+        table = estimates(evaluation._replace(coefficients=rows), filters)
         headers = [column.header for column in table.columns]
         return [row[headers.index("corrected sd")] for row in table.rows] if "corrected sd" in headers else None
 

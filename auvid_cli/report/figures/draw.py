@@ -57,7 +57,9 @@ class FigureQueue:
         state = {symbol for estimate in estimates for symbol in estimate.state}
         if symbols := [symbol for symbol in known if symbol in state]:
             true = dataset.truth.coefficients_of(symbols) if dataset.truth is not None else {}
-            self._add("convergence", "convergence", symbols, [e.course(symbols) for e in estimates], true)
+            courses = [estimate.course(symbols) for estimate in estimates]
+            self._add("estimates", "estimates", symbols, courses, true)
+            self._add("convergence", "convergence", symbols, courses, true)
         motions = [estimate.course(MOTION_SYMBOLS) for estimate in estimates]
         if dataset.truth is not None or estimates:
             self._add("path", "path", dataset.truth, motions)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from matplotlib.figure import Figure
 
 from auvid_cli.report.figures.campaign_errors import map_figure, spread_figure
-from auvid_cli.report.figures.convergence import convergence_figure
+from auvid_cli.report.figures.convergence import convergence_figure, estimate_figure
 from auvid_cli.report.figures.free_runs import free_run_figure
 from auvid_cli.report.figures.identifiability import bounds_figure, correlation_figure
 from auvid_cli.report.figures.innovations import innovation_figure
@@ -18,6 +18,7 @@ from auvid_cli.report.figures.validation import horizon_figure
 
 KINDS: dict[str, Callable[..., Figure]] = {
     "path": path_figure,
+    "estimates": estimate_figure,
     "convergence": convergence_figure,
     "motion_errors": motion_error_figure,
     "free_runs": free_run_figure,

@@ -60,6 +60,13 @@ def spaced(n: int, points: int) -> NDArray[np.int64]:
     return np.unique(np.linspace(0, max(n - 1, 0), min(n, points)).astype(np.int64))
 
 
+def log_spaced(time: Array, first: float, points: int) -> NDArray[np.int64]:
+    """Return indices of at most `points` samples evenly spaced in the logarithm of time from `first`, s, to the end."""
+    last = float(time[-1])
+    wanted = np.geomspace(min(first, last), last, points) if last > 0.0 else np.zeros(1)
+    return np.unique(np.clip(np.searchsorted(time, wanted), 0, time.size - 1))
+
+
 def unwrapped(angle: Array) -> Array:
     """Take the jumps of a turn out of an angle, rad; gaps stay gaps."""
     result = finite(angle)

@@ -221,9 +221,9 @@ def plain_log_ticks(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def name_panel(axes: Axes, text: str) -> None:
-    """Put a name into the upper right corner of a panel."""
-    axes.text(0.98, 0.95, text, transform=axes.transAxes, ha="right", va="top", fontsize=9, bbox=_BEHIND)
+def name_panel(axes: Axes, text: str, height: float = 0.95) -> None:
+    """Put a name at the right edge of a panel, its top at a height from 0 to 1."""
+    axes.text(0.98, height, text, transform=axes.transAxes, ha="right", va="top", fontsize=9, bbox=_BEHIND)
 
 
 def head(axes: Axes, text: str) -> None:

@@ -1,14 +1,18 @@
-"""What was found of each coefficient: the list, how far it is from the truth or from each other, how it settled."""
+"""Parts of the page on each coefficient: the list, its estimates over time, and their distance from the truth."""
 
 from collections.abc import Mapping, Sequence
 from math import isfinite
 
+import numpy as np
+
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import CoefficientResult
 from auvid_cli.evaluation.evaluate import Evaluation
-from auvid_cli.report.convergence import convergence_of, origin_of
+from auvid_cli.report.convergence import convergence_of, origin_of, shown_range
+from auvid_cli.report.figures.limits import with_margin
+from auvid_cli.report.figures.series import log_spaced
 from auvid_cli.report.layout import mark_explained, marked, results_by_coefficient
-from auvid_cli.report.notation import filter_label
+from auvid_cli.report.notation import filter_label, unit_text
 from auvid_cli.report.page.forest import deviations_from
 from auvid_cli.report.page.parts import Plot, PlotLine, Plots
 from auvid_cli.report.table import (
@@ -25,6 +29,8 @@ from auvid_cli.report.table import (
 
 # Parts of a run of which the greatest distance of a settling coefficient is drawn: the least is where it crosses zero.
 _SPANS = 300
+# Start of the logarithmic time axis as a share of the run.
+_FIRST_SHARE = 1e-3
 
 
 def coefficient_list(evaluation: Evaluation, shares_of_prior: Mapping[str, Mapping[str, float]]) -> Table:
@@ -76,6 +82,32 @@ def _against_truth(row: CoefficientResult) -> list[Cell]:
 def _rounded(value: float | None, digits: int) -> Cell:
     """Round a number to what is shown, so that it is also sorted by it."""
     return None if value is None else number(value, digits)
+
+
+def estimate_plots(estimates: Sequence[Estimate], true: Mapping[str, float]) -> Plots:
+    """Return a plot of each coefficient's estimates over time on a linear axis, with the true value as a line."""
+    plots = []
+    for symbol in dict.fromkeys(estimate.state[row] for estimate in estimates for row in estimate.coefficient_rows):
+        of_symbol = [estimate for estimate in estimates if symbol in estimate.state and estimate.time.size]
+        means = [estimate.mean[:, estimate.state.index(symbol)] for estimate in of_symbol]
+        shown = shown_range(means, true.get(symbol))
+        if shown is None:
+            continue
+        unit = next(estimate.unit[estimate.state.index(symbol)] for estimate in of_symbol)
+        last = max(float(estimate.time[-1]) for estimate in of_symbol)
+        first = last * _FIRST_SHARE
+        lines = []
+        if symbol in true:
+            span = np.array([first, last])
+            lines.append(PlotLine("true value", "true", span, np.full(2, true[symbol])))
+        for estimate, mean in zip(of_symbol, means, strict=True):
+            some = log_spaced(estimate.time, first, _SPANS)
+            lines.append(PlotLine(filter_label(estimate.filter), estimate.filter, estimate.time[some], mean[some]))
+        ends = [f"{filter_label(e.filter)} {number(float(mean[-1]))}" for e, mean in zip(of_symbol, means, strict=True)]
+        says = f"Estimates of {symbol} over time; at the end {', '.join(ends)}"
+        says += f"; true value {number(true[symbol])}." if symbol in true else "."
+        plots.append(Plot(symbol, says, unit_text(unit), lines, log_x=True, limits=with_margin(*shown)))
+    return Plots(plots, linked="estimates")
 
 
 def convergence(estimates: Sequence[Estimate], true: Mapping[str, float]) -> Plots:

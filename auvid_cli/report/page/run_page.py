@@ -8,7 +8,7 @@ from auvid_cli.data.estimate import Estimate
 from auvid_cli.evaluation.accuracy import shares_of_prior
 from auvid_cli.evaluation.evaluate import Evaluation
 from auvid_cli.report.layout import lay_out
-from auvid_cli.report.page.coefficients import coefficient_list, convergence
+from auvid_cli.report.page.coefficients import coefficient_list, convergence, estimate_plots
 from auvid_cli.report.page.correlation import correlation_of
 from auvid_cli.report.page.course import course_parts
 from auvid_cli.report.page.forest import forest
@@ -35,7 +35,7 @@ def run_page(dataset: Dataset, estimates: Sequence[Estimate], evaluation: Evalua
     """
     true = dataset.truth.coefficients if dataset.truth is not None else {}
     shares = {estimate.filter: shares_of_prior(estimate) for estimate in estimates}
-    tables = [table for table in lay_out(evaluation, with_paper=True) if table.key not in _IN_THE_LIST]
+    tables = [table for table in lay_out(evaluation) if table.key not in _IN_THE_LIST]
     listed: list[Part] = []
     if evaluation.coefficients:
         listed = [*forest(evaluation), TablePart(coefficient_list(evaluation, shares), sortable=True)]
@@ -56,10 +56,15 @@ def run_page(dataset: Dataset, estimates: Sequence[Estimate], evaluation: Evalua
 
 
 def _convergence(estimates: Sequence[Estimate], true: dict[str, float]) -> list[Part]:
-    plots = convergence(estimates, true)
-    what = "the true value, in percent of it" if true else "where it ends, in percent of that"
-    words = f"How far each coefficient is from {what}. An estimate of all data at once does not move."
-    return [Words([words]), plots] if plots.plots else []
+    over_time, distances = estimate_plots(estimates, true), convergence(estimates, true)
+    reference = "true" if true else "final"
+    parts: list[Part] = []
+    if over_time.plots:
+        line = "; the line is the true value" if true else ""
+        parts += [Words([f"Estimate of each coefficient over time{line}. A batch estimate is constant."]), over_time]
+    if distances.plots:
+        parts += [Words([f"Distance of each estimate from the {reference} value, in per cent of it."]), distances]
+    return parts
 
 
 def _correlation(estimates: Sequence[Estimate]) -> list[Part]:

@@ -199,7 +199,8 @@ def test_a_line_is_taken_away_by_its_legend(tab):
     button = tab.locator("#convergence button.entry", has_text="EKF").first
     button.click()
     assert button.get_attribute("aria-pressed") == "false"
-    shown = "auvid.drawn.filter(one => one.key.startsWith('convergence')).map(one => one.chart.series[1].show)"
+    group = "auvid.drawn.filter(one => one.key === auvid.drawn.find(one => one.key.startsWith('convergence')).key)"
+    shown = f"{group}.map(one => one.chart.series.find(line => line.label === 'EKF').show)"
     assert set(tab.evaluate(shown)) == {False}
 
 
