@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
-from auvid_cli.config.augmented_states import AugmentedStates, BiasName, ErrorBlock
+from auvid_cli.config.extra_states import AugmentedStates, BiasName, ErrorBlock
 from auvid_cli.config.filter_name import JUDGE, FilterName
 from auvid_cli.config.filter_settings import EkfSettings, OutputErrorSettings, SmootherSettings, UkfSettings
 from auvid_cli.config.moving_states import InitialMotion, ProcessNoise
@@ -158,7 +158,7 @@ class Identification(Settings):
     @model_validator(mode="after")
     def _biases_of_sensors_in_use(self) -> "Identification":
         for name in self.estimate.biases:
-            if any(block.sensor in self.unused_sensors for block in AugmentedStates(biases=(name,)).blocks()):
+            if any(block.sensor in self.unused_sensors for block in self.estimate.blocks_of(name)):
                 raise ValueError(
                     f"estimate.biases has {name}, which is not used with attitude_from: {self.attitude_from}; leave "
                     f"it out, or set attitude_from: {'ahrs' if self.attitude_from == 'inertial' else 'inertial'}"

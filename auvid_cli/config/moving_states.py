@@ -62,7 +62,3 @@ class FurtherState(NamedTuple):
 
 # Each is moved by compiled code of `auvid_cli.identification.process`, which is asked for it at import.
 FURTHER_STATES = (FurtherState("depth", DEPTH, "depth"),)
-if _unset := [
-    s.name for s in FURTHER_STATES if not {s.name} <= ProcessNoise.model_fields.keys() & InitialMotion.model_fields
-]:
-    raise TypeError(f"neither noise nor start can be set of {', '.join(_unset)}")

@@ -266,9 +266,3 @@ class SensorSuite(Settings):
         """Return the sensors by name, of those that there are."""
         fields = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: settings for name, settings in fields.items() if isinstance(settings, SensorSettings)}
-
-
-if _half := ({*SensorSuite.model_fields} - {"name"}) ^ SENSORS.keys():
-    raise TypeError(f"sensors have settings and components, but of these one is missing: {', '.join(sorted(_half))}")
-if _mixed := [name for name, measured in SENSORS.items() if len({quantity.unit for quantity in measured}) > 1]:
-    raise TypeError(f"a sensor has one unit, but components of these differ: {', '.join(_mixed)}")
