@@ -8,7 +8,7 @@ from pathlib import Path
 
 from auvid_cli.config.position import OVERRIDE, ConfigSource, KeyPath, Mistake, Position, dotted
 from auvid_cli.config.shipped import shipped_files, shipped_part
-from auvid_cli.config.tree import DEEPEST, Tree, read_tree
+from auvid_cli.config.tree import MAX_DEPTH, Tree, read_tree
 from auvid_cli.printable import shortened
 from auvid_cli.regular import read_bytes
 
@@ -150,9 +150,9 @@ def parse_override(override: str) -> tuple[KeyPath, Tree]:
     path = tuple(part.strip() for part in key.split("."))
     if not equals or not all(path):
         raise ValueError("expected key.key=value, for example sensors.dvl.rate=7 Hz")
-    if len(path) > DEEPEST:
-        raise ValueError(f"has {len(path)} keys, one within the other, where there may be {DEEPEST}")
-    tree, mistakes = read_tree(ConfigSource(at.file, at.source.folder, value))
+    if len(path) > MAX_DEPTH:
+        raise ValueError(f"has {len(path)} keys, one within the other, where there may be {MAX_DEPTH}")
+    tree, mistakes = read_tree(ConfigSource(at.source.name, at.source.folder, value))
     if mistakes:
         raise ValueError(mistakes[0].message)
     return path, _all_at(tree, at)
