@@ -7,10 +7,10 @@ from typing import Annotated, Any, TypeAlias
 
 from pydantic import Field, field_validator, model_validator
 
-from auvid_cli.config.assemble import assemble, parse_override
+from auvid_cli.config.assemble import Override, assemble
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import as_yaml, open_source, validated
-from auvid_cli.config.position import Mistake
+from auvid_cli.config.position import Mistake, dotted
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.tree import Tree
 
@@ -203,13 +203,14 @@ def load_campaign(path: Path, overrides: Sequence[str] = ()) -> tuple[Campaign, 
     ConfigError
         With every mistake at once, each at its file, line and column.
     """
-    # Keys of the experiment have dots of their own: `settings.manoeuvre.duration=60 s` sets one of them.
-    of_settings = [override for override in overrides if override.startswith("settings.")]
-    tree, mistakes = assemble(open_source(path), [override for override in overrides if override not in of_settings])
-    for override in of_settings:
-        try:
-            (section, *key), value = parse_override(override)
-            tree = tree.put((section, ".".join(map(str, key))), value)
-        except ValueError as error:
-            mistakes.append(Mistake(tree.at, (), f"--set {override}: {error}"))
+    tree, mistakes = assemble(open_source(path))
+    for override in map(Override.parse, overrides):
+        mistakes += override.mistakes
+        for key, value in override.changes:
+            # Keys of the experiment have dots of their own: `settings.manoeuvre.duration=60 s` sets one of them.
+            place = (key[0], dotted(key[1:])) if key[0] == "settings" and len(key) > 1 else key
+            try:
+                tree = tree.put(place, value)
+            except ValueError as error:
+                mistakes.append(Mistake(value.at, key, str(error)))
     return validated(Campaign, tree, mistakes), tree
