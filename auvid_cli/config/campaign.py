@@ -21,7 +21,7 @@ _NAME = r"^[A-Za-z][A-Za-z0-9_.-]*$"
 
 
 class Distribution(Settings):
-    """Distribution from which a setting is drawn, for each seed anew and for all filters alike."""
+    """Distribution from which a setting is drawn, once for each seed, the same for all filters."""
 
     uniform: Annotated[tuple[_Finite, _Finite] | None, Field(description="[lowest, highest]")] = None
     log_uniform: Annotated[tuple[_Finite, _Finite] | None, Field(description="[lowest, highest], both above 0")] = None
@@ -59,7 +59,11 @@ class CampaignAxis(Settings):
         Field(min_length=1, description="by label, the settings of each level by their dotted keys"),
     ] = None
     known: Annotated[
-        bool, Field(strict=True, description="whether the filters are told; else they keep what the experiment states")
+        bool,
+        Field(
+            strict=True,
+            description="whether filters use the value, too; otherwise they use the value of the experiment",
+        ),
     ] = True
 
     @model_validator(mode="after")
@@ -103,7 +107,7 @@ class FilterVariant(Settings):
     name: Annotated[str, Field(pattern=_NAME, description="in the results; default: the filter")]
     settings: Annotated[
         dict[str, AnyValue],
-        Field(description="by dotted key, below identification or vehicle: what the filter is told"),
+        Field(description="settings of the filter by dotted key, below identification or vehicle"),
     ] = Field(default_factory=dict)
 
     @model_validator(mode="before")
@@ -196,7 +200,7 @@ def load_campaign(path: Path, overrides: Sequence[str] = ()) -> tuple[Campaign, 
     -------
     Campaign
     Tree
-        The same as it is written, which knows the place of each value.
+        The settings with the position of each value.
 
     Raises
     ------

@@ -46,7 +46,7 @@ class InputSettings(Settings):
     ] = "hold"
 
 
-# The key of the delay of the inputs, beside those of sensors.
+# Key of the delay of the inputs, next to those of sensors.
 INPUTS_DELAY = "inputs"
 
 
@@ -91,7 +91,7 @@ class Identification(Settings):
         float, Unit("s"), Field(ge=1e-5, le=1e3, description="longest step of the filter's integration")
     ] = 0.02
     keep_every: Annotated[
-        int, Field(ge=1, strict=True, description="of the states, every so many is written; innovations all are")
+        int, Field(ge=1, strict=True, description="interval at which states are written; all innovations are written")
     ] = 1
     gate: Annotated[
         float | None,
@@ -114,17 +114,17 @@ class Identification(Settings):
 
     @property
     def unused_sensors(self) -> tuple[str, ...]:
-        """Name the sensors of motion that no estimator listens to, whether or not there are such."""
+        """Return the sensors of motion that no estimator uses, whether the vehicle has them or not."""
         return ("attitude",) if self.attitude_from == "inertial" else INERTIAL
 
     @property
     def seeks_delays(self) -> bool:
-        """Say whether delays are found before all else."""
+        """Whether delays are estimated first."""
         return BiasName.DELAY in self.estimate.biases
 
     @property
     def is_marginal(self) -> bool:
-        """Say whether the smoother's coefficients are the most probable whatever the trajectory was."""
+        """Whether the smoother maximises the posterior of the coefficients with the trajectory integrated out."""
         if self.smoother.answer == "automatic":
             return self.noise == "estimate" or BiasName.DISTURBANCE in self.estimate.biases
         return self.smoother.answer == "marginal"
