@@ -28,7 +28,7 @@ CORE = (
     "filters",
     "identification",
     "design",
-    "config/augmented_states.py",
+    "config/extra_states.py",
     "config/moving_states.py",
     "angles.py",
     "lanes.py",

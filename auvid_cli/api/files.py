@@ -5,7 +5,7 @@ from pathlib import Path
 
 from auvid_cli.api.argument_types import typed
 from auvid_cli.config import load
-from auvid_cli.config.assemble import changed_keys
+from auvid_cli.config.assemble import Override
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.load import find_experiment
 from auvid_cli.data import dataset_file, estimate_file
@@ -76,7 +76,7 @@ def read_dataset(path: str | Path, *overrides: str) -> Dataset:
     ['accelerometer', 'attitude', 'dvl', 'gyroscope', 'magnetometer']
     """
     for override in overrides:
-        for key in changed_keys(override):
+        for key in Override.parse(override).keys:
             if not f"{key}.".startswith(("identification.", "vehicle.", "name.")):
                 what = override if "=" in override else f"{override}: {key}"
                 raise ConfigError(

@@ -6,13 +6,13 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from auvid_cli.config.assemble import Change
 from auvid_cli.config.campaign import CampaignAxis, Distribution
 from auvid_cli.config.position import KeyPath, Mistake, mistakes_text
 from auvid_cli.config.tree import Tree
 from auvid_cli.errors import ConfigError
 
 Label: TypeAlias = str | float | int | bool
-Change: TypeAlias = tuple[KeyPath, Tree]
 
 
 class Option(NamedTuple):

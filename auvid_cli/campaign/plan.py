@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from auvid_cli import __version__
-from auvid_cli.campaign.axes import Change, Label, Option, axis_options, changes_in
+from auvid_cli.campaign.axes import Label, Option, axis_options, changes_in
 from auvid_cli.campaign.measures import Measure
-from auvid_cli.config.assemble import assemble, with_changes
+from auvid_cli.config.assemble import Change, assemble, with_changes
 from auvid_cli.config.campaign import Campaign, FilterVariant
 from auvid_cli.config.experiment import Experiment
 from auvid_cli.config.load import find_experiment, given_settings, open_source, validated

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from auvid_cli.cli.browser import open_page
 from auvid_cli.cli.exit_codes import DONE, VERDICT_FAILED
 from auvid_cli.cli.terminal import Terminal
-from auvid_cli.config.augmented_states import BiasName
 from auvid_cli.config.experiment import Experiment
+from auvid_cli.config.extra_states import BiasName
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.plausibility import doubts
 from auvid_cli.config.vehicle import VehicleSettings

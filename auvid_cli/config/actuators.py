@@ -10,7 +10,7 @@ from auvid_cli.vehicle.actuators import Actuator, Actuators
 
 
 class _Follows(Settings):
-    """What fins and the propeller have in common; what is not given is not there."""
+    """Settings that fins and propeller share; a setting that is not given has no effect."""
 
     # Of commands, in SI.
     command_unit: ClassVar[str]
@@ -100,7 +100,7 @@ class PropellerActuator(_Follows):
 
 
 class ActuatorSettings(Settings):
-    """What lies between the inputs as they are recorded, commands, and the fins and thrust that act."""
+    """Actuators between the recorded inputs (commands) and the fin angles and thrust that act."""
 
     fins: FinActuator = FinActuator()
     propeller: PropellerActuator = PropellerActuator()

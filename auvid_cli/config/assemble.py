@@ -2,22 +2,84 @@
 
 import os
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 
 from auvid_cli.config.position import OVERRIDE, ConfigSource, KeyPath, Mistake, Position, dotted
 from auvid_cli.config.shipped import shipped_files, shipped_part
-from auvid_cli.config.tree import DEEPEST, Tree, read_tree
+from auvid_cli.config.tree import MAX_DEPTH, Tree, read_tree
 from auvid_cli.printable import shortened
 from auvid_cli.regular import read_bytes
 
-# Which may name a file, and of what kind such files ship.
+# Sections that may name a file, with the kind of such files that ship.
 SECTIONS = {"vehicle": "vehicles", "sensors": "sensors", "manoeuvre": "manoeuvres"}
 SUFFIXES = (".yaml", ".yml")
-# Which lists names, and where values of these stand.
-_NAMES, _VALUES = ("identification", "coefficients"), ("vehicle", "coefficients")
-MOST_BYTES = 1_000_000
+_DATA_FILES = (("manoeuvre", "file"), ("identification", "prior", "from_estimate"))
+_LIST_OF_NAMES = ("identification", "coefficients")
+MAX_BYTES = 1_000_000  # size of a settings file
+
+Change = tuple[KeyPath, Tree]
+"""Value for the settings, with the path where it goes."""
+
+
+@dataclass(frozen=True)
+class Override:
+    """Change of settings: `KEY.KEY=VALUE`, or all values of a YAML file.
+
+    Attributes
+    ----------
+    text : str
+        As the user wrote it.
+    changes : tuple of Change
+    mistakes : tuple of Mistake
+        Errors of the text itself; then there are no changes, or only those that could be read.
+    """
+
+    text: str
+    changes: tuple[Change, ...] = ()
+    mistakes: tuple[Mistake, ...] = ()
+
+    @classmethod
+    def parse(cls, text: str) -> "Override":
+        """Read an override, whose values are YAML."""
+        at = Position(ConfigSource(f"{OVERRIDE}{shortened(text, 200)}", Path()))
+        try:
+            if "=" in text or not text.endswith(SUFFIXES):
+                return cls(text, (_key_and_value(text, at),))
+            tree, mistakes = read_tree(read_source(Path(text)))
+            if not mistakes and not isinstance(tree.content, dict):
+                raise ValueError("expected settings, key: value")
+            return cls(text, tuple(_values(tree)), mistakes)
+        except ValueError as error:
+            return cls(text, (), (Mistake(at, (), str(error)),))
+
+    @property
+    def keys(self) -> list[str]:
+        """Return the keys that it changes, with dots."""
+        return [dotted(path) for path, _ in self.changes]
+
+
+def _key_and_value(text: str, at: Position) -> Change:
+    key, equals, value = text.partition("=")
+    path = tuple(part.strip() for part in key.split("."))
+    if not equals or not all(path):
+        raise ValueError("expected key.key=value, for example sensors.dvl.rate=7 Hz")
+    if len(path) > MAX_DEPTH:
+        raise ValueError(f"has {len(path)} keys, one within the other, where there may be {MAX_DEPTH}")
+    tree, mistakes = read_tree(replace(at.source, text=value))
+    if mistakes:
+        raise ValueError(mistakes[0].message)
+    return path, tree.placed_at(at)
+
+
+def _values(tree: Tree, path: KeyPath = ()) -> Iterator[Change]:
+    """Yield all values that are not mappings."""
+    if isinstance(tree.content, dict):
+        for key, child in tree.content.items():
+            yield from _values(child, (*path, key))
+    elif path:
+        yield path, tree
 
 
 def read_source(path: Path, name: str | None = None) -> ConfigSource:
@@ -26,55 +88,48 @@ def read_source(path: Path, name: str | None = None) -> ConfigSource:
     Raises
     ------
     ValueError
-        If it cannot be read; the message says why, without the path.
+        If it cannot be read; the message gives the reason without the path.
     """
-    text = read_bytes(path, MOST_BYTES).decode("utf-8-sig", errors="surrogateescape")
+    text = read_bytes(path, MAX_BYTES).decode("utf-8-sig", errors="surrogateescape")
     return ConfigSource(name or str(path), path.parent, text, path)
 
 
 def assemble(source: ConfigSource, overrides: Iterable[str] = ()) -> tuple[Tree, list[Mistake]]:
-    """Read an experiment, splice in the files that it names, and apply overrides in turn.
+    """Read an experiment, insert the files that it names, and apply overrides in turn.
 
     Parameters
     ----------
     source : ConfigSource
         The experiment file.
     overrides : iterable of str
-        ``key.key=value``, where the value is YAML; or a YAML file with settings.
+        As for `Override`.
 
     Returns
     -------
     Tree
         Settings that are plain values throughout.
     list of Mistake
-        What could not be read or set. A file that cannot be read leaves an empty mapping behind.
+        Errors of reading and setting. A file that cannot be read leaves an empty mapping.
     """
-    tree, wrong = read_tree(source)
-    mistakes = [*wrong]
+    tree, mistakes = read_tree(source)
     if not isinstance(tree.content, dict):
-        return tree, mistakes
-    changes: list[tuple[KeyPath, Tree]] = []
-    for override in overrides:
-        try:
-            new, wrong = read_changes(override)
-        except ValueError as error:
-            new, wrong = [], [Mistake(_place(override), (), str(error))]
-        changes, mistakes = changes + new, mistakes + wrong
-    tree, wrong = with_changes(tree, changes, source.folder)
-    return tree, mistakes + wrong
+        return tree, [*mistakes]
+    parsed = [Override.parse(text) for text in overrides]
+    tree, wrong = with_changes(tree, [change for override in parsed for change in override.changes], source.folder)
+    return tree, [*mistakes, *(mistake for override in parsed for mistake in override.mistakes), *wrong]
 
 
-def with_changes(tree: Tree, changes: Iterable[tuple[KeyPath, Tree]], folder: Path) -> tuple[Tree, list[Mistake]]:
-    """Put values into the settings of an experiment, in turn, and splice in the files that are then named.
+def with_changes(tree: Tree, changes: Iterable[Change], folder: Path) -> tuple[Tree, list[Mistake]]:
+    """Put values into the settings of an experiment, in turn, and insert the files that are then named.
 
     Parameters
     ----------
     tree : Tree
         A mapping.
-    changes : iterable of (KeyPath, Tree)
-        Where each value goes; a file that it names is relative to the source that it is written in.
+    changes : iterable of Change
+        A file that a value names is relative to the source of the value.
     folder : pathlib.Path
-        Where else such files may lie.
+        Second folder in which such files are searched.
 
     Returns
     -------
@@ -85,94 +140,23 @@ def with_changes(tree: Tree, changes: Iterable[tuple[KeyPath, Tree]], folder: Pa
     for path, new in changes:
         try:
             if len(path) > 1:
-                tree = _splice(tree, str(path[0]), folder, mistakes)
+                tree = _with_file(tree, str(path[0]), folder, mistakes)
             tree = tree.put(path, new)
         except ValueError as error:
-            mistakes.append(Mistake(new.at, path, f"{error}{_elsewhere(path)}"))
+            hint = ""
+            if path[:-1] == _LIST_OF_NAMES and not str(path[-1]).isdecimal():
+                hint = "; it is 'all', or a list of those to estimate: a value stands in vehicle.coefficients."
+                hint += str(path[-1])
+            mistakes.append(Mistake(new.at, path, f"{error}{hint}"))
     for section in SECTIONS:
-        tree = _splice(tree, section, folder, mistakes)
-    for place in (("manoeuvre", "file"), ("identification", "prior", "from_estimate")):
-        tree = _absolute_data_file(tree, place)
+        tree = _with_file(tree, section, folder, mistakes)
+    for place in _DATA_FILES:
+        tree = _with_absolute_path(tree, place)
     return tree, mistakes
 
 
-def _elsewhere(path: KeyPath) -> str:
-    """Say where a value belongs that was to be put among names."""
-    if path[:-1] != _NAMES or str(path[-1]).isdecimal():
-        return ""
-    return f"; it is 'all', or a list of those to estimate: a value stands in {dotted((*_VALUES, path[-1]))}"
-
-
-def read_changes(override: str) -> tuple[list[tuple[KeyPath, Tree]], list[Mistake]]:
-    """Read an override: a value and where it goes, or those of a settings file.
-
-    Raises
-    ------
-    ValueError
-        If it is neither, or the file cannot be read.
-    """
-    if "=" in override or not override.endswith(SUFFIXES):
-        return [parse_override(override)], []
-    tree, mistakes = read_tree(read_source(Path(override)))
-    if not mistakes and not isinstance(tree.content, dict):
-        raise ValueError("expected settings, key: value")
-    return [*_values(tree)], [*mistakes]
-
-
-def changed_keys(override: str) -> list[str]:
-    """Return the settings that an override changes, with dots; none if it cannot be read, which `assemble` says."""
-    try:
-        changes, _ = read_changes(override)
-    except ValueError:
-        return []
-    return [".".join(map(str, path)) for path, _ in changes]
-
-
-def _values(tree: Tree, path: KeyPath = ()) -> Iterator[tuple[KeyPath, Tree]]:
-    """Yield what is no mapping itself, and where it stands."""
-    if isinstance(tree.content, dict):
-        for key, child in tree.content.items():
-            yield from _values(child, (*path, key))
-    elif path:
-        yield path, tree
-
-
-def parse_override(override: str) -> tuple[KeyPath, Tree]:
-    """Split ``key.key=value`` into a path and what goes there.
-
-    Raises
-    ------
-    ValueError
-        If it is no such thing, or the value no YAML.
-    """
-    at = _place(override)
-    key, equals, value = override.partition("=")
-    path = tuple(part.strip() for part in key.split("."))
-    if not equals or not all(path):
-        raise ValueError("expected key.key=value, for example sensors.dvl.rate=7 Hz")
-    if len(path) > DEEPEST:
-        raise ValueError(f"has {len(path)} keys, one within the other, where there may be {DEEPEST}")
-    tree, mistakes = read_tree(ConfigSource(at.file, at.source.folder, value))
-    if mistakes:
-        raise ValueError(mistakes[0].message)
-    return path, _all_at(tree, at)
-
-
-def _place(override: str) -> Position:
-    return Position(ConfigSource(f"{OVERRIDE}{shortened(override, 200)}", Path()))
-
-
-def _all_at(tree: Tree, at: Position) -> Tree:
-    content = tree.content
-    if isinstance(content, dict):
-        content = {key: _all_at(child, at) for key, child in content.items()}
-    elif isinstance(content, list):
-        content = [_all_at(child, at) for child in content]
-    return Tree(content, at, at)
-
-
-def _splice(tree: Tree, section: str, folder: Path, mistakes: list[Mistake]) -> Tree:
-    """Replace a section that is the path of a file by what the file holds."""
+def _with_file(tree: Tree, section: str, folder: Path, mistakes: list[Mistake]) -> Tree:
+    """Replace a section that is the path of a file by the content of the file."""
     named = tree.child(section)
     if named is None or not isinstance(named.content, str) or not named.content.endswith(SUFFIXES):
         return tree
@@ -181,26 +165,21 @@ def _splice(tree: Tree, section: str, folder: Path, mistakes: list[Mistake]) -> 
     path = own or shipped_part(named.content) or candidates[0]
     name = os.path.normpath(path)
     try:
-        content, mistakes_within = read_tree(read_source(path, name))
+        content, wrong = read_tree(read_source(path, name))
     except ValueError as error:
-        content, mistakes_within = (
-            replace(named, content={}, readable=False),
-            (Mistake(named.at, (), f"{name}: {error}{_meant(section, named.content) if not path.exists() else ''}"),),
-        )
-    mistakes += (mistake.under((section,)) for mistake in mistakes_within)
+        near = get_close_matches(named.content, [file.name for file in shipped_files(SECTIONS[section])], n=1)
+        hint = f"; did you mean {near[0]!r}, which ships with auvid?" if near and not path.exists() else ""
+        content = replace(named, content={}, readable=False)
+        wrong = (Mistake(named.at, (), f"{name}: {error}{hint}"),)
+    mistakes += (mistake.under((section,)) for mistake in wrong)
     return tree.put((section,), content)
 
 
-def _meant(section: str, name: str) -> str:
-    """Name the part that ships with auvid and was perhaps meant."""
-    near = get_close_matches(name, [file.name for file in shipped_files(SECTIONS[section])], n=1)
-    return f"; did you mean {near[0]!r}, which ships with auvid?" if near else ""
-
-
-def _absolute_data_file(tree: Tree, path: KeyPath) -> Tree:
-    """Make the path of a data file absolute: it is relative to the source that it is written in."""
-    *_, last = nodes = list(tree.descend(path))
+def _with_absolute_path(tree: Tree, path: KeyPath) -> Tree:
+    """Make the path of a data file absolute: it is relative to the source of the value."""
+    nodes = list(tree.descend(path))
+    last = nodes[-1]
     if len(nodes) <= len(path) or not isinstance(last.content, str) or not last.content:
         return tree
-    absolute = str((last.at.source.folder / last.content).absolute())
-    return tree.put(path, replace(last, content=os.path.normpath(absolute)))
+    absolute = os.path.normpath((last.at.source.folder / last.content).absolute())
+    return tree.put(path, replace(last, content=absolute))

@@ -7,10 +7,10 @@ from typing import Annotated, Any, TypeAlias
 
 from pydantic import Field, field_validator, model_validator
 
-from auvid_cli.config.assemble import assemble, parse_override
+from auvid_cli.config.assemble import Override, assemble
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.config.load import as_yaml, open_source, validated
-from auvid_cli.config.position import Mistake
+from auvid_cli.config.position import Mistake, dotted
 from auvid_cli.config.settings import Settings
 from auvid_cli.config.tree import Tree
 
@@ -21,7 +21,7 @@ _NAME = r"^[A-Za-z][A-Za-z0-9_.-]*$"
 
 
 class Distribution(Settings):
-    """Distribution from which a setting is drawn, for each seed anew and for all filters alike."""
+    """Distribution from which a setting is drawn, once for each seed, the same for all filters."""
 
     uniform: Annotated[tuple[_Finite, _Finite] | None, Field(description="[lowest, highest]")] = None
     log_uniform: Annotated[tuple[_Finite, _Finite] | None, Field(description="[lowest, highest], both above 0")] = None
@@ -59,7 +59,11 @@ class CampaignAxis(Settings):
         Field(min_length=1, description="by label, the settings of each level by their dotted keys"),
     ] = None
     known: Annotated[
-        bool, Field(strict=True, description="whether the filters are told; else they keep what the experiment states")
+        bool,
+        Field(
+            strict=True,
+            description="whether filters use the value, too; otherwise they use the value of the experiment",
+        ),
     ] = True
 
     @model_validator(mode="after")
@@ -103,7 +107,7 @@ class FilterVariant(Settings):
     name: Annotated[str, Field(pattern=_NAME, description="in the results; default: the filter")]
     settings: Annotated[
         dict[str, AnyValue],
-        Field(description="by dotted key, below identification or vehicle: what the filter is told"),
+        Field(description="settings of the filter by dotted key, below identification or vehicle"),
     ] = Field(default_factory=dict)
 
     @model_validator(mode="before")
@@ -196,20 +200,21 @@ def load_campaign(path: Path, overrides: Sequence[str] = ()) -> tuple[Campaign, 
     -------
     Campaign
     Tree
-        The same as it is written, which knows the place of each value.
+        The settings with the position of each value.
 
     Raises
     ------
     ConfigError
         With every mistake at once, each at its file, line and column.
     """
-    # Keys of the experiment have dots of their own: `settings.manoeuvre.duration=60 s` sets one of them.
-    of_settings = [override for override in overrides if override.startswith("settings.")]
-    tree, mistakes = assemble(open_source(path), [override for override in overrides if override not in of_settings])
-    for override in of_settings:
-        try:
-            (section, *key), value = parse_override(override)
-            tree = tree.put((section, ".".join(map(str, key))), value)
-        except ValueError as error:
-            mistakes.append(Mistake(tree.at, (), f"--set {override}: {error}"))
+    tree, mistakes = assemble(open_source(path))
+    for override in map(Override.parse, overrides):
+        mistakes += override.mistakes
+        for key, value in override.changes:
+            # Keys of the experiment have dots of their own: `settings.manoeuvre.duration=60 s` sets one of them.
+            place = (key[0], dotted(key[1:])) if key[0] == "settings" and len(key) > 1 else key
+            try:
+                tree = tree.put(place, value)
+            except ValueError as error:
+                mistakes.append(Mistake(value.at, key, str(error)))
     return validated(Campaign, tree, mistakes), tree

@@ -1,4 +1,4 @@
-"""What pushes a simulated vehicle and no model explains: waves, turbulence, missing physics."""
+"""Random force and moment on a simulated vehicle that no model explains: waves, turbulence, missing physics."""
 
 from typing import Annotated
 
@@ -26,7 +26,7 @@ class DisturbingMoment(Settings):
 
 
 class Disturbance(Settings):
-    """Force and moment beside those of the model, drawn per seed and held while inputs are."""
+    """Force and moment in addition to those of the model, drawn per seed and constant between inputs."""
 
     force: DisturbingForce = DisturbingForce()
     moment: DisturbingMoment = DisturbingMoment()

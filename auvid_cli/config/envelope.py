@@ -1,4 +1,4 @@
-"""What a designed run may not leave: room, attitude, speed, energy."""
+"""Limits of a designed run: room, attitude, speed, energy."""
 
 from typing import Annotated
 

@@ -64,7 +64,7 @@ class Recording(Settings):
 
 
 class RunSettings(Settings):
-    """What is known of a run that was made or recorded: the vehicle, and how to identify."""
+    """Settings of a simulated or recorded run: the vehicle, and how to identify it."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="folder under results/")]
     seed: Annotated[int, Field(ge=0, lt=2**63, strict=True, description="of every random stream")] = 1
@@ -78,7 +78,7 @@ class RunSettings(Settings):
 
     @property
     def has_ahrs(self) -> bool:
-        """Say whether the attitude is computed by an AHRS, as it is taken to be of a recorded run."""
+        """Whether an AHRS computes the attitude; assumed for a recorded run."""
         return True
 
     def data_files(self) -> list[Path]:
@@ -121,7 +121,7 @@ class Experiment(RunSettings):
 
     @property
     def has_ahrs(self) -> bool:
-        """Say whether an AHRS computes the attitude."""
+        """Whether an AHRS computes the attitude."""
         return self.sensors.has_ahrs
 
     def data_files(self) -> list[Path]:

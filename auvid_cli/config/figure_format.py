@@ -1,4 +1,4 @@
-"""What figures are written as, apart from what draws them so that a command line can name it at once."""
+"""File formats of figures, in a module of their own so that the command line starts fast."""
 
 from enum import StrEnum
 

@@ -1,4 +1,4 @@
-"""What auvid identifies with, apart from its settings so that a command line can name it at once."""
+"""Names of the estimators, in a module of their own so that the command line starts fast."""
 
 from enum import StrEnum
 from typing import assert_never
@@ -16,7 +16,7 @@ class FilterName(StrEnum):
 
     @property
     def in_one_batch(self) -> bool:
-        """Say whether it fits all data at once, instead of going from measurement to measurement."""
+        """Whether it fits all data at once, instead of one measurement after another."""
         match self:
             case FilterName.EKF | FilterName.CKF | FilterName.TUKF | FilterName.UKF:
                 return False
@@ -27,7 +27,7 @@ class FilterName(StrEnum):
 
     @property
     def description(self) -> str:
-        """Say in one line what it is."""
+        """Return a description of one line."""
         match self:
             case FilterName.EKF:
                 return "Extended Kalman filter: linearised along the motion; exact or first-order transition."
@@ -48,7 +48,7 @@ class FilterName(StrEnum):
 
     @property
     def is_free_run_fit(self) -> bool:
-        """Say whether it fits the motion left to itself: without process noise and, unless asked, without the prior."""
+        """Whether it fits the free motion: without process noise and, by default, without the prior."""
         match self:
             case FilterName.OUTPUT_ERROR:
                 return True

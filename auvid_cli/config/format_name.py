@@ -1,4 +1,4 @@
-"""What auvid exports to, apart from the writers so that a command line can name it at once."""
+"""Names of the export formats, in a module of their own so that the command line starts fast."""
 
 from enum import StrEnum
 
@@ -18,5 +18,5 @@ class FormatName(StrEnum):
 
     @property
     def is_of_a_run(self) -> bool:
-        """Say whether it holds what was estimated over time, instead of the model."""
+        """Whether it holds the estimates over time, instead of the model."""
         return self is FormatName.MCAP

@@ -9,12 +9,14 @@ from auvid_cli.config.settings import Settings
 from auvid_cli.vehicle.hull import Hull, MyringLengths, hull_of_radii, myring_hull, nose_cylinder_tail_hull
 from auvid_cli.vehicle.shape import Appendage, Geometry, TailFins
 
-# Beyond these the factors of spheroids, which are those of a sphere at 1, cannot be computed well.
-_LEAST_SLENDERNESS, _LARGEST_SLENDERNESS = 1.1, 1e3
-# Of a fin: span in diameters of the hull, area by its length times diameter. Beyond, somebody mistook a unit; those of
-# published vehicles are 0.4 to 0.6, and 0.015 to 0.04.
-_LEAST_SPAN, _LARGEST_SPAN = 0.02, 3.0
-_LEAST_AREA, _LARGEST_AREA = 5e-4, 0.3
+# The factors of spheroids are inaccurate outside these limits; those of 1 are those of a sphere.
+_LEAST_SLENDERNESS = 1.1  # length per diameter
+_LARGEST_SLENDERNESS = 1e3  # length per diameter
+# Fins outside these limits have a wrong unit; published vehicles have spans of 0.4 to 0.6 and areas of 0.015 to 0.04.
+_LEAST_SPAN = 0.02  # hull diameters
+_LARGEST_SPAN = 3.0  # hull diameters
+_LEAST_AREA = 5e-4  # hull length times diameter
+_LARGEST_AREA = 0.3  # hull length times diameter
 
 PositiveLength = Annotated[float, Amount("m"), Field(gt=0, le=1e3)]
 Distance = Annotated[float, Amount("m"), Field(ge=0, le=1e3)]

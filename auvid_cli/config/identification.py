@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
-from auvid_cli.config.augmented_states import AugmentedStates, BiasName, ErrorBlock
+from auvid_cli.config.extra_states import AugmentedStates, BiasName, ErrorBlock
 from auvid_cli.config.filter_name import JUDGE, FilterName
 from auvid_cli.config.filter_settings import EkfSettings, OutputErrorSettings, SmootherSettings, UkfSettings
 from auvid_cli.config.moving_states import InitialMotion, ProcessNoise
@@ -46,7 +46,7 @@ class InputSettings(Settings):
     ] = "hold"
 
 
-# The key of the delay of the inputs, beside those of sensors.
+# Key of the delay of the inputs, next to those of sensors.
 INPUTS_DELAY = "inputs"
 
 
@@ -91,7 +91,7 @@ class Identification(Settings):
         float, Unit("s"), Field(ge=1e-5, le=1e3, description="longest step of the filter's integration")
     ] = 0.02
     keep_every: Annotated[
-        int, Field(ge=1, strict=True, description="of the states, every so many is written; innovations all are")
+        int, Field(ge=1, strict=True, description="interval at which states are written; all innovations are written")
     ] = 1
     gate: Annotated[
         float | None,
@@ -114,17 +114,17 @@ class Identification(Settings):
 
     @property
     def unused_sensors(self) -> tuple[str, ...]:
-        """Name the sensors of motion that no estimator listens to, whether or not there are such."""
+        """Return the sensors of motion that no estimator uses, whether the vehicle has them or not."""
         return ("attitude",) if self.attitude_from == "inertial" else INERTIAL
 
     @property
     def seeks_delays(self) -> bool:
-        """Say whether delays are found before all else."""
+        """Whether delays are estimated first."""
         return BiasName.DELAY in self.estimate.biases
 
     @property
     def is_marginal(self) -> bool:
-        """Say whether the smoother's coefficients are the most probable whatever the trajectory was."""
+        """Whether the smoother maximises the posterior of the coefficients with the trajectory integrated out."""
         if self.smoother.answer == "automatic":
             return self.noise == "estimate" or BiasName.DISTURBANCE in self.estimate.biases
         return self.smoother.answer == "marginal"
@@ -158,7 +158,7 @@ class Identification(Settings):
     @model_validator(mode="after")
     def _biases_of_sensors_in_use(self) -> "Identification":
         for name in self.estimate.biases:
-            if any(block.sensor in self.unused_sensors for block in AugmentedStates(biases=(name,)).blocks()):
+            if any(block.sensor in self.unused_sensors for block in self.estimate.blocks_of(name)):
                 raise ValueError(
                     f"estimate.biases has {name}, which is not used with attitude_from: {self.attitude_from}; leave "
                     f"it out, or set attitude_from: {'ahrs' if self.attitude_from == 'inertial' else 'inertial'}"

@@ -1,4 +1,4 @@
-"""Experiments from files and back to text."""
+"""Settings from files and text, and back to text."""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ from auvid_cli.config.tree import Tree, read_tree
 from auvid_cli.config.vehicle import Drawing, VehicleSettings
 from auvid_cli.errors import ConfigError
 
-# Of a folder that is an experiment.
+# File of an experiment that is a folder.
 EXPERIMENT_FILE = "experiment.yaml"
 
 
@@ -30,7 +30,7 @@ def load_experiment(path: Path, overrides: Sequence[str] = ()) -> Experiment:
     path : pathlib.Path
         YAML file. Its sections may name further files, relative to its own folder.
     overrides : sequence of str
-        ``key.key=value`` each, applied in turn.
+        As for `Override`, applied in turn.
 
     Returns
     -------
@@ -40,26 +40,20 @@ def load_experiment(path: Path, overrides: Sequence[str] = ()) -> Experiment:
     Raises
     ------
     ConfigError
-        With every mistake at once, each at its file, line and column.
+        With all mistakes, each at its file, line and column.
     """
     return load_with_files(path, overrides)[0]
 
 
 def load_with_files(path: Path, overrides: Sequence[str] = ()) -> tuple[Experiment, list[Path]]:
-    """Load an experiment as `load_experiment` does, and list the files that it is read from and that it names."""
+    """Load an experiment as `load_experiment` does; also return the files that it is read from and that it names."""
     tree, mistakes = assemble(open_source(path), overrides)
     experiment = validated(Experiment, tree, mistakes)
     return experiment, [*tree.files(), *experiment.data_files()]
 
 
 def open_source(path: Path) -> ConfigSource:
-    """Read a settings file as text.
-
-    Raises
-    ------
-    ConfigError
-        If it cannot be read.
-    """
+    """Read a settings file as text; ConfigError if it cannot be read."""
     try:
         return read_source(path)
     except ValueError as error:
@@ -67,18 +61,7 @@ def open_source(path: Path) -> ConfigSource:
 
 
 def parse_run(text: str, name: str, overrides: Sequence[str] = ()) -> RunSettings:
-    """Validate the settings inside a data file: those of an experiment, or of a run that was recorded.
-
-    Parameters
-    ----------
-    text, name, overrides
-        As of `parse_experiment`.
-
-    Raises
-    ------
-    ConfigError
-        With every mistake at once.
-    """
+    """Validate settings from a data file: those of an experiment or of a recorded run; as `parse_experiment`."""
     tree, mistakes = assemble(ConfigSource(name, Path(), text), overrides)
     is_recorded = isinstance(tree.data, dict) and "recording" in tree.data
     return validated(ImportedRun if is_recorded else Experiment, tree, mistakes)
@@ -92,76 +75,54 @@ def parse_experiment(text: str, name: str, overrides: Sequence[str] = ()) -> Exp
     text : str
         YAML, as from `dump_experiment`. Relative paths in it refer to the current folder.
     name : str
-        What to call it in messages.
+        Name of the source in messages.
     overrides : sequence of str
-        ``key.key=value`` each, applied in turn.
+        As for `Override`, applied in turn.
 
     Raises
     ------
     ConfigError
-        With every mistake at once.
+        With all mistakes.
     """
     return validated(Experiment, *assemble(ConfigSource(name, Path(), text), overrides))
 
 
 def parse_drawing(drawing: Mapping[str, Any]) -> Drawing:
-    """Validate what a drawing says, as plain values with units.
-
-    Raises
-    ------
-    ConfigError
-        With every mistake at once.
-    """
-    text = yaml.safe_dump(_plain(drawing), sort_keys=False)
-    tree, mistakes = read_tree(ConfigSource("geometry", Path(), text))
-    return validated(Drawing, tree, [*mistakes])
+    """Validate a drawing given as plain values with units; ConfigError with all mistakes."""
+    return _parse_part(Drawing, yaml.safe_dump(_plain(drawing), sort_keys=False), "geometry")
 
 
 def parse_vehicle(text: str, name: str) -> VehicleSettings:
-    """Validate a vehicle file that is kept as text.
-
-    Parameters
-    ----------
-    text : str
-        YAML.
-    name : str
-        What to call it in messages.
-
-    Raises
-    ------
-    ConfigError
-        With every mistake at once.
-    """
-    tree, mistakes = read_tree(ConfigSource(name, Path(), text))
-    return validated(VehicleSettings, tree, [*mistakes])
+    """Validate the YAML text of a vehicle file, called `name` in messages; ConfigError with all mistakes."""
+    return _parse_part(VehicleSettings, text, name)
 
 
 def _plain(value: Any) -> Any:
-    """Turn mappings and sequences of any kind into those that YAML knows."""
+    """Turn mappings and sequences of any kind into dicts and lists, which YAML knows."""
     if isinstance(value, Mapping):
         return {str(key): _plain(inner) for key, inner in value.items()}
     return [_plain(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def dump_experiment(experiment: RunSettings) -> str:
-    """Write resolved settings as YAML in SI numbers, which `parse_run` reads back to an equal object."""
+    """Return resolved settings as YAML in SI numbers, which `parse_run` reads back to an equal object."""
     return as_yaml(given_settings(experiment))
 
 
 def as_yaml(settings: dict[str, Any]) -> str:
-    """Write plain values as YAML in the order in which they come."""
-    # Where PyYAML was built without libyaml its own dumper writes the same, only more slowly.
+    """Return plain values as YAML in their order."""
+    # Without libyaml PyYAML's own dumper writes the same, only more slowly.
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     return yaml.dump(settings, Dumper=dumper, sort_keys=False, width=100, default_flow_style=None)
 
 
 def given_settings(experiment: RunSettings) -> dict[str, Any]:
-    """Return resolved settings as plain values in SI, without those that are not given."""
+    """Return resolved settings as plain values in SI, without None and empty lists and mappings."""
     return _given(experiment.model_dump(mode="json", by_alias=True))
 
 
 def find_campaign(name: str) -> Path:
-    """Find a campaign file, as `find_experiment` finds that of an experiment."""
+    """Find a campaign file by path or by the name of a shipped one."""
     return _file_or_shipped(name, shipped_configs() / "campaigns", "a campaign")
 
 
@@ -171,13 +132,12 @@ def find_experiment(name: str | None) -> Path:
     Parameters
     ----------
     name : str or None
-        A path, a folder with an ``experiment.yaml``, the name of a shipped experiment such as ``spiral``, or None for
-        that one.
+        Path, folder with an ``experiment.yaml``, or name of a shipped experiment such as ``spiral``, the default.
 
     Raises
     ------
     ConfigError
-        If it is none of these; the message lists the shipped experiments, or says that the folder has none.
+        If it is none of these; the message lists the shipped experiments.
     """
     folder = shipped_configs()
     if name is None:
@@ -208,8 +168,13 @@ def _file_or_shipped(name: str, folder: Path, what: str) -> Path:
 AnySettings = TypeVar("AnySettings", bound=Settings)
 
 
+def _parse_part(model: type[AnySettings], text: str, name: str) -> AnySettings:
+    tree, mistakes = read_tree(ConfigSource(name, Path(), text))
+    return validated(model, tree, [*mistakes])
+
+
 def validated(model: type[AnySettings], tree: Tree, mistakes: list[Mistake]) -> AnySettings:
-    """Make settings of a class from a tree, or raise ConfigError with earlier mistakes and those in the tree."""
+    """Return settings of a class from a tree; ConfigError with all earlier mistakes and those in the tree."""
     try:
         settings = model.model_validate(tree.data)
     except ValidationError as error:
@@ -222,7 +187,6 @@ def validated(model: type[AnySettings], tree: Tree, mistakes: list[Mistake]) -> 
 
 
 def _given(settings: Any) -> Any:
-    """Leave out what is not given: None and empty lists and mappings, at any depth."""
     if not isinstance(settings, dict):
         return settings
     inner = {key: _given(value) for key, value in settings.items()}

@@ -1,10 +1,9 @@
-"""Validation errors of pydantic to mistakes in plain words, at their place in the files."""
+"""Validation errors of pydantic as plain messages at their place in the files."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
 from types import UnionType
-from typing import Annotated, Any, Union, get_args, get_origin
+from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
@@ -24,6 +23,7 @@ LIMITS = {
     "string_pattern_mismatch": "must match {pattern}",
     "too_short": "expected at least {min_length} of them",
 }
+# By the first word of the type of an error of pydantic.
 _KINDS = {
     "string": "text",
     "int": "a whole number",
@@ -36,9 +36,8 @@ _KINDS = {
 }
 
 
-@dataclass(frozen=True)
-class _Place:
-    """What the location of an error means: a path of the settings, and what is expected there."""
+class _Place(NamedTuple):
+    """Location of an error: path in the settings, settings class and field around it, expected type."""
 
     path: KeyPath
     holder: type[BaseModel] | None
@@ -46,9 +45,22 @@ class _Place:
     annotation: Any
     in_union: bool
 
+    @property
+    def models(self) -> list[type[BaseModel]]:
+        """Return the settings classes that are expected."""
+        return _models(self.annotation)
+
+    @property
+    def tags(self) -> dict[str, type[BaseModel]]:
+        """Return the classes of a discriminated union by their tag; empty for another type."""
+        if self.field is None or not isinstance(self.field.discriminator, str) or len(self.models) < 2:
+            return {}
+        name = self.field.discriminator
+        return {tag: model for model in self.models for tag in get_args(model.model_fields[name].annotation)}
+
 
 def locate(error: ValidationError, model: type[BaseModel], tree: Tree) -> list[Mistake]:
-    """Say each error of a validation in plain words and point at its place.
+    """Return each error of a validation in plain words, at its place.
 
     Parameters
     ----------
@@ -69,44 +81,36 @@ def locate(error: ValidationError, model: type[BaseModel], tree: Tree) -> list[M
     paths = [place.path for place in places if place.in_union]
     mistakes: dict[tuple[KeyPath, str], Mistake] = {}
     for detail, place in zip(details, places, strict=True):
-        if place.in_union and any(len(path) > len(place.path) and _within(path, place.path) for path in paths):
+        n = len(place.path)
+        if place.in_union and any(len(path) > n and path[:n] == place.path for path in paths):
             continue  # another branch of the union fits better: it failed further down
         mistake = _mistake(detail, place, tree)
         mistakes.setdefault((mistake.path, mistake.message), mistake)
     return list(mistakes.values())
 
 
-def _within(path: KeyPath, outer: KeyPath) -> bool:
-    return path[: len(outer)] == outer
-
-
 def _follow(model: type[BaseModel], location: Iterable[str | int]) -> _Place:
-    """Walk the settings classes along an error's location, past labels of unions, which are no keys."""
-    annotation: Any = model
+    """Walk the settings classes along an error's location, past labels of unions, which are not keys."""
     place = _Place((), None, None, model, False)
     for part in location:
-        if isinstance(part, int) and get_origin(annotation) in (tuple, list):
-            annotation = get_args(annotation)[0]
-            place = _Place((*place.path, part), None, place.field, annotation, place.in_union)
-            continue
-        models = _models(annotation)
-        tagged = _by_tag(place.field, models)
-        if tagged:
-            annotation = tagged.get(str(part))
-            place = _Place(place.path, place.holder, place.field, annotation, False)
-            continue
-        if not models and isinstance(part, str) and get_origin(annotation) in (Union, UnionType):
-            place = _Place(place.path, place.holder, place.field, annotation, True)
-            continue
-        holder = models[0] if models else None
-        field = _fields(holder).get(str(part)) if holder else None
-        annotation = field.annotation if field else None
-        place = _Place((*place.path, part), holder, field, annotation, place.in_union)
+        origin, models = get_origin(place.annotation), place.models
+        if isinstance(part, int) and origin in (tuple, list):
+            inner = get_args(place.annotation)[0]
+            place = place._replace(path=(*place.path, part), holder=None, annotation=inner)
+        elif place.tags:
+            place = place._replace(annotation=place.tags.get(str(part)), in_union=False)
+        elif not models and isinstance(part, str) and origin in (Union, UnionType):
+            place = place._replace(in_union=True)
+        else:
+            holder = models[0] if models else None
+            field = _fields(holder).get(str(part)) if holder else None
+            annotation = field.annotation if field else None
+            place = _Place((*place.path, part), holder, field, annotation, place.in_union)
     return place
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:
-    """List the settings classes that an annotation allows."""
+    """Return the settings classes that an annotation allows."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     if get_origin(annotation) in (Union, UnionType, Annotated):
@@ -114,41 +118,31 @@ def _models(annotation: Any) -> list[type[BaseModel]]:
     return []
 
 
-def _by_tag(field: FieldInfo | None, models: list[type[BaseModel]]) -> dict[str, type[BaseModel]]:
-    """Return the classes of a discriminated union by their tag; none of another type."""
-    if field is None or not isinstance(field.discriminator, str) or len(models) < 2:
-        return {}
-    name = field.discriminator
-    return {tag: model for model in models for tag in get_args(model.model_fields[name].annotation)}
-
-
 def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
     return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
 def _mistake(detail: ErrorDetails, place: _Place, tree: Tree) -> Mistake:
-    context = detail.get("ctx", {})
-    kind = detail["type"]
-    if kind == "missing":
-        return _at_mapping(tree, place.path[:-1], f"missing key {str(place.path[-1])!r}{_meaning(place.field)}")
-    if kind == "union_tag_not_found":
-        tags = _by_tag(place.field, _models(place.annotation))
-        return _at_mapping(tree, place.path, f"missing key {context['discriminator']}: one of {', '.join(tags)}")
-    if kind == "union_tag_invalid" and place.field:
-        tags = _by_tag(place.field, _models(place.annotation))
-        path = (*place.path, str(place.field.discriminator))
-        hint = _did_you_mean(str(context["tag"]), tuple(tags), "one of")
-        return at_value(tree, path, f"{str(context['tag'])!r} is not a {place.path[-1]}{hint}")
-    if kind == "extra_forbidden" and place.holder:
-        key = str(place.path[-1])
-        hint = _did_you_mean(key, tuple(_fields(place.holder)), "known keys:")
-        *_, holder, node = tree.descend(place.path)
-        changed = _changed_kind(holder) if node.at.source == holder.at.source else None
-        return Mistake(changed or node.key_at or node.at, place.path, f"unknown key {key!r}{hint}")
-    if kind == "value_error":
-        return at_value(tree, place.path, str(context["error"]))
-    *_, node = tree.descend(place.path)
-    return at_value(tree, place.path, f"{_expectation(detail, place)}, got {describe(node.data)}")
+    context, path = detail.get("ctx", {}), place.path
+    match detail["type"]:
+        case "missing":
+            return _at_mapping(tree, path[:-1], f"missing key {str(path[-1])!r}{_meaning(place.field)}")
+        case "union_tag_not_found":
+            return _at_mapping(tree, path, f"missing key {context['discriminator']}: one of {', '.join(place.tags)}")
+        case "union_tag_invalid" if place.field:
+            tag = str(context["tag"])
+            hint = _did_you_mean(tag, tuple(place.tags), "one of")
+            return at_value(tree, (*path, str(place.field.discriminator)), f"{tag!r} is not a {path[-1]}{hint}")
+        case "extra_forbidden" if place.holder:
+            key = str(path[-1])
+            *_, mapping, node = tree.descend(path)
+            changed = _changed_kind(mapping) if node.at.source == mapping.at.source else None
+            hint = _did_you_mean(key, tuple(_fields(place.holder)), "known keys:")
+            return Mistake(changed or node.key_at or node.at, path, f"unknown key {key!r}{hint}")
+        case "value_error":
+            return at_value(tree, path, str(context["error"]))
+    *_, node = tree.descend(path)
+    return at_value(tree, path, f"{_expectation(detail, place)}, got {describe(node.data)}")
 
 
 def _at_mapping(tree: Tree, path: KeyPath, message: str) -> Mistake:
@@ -157,13 +151,13 @@ def _at_mapping(tree: Tree, path: KeyPath, message: str) -> Mistake:
 
 
 def _changed_kind(mapping: Tree) -> Position | None:
-    """Return where another source made a mapping one of another kind, which has other keys; None if none did."""
+    """Return the position of a `type` from another source, which requires other keys; None if there is none."""
     kind = mapping.child("type")
     return None if kind is None or kind.at.source == mapping.at.source else kind.at
 
 
 def at_value(tree: Tree, path: KeyPath, message: str) -> Mistake:
-    """Point at the value, or at the nearest one around it where shorthand leaves the path out."""
+    """Return a mistake at a value, or at the nearest one around it where shorthand leaves the path out."""
     nodes = list(tree.descend(path))
     node = nodes[-1]
     at = node.heading if isinstance(node.content, dict) else node.at
@@ -177,37 +171,28 @@ def _expectation(detail: ErrorDetails, place: _Place) -> str:
     if kind in LIMITS:
         unit = _unit(place.field) if any(isinstance(limit, int | float) and limit for limit in context.values()) else ""
         return f"{LIMITS[kind].format(**context)} {unit}".strip()
-    models = _models(place.annotation)
-    if models and kind in ("model_type", "model_attributes_type", "dict_type"):
-        return f"expected {_mapping_like(models[0]) if len(models) == 1 else 'a mapping'}"
+    if place.models and kind in ("model_type", "model_attributes_type", "dict_type"):
+        return f"expected {_mapping_like(place.models[0]) if len(place.models) == 1 else 'a mapping'}"
     stem = kind.split("_")[0]
     return f"expected {_KINDS[stem]}" if stem in _KINDS else detail["msg"][:1].lower() + detail["msg"][1:]
 
 
 def _meaning(field: FieldInfo | None) -> str:
-    """Say what a key is for and what it looks like, as far as its field says so."""
+    """Return the meaning and an example of a key, as far as its field has them."""
     if field is None:
         return ""
-    unit = _unit(field)
     models = _models(field.annotation)
-    description = f" ({field.description})" if field.description else ""
-    if unit:
-        return f"{description}: {expected(unit)}"
-    if len(models) == 1:
-        return f"{description}: {_mapping_like(models[0])}"
-    return description
+    example = expected(unit) if (unit := _unit(field)) else _mapping_like(models[0]) if len(models) == 1 else ""
+    return (f" ({field.description})" if field.description else "") + (f": {example}" if example else "")
 
 
 def _unit(field: FieldInfo | None) -> str:
-    """Return the SI unit of a field; empty if it has none."""
-    return next((item.unit for item in _metadata(field) if isinstance(item, Unit)), "") if field is not None else ""
-
-
-def _metadata(field: FieldInfo) -> Sequence[Any]:
-    """Return the metadata of a field, or of the ``value`` of the entry that it holds."""
+    """Return the SI unit of a field, or of the `value` of the entry that it holds; empty if it has none."""
+    if field is None:
+        return ""
     models = _models(field.annotation)
-    value = models[0].model_fields.get("value") if models else None
-    return value.metadata if value else field.metadata
+    field = models[0].model_fields.get("value", field) if models else field
+    return next((item.unit for item in field.metadata if isinstance(item, Unit)), "")
 
 
 def _mapping_like(model: type[BaseModel]) -> str:

@@ -167,7 +167,7 @@ class LogRows(Settings):
 
 
 class PlacedSignal(LogSignal, LogRows):
-    """A signal that may stand elsewhere than what it belongs to, at times of its own."""
+    """Signal that may be in another table, with its own times."""
 
 
 class Angle(PlacedSignal):

@@ -31,7 +31,7 @@ class LogFile(Settings):
     header_row: Annotated[int | None, Field(ge=1, strict=True, description="line of the names, from 1")] = None
     names: Annotated[tuple[str, ...], Field(description="of the columns, where the file has none")] = ()
     decimal: Annotated[str | None, Field(pattern=r"^[.,]$", description="decimal point")] = None
-    missing: Annotated[tuple[str, ...], Field(description="what stands for a missing number")] = ()
+    missing: Annotated[tuple[str, ...], Field(description="value that means a missing number")] = ()
 
     @model_validator(mode="before")
     @classmethod
@@ -67,7 +67,7 @@ class LogMap(Settings):
         Parameters
         ----------
         folder : pathlib.Path
-            What the map's own paths are relative to.
+            Folder of relative paths in the map.
         given : sequence of str
             ``name=FILE``, or files in the order of `logs`, instead of those that the map names.
 
@@ -108,7 +108,7 @@ def load_map(path: Path) -> tuple[LogMap, Tree]:
     -------
     LogMap
     Tree
-        The settings as they were read: where each is written, for what the logs will say to them.
+        The settings with the position of each, for messages about the logs.
 
     Raises
     ------

@@ -92,7 +92,7 @@ else:
 
 
 class SensorMap(LogRows):
-    """What every sensor has."""
+    """Settings of every sensor."""
 
     sensor: ClassVar[str]
     if TYPE_CHECKING:
@@ -154,7 +154,7 @@ class AccelerometerMap(InBody):
     sensor = "accelerometer"
     columns: SpecificForces
     position: Annotated[
-        Lever, Field(description="[forward, starboard, down] from the vehicle's origin, which estimators are told")
+        Lever, Field(description="[forward, starboard, down] from the vehicle's origin; estimators use it")
     ] = (0.0, 0.0, 0.0)
 
 

@@ -18,7 +18,7 @@ PositiveRadians = Annotated[float, Amount("rad"), Field(gt=0)]
 
 
 class Limits(Settings):
-    """What the autopilot commands at most; what fins and thrust then do of it, a vehicle's `actuators` say."""
+    """Largest commands of the autopilot; a vehicle's `actuators` state how fins and thrust follow."""
 
     fin_angle: Annotated[PositiveRadians, Field(lt=1.6, description="largest fin angle")] = 0.35
     fin_rate: Annotated[float, Amount("rad/s"), Field(gt=0, description="largest fin rate")] = 1.0
@@ -91,7 +91,7 @@ class Propeller(Settings):
 
 
 class Excitation(Settings):
-    """What is added to the autopilot's commands, channel by channel."""
+    """Excitation added to the autopilot's commands, for each channel."""
 
     fade_in: Annotated[Pause, Field(description="time in which excitation, turn rate and speed grow to full size")] = (
         0.0
@@ -145,7 +145,7 @@ class NoAutopilot(Autopilot):
 
 
 class ManoeuvreSettings(Settings):
-    """What every manoeuvre has."""
+    """Settings of every manoeuvre."""
 
     name: str = ""
     duration: Annotated[Seconds, Field(description="length of the run")]

@@ -1,4 +1,4 @@
-"""Moving states of the augmented state: what drives them, how unsure they are at first, and which there are."""
+"""Moving states of the augmented state: process noise, initial standard deviation, and states besides the motion."""
 
 from collections.abc import Collection
 from typing import Annotated, NamedTuple
@@ -26,7 +26,7 @@ class ProcessNoise(Settings):
     def times(
         self, factor: float, names: Collection[str] = ("velocity", "rate", "attitude", "depth")
     ) -> "ProcessNoise":
-        """Return noise of which some densities are so many times as large."""
+        """Return the noise with some densities multiplied by `factor`."""
 
         def larger(density: float | tuple[float, ...]) -> float | tuple[float, ...]:
             return tuple(factor * each for each in density) if isinstance(density, tuple) else factor * density
@@ -44,7 +44,7 @@ class InitialMotion(Settings):
 
 
 class FurtherState(NamedTuple):
-    """A moving state beside the motion, which is one wherever its sensor measures.
+    """Moving state in addition to the motion, used if its sensor is.
 
     Attributes
     ----------
@@ -60,9 +60,5 @@ class FurtherState(NamedTuple):
     sensor: str
 
 
-# Each is moved by compiled code of `auvid_cli.identification.process`, which is asked for it at import.
+# Compiled code of `auvid_cli.identification.process` moves each of them.
 FURTHER_STATES = (FurtherState("depth", DEPTH, "depth"),)
-if _unset := [
-    s.name for s in FURTHER_STATES if not {s.name} <= ProcessNoise.model_fields.keys() & InitialMotion.model_fields
-]:
-    raise TypeError(f"neither noise nor start can be set of {', '.join(_unset)}")

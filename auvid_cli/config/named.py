@@ -16,7 +16,7 @@ def named(kind: type[Member], name: str, noun: str) -> Member:
     kind : enumeration of text
     name : str
     noun : str
-        What such a member is, for the message.
+        Noun for such a member in the message.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The few numbers from which a first vehicle is made: what somebody knows of it before there is a drawing."""
+"""The few numbers from which `auvid init` makes a first vehicle, known before there is a drawing."""
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -14,12 +14,15 @@ from auvid_cli.config.settings import Settings
 from auvid_cli.config.tree import Tree
 from auvid_cli.config.vehicle import Drawing, Size
 
-# Of the water that the hull displaces: beyond, somebody mistook a unit.
-LEAST_SHARE, LARGEST_SHARE = 0.5, 1.5
-# Nose and tail where nobody says how long they are, in diameters, and the largest share of the length that they take.
-_NOSE, _TAIL, _MOST_NOSE, _MOST_TAIL = 1.0, 2.5, 0.2, 0.4
-# Where the fins' hinges are, if nobody says so: about as far aft as those of the REMUS.
-_FINS = 0.94
+# A mass outside these limits has a wrong unit.
+LEAST_SHARE = 0.5  # of the mass of water that the hull displaces
+LARGEST_SHARE = 1.5  # of the mass of water that the hull displaces
+# Defaults of the shape; the hinges are about as far aft as those of the REMUS.
+_NOSE = 1.0  # diameters
+_TAIL = 2.5  # diameters
+_MAX_NOSE = 0.2  # share of the length
+_MAX_TAIL = 0.4  # share of the length
+_HINGES = 0.94  # share of the length, from the nose
 
 _MetresIfKnown = Annotated[float | None, Amount("m"), Field(gt=0, le=1e3)]
 
@@ -36,7 +39,7 @@ class Outline(Settings):
         _MetresIfKnown, Field(description="of the fins' hinges, from the nose; else at 94 % of the length")
     ] = None
     fins: Annotated[int, Field(ge=3, le=12, description="their number")] = 4
-    tail: Annotated[Literal["+", "x"], Field(description="how they stand")] = "+"
+    tail: Annotated[Literal["+", "x"], Field(description="arrangement")] = "+"
     nose: Annotated[_MetresIfKnown, Field(description="length of the nose; else about a diameter")] = None
     tail_length: Annotated[_MetresIfKnown, Field(description="of the tapering tail; else about 2.5 diameters")] = None
     speed: Annotated[float, Amount("m/s"), Field(ge=0.05, le=50, description="at which it travels")] = 1.5
@@ -55,9 +58,9 @@ class Outline(Settings):
         return self
 
     def geometry(self) -> GeometrySettings:
-        """Return hull and fins, with what is usual where nothing is said."""
+        """Return hull and fins, with defaults for settings that are not given."""
         nose, tail = self._ends()
-        position = self.fin_position or _FINS * self.length
+        position = self.fin_position or _HINGES * self.length
         return GeometrySettings(
             hull=NoseCylinderTail(type="nose_cylinder_tail", nose=nose, tail=tail),
             fins=FinSettings(
@@ -68,12 +71,12 @@ class Outline(Settings):
 
     def _ends(self) -> tuple[float, float]:
         """Return the lengths of nose and tail, m."""
-        nose = self.nose or min(_NOSE * self.diameter, _MOST_NOSE * self.length)
-        tail = self.tail_length or min(_TAIL * self.diameter, _MOST_TAIL * self.length)
+        nose = self.nose or min(_NOSE * self.diameter, _MAX_NOSE * self.length)
+        tail = self.tail_length or min(_TAIL * self.diameter, _MAX_TAIL * self.length)
         return _short(nose), _short(tail)
 
     def assumed(self) -> tuple[str, ...]:
-        """Return what was taken where nothing was said, each as its option with a value."""
+        """Return the defaults used, each as its option with a value."""
         nose, tail = self._ends()
         values = {
             "fin_position": f"{self.geometry().fins.position:g} m",
@@ -87,13 +90,13 @@ class Outline(Settings):
         return tuple(f"{option(key)} {value}" for key, value in values.items() if key not in self.model_fields_set)
 
     def drawing(self, name: str) -> Drawing:
-        """Return what a vehicle file of that name is made of."""
+        """Return the drawing of which a vehicle file of that name is made."""
         size = Size(length=self.length, diameter=self.diameter, density=self.density)
         return Drawing(name=name, mass=self.mass, size=size, geometry=self.geometry())
 
 
 def _short(length: float) -> float:
-    """Round what nobody measured."""
+    """Round a default to four digits."""
     return float(f"{length:.4g}")
 
 
@@ -108,7 +111,7 @@ def units() -> dict[str, str]:
 
 
 def missing_keys(given: Collection[str]) -> list[str]:
-    """Return the keys without which there is no outline, of those that are not given."""
+    """Return the required keys that are not given."""
     return [key for key, field in Outline.model_fields.items() if field.is_required() and key not in given]
 
 

@@ -11,17 +11,23 @@ from auvid_cli.vehicle.matrices import central_inertia
 
 _ADDED_MASS = ("X_udot", "Y_vdot", "Z_wdot", "K_pdot", "M_qdot", "N_rdot")
 _UNITS = {"K_pdot": "kg m^2/rad", "M_qdot": "kg m^2/rad", "N_rdot": "kg m^2/rad"}
-# Of weight from mass times gravity, and of buoyancy from weight.
-_LARGEST_WEIGHT_ERROR, _LARGEST_TRIM = 0.03, 0.15
-# Of what a full cylinder of that size displaces: hulls taper or are flooded, or carry more than their hull.
-_LEAST_SHARE, _LARGEST_SHARE = 0.3, 1.5
-# Of the inertia that the mass has in a full cylinder of that size.
-_LEAST_INERTIA, _LARGEST_INERTIA = 0.1, 5.0
-# Of what a drawing says against the rest of the file, and of the slenderness for which its formulas are.
-_LARGEST_SIZE_ERROR, _LARGEST_VOLUME_ERROR, _LARGEST_OFFSET = 0.05, 0.25, 0.1
-LEAST_SLENDERNESS, LARGEST_SLENDERNESS = 4.0, 15.0
-# Times as strong as a vehicle file says fins are: what coefficients that are a third off hardly come to.
-WEAKEST_FINS, STRONGEST_FINS = 0.55, 1.8
+_LARGEST_WEIGHT_ERROR = 0.03  # of mass times gravity
+_LARGEST_TRIM = 0.15  # difference of buoyancy and weight, of the weight
+# Buoyancy may differ from that of a full cylinder: hulls taper or are flooded, or carry more than their hull.
+_LEAST_SHARE = 0.3  # of the buoyancy of a full cylinder of that size
+_LARGEST_SHARE = 1.5  # of the buoyancy of a full cylinder of that size
+_LEAST_INERTIA = 0.1  # of the inertia of a full cylinder of that size and mass
+_LARGEST_INERTIA = 5.0  # of the inertia of a full cylinder of that size and mass
+# Differences between the drawing and the rest of the vehicle file.
+_LARGEST_SIZE_ERROR = 0.05  # of the size
+_LARGEST_VOLUME_ERROR = 0.25  # of the volume
+_LARGEST_OFFSET = 0.1  # of the length
+# Range of the formulas of a drawing.
+LEAST_SLENDERNESS = 4.0  # length per diameter
+LARGEST_SLENDERNESS = 15.0  # length per diameter
+# Coefficients that are a third off hardly exceed these limits.
+WEAKEST_FINS = 0.55  # times the strength that the vehicle file states
+STRONGEST_FINS = 1.8  # times the strength that the vehicle file states
 
 
 class Doubt(NamedTuple):
@@ -40,12 +46,12 @@ class Doubt(NamedTuple):
     expected: str
 
     def __str__(self) -> str:
-        """Say it in one line."""
+        """Return one line of text."""
         return f"{self.subject} is {self.value}; expected {self.expected}"
 
 
 def doubts(vehicle: VehicleSettings) -> list[Doubt]:
-    """Say what is doubtful about a vehicle.
+    """Return the doubtful values of a vehicle.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Settings of the prior: what is known of the coefficients before any data."""
+"""Settings of the prior: knowledge of the coefficients before any data."""
 
 from typing import Annotated, Any, Literal, get_args
 
@@ -11,12 +11,12 @@ from auvid_cli.vehicle.coefficients import COEFFICIENTS, CoefficientGroup, Coeff
 
 
 def of_vehicle(info: ValidationInfo) -> CoefficientSet:
-    """Return the coefficients of the vehicle whose settings are validated; where nobody said which, the 22."""
+    """Return the coefficients of the vehicle whose settings are validated, by default the 22."""
     return info.context if isinstance(info.context, CoefficientSet) else COEFFICIENTS
 
 
 def check_symbol(symbol: str, coefficients: CoefficientSet, *groups: str) -> None:
-    """Raise ValueError, with the nearest known symbols, if `symbol` is no coefficient, nor one of some groups."""
+    """Raise ValueError, with the nearest known symbol, if `symbol` is neither a coefficient nor a group."""
     from difflib import get_close_matches
 
     known = (*coefficients.symbols, *groups)

@@ -65,7 +65,7 @@ def parse_quantity(value: Any, unit: str) -> float:
     Raises
     ------
     ValueError
-        If it is no such quantity; the message is one plain sentence.
+        If it is not such a quantity; the message is one sentence.
     """
     try:
         if isinstance(value, Real) and not isinstance(value, bool):
@@ -88,7 +88,7 @@ def parse_number(text: str) -> float:
     Raises
     ------
     ValueError
-        If it is none, or too large: what Python itself takes for one besides, such as ``5_0``, nobody means.
+        If it is not a number, or too large; other notations of Python, such as ``5_0``, are refused.
     """
     if not NUMBER.fullmatch(text.strip()) or not math.isfinite(number := float(text)):
         raise ValueError(f"{describe(text)} is not a finite number")
@@ -133,7 +133,7 @@ class Unit:
 
 
 class Amount(Unit):
-    """SI unit of a field that is no less than 0: what is too small to be computed with is refused unless it is 0."""
+    """SI unit of a field that is not negative: values too small to compute with are refused, except 0."""
 
     check = staticmethod(check_amount)
 
@@ -151,7 +151,7 @@ class AmountPerAxis(Amount):
 
 
 def expected(unit: str) -> str:
-    """Say what a quantity of that unit looks like, as a phrase for messages."""
+    """Return a phrase for messages with an example of a quantity of that unit."""
     kind, example = EXAMPLES.get(unit, ("a quantity", f"0.1 {unit}"))
     bare = "a bare number" if unit == "1" else f"a bare number in {unit}"
     return f"{kind} such as '{example}' or {bare}"
@@ -216,7 +216,7 @@ def with_standard_gravity(unit: str) -> str:
 
 @cache
 def _base(unit: str) -> tuple[float, dict[str, float], float]:
-    """Return what `size_of_unit` says; ValueError if that is no unit."""
+    """Return what `size_of_unit` says; ValueError for an unknown unit."""
     if len(unit) > _LONGEST_UNIT or UNIT_TOKEN.sub("", unit):
         raise ValueError(f"{describe(unit)} is not a unit")
     if (known := _usual_units().get(unit)) is not None:

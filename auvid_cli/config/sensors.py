@@ -48,14 +48,16 @@ class SensorSettings(Settings):
     delay: Annotated[
         float,
         Unit("s"),
-        Field(ge=-1e3, le=1e3, description="time stamps are so much later than the samples; negative: earlier"),
+        Field(ge=-1e3, le=1e3, description="time stamp minus time of measurement; negative: stamped too early"),
     ] = 0.0
     delay_spread: Annotated[
         float,
         Amount("s"),
         Field(ge=0, le=1e3, description="standard deviation of a further delay, the offset of its clock, per seed"),
     ] = 0.0
-    standard_deviation: Annotated[PerComponent, Field(description="what a filter is told; the noise if not given")] = ()
+    standard_deviation: Annotated[
+        PerComponent, Field(description="standard deviation that filters assume; default: the noise")
+    ] = ()
 
     @field_validator(
         *("noise", "range", "bias_spread", "vibration", "quantisation", "outlier_size", "standard_deviation"),
@@ -105,7 +107,7 @@ class SensorSettings(Settings):
         return self._all(self.noise or tuple(value / 3.0 for value in self.range))
 
     def stated_standard_deviation(self) -> PerComponent:
-        """Return what a filter is told per component, SI."""
+        """Return the standard deviations that filters assume, one for each component, SI."""
         return self._all(self.standard_deviation) if self.standard_deviation else self.noise_standard_deviation()
 
     def _all(self, values: PerComponent) -> PerComponent:
@@ -131,7 +133,7 @@ class Accelerometer(SensorSettings):
 
     position: Annotated[
         Lever,
-        Field(description="[forward, starboard, down] from the vehicle's origin; estimators are told, an AHRS not"),
+        Field(description="[forward, starboard, down] from the vehicle's origin; estimators use it, an AHRS does not"),
     ] = (0.0, 0.0, 0.0)
     scale_error: Annotated[float, Field(gt=-1, le=10, description="of all components: 0.01 is 1 % too much")] = 0.0
 
@@ -158,7 +160,7 @@ class Dvl(SensorSettings):
     ] = 0.0
     mounting_yaw: Annotated[float, Unit("rad"), Field(description="how far it is turned to starboard")] = 0.0
     arm: Annotated[
-        Lever, Field(description="[forward, starboard, down] from the vehicle's origin; no estimator is told")
+        Lever, Field(description="[forward, starboard, down] from the vehicle's origin; no estimator uses it")
     ] = (0.0, 0.0, 0.0)
 
 
@@ -174,12 +176,15 @@ class AhrsSettings(Settings):
     standard_deviation: Annotated[
         float,
         Amount("rad"),
-        Field(gt=0, description="what a filter is told: more than the scatter, for the errors last for long"),
+        Field(
+            gt=0,
+            description="standard deviation that filters assume; above the scatter because errors are autocorrelated",
+        ),
     ] = 0.017453292519943295
     manoeuvre_acceleration: Annotated[
         float,
         Amount("m/s^2/Hz^0.5"),
-        Field(gt=0, description="density of the vehicle's own acceleration, which the AHRS takes for tilt"),
+        Field(gt=0, description="density of the vehicle's own acceleration, which the AHRS mistakes for tilt"),
     ] = 0.1
     gyro_bias: Annotated[
         float, Amount("rad/s"), Field(ge=0, description="initial standard deviation of the AHRS's gyro bias")
@@ -208,7 +213,7 @@ class Attitude(SensorSettings):
         return data
 
     def stated_standard_deviation(self) -> PerComponent:
-        """Return what a filter is told per component, rad."""
+        """Return the standard deviations that filters assume, one for each component, rad."""
         return (self.ahrs.standard_deviation,) * 3 if self.source == "ahrs" else super().stated_standard_deviation()
 
 
@@ -252,7 +257,7 @@ class SensorSuite(Settings):
 
     @property
     def has_ahrs(self) -> bool:
-        """Say whether the attitude is computed by an AHRS."""
+        """Whether an AHRS computes the attitude."""
         return self.attitude is not None and self.attitude.source == "ahrs"
 
     def ahrs(self) -> AhrsSensors | None:
@@ -266,9 +271,3 @@ class SensorSuite(Settings):
         """Return the sensors by name, of those that there are."""
         fields = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: settings for name, settings in fields.items() if isinstance(settings, SensorSettings)}
-
-
-if _half := ({*SensorSuite.model_fields} - {"name"}) ^ SENSORS.keys():
-    raise TypeError(f"sensors have settings and components, but of these one is missing: {', '.join(sorted(_half))}")
-if _mixed := [name for name, measured in SENSORS.items() if len({quantity.unit for quantity in measured}) > 1]:
-    raise TypeError(f"a sensor has one unit, but components of these differ: {', '.join(_mixed)}")

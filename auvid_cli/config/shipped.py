@@ -1,4 +1,4 @@
-"""What ships with auvid: experiments and the parts that they name, found in any working directory."""
+"""Settings files that ship with auvid, found from any working directory."""
 
 from pathlib import Path, PurePath
 from typing import NamedTuple
@@ -25,7 +25,7 @@ class ShippedFile(NamedTuple):
     name : str
         As commands and experiments name it: ``spiral``, ``vehicles/vt690.yaml``.
     description : str
-        What it is, in one line.
+        Description of one line.
     """
 
     name: str
@@ -33,7 +33,7 @@ class ShippedFile(NamedTuple):
 
 
 def shipped_configs() -> Path:
-    """Find the folder of the settings that ship with auvid: inside the package, or beside it in a checkout."""
+    """Find the folder of the settings that ship with auvid: inside the package, or next to it in a checkout."""
     inside = PACKAGE / "configs"
     return inside if inside.is_dir() else PACKAGE.parent / "configs"
 

@@ -15,7 +15,7 @@ def parse_spans(value: Any) -> tuple[tuple[float, float], ...]:
     Raises
     ------
     ValueError
-        If it is no such list, or if a span ends before it begins.
+        If it is not such a list, or if a span ends before it begins.
     """
     if not isinstance(value, list | tuple):
         raise ValueError("expected a list of [begin, end]")

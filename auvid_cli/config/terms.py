@@ -24,7 +24,7 @@ _MOTIONS = "surge force", "sway force", "heave force", "roll moment", "pitch mom
 
 
 class Guess(Settings):
-    """What is known of a term before any data, whatever its value is."""
+    """Prior of the coefficient of a term, independent of its value."""
 
     mean: float | None = None
     standard_deviation: float | None = None
@@ -77,7 +77,7 @@ class Term(Settings):
     @field_validator("value", "standard_deviation", mode="before")
     @classmethod
     def _of_its_dimension(cls, value: Any, info: ValidationInfo) -> Any:
-        # Of a row or factors that are wrong themselves nothing follows: one mistake is said once.
+        # A wrong row or factor is reported once, at its own place.
         unit = _unit(info)
         return None if value is None or unit is None else _parsed(value, unit, str(info.field_name))
 

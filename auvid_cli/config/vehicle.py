@@ -102,7 +102,7 @@ else:
 
 
 class Size(Settings):
-    """What the natural magnitude of a coefficient follows from."""
+    """Size of the vehicle, from which the natural magnitude of a coefficient follows."""
 
     length: Annotated[float, Unit("m"), Field(ge=1e-2, le=1e3, description="hull length")]
     diameter: Annotated[float, Unit("m"), Field(ge=1e-3, le=1e3, description="hull diameter")]
@@ -110,7 +110,7 @@ class Size(Settings):
 
 
 class Drawing(Settings):
-    """What a vehicle file can be made of where nothing else is known."""
+    """Drawing of a vehicle, from which a vehicle file can be made."""
 
     name: str
     mass: Annotated[float, Amount("kg"), Field(gt=0, description="with all water inside")]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.augmented_states import ERROR_BLOCKS
+from auvid_cli.config.extra_states import ERROR_BLOCKS
 from auvid_cli.identification.dvl import VELOCITY_ERRORS, measured_velocity, velocity_behind
 from auvid_cli.vehicle.parameters import MOTION_AND_DEPTH_SYMBOLS, SENSORS, state_of
 
@@ -19,11 +19,6 @@ _ADDED = {
     if block.additive and block.sensor is not None
     for quantity, measured in zip(block.quantities, SENSORS[block.sensor], strict=True)
 }
-_READ = {*MOTION_AND_DEPTH_SYMBOLS}
-_OF_MOTION = {name for name, measured in SENSORS.items() if {state_of(q) for q in measured} <= _READ}
-_ERRORS = {quantity.symbol for block in ERROR_BLOCKS if block.sensor in _OF_MOTION for quantity in block.quantities}
-if _unknown := _ERRORS - _ADDED.keys() - {*VELOCITY_ERRORS}:
-    raise TypeError(f"no measured motion has {', '.join(sorted(_unknown))}")
 
 
 class MeasurementErrors(NamedTuple):

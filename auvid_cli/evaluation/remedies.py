@@ -1,6 +1,6 @@
 """What may help a filter that diverged or was led astray."""
 
-from auvid_cli.config.augmented_states import AugmentedStates, BiasName
+from auvid_cli.config.extra_states import AugmentedStates, BiasName
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.data.innovations import WINDOW
@@ -10,7 +10,7 @@ from auvid_cli.evaluation.consistency import LARGEST_NIS, LARGEST_NIS_IN_WINDOW,
 _NONLINEAR = [
     name
     for name in BiasName
-    if any(block.sensor == "dvl" and not block.additive for block in AugmentedStates(biases=(name,)).blocks())
+    if any(block.sensor == "dvl" and not block.additive for block in AugmentedStates().blocks_of(name))
 ]
 # Times the natural magnitudes: a prior that suits most runs, and one for these errors.
 _NARROW, _NARROWER = 1.0, 0.3

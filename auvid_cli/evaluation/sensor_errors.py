@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid_cli.config.augmented_states import ErrorBlock
+from auvid_cli.config.extra_states import ErrorBlock
 from auvid_cli.data.estimate import Estimate
 
 # A standard deviation that is still more than this share of the prior's: what is left is the prior's opinion. A heading

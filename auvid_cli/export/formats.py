@@ -51,8 +51,6 @@ FORMATS = {
     FormatName.SIMULATOR: Format("_simulator.py", simulator_losses, simulator_text),
     FormatName.MSS: Format("_mss.m", mss_losses, mss_text),
 }
-if {*FORMATS} != {name for name in FormatName if not name.is_of_a_run}:
-    raise TypeError("each form of a model has a name in config/format_name.py and a row here")
 
 # Letters of a vehicle's name in that of a file: with the filter's, fewer than a function of MATLAB may have.
 _LONGEST = 32

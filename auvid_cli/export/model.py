@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli import __version__
-from auvid_cli.config.augmented_states import ERROR_STATES
 from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.extra_states import ERROR_STATES
 from auvid_cli.data.dataset import Dataset
 from auvid_cli.data.estimate import Estimate
 from auvid_cli.errors import DataError

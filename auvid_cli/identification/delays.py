@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.augmented_states import DELAYS
+from auvid_cli.config.extra_states import DELAYS
 from auvid_cli.config.identification import INPUTS_DELAY
 from auvid_cli.data.dataset import InputRecord
 from auvid_cli.errors import DataError

@@ -8,7 +8,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.config.augmented_states import CURRENT, DVL_ARM, DVL_SCALE, DVL_YAW
+from auvid_cli.config.extra_states import CURRENT, DVL_ARM, DVL_SCALE, DVL_YAW
 from auvid_cli.identification.compiled_layout import ROW, first_moving_row, row_of, value_of
 from auvid_cli.lanes import LANES
 from auvid_cli.vehicle.dynamics import sine_cosine

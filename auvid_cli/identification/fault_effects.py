@@ -5,7 +5,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.augmented_states import CURRENT, EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT
+from auvid_cli.config.extra_states import CURRENT, EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT
 from auvid_cli.filters.fault_scores import FaultEffects
 from auvid_cli.filters.problem import Timeline
 from auvid_cli.filters.smoothing_forward import Linearised

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.augmented_states import DELAYS
+from auvid_cli.config.extra_states import DELAYS
 from auvid_cli.filters.problem import ANOTHER_MINIMUM, SEGMENT
 from auvid_cli.identification.faulted_vehicle import FaultedVehicle, Motion
 from auvid_cli.vehicle.ballast import N_BALLAST
@@ -263,8 +263,6 @@ DELAY_FAULTS: dict[str, Fault] = {fault.state: fault for fault in FAULTS if faul
         ("depth", lambda model, at: -body_to_earth(at.motion[:, 6:9], at.motion[:, :3])[:, 2:]),
     )
 }
-if DELAY_FAULTS.keys() != {delay.symbol for delay in DELAYS.values()}:
-    raise TypeError("each delay that may be estimated is a fault")
 
 ANSWERING = frozenset(fault.name for fault in FAULTS if fault.answers)
 """Names of those that are tested beside a delay of the inputs, which they look like."""

@@ -7,9 +7,9 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from auvid_cli.config.augmented_states import BiasName, EstimatedDisturbance
 from auvid_cli.config.disturbance import DisturbingForce, DisturbingMoment
 from auvid_cli.config.experiment import RunSettings
+from auvid_cli.config.extra_states import BiasName, EstimatedDisturbance
 from auvid_cli.config.identification import STEPS_PER_TIME_CONSTANT, Identification
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.config.per_axis import three
@@ -178,8 +178,9 @@ def process_noises(
             continue
         for block in of_bias.blocks():
             if block.walk > 0.0:
-                own = "walk" if "walk" in type(of_bias).model_fields else f"{block.name.partition('_')[2]}_walk"
-                yield adjustable(("estimate", bias.value, own), of_bias, layout.moving_rows_of(block.name))
+                yield adjustable(
+                    ("estimate", bias.value, f"{block.prefix}walk"), of_bias, layout.moving_rows_of(block.name)
+                )
 
 
 def _disturbances(

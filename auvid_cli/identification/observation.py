@@ -1,14 +1,11 @@
 """What nonlinear sensors measure of the state: accelerometer and magnetometer of three axes if used, else the DVL."""
 
 from auvid_cli.compilation import compiled
-from auvid_cli.config.augmented_states import ERROR_BLOCKS
-from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.filters.problem import LINEARISATION_SIGNATURE, OBSERVATION_SIGNATURE
 from auvid_cli.identification.accelerometer import linearise_force, measure_forces
 from auvid_cli.identification.compiled_layout import ACCELEROMETER, MAGNETOMETER, known_sensor
 from auvid_cli.identification.dvl import linearise_velocity, measure_velocities
 from auvid_cli.identification.magnetic_field import linearise_field, measure_field
-from auvid_cli.vehicle.parameters import MOTION, SENSORS, state_of
 
 # Of all others each component is a state, and errors just add to it.
 OBSERVED = {
@@ -16,15 +13,6 @@ OBSERVED = {
     "accelerometer": (measure_forces, linearise_force),
     "magnetic_field": (measure_field, linearise_field),
 }
-_STATES = {quantity.symbol for quantity in (*MOTION, *(state.quantity for state in FURTHER_STATES))}
-_NONLINEAR = {
-    *(name for name, measured in SENSORS.items() if not {state_of(quantity) for quantity in measured} <= _STATES),
-    *(block.sensor for block in ERROR_BLOCKS if block.sensor is not None and not block.additive),
-}
-if _unknown := _NONLINEAR - OBSERVED.keys():
-    raise TypeError(f"no compiled code says what {', '.join(sorted(_unknown))} measures")
-if _added := [block.name for block in ERROR_BLOCKS if block.additive and block.sensor in OBSERVED]:
-    raise TypeError(f"what is added to a sensor that compiled code knows it has to name: {', '.join(_added)}")
 
 
 @compiled(OBSERVATION_SIGNATURE, pointer=True)
@@ -50,8 +38,3 @@ def linearise(mean, sensor, inputs, constants, selection, predicted, matrix, scr
         linearise_field(mean, constants, predicted, matrix)
     else:
         linearise_velocity(mean, constants, predicted, matrix)
-
-
-_called = {*observe.py_func.__code__.co_names, *linearise.py_func.__code__.co_names}
-if _uncalled := [name for name, both in OBSERVED.items() if not {f.py_func.__name__ for f in both} <= _called]:
-    raise TypeError(f"nothing calls what says what {', '.join(_uncalled)} measures")

@@ -9,7 +9,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from auvid_cli.compilation import compiled
-from auvid_cli.config.augmented_states import ERROR_BLOCKS
+from auvid_cli.config.extra_states import ERROR_BLOCKS
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.filters.problem import PROCESS_SIGNATURE, TRANSITION_SIGNATURE, Process
 from auvid_cli.identification import accelerometer, compiled_coefficients, dvl, magnetic_field

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.augmented_states import ErrorBlock
+from auvid_cli.config.extra_states import ErrorBlock
 from auvid_cli.config.identification import Identification
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.config.vehicle import VehicleSettings

@@ -39,7 +39,7 @@ def measure(truth: Truth, suite: SensorSuite, current: Array, seed: int) -> dict
             continue
         times = sample_times(settings, truth.time[-1])
         times = shared_clock(times, (truth.time, *(record.time for record in records.values())))
-        measure_block = _RULES.get(name) or partial(_motion_states, SENSORS[name])
+        measure_block = MEASUREMENT_MODELS.get(name) or partial(_motion_states, SENSORS[name])
         true = np.empty((times.size, len(SENSORS[name])))
         for first in range(0, times.size, _BLOCK):
             block = slice(first, first + _BLOCK)
@@ -107,17 +107,10 @@ def _specific_force(sampled: _Sampled) -> Array:
 
 
 # Sensors that measure something else than motion states as they are.
-_RULES: dict[str, Callable[[_Sampled], Array]] = {
+MEASUREMENT_MODELS: dict[str, Callable[[_Sampled], Array]] = {
     "accelerometer": _specific_force,
     "magnetometer": _heading,
     "magnetic_field": _magnetic_field,
     "dvl": _velocity_over_ground,
     "depth": _depth,
 }
-_RULELESS = [
-    name
-    for name in SensorSuite.model_fields.keys() & SENSORS.keys() - _RULES.keys()
-    if not {quantity.symbol for quantity in SENSORS[name]} <= {*MOTION_SYMBOLS}
-]
-if _RULELESS:
-    raise TypeError(f"nothing says how to simulate {', '.join(_RULELESS)}, which measure no motion states")

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from auvid_cli.config.augmented_states import BiasName
+from auvid_cli.config.extra_states import BiasName
 from auvid_cli.evaluation.measurement_errors import measured_motion
 from auvid_cli.identification.prepared_data import PreparedData
 from auvid_cli.validation.fit import PredictionFit

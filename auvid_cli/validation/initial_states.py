@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.config.actuators import ActuatorSettings
-from auvid_cli.config.augmented_states import EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT, BiasName
+from auvid_cli.config.extra_states import EXCESS_BUOYANCY, FIN_TRIMS, THRUST_SCALE, TRIM_MOMENT, BiasName
 from auvid_cli.config.identification import Identification, InputSettings, Use
 from auvid_cli.config.prior import Prior
 from auvid_cli.config.vehicle import VehicleEntry
@@ -128,7 +128,7 @@ def with_model(dataset: Dataset, estimate: Estimate, anew: bool = False) -> Data
 
 def own_of_each_run(settings: Identification, anew: bool = False) -> tuple[BiasName, ...]:
     """Name what of the vehicle begins anew in each run: what settings take to walk, or all that they estimate."""
-    blocks = {name: getattr(settings.estimate, name.value).blocks() for name in settings.estimate.biases}
+    blocks = {name: settings.estimate.blocks_of(name) for name in settings.estimate.biases}
     return tuple(
         name
         for name in _OF_THE_MODEL
@@ -141,7 +141,7 @@ def errors_of_each_run(settings: Identification, anew: bool = False) -> set[str]
     return {
         quantity.symbol
         for name in own_of_each_run(settings, anew)
-        for block in getattr(settings.estimate, name.value).blocks()
+        for block in settings.estimate.blocks_of(name)
         for quantity in block.quantities
     }
 

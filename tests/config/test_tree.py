@@ -49,7 +49,8 @@ def test_positions_of_key_and_value(path, key, value):
 
 def test_position_of_a_list_entry():
     *_, node = read(TEXT).descend(("dvl", "noise", 1))
-    assert (node.content, where(node.at), node.at.text) == ("2e-3", (5, 14), "  noise: [1, 2e-3]")
+    assert (node.content, where(node.at)) == ("2e-3", (5, 14))
+    assert node.at.excerpt().splitlines()[1] == "    5 |   noise: [1, 2e-3]"
 
 
 def test_descent_stops_where_the_path_ends():

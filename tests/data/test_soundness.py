@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
-from auvid_cli.config.augmented_states import AugmentedStates, BiasName
+from auvid_cli.config.extra_states import AugmentedStates, BiasName
 from auvid_cli.config.filter_name import FilterName
 from auvid_cli.data.dataset_file import read_dataset
 from auvid_cli.data.estimate import STATES, FaultTest

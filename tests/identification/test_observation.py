@@ -5,16 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from auvid_cli.config.augmented_states import (
-    AccelerometerBias,
-    AccelerometerScale,
-    AugmentedStates,
-    Current,
-    DvlArm,
-    DvlError,
-    HardIron,
-    ThrustScale,
-)
+from auvid_cli.config.extra_states import AugmentedStates
 from auvid_cli.config.identification import Identification
 from auvid_cli.identification.compiled_layout import KnownSensor, KnownSensors
 from auvid_cli.identification.dvl import VELOCITY_ERRORS, measured_velocity, velocity_behind
@@ -78,9 +69,7 @@ def assert_seen_alike(process, state, n_parameters, expected, sensor=DVL):
     "walks", [{}, {"scale_walk": 1e-3}, {"yaw_walk": 1e-3}, {"scale_walk": 1e-3, "yaw_walk": 1e-3}]
 )
 def test_a_dvl_with_scale_error_and_mounting_yaw(walks, experiment_with):
-    process, layout = process_and_layout(
-        AugmentedStates(biases=("gyro", "dvl"), dvl=DvlError(**walks)), False, experiment_with()
-    )
+    process, layout = process_and_layout(AugmentedStates(biases=("gyro", "dvl"), dvl=walks), False, experiment_with())
     symbols, n_parameters = layout.symbols, layout.n_parameters
     assert symbols[n_parameters] == "u"
     assert process.noise_density.size == len(symbols) - n_parameters
@@ -95,7 +84,7 @@ def test_a_dvl_with_scale_error_and_mounting_yaw(walks, experiment_with):
 @pytest.mark.parametrize("has_depth", [False, True])
 def test_a_dvl_over_ground_sees_the_current(blocks, walk, has_depth, experiment_with):
     """As scipy turns it."""
-    asked = AugmentedStates(biases=blocks, current=Current(walk=walk))
+    asked = AugmentedStates(biases=blocks, current={"walk": walk})
     process, layout = process_and_layout(asked, has_depth, experiment_with())
     symbols, n_parameters = layout.symbols, layout.n_parameters
     assert ("down" in symbols) == has_depth
@@ -111,7 +100,7 @@ def test_a_dvl_over_ground_sees_the_current(blocks, walk, has_depth, experiment_
 def test_a_dvl_off_the_origin_is_carried_along(walk, experiment_with):
     arm = {"dvl_x": 0.4, "dvl_y": -0.2, "dvl_z": 0.1}
     asked = AugmentedStates(
-        biases=("dvl", "dvl_arm", "current"), dvl_arm=DvlArm(axes=("x", "y", "z")), current=Current(walk=walk)
+        biases=("dvl", "dvl_arm", "current"), dvl_arm={"axes": ("x", "y", "z")}, current={"walk": walk}
     )
     process, layout = process_and_layout(asked, False, experiment_with())
     symbols = layout.symbols
@@ -148,9 +137,9 @@ def test_an_accelerometer_feels_what_a_passenger_at_its_place_does(coefficients,
     experiment = experiment_with()
     asked = AugmentedStates(
         biases=("thrust", "accelerometer", "accelerometer_scale", "gyro"),
-        accelerometer=AccelerometerBias(walk=walk),
-        accelerometer_scale=AccelerometerScale(walk=walk),
-        thrust=ThrustScale(walk=walk),
+        accelerometer={"walk": walk},
+        accelerometer_scale={"walk": walk},
+        thrust={"walk": walk},
     )
     process, layout = process_and_layout(
         asked, has_depth, experiment, coefficients=coefficients, attitude_from="inertial"
@@ -184,7 +173,7 @@ def test_an_accelerometer_feels_what_disturbs_the_motion(experiment_with):
 @pytest.mark.parametrize("walk", [0.0, 1e-3])
 @pytest.mark.parametrize("has_depth", [False, True])
 def test_a_magnetometer_sees_the_earth_turn_and_the_hull_stand_still(walk, has_depth, experiment_with):
-    asked = AugmentedStates(biases=("magnetic_field", "thrust"), magnetic_field=HardIron(walk=walk))
+    asked = AugmentedStates(biases=("magnetic_field", "thrust"), magnetic_field={"walk": walk})
     process, layout = process_and_layout(asked, has_depth, experiment_with(), attitude_from="inertial")
     values = dict(zip(MOTION_SYMBOLS, MOTION, strict=True)) | {"bias_mx": 0.2, "bias_my": -0.1, "bias_mz": 0.05}
     state = np.array([values.get(symbol, 0.7) for symbol in layout.symbols]) / layout.scale

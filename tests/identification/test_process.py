@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.config.augmented_states import AugmentedStates, ThrustScale
+from auvid_cli.config.extra_states import AugmentedStates
 from auvid_cli.config.identification import Identification
 from auvid_cli.config.moving_states import FURTHER_STATES
 from auvid_cli.identification.process import first_order_transition, vehicle_process
@@ -116,7 +116,7 @@ def test_the_depth_follows_the_vertical_velocity_in_every_way_of_moving_it(exper
 @pytest.mark.parametrize("exact", [True, False])
 def test_the_scale_of_the_thrust_acts_on_it_and_has_its_column(walk, exact, experiment_with):
     """As if the inputs themselves were larger; the column is a difference."""
-    asked = AugmentedStates(biases=("thrust",), thrust=ThrustScale(walk=walk))
+    asked = AugmentedStates(biases=("thrust",), thrust={"walk": walk})
     vehicle = experiment_with().vehicle
     true = vehicle.all_coefficients()
     constants = vehicle_constants(vehicle.known_parameters())

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvid_cli.config.augmented_states import ERROR_BLOCKS, ErrorBlock
+from auvid_cli.config.extra_states import ERROR_BLOCKS, ErrorBlock
 from auvid_cli.config.identification import Identification
 from auvid_cli.identification import accelerometer, compiled_coefficients, dvl, magnetic_field, process
 from auvid_cli.identification.compiled_layout import KnownSensors, check_named, model_constants

@@ -76,10 +76,6 @@ _STYLES = (
 FILTER_STYLES = {name.value: style for name, style in zip(FilterName, _STYLES, strict=False)}
 
 
-if len(FILTER_STYLES) < len(FilterName):
-    raise TypeError("there are more filters than styles")
-
-
 class Room(NamedTuple):
     """Room beside, above and below the panels of a figure, and between them, inches."""
 
