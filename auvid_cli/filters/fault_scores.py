@@ -11,7 +11,7 @@ part of the state: what they can explain is not in s.
 """
 
 from collections.abc import Callable, Iterator
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numba import types
@@ -65,13 +65,8 @@ class Faults(Protocol):
     """What may be wrong with a model or its data."""
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Return the names of the faults."""
-        ...
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Return the SI unit of the size of each."""
+    def labels(self) -> tuple[Any, ...]:
+        """Return the identity of each fault."""
         ...
 
     def effects(self, segment: int, timeline: Timeline, about: Linearised) -> FaultEffects:
@@ -176,11 +171,11 @@ def score_faults(smoothing: LinearSmoothing, filtered: Filtered, faults: Faults)
         About the most probable trajectory.
     faults : Faults
     """
-    n_faults, n_parameters = len(faults.names), filtered.trajectory.parameters.size
+    n_faults, n_parameters = len(faults.labels), filtered.trajectory.parameters.size
     score, information = np.zeros(n_faults), np.zeros((n_faults, n_faults))
     effect = np.zeros((n_parameters, n_faults))
     for shown, innovation, error in shown_faults(smoothing, filtered, n_faults, faults.effects):
         score += innovation @ shown
         information += shown.T @ shown
         effect = error[:n_parameters]
-    return FaultScores(faults.names, faults.units, score, information, effect)
+    return FaultScores(faults.labels, score, information, effect)

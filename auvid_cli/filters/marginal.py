@@ -192,7 +192,7 @@ def _slopes(
     """Return the derivatives of the sum of logarithms by parameters and motion, and by faults."""
     n, n_moving = problem.n_parameters, problem.n_moving
     n_states = n + n_moving
-    slopes = np.zeros(n_states + (0 if faults is None else len(faults.names)))
+    slopes = np.zeros(n_states + (0 if faults is None else len(faults.labels)))
     data = ModelData.of(problem.process, problem.sensors)
     work = Work.of(problem.process, n_states, problem.sensors.matrix.shape[1])
     initial, moving, times = list[Array](), list[list[Array]](), 2.0 / _CHANGE

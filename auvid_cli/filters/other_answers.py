@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvid_cli.filters.linear_smoothing import Filtered, LinearSmoothing, Trajectory
-from auvid_cli.filters.problem import SEGMENT, OtherAnswer
+from auvid_cli.filters.problem import AlternativeEstimate
 from auvid_cli.filters.segments import JointProblem
 
 Array = NDArray[np.float64]
@@ -22,7 +22,7 @@ _RIVAL = -2.0 * np.log(0.01)
 _LEAST = 1e-6
 
 
-def answers_of_segments(problem: JointProblem, answer: Filtered) -> Iterator[OtherAnswer]:
+def answers_of_segments(problem: JointProblem, answer: Filtered) -> Iterator[AlternativeEstimate]:
     """Find what each of several segments says by itself, about the answer that all give.
 
     Parameters
@@ -41,13 +41,13 @@ def answers_of_segments(problem: JointProblem, answer: Filtered) -> Iterator[Oth
         deviation = np.sqrt(np.where(comparable, more, np.inf))
         begin = next(iter(alone.segments[0])).time[0]
         moved = np.where(comparable, deviation, 0.0) * variance / own_variance
-        yield OtherAnswer(f"{SEGMENT} {begin:g} s", own.final.mean[:n] - together, deviation, moved)
+        yield AlternativeEstimate(own.final.mean[:n] - together, deviation, moved, begin=begin)
 
 
-def other_minimum(answer: Filtered, other: Filtered) -> OtherAnswer | None:
+def other_minimum(answer: Filtered, other: Filtered) -> AlternativeEstimate | None:
     """Compare an answer with one of another start; None if that is the same, or far less probable."""
     n = answer.trajectory.parameters.size
     deviation = np.sqrt(np.diagonal(answer.final.covariance())[:n])
     here, there = (each.trajectory.parameters + each.final.mean[:n] for each in (answer, other))
     higher = other.cost - answer.cost
-    return None if higher > _RIVAL else OtherAnswer.of_minimum(there - here, deviation, higher)
+    return None if higher > _RIVAL else AlternativeEstimate.of_minimum(there - here, deviation, higher)

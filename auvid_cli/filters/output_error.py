@@ -18,10 +18,10 @@ from auvid_cli.filters.problem import (
     NOT_CONVERGED,
     OK,
     PREDICTION,
+    AlternativeEstimate,
     FilterOutcome,
     Gaussian,
     OnChunk,
-    OtherAnswer,
     Records,
     Timeline,
     Unsettled,
@@ -110,7 +110,7 @@ def run_output_error(
     if outcome.failure == NOT_CONVERGED:
         return outcome._replace(unsettled=_unsettled(best, deviation))
     rivals = (
-        OtherAnswer.of_minimum((other.state - best.state)[: deviation.size], deviation, other.cost - best.cost)
+        AlternativeEstimate.of_minimum((other.state - best.state)[: deviation.size], deviation, other.cost - best.cost)
         for other in others
         if other.converged
     )

@@ -74,7 +74,7 @@ def pulled_scores(smoothing: LinearSmoothing, filtered: Filtered, pulls: Traject
     faults : Faults
     """
     n, n_moving = pulls.parameters.size, pulls.initial[0].size
-    shown, changes = pulled(smoothing, filtered, pulls).shown, np.zeros(len(faults.names))
+    shown, changes = pulled(smoothing, filtered, pulls).shown, np.zeros(len(faults.labels))
     adjoint = Adjoint.of_nothing(n + n_moving, with_variance=False)
     adjoint.mean[:n] = pulls.parameters
     for segment, timeline, about, trace in smoothing.traced_back(filtered, adjoint):

@@ -27,7 +27,7 @@ from auvid_cli.inspection.grid import Signals, signals_of, span_of
 from auvid_cli.inspection.inspection import Inspection, Mark, judged
 from auvid_cli.inspection.kinematic_ties import attitude_rates
 from auvid_cli.inspection.lasting_errors import biases_to_look_for, lasting_error_checks, lasting_errors
-from auvid_cli.inspection.likely_causes import causes_by_evidence, causes_check
+from auvid_cli.inspection.likely_causes import causes_check
 from auvid_cli.inspection.rudder_trim import rudder_trim, rudder_trim_checks
 from auvid_cli.inspection.sensor_delays import sensor_delay_checks
 from auvid_cli.inspection.single_sensor import measurement_checks
@@ -111,9 +111,7 @@ def inspect_dataset(dataset: Dataset) -> Inspection:
     presence = {name: _presence(record, span) for name, record in sensors.items()}
     weighty = weighed(checks)
     current = found if found is not None and is_current(signals, found) else None
-    weighty.append(
-        causes_check(causes_by_evidence(alignment, current, trim, errors, biases_to_look_for(dataset)), weighty)
-    )
+    weighty.append(causes_check(alignment, current, trim, errors, biases_to_look_for(dataset), weighty))
     return Inspection(Checks(weighty), marks, inputs, presence, span)
 
 

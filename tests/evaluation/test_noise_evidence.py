@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auvid_cli.config.filter_name import FilterName
-from auvid_cli.evaluation.causes import Cause
+from auvid_cli.data.faults import Cause
 from auvid_cli.evaluation.noise_evidence import far_from_bound, process_noise_score
 from auvid_cli.filters.linear_smoothing import LinearSmoothing
 from auvid_cli.filters.noise_likelihood import log_likelihood, noise_scores_about, scaled

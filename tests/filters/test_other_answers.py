@@ -36,7 +36,7 @@ def test_a_segment_says_by_itself_what_it_says_alone(two_segments):
     problem, halves, prior = two_segments
     n = problem.prior.mean.size - problem.process.noise_density.size
     together, variance, outcome = smoothed(problem, halves, prior, n)
-    assert [other.name for other in outcome.others] == [f"the segment from {half[0].time[0]:g} s" for half in halves]
+    assert [other.begin for other in outcome.others] == [half[0].time[0] for half in halves]
     for half, other in zip(halves, outcome.others, strict=True):
         alone, own_variance, _ = smoothed(problem, [half], problem.prior, n)
         deviation = np.sqrt(own_variance)
