@@ -31,7 +31,7 @@ _STRENGTHS = ((8.0, "strong"), (2.5, "fair"))
 
 
 class LikelySigns(NamedTuple):
-    """Signs that agree best.
+    """The signs that agree best with the evidence.
 
     Attributes
     ----------
