@@ -280,7 +280,7 @@ class FaultScores(NamedTuple):
 
 
 class AlternativeEstimate(NamedTuple):
-    """Parameters of another minimum, or of one segment; see `auvid_cli.filters.other_answers`.
+    """Parameters of another minimum, or of one segment; see `auvid_cli.filters.smoother`.
 
     Attributes
     ----------
@@ -310,22 +310,22 @@ class AlternativeEstimate(NamedTuple):
         return cls(difference, deviation, deviation, cost_increase)
 
 
-class Unsettled(NamedTuple):
-    """How far from its end an iteration was, by the linear problem about where it had got to.
+class ConvergenceStatus(NamedTuple):
+    """Distance from convergence, by the linear problem about the last iterate.
 
     Attributes
     ----------
-    left : float
-        By how much the cost, in squares of standard deviations, may still fall.
-    moves : ndarray, shape (n_parameters,)
-        Standard deviations by which parameters would move in the next step.
-    share : float
-        Of the data that had been fitted at all.
+    cost_decrease : float
+        Predicted decrease of the cost, in squares of standard deviations.
+    step : ndarray, shape (n_parameters,)
+        Next step of the parameters, in standard deviations.
+    fraction : float
+        Fraction of the data that was fitted at all.
     """
 
-    left: float
-    moves: Array
-    share: float = 1.0
+    cost_decrease: float
+    step: Array
+    fraction: float = 1.0
 
 
 class FilterOutcome(NamedTuple):
@@ -343,11 +343,11 @@ class FilterOutcome(NamedTuple):
     faults : FaultScores or None
         Of an estimator that tests for faults.
     others : tuple of AlternativeEstimate
-    unsettled : Unsettled or None
-        Of an iteration that was not finished.
+    convergence : ConvergenceStatus or None
+        Of an iteration that did not converge.
     corrected : ndarray, shape (n_parameters,)
         Of a batch estimator: standard deviations that allow for the autocorrelation of what it leaves unexplained, see
-        `auvid_cli.filters.coloured`. Empty where there are none.
+        `auvid_cli.filters.autocorrelation`. Empty where there are none.
     """
 
     covariance: Array
@@ -355,5 +355,5 @@ class FilterOutcome(NamedTuple):
     failure: int
     faults: FaultScores | None = None
     others: tuple[AlternativeEstimate, ...] = ()
-    unsettled: Unsettled | None = None
+    convergence: ConvergenceStatus | None = None
     corrected: Array = np.zeros(0)

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from auvid_cli.filters.other_answers import other_minimum
 from auvid_cli.filters.segments import JointProblem, joint_gaussian
-from auvid_cli.filters.smoother import run_smoother
+from auvid_cli.filters.smoother import other_minimum, run_smoother
 
 
 @pytest.fixture

@@ -298,12 +298,12 @@ def test_a_fit_that_did_not_settle_tells_how_far_it_is(linear_problem, run_whole
     history = run_whole(partial(fit_one, max_evaluations=1), linear_problem)
     whole = run_whole(fit_one, linear_problem)
     assert history.failure == NOT_CONVERGED
-    n_parameters = history.unsettled.moves.size
+    n_parameters = history.convergence.step.size
     known = np.isfinite(whole.records.standard_deviation[0, :n_parameters])
     move = (whole.records.mean - history.records.mean)[0, :n_parameters] / whole.records.standard_deviation[
         0, :n_parameters
     ]
-    assert_allclose(history.unsettled.moves[known], move[known], atol=1e-3)
-    assert history.unsettled.left > 0.0
-    assert history.unsettled.share == 1.0
-    assert whole.unsettled is None
+    assert_allclose(history.convergence.step[known], move[known], atol=1e-3)
+    assert history.convergence.cost_decrease > 0.0
+    assert history.convergence.fraction == 1.0
+    assert whole.convergence is None
