@@ -1,56 +1,14 @@
 """Faults that a model or its data may have: identity, text, setting and remedy of each; and the score test of one.
 
-How each acts on the motion or on a sensor is in `auvid_cli.identification.faults`.
+The effect of each on the motion or on a sensor is in `auvid_cli.identification.faults`.
 """
 
 import re
-from enum import StrEnum, auto
+from enum import Enum
 from typing import NamedTuple
 
 from auvid_cli.vehicle.parameters import SENSORS
 from auvid_cli.vehicle.term_library import term
-
-
-class FaultKind(StrEnum):
-    """Kind of a fault; files and tables have its text, see `Fault`."""
-
-    GYROSCOPE_BIAS = auto()
-    ACCELEROMETER_BIAS = auto()
-    MAGNETIC_FIELD_BIAS = auto()
-    ACCELEROMETER_POSITION = auto()
-    SENSOR_DELAY = auto()
-    INPUT_DELAY = auto()
-    DVL_SCALE = auto()
-    DVL_YAW = auto()
-    DVL_LEVER_ARM = auto()
-    CURRENT = auto()
-    CURRENT_DRIFT = auto()
-    FIN_TRIM = auto()
-    FIN_TRIM_DRIFT = auto()
-    THRUST_OFFSET = auto()
-    THRUST_SCALE_DRIFT = auto()
-    MASS = auto()
-    BUOYANCY = auto()
-    EXCESS_BUOYANCY_DRIFT = auto()
-    CENTRE_OF_GRAVITY = auto()
-    TRIM_MOMENT_DRIFT = auto()
-    ANTICIPATING_FIN = auto()
-    MISSING_TERM = auto()
-    ANOTHER_MINIMUM = auto()
-    SEGMENT = auto()
-    UNKNOWN = auto()
-
-
-class _Description(NamedTuple):
-    """Text, setting and remedy of a kind of faults, and its components where they are a list.
-
-    In texts `{}` is the component, in remedies `{setting}` the setting.
-    """
-
-    text: str
-    setting: str = ""
-    remedy: str = ""
-    components: tuple[str, ...] = ()
 
 
 def _symbols(sensor: str) -> tuple[str, ...]:
@@ -66,105 +24,109 @@ _WALK = (
 _DVL = "estimate scale and mounting of the DVL ({setting})"
 _BALLAST = "check vehicle.parameters.{}, or estimate {} ({{setting}})"
 
-_DESCRIPTIONS = {
-    FaultKind.GYROSCOPE_BIAS: _Description("bias of {}", _BIASES.format("gyro"), _ESTIMATE, _symbols("gyroscope")),
-    FaultKind.ACCELEROMETER_BIAS: _Description(
-        "bias of {}", _BIASES.format("accelerometer"), _ESTIMATE, _symbols("accelerometer")
-    ),
-    FaultKind.MAGNETIC_FIELD_BIAS: _Description(
+
+class FaultKind(Enum):
+    """Kind of a fault.
+
+    Attributes
+    ----------
+    text : str
+        Text in files and tables, with `{}` for the component.
+    setting : str
+        Setting that estimates or states it; empty if there is none.
+    remedy : str
+        What to do about it, with `{setting}` and `{}`.
+    components : tuple of str
+        Its components, where they are a list.
+    """
+
+    GYROSCOPE_BIAS = ("bias of {}", _BIASES.format("gyro"), _ESTIMATE, _symbols("gyroscope"))
+    ACCELEROMETER_BIAS = ("bias of {}", _BIASES.format("accelerometer"), _ESTIMATE, _symbols("accelerometer"))
+    MAGNETIC_FIELD_BIAS = (
         "bias of {}",
         _BIASES.format("magnetic_field"),
         "estimate the field of the vehicle ({setting})",
         _symbols("magnetic_field"),
-    ),
-    FaultKind.ACCELEROMETER_POSITION: _Description(
+    )
+    ACCELEROMETER_POSITION = (
         "position of the accelerometer, {}",
         "position",
         "state where it sits (`{setting}` in the sensor's settings or map)",
         ("x", "y", "z"),
-    ),
-    FaultKind.SENSOR_DELAY: _Description(
+    )
+    SENSOR_DELAY = (
         "delay of the {}",
         "identification.delays",
         "subtract it from the times of the {} where they are recorded or imported, or state it ({setting}.{key})",
         ("gyroscope", "DVL", "attitude", "accelerometer", "magnetometer", "magnetic field", "depth"),
-    ),
-    FaultKind.INPUT_DELAY: _Description(
+    )
+    INPUT_DELAY = (
         "delay of the inputs",
         "identification.delays.inputs",
         "add it to the times of the inputs where they are recorded or imported, or state it ({setting}); fins that "
         "lag: vehicle.actuators.fins.time_constant",
-    ),
-    FaultKind.DVL_SCALE: _Description("scale of the DVL", _BIASES.format("dvl"), _DVL),
-    FaultKind.DVL_YAW: _Description("mounting yaw of the DVL", _BIASES.format("dvl"), _DVL),
-    FaultKind.DVL_LEVER_ARM: _Description(
+    )
+    DVL_SCALE = ("scale of the DVL", _BIASES.format("dvl"), _DVL)
+    DVL_YAW = ("mounting yaw of the DVL", _BIASES.format("dvl"), _DVL)
+    DVL_LEVER_ARM = (
         "lever arm of the DVL, {}",
         _BIASES.format("dvl_arm"),
         "move what the DVL measured to the origin, or estimate its arm ({setting})",
         ("x", "y", "z"),
-    ),
-    FaultKind.CURRENT: _Description(
-        "current, {}", _BIASES.format("current"), "estimate the current ({setting})", ("north", "east")
-    ),
-    FaultKind.CURRENT_DRIFT: _Description(
-        "drift of the current, {}", "identification.estimate.current.walk", _WALK, ("north", "east")
-    ),
-    FaultKind.FIN_TRIM: _Description(
+    )
+    CURRENT = ("current, {}", _BIASES.format("current"), "estimate the current ({setting})", ("north", "east"))
+    CURRENT_DRIFT = ("drift of the current, {}", "identification.estimate.current.walk", _WALK, ("north", "east"))
+    FIN_TRIM = (
         "trim of the {}",
         _BIASES.format("fin_trim"),
         "add it to the recorded angle, or estimate it ({setting})",
         ("rudder", "elevator"),
-    ),
-    FaultKind.FIN_TRIM_DRIFT: _Description(
-        "drift of the trim of the {}", "identification.estimate.fin_trim.walk", _WALK, ("rudder", "elevator")
-    ),
-    FaultKind.THRUST_OFFSET: _Description(
+    )
+    FIN_TRIM_DRIFT = (
+        "drift of the trim of the {}",
+        "identification.estimate.fin_trim.walk",
+        _WALK,
+        ("rudder", "elevator"),
+    )
+    THRUST_OFFSET = (
         "constant thrust",
         _BIASES.format("thrust"),
         "add it to the recorded thrust, or estimate its scale ({setting})",
-    ),
-    FaultKind.THRUST_SCALE_DRIFT: _Description(
-        "drift of the scale of the thrust", "identification.estimate.thrust.walk", _WALK
-    ),
-    FaultKind.MASS: _Description("mass", "vehicle.parameters.m", "check {setting}"),
-    FaultKind.BUOYANCY: _Description(
-        "buoyancy", _BIASES.format("ballast"), _BALLAST.format("B", "the excess buoyancy")
-    ),
-    FaultKind.EXCESS_BUOYANCY_DRIFT: _Description(
-        "drift of the excess buoyancy", "identification.estimate.ballast.buoyancy_walk", _WALK
-    ),
-    FaultKind.CENTRE_OF_GRAVITY: _Description(
-        "xG", _BIASES.format("ballast"), _BALLAST.format("xG", "the moment of trim")
-    ),
-    FaultKind.TRIM_MOMENT_DRIFT: _Description(
-        "drift of the moment of trim", "identification.estimate.ballast.moment_walk", _WALK
-    ),
-    FaultKind.ANTICIPATING_FIN: _Description(
+    )
+    THRUST_SCALE_DRIFT = ("drift of the scale of the thrust", "identification.estimate.thrust.walk", _WALK)
+    MASS = ("mass", "vehicle.parameters.m", "check {setting}")
+    BUOYANCY = ("buoyancy", _BIASES.format("ballast"), _BALLAST.format("B", "the excess buoyancy"))
+    EXCESS_BUOYANCY_DRIFT = ("drift of the excess buoyancy", "identification.estimate.ballast.buoyancy_walk", _WALK)
+    CENTRE_OF_GRAVITY = ("xG", _BIASES.format("ballast"), _BALLAST.format("xG", "the moment of trim"))
+    TRIM_MOMENT_DRIFT = ("drift of the moment of trim", "identification.estimate.ballast.moment_walk", _WALK)
+    ANTICIPATING_FIN = (
         "{} that answers pushes",
         "",
         "an autopilot moves this fin by more than the log has, so that it seems to do less: log what it steers by (its "
         "gyroscope), move fins by a plan, or hold the coefficients of this axis; or this fin alone is late",
         ("rudder", "elevator"),
-    ),
-    FaultKind.MISSING_TERM: _Description(
+    )
+    MISSING_TERM = (
         "{}",
         "vehicle.terms",
         "the model lacks this term, and others make up for it: add it ({setting})",
         tuple(term(row, ("|v|", "r")).symbol for row in (1, 5)),
-    ),
-    FaultKind.ANOTHER_MINIMUM: _Description(
+    )
+    ANOTHER_MINIMUM = (
         "another minimum (cost {} higher)",
         "",
         "it is nearly as probable, so these data decide nothing: use more of them, or a narrower prior",
-    ),
-    FaultKind.SEGMENT: _Description(
+    )
+    SEGMENT = (
         "the segment from {} s",
         "",
         "one model does not hold for all: look at what changed (current, trim, load), and identify the segments "
         "one by one (--use BEGIN:END)",
-    ),
-    FaultKind.UNKNOWN: _Description("{}"),
-}
+    )
+    UNKNOWN = ("{}",)
+
+    def __init__(self, text: str, setting: str = "", remedy: str = "", components: tuple[str, ...] = ()) -> None:
+        self.text, self.setting, self.remedy, self.components = text, setting, remedy, components
 
 
 class Fault(NamedTuple):
@@ -181,13 +143,13 @@ class Fault(NamedTuple):
     component: str = ""
 
     def __str__(self) -> str:
-        return _DESCRIPTIONS[self.kind].text.format(self.component)
+        return self.kind.text.format(self.component)
 
     @property
     def remedy(self) -> str:
         """Return what to do about it; empty if unknown."""
         key = self.component.lower().replace(" ", "_")
-        return _DESCRIPTIONS[self.kind].remedy.format(self.component, key=key, setting=setting_of(self.kind))
+        return self.kind.remedy.format(self.component, key=key, setting=self.kind.setting)
 
     @property
     def is_alternative(self) -> bool:
@@ -197,17 +159,12 @@ class Fault(NamedTuple):
     @classmethod
     def parse(cls, text: str) -> "Fault":
         """Return the fault that a text stands for; of kind `UNKNOWN` if there is none."""
-        for kind, description in _DESCRIPTIONS.items():
-            found = re.fullmatch(re.escape(description.text).replace(r"\{\}", "(.+)"), text)
+        for kind in FaultKind:
+            found = re.fullmatch(re.escape(kind.text).replace(r"\{\}", "(.+)"), text)
             component = found[1] if found and found.groups() else ""
-            if found and (not description.components or component in description.components):
+            if found and (not kind.components or component in kind.components):
                 return cls(kind, component)
         return cls(FaultKind.UNKNOWN, text)
-
-
-def setting_of(kind: FaultKind) -> str:
-    """Return the setting that estimates or states a fault; empty if there is none."""
-    return _DESCRIPTIONS[kind].setting
 
 
 class FaultTest(NamedTuple):

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence, Set
 
 from auvid_cli.data.check import Check
-from auvid_cli.data.faults import Cause, FaultKind, setting_of
+from auvid_cli.data.faults import Cause, FaultKind
 from auvid_cli.inspection.alignment import Alignment
 from auvid_cli.inspection.current import Drift
 from auvid_cli.inspection.inspection import judged
@@ -62,11 +62,9 @@ def _causes(
         setting = f"its delay (`identification.delays={{inputs: {-alignment.delay:.2g} s}}`)"
         yield Cause(alignment.gain, "inputs at another time", setting)
     if "current" in shown and drift is not None:
-        yield Cause(
-            0.5 * (drift.size / drift.error) ** 2, "a current", f"the current (`{setting_of(FaultKind.CURRENT)}`)"
-        )
+        yield Cause(0.5 * (drift.size / drift.error) ** 2, "a current", f"the current (`{FaultKind.CURRENT.setting}`)")
     if "trim" in shown and trim is not None and trim.is_off:
-        remedy = f"the trim of the rudder (`{setting_of(FaultKind.FIN_TRIM)}`)"
+        remedy = f"the trim of the rudder (`{FaultKind.FIN_TRIM.setting}`)"
         yield Cause(0.5 * (trim.angle / trim.error) ** 2, "a rudder that is off its middle", remedy)
     beyond = [error for error in errors if error.is_beyond_noise]
     if any(f"errors that last in {error.rate}" in shown for error in beyond):
