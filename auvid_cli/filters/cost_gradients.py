@@ -93,7 +93,7 @@ def gradient_scores(smoothing: LinearSmoothing, filtered: Filtered, gradient: Tr
 
 @compiled(types.void(TIMELINE, LINEARISED, FORWARD_PASS, _matrix, _vector, _matrix, _vector), reassociate=True)
 def _propagate(timeline, about, forward_pass, gradient, moved, shown, scratch):
-    """Propagate the effect of a gradient through a chunk.
+    """Carry the effect of a gradient through a chunk.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def _propagate(timeline, about, forward_pass, gradient, moved, shown, scratch):
 
 @compiled(types.void(TIMELINE, LINEARISED, FORWARD_PASS, _matrix, ADJOINT, _matrix, _matrix, _matrix), reassociate=True)
 def _propagate_back(timeline, about, forward_pass, gradient, adjoint, by_pushed, by_added, scratch):
-    """Propagate a gradient back through a chunk, to additions to the states and to the measurements.
+    """Carry a gradient back through a chunk, to additions to the states and to the measurements.
 
     Parameters
     ----------

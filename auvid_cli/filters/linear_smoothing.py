@@ -278,7 +278,7 @@ def is_led_to(first: Timeline) -> bool:
 
 
 def gauss_newton(smoothing: LinearSmoothing, start: Trajectory, max_passes: int) -> tuple[Filtered, bool] | None:
-    """Iterate from a trajectory to the most probable one, with a line search.
+    """Find the most probable trajectory from another one, by Gauss-Newton steps with a line search.
 
     Parameters
     ----------
